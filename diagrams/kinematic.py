@@ -1,0 +1,127 @@
+"""The kinematic diagram: an arm that does what it is told, and a law round it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from pydrake.systems.framework import DiagramBuilder, OutputPort, System
+from pydrake.systems.primitives import Adder, Integrator
+
+from drake_rnn.arms import Arm
+from drake_rnn.errors import InvalidInputError
+from drake_rnn.fields import Array
+from drake_rnn.systems.controllers import ContinuousController, SampledController
+from drake_rnn.systems.dither import Dither, DitherSettings
+from drake_rnn.systems.kinematics import TASKS, Kinematics
+from drake_rnn.systems.mirror import Mirror
+
+Controller = SampledController | ContinuousController
+
+
+class KinematicLoop(NamedTuple):
+    """The systems that `AddKinematicLoop` has added."""
+
+    controller: Controller
+    kinematics: Kinematics
+    joint_command: Integrator
+    arm: Mirror
+
+
+def AddKinematicLoop(
+    builder: DiagramBuilder,
+    arm: Arm,
+    controller: Controller,
+    reference: System,
+    *,
+    start: Array | None = None,
+    task: str = "xyz",
+    dither: DitherSettings | None = None,
+    seed: int = 0,
+) -> KinematicLoop:
+    """Wire a controller, already in ``builder`` or not, to an ideal arm and a reference.
+
+    Ports are joined by their names: whatever the law wants to see and the kinematics, the
+    joints or the reference offer. A law that does not ask for ``J`` is not given it.
+
+    Args:
+        builder: Takes the systems.
+        arm: The arm.
+        controller: A law as a system.
+        reference: Any system in ``builder`` with the desired signals among its output ports,
+            e.g. a `PathSource`.
+        start: Posture to start from, shape (n,) [rad]; by default the arm's home posture.
+        task: Rows of the task, a key of `TASKS`.
+        dither: Excitation of the joints, if any.
+        seed: Of the dither.
+
+    Raises:
+        InvalidInputError: If the law wants what nothing here offers, or the start posture
+            is missing, of the wrong size or outside the arm's position limits.
+    """
+    start = start_posture(arm, start)
+    if task not in TASKS:
+        raise InvalidInputError(f"task: may be {', '.join(TASKS)}, not {task!r}")
+    if not builder.HasSubsystemNamed(controller.get_name()) or not controller.get_name():
+        builder.AddNamedSystem("controller", controller)
+    kinematics = builder.AddNamedSystem("kinematics", Kinematics(arm, task))
+    joint_command = builder.AddNamedSystem("joint_command", Integrator(start))
+    mirror = builder.AddNamedSystem("arm", Mirror(arm.n))
+
+    asked = controller.GetOutputPort("commanded_velocity")
+    moved = shown = asked
+    if dither is not None:
+        source = builder.AddNamedSystem("dither", Dither(arm.n, dither.sigma, dither.hold, seed))
+        dithered = builder.AddNamedSystem("dithered_velocity", Adder(2, arm.n))
+        builder.Connect(asked, dithered.get_input_port(0))
+        builder.Connect(source.get_output_port(), dithered.get_input_port(1))
+        shown = dithered.get_output_port()
+        moved = shown if dither.model == "actuated" else asked
+    measured = moved if dither is not None and dither.model == "printed" else shown
+
+    builder.Connect(moved, joint_command.get_input_port())
+    builder.Connect(joint_command.get_output_port(), mirror.GetInputPort("position_commanded"))
+    builder.Connect(moved, mirror.GetInputPort("velocity_commanded"))
+    builder.Connect(joint_command.get_output_port(), kinematics.GetInputPort("position"))
+    builder.Connect(measured, kinematics.GetInputPort("velocity"))
+
+    offered = {"position": joint_command.get_output_port(), "velocity": shown}
+    for system in (kinematics, reference):
+        offered |= {port.get_name(): port for port in _outputs(system)}
+    for name in controller.law.inputs.parts:
+        if name not in offered:
+            raise InvalidInputError(
+                f"{controller.get_name()}: nothing in this diagram offers {name!r}; "
+                f"there are {', '.join(sorted(offered))}"
+            )
+        builder.Connect(offered[name], controller.GetInputPort(name))
+    return KinematicLoop(controller, kinematics, joint_command, mirror)
+
+
+def start_posture(arm: Arm, start: Array | None) -> Array:
+    """The posture to start from, shape (n,) [rad]: ``start``, else the arm's home posture.
+
+    Raises:
+        InvalidInputError: If there is none, or it is not one of this arm's, or lies outside
+            its position limits.
+    """
+    if start is None:
+        start = arm.home
+    if start is None:
+        raise InvalidInputError(f"start: must be given; {arm.name} has no home posture")
+    start = np.asarray(start, dtype=float)
+    if start.shape != (arm.n,):
+        raise InvalidInputError(f"start: has {start.size} entries for {arm.n} joints")
+    outside = arm.limits.violation(start)
+    if not np.isfinite(start).all() or outside.any():
+        worst = int(np.argmax(outside))
+        lower, upper = arm.limits.position_lower[worst], arm.limits.position_upper[worst]
+        raise InvalidInputError(
+            f"start: {arm.joints[worst]} is at {start[worst]:.6g} rad; "
+            f"it may be {lower:.6g} to {upper:.6g}"
+        )
+    return start
+
+
+def _outputs(system: System) -> list[OutputPort]:
+    return [system.get_output_port(index) for index in range(system.num_output_ports())]

@@ -1,0 +1,1 @@
+"""Recurrent-neural-network controllers for redundant manipulators, as Drake systems."""

@@ -1,0 +1,376 @@
+"""Arms: a robot model, the frame that works, the joints that are controlled, and their limits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import (
+    Frame,
+    FrameIndex,
+    JacobianWrtVariable,
+    Joint,
+    ModelInstanceIndex,
+)
+from pydrake.systems.framework import Context
+
+from .documents import construct, nearest, read_yaml
+from .errors import InvalidInputError
+from .fields import Array, Finite, Point, Vector, validated
+from .limits import DERIVATIVE_UNITS, JointLimits
+from .models import MODELS
+
+_EARTH = (0.0, 0.0, -9.81)
+
+
+@validated
+class ArmDescription:
+    """What makes an arm out of a model file; the contents of an ``arm.yaml``.
+
+    Args:
+        model: URDF, SDF or MJCF file.
+        frame: Frame E whose motion the task is about.
+        tip: Frame of the tool's contact point, if there is one.
+        joints: Controlled joints, base to tip; by default all between base and ``frame``.
+        lock: Positions of joints that stand still [rad]; those neither controlled nor
+            named here stand at the model's default.
+        packages: Folders for ``package://`` names in the model.
+        home: Posture to start from, shape (n,) [rad].
+        gravity: Gravity in the base frame [m/s^2].
+    """
+
+    model: str
+    frame: str
+    tip: str | None = None
+    joints: list[str] | None = None
+    lock: dict[str, Finite] = Field(default_factory=dict)
+    packages: dict[str, str] = Field(default_factory=dict)
+    home: Vector | None = None
+    gravity: Point = Field(default_factory=lambda: np.array(_EARTH))
+
+
+class Arm:
+    """A model of which some joints are controlled and one frame, E, does the task.
+
+    Args:
+        description: The model and what of it is used.
+        name: Name in figures and messages.
+        limits: Of the controlled joints; by default those that the model file states.
+
+    Attributes:
+        joints: Names of the n controlled joints.
+        limits: Their limits.
+        home: Posture to start from, shape (n,) [rad], or None.
+
+    Raises:
+        InvalidInputError: If the file, a frame or a joint does not exist, or sizes differ.
+    """
+
+    def __init__(
+        self, description: ArmDescription, name: str, limits: JointLimits | None = None
+    ) -> None:
+        self.description = description
+        self.name = name
+        self.model = Path(description.model)
+        if not self.model.is_file():
+            raise InvalidInputError(f"arm.model: no file {description.model!r}")
+        for package, folder in description.packages.items():
+            if not Path(folder).is_dir():
+                raise InvalidInputError(f"arm.packages.{package}: no folder {folder!r}")
+        self.frame = description.frame
+        self.tip = description.tip
+        self.home = description.home
+        self.gravity = description.gravity
+
+        plant = self.plant()
+        self._require_frame(plant, self.frame, "frame")
+        if self.tip is not None:
+            self._require_frame(plant, self.tip, "tip")
+        self.joints = self._controlled_joints(plant)
+        self.limits = limits if limits is not None else self._stated_limits(plant)
+        for key, size in {
+            "limits": self.limits.size,
+            "home": self.n if self.home is None else self.home.size,
+        }.items():
+            if size != self.n:
+                raise InvalidInputError(f"arm.{key}: has {size} entries for {self.n} joints")
+
+    @property
+    def n(self) -> int:
+        """Number of controlled joints."""
+        return len(self.joints)
+
+    def replace(self, **changes: Any) -> Arm:
+        """The same arm with other fields of its description, e.g. ``frame="tip"``."""
+        fields = {name: getattr(self.description, name) for name in _DESCRIPTION_FIELDS}
+        description = construct(ArmDescription, {**fields, **changes}, "arm")
+        same_joints = not {"model", "joints"} & changes.keys()
+        return Arm(description, self.name, self.limits if same_joints else None)
+
+    def with_limits(self, limits: JointLimits) -> Arm:
+        """The same arm with other limits."""
+        return Arm(self.description, self.name, limits)
+
+    def add_to(self, plant: MultibodyPlant) -> ModelInstanceIndex:
+        """Parse the model into ``plant``, before it is finalized, welded to the world."""
+        instance = self._parse(plant)
+        for body in self._floating_bases:
+            frame = plant.GetFrameByName(body, instance)
+            plant.WeldFrames(plant.world_frame(), frame, RigidTransform())
+        plant.mutable_gravity_field().set_gravity_vector(self.gravity)
+        return instance
+
+    def plant(self, time_step: float = 0.0) -> MultibodyPlant:
+        """A finalized plant of this arm alone."""
+        plant = MultibodyPlant(time_step)
+        self.add_to(plant)
+        plant.Finalize()
+        return plant
+
+    def posture(self, plant: MultibodyPlant, q: Array) -> Array:
+        """Positions of the whole ``plant``, shape (nq,), with the controlled joints at ``q``."""
+        positions = self._locked_positions(plant)
+        positions[self._indices(plant)] = q
+        return positions
+
+    def kinematics(self) -> ArmKinematics:
+        """Its kinematics and dynamics as functions of the controlled joints."""
+        return ArmKinematics(self)
+
+    def _parse(self, plant: MultibodyPlant) -> ModelInstanceIndex:
+        parser = Parser(plant)
+        parser.SetAutoRenaming(True)
+        for package, folder in self.description.packages.items():
+            parser.package_map().Add(package, folder)
+        try:
+            instances = parser.AddModels(str(self.model))
+        except RuntimeError as error:
+            raise InvalidInputError(f"arm.model: {self.model} cannot be read: {error}") from None
+        if len(instances) != 1:
+            raise InvalidInputError(
+                f"arm.model: {self.model} holds {len(instances)} models; it must hold one"
+            )
+        return instances[0]
+
+    @cached_property
+    def _floating_bases(self) -> list[str]:
+        plant = MultibodyPlant(0.0)
+        self._parse(plant)
+        plant.Finalize()
+        return [plant.get_body(index).name() for index in plant.GetFloatingBaseBodies()]
+
+    def _require_frame(self, plant: MultibodyPlant, name: str, key: str) -> None:
+        if not plant.HasFrameNamed(name):
+            frames = [plant.get_frame(FrameIndex(i)) for i in range(plant.num_frames())]
+            names = sorted({frame.name() for frame in frames} - {""})
+            raise InvalidInputError(
+                f"arm.{key}: no frame {name!r} in {self.model.name}; " + nearest(name, names)
+            )
+
+    def _controlled_joints(self, plant: MultibodyPlant) -> tuple[str, ...]:
+        movable = {}
+        parents: dict[str, Joint] = {}
+        for index in plant.GetJointIndices():
+            joint = plant.get_joint(index)
+            parents[joint.child_body().scoped_name().get_full()] = joint
+            if joint.num_positions():
+                movable[joint.name()] = joint
+        for name in [*self.description.lock, *(self.description.joints or ())]:
+            if name not in movable:
+                key = "lock" if name in self.description.lock else "joints"
+                raise InvalidInputError(
+                    f"arm.{key}: no movable joint {name!r} in {self.model.name}; "
+                    + nearest(name, list(movable))
+                )
+        if self.description.joints is not None:
+            joints = list(self.description.joints)
+        else:
+            joints = []
+            body = plant.GetFrameByName(self.frame).body()
+            while (joint := parents.get(body.scoped_name().get_full())) is not None:
+                if joint.name() in movable and joint.name() not in self.description.lock:
+                    joints.insert(0, joint.name())
+                body = joint.parent_body()
+        if both := set(joints) & set(self.description.lock):
+            raise InvalidInputError(f"arm.lock: {sorted(both)[0]!r} is also a controlled joint")
+        if not joints:
+            raise InvalidInputError(
+                f"arm.frame: no movable joint between the base and {self.frame!r}"
+            )
+        for name in joints:
+            if movable[name].num_positions() != 1 or movable[name].num_velocities() != 1:
+                raise InvalidInputError(f"arm.joints: {name!r} must have one degree of freedom")
+        return tuple(joints)
+
+    def _stated_limits(self, plant: MultibodyPlant) -> JointLimits:
+        joints = [plant.GetJointByName(name) for name in self.joints]
+        acceleration = np.array([joint.acceleration_upper_limits()[0] for joint in joints])
+        return construct(
+            JointLimits,
+            {
+                "position_lower": np.array([joint.position_lower_limits()[0] for joint in joints]),
+                "position_upper": np.array([joint.position_upper_limits()[0] for joint in joints]),
+                "velocity": np.array([joint.velocity_upper_limits()[0] for joint in joints]),
+                "acceleration": acceleration if np.isfinite(acceleration).any() else None,
+            },
+            "arm.model",
+        )
+
+    def _locked_positions(self, plant: MultibodyPlant) -> Array:
+        positions = plant.GetDefaultPositions()
+        for name, value in self.description.lock.items():
+            positions[plant.GetJointByName(name).position_start()] = value
+        return np.asarray(positions, dtype=float)
+
+    def _indices(self, plant: MultibodyPlant) -> list[int]:
+        return [plant.GetJointByName(name).position_start() for name in self.joints]
+
+
+class ArmKinematics:
+    """Kinematics and dynamics of an arm as pure functions of its controlled joints.
+
+    Positions ``q`` and velocities ``v`` have shape (n,) [rad, rad/s]; W is the world frame,
+    to which the base is welded, E the arm's task frame. Repeated calls at one posture share
+    what Drake has computed for it.
+    """
+
+    def __init__(self, arm: Arm) -> None:
+        self._plant = arm.plant()
+        self._context: Context = self._plant.CreateDefaultContext()
+        self._frame: Frame = self._plant.GetFrameByName(arm.frame)
+        self._world: Frame = self._plant.world_frame()
+        self._positions = arm.posture(self._plant, np.zeros(arm.n))
+        self._indices = np.array(arm._indices(self._plant))
+        self._velocity_indices = np.array(
+            [self._plant.GetJointByName(name).velocity_start() for name in arm.joints]
+        )
+        everything = np.arange(self._positions.size)
+        self._is_whole = np.array_equal(self._indices, everything)
+        self._at_q = b""
+
+    def _set(self, q: Array) -> None:
+        key = q.tobytes()
+        if key == self._at_q:
+            return
+        if self._is_whole:
+            self._plant.SetPositions(self._context, q)
+        else:
+            self._positions[self._indices] = q
+            self._plant.SetPositions(self._context, self._positions)
+        self._at_q = key
+
+    def _set_velocity(self, v: Array) -> None:
+        velocities = np.zeros(self._plant.num_velocities())
+        velocities[self._velocity_indices] = v
+        self._plant.SetVelocities(self._context, velocities)
+
+    def _columns(self, J: Array) -> Array:
+        return J if self._is_whole else J[:, self._velocity_indices]
+
+    def p_WE(self, q: Array) -> Array:
+        """Position of E's origin, shape (3,) [m]."""
+        self._set(q)
+        return np.asarray(
+            self._plant.CalcPointsPositions(self._context, self._frame, _ORIGIN, self._world)
+        ).ravel()
+
+    def R_WE(self, q: Array) -> Array:
+        """Orientation of E, shape (3, 3)."""
+        self._set(q)
+        return np.asarray(self._frame.CalcPoseInWorld(self._context).rotation().matrix())
+
+    def J(self, q: Array) -> Array:
+        """Jacobian of E's origin, shape (3, n): v_WE = J v."""
+        self._set(q)
+        J = self._plant.CalcJacobianTranslationalVelocity(
+            self._context, JacobianWrtVariable.kV, self._frame, _ORIGIN, self._world, self._world
+        )
+        return self._columns(J)
+
+    def J_omega(self, q: Array) -> Array:
+        """Jacobian of E's angular velocity, shape (3, n)."""
+        self._set(q)
+        J = self._plant.CalcJacobianAngularVelocity(
+            self._context, JacobianWrtVariable.kV, self._frame, self._world, self._world
+        )
+        return self._columns(J)
+
+    def Jdot_v(self, q: Array, v: Array) -> Array:
+        """What of E's acceleration is not due to joint accelerations, shape (3,) [m/s^2]."""
+        self._set(q)
+        self._set_velocity(v)
+        bias = self._plant.CalcBiasTranslationalAcceleration(
+            self._context, JacobianWrtVariable.kV, self._frame, _ORIGIN, self._world, self._world
+        )
+        return np.asarray(bias).ravel()
+
+    def M(self, q: Array) -> Array:
+        """Mass matrix, shape (n, n) [kg m^2]."""
+        self._set(q)
+        M = self._plant.CalcMassMatrixViaInverseDynamics(self._context)
+        return M[np.ix_(self._velocity_indices, self._velocity_indices)]
+
+    def bias(self, q: Array, v: Array) -> Array:
+        """Coriolis and centrifugal torques C(q, v) v, shape (n,) [Nm]."""
+        self._set(q)
+        self._set_velocity(v)
+        return np.asarray(self._plant.CalcBiasTerm(self._context))[self._velocity_indices]
+
+    def gravity(self, q: Array) -> Array:
+        """Torques that gravity exerts on the joints, shape (n,) [Nm]."""
+        self._set(q)
+        torques = self._plant.CalcGravityGeneralizedForces(self._context)
+        return np.asarray(torques)[self._velocity_indices]
+
+
+_ORIGIN = np.zeros((3, 1))
+_DESCRIPTION_FIELDS = tuple(ArmDescription.__dataclass_fields__)  # type: ignore[attr-defined]
+
+
+def shipped_arms() -> list[str]:
+    """Names of the arms that come with this package."""
+    return sorted(path.parent.name for path in MODELS.glob("*/arm.yaml"))
+
+
+def load_arm(model: str | Path, **changes: Any) -> Arm:
+    """An arm by its shipped name, or from a model file.
+
+    Args:
+        model: A name from `shipped_arms`, or a URDF, SDF or MJCF file.
+        changes: Fields of `ArmDescription`; a model file needs at least ``frame``.
+
+    Raises:
+        InvalidInputError: If there is no such arm, or as `Arm` does.
+    """
+    name = str(model)
+    folder = MODELS / name
+    if name in shipped_arms():
+        description = read_yaml(folder / "arm.yaml")
+        description["model"] = str(folder / description["model"])
+        limits = _published_limits(folder / "limits.yaml")
+        arm = Arm(construct(ArmDescription, description, "arm"), name, limits)
+        return arm.replace(**changes) if changes else arm
+    if Path(name).suffix.lower() not in {".urdf", ".sdf", ".xml"}:
+        raise InvalidInputError(
+            f"arm: no arm {name!r}; {nearest(name, shipped_arms())}, or a .urdf, .sdf or .xml file"
+        )
+    return Arm(construct(ArmDescription, {"model": name, **changes}, "arm"), Path(name).stem)
+
+
+def _published_limits(file: Path) -> JointLimits:
+    sheet: Mapping[str, Mapping[str, Any]] = read_yaml(file)
+    keys = ("position_lower", "position_upper", *DERIVATIVE_UNITS)
+    published = {
+        key: sheet[key]["value"]
+        for key in keys
+        if key in sheet and sheet[key]["value"] != "unpublished"
+    }
+    return construct(JointLimits, published, f"{file.parent.name}/{file.name}")
+

@@ -1,0 +1,327 @@
+"""Experiments: everything a run depends on, as one document that is checked before it runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path as File
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+from pydrake.systems.analysis import GetIntegrationSchemes
+
+from .arms import Arm, load_arm
+from .diagrams import EXPERIMENTS
+from .diagrams.kinematic import start_posture
+from .documents import construct, nearest, parse_yaml, plain, read_yaml, to_yaml
+from .errors import InvalidInputError
+from .fields import Array, NonNegative, Positive, Vector, validated
+from .laws import LAWS, Law
+from .limits import JointLimits
+from .paths import PATHS, Path
+from .systems.dither import DitherSettings
+
+
+@validated
+class IntegratorSettings:
+    """How Drake integrates a continuous reading.
+
+    Args:
+        scheme: One of Drake's integration schemes.
+        accuracy: For error control; or
+        step: For fixed steps [s].
+    """
+
+    scheme: str = "runge_kutta3"
+    accuracy: Positive | None = None
+    step: Positive | None = None
+
+    def __post_init__(self) -> None:
+        if self.scheme not in GetIntegrationSchemes():
+            may_be = ", ".join(GetIntegrationSchemes())
+            raise ValueError(f"scheme may be {may_be}, not {self.scheme!r}")
+        if (self.accuracy is None) == (self.step is None):
+            raise ValueError("give either accuracy or step")
+
+
+@validated
+class Acceptance:
+    """Between what a metric is expected to lie.
+
+    Args:
+        at_least, at_most: Bounds, in the metric's unit; None for no bound.
+    """
+
+    at_least: float | None = None
+    at_most: float | None = None
+
+    def holds(self, value: float) -> bool:
+        """Whether ``value`` lies within; NaN does not."""
+        return bool(
+            (self.at_least is None or value >= self.at_least)
+            and (self.at_most is None or value <= self.at_most)
+            and not np.isnan(value)
+        )
+
+    def __str__(self) -> str:
+        bounds = {">=": self.at_least, "<=": self.at_most}
+        return ", ".join(f"{sign} {bound:g}" for sign, bound in bounds.items() if bound is not None)
+
+
+@validated
+class Experiment:
+    """Everything a run depends on.
+
+    Args:
+        name: Of the experiment; the file's name by default.
+        paper: What it repeats, in the table of experiments.
+        expect: What will be seen, in one sentence.
+        arm: A shipped arm's name, or the fields of `drake_rnn.arms.ArmDescription`.
+        task: Rows of the task: ``xyz``, or ``xy`` for a planar arm.
+        path: ``kind`` and the fields of a path.
+        law: ``kind`` and those fields of a law that neither arm nor task determine.
+        level: ``kinematic``: the arm is where it is commanded to be.
+        period: Of the controller [s]; or
+        integrator: Drake's, for a law's continuous reading.
+        start: Posture to start from, shape (n,) [rad]; the arm's home by default.
+        limits: Bounds that override the arm's, by the names of
+            `drake_rnn.limits.JointLimits`, a number standing for all joints; or none.
+        dither: Excitation of the joints.
+        seed: Of everything drawn at random.
+        duration: Of the run [s].
+        window: Times between which errors are evaluated [s]; the whole run by default.
+        settling_tolerance_m: Position error below which the arm has settled [m].
+        log_period: Between two samples of the stored series [s]; metrics see every step.
+        accept: What the metrics are expected to be, by name.
+    """
+
+    name: str = ""
+    paper: str = ""
+    expect: str = ""
+    arm: str | dict[str, Any]
+    task: Literal["xyz", "xy"] = "xyz"
+    path: dict[str, Any]
+    law: dict[str, Any]
+    level: Literal["kinematic"] = "kinematic"
+    period: Positive | None = None
+    integrator: IntegratorSettings | None = None
+    start: Vector | None = None
+    limits: dict[str, Any] | Literal["none"] = Field(default_factory=dict)
+    dither: DitherSettings | None = None
+    seed: Annotated[int, Field(ge=0)] = 0
+    duration: Positive
+    window: tuple[NonNegative, Positive] | None = None
+    settling_tolerance_m: Positive = 1e-3
+    log_period: Positive = 0.01
+    accept: dict[str, Acceptance] = Field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if (self.period is None) == (self.integrator is None):
+            raise ValueError("give either period or integrator")
+        if self.period is not None and self.period > self.duration:
+            raise ValueError(f"period: may be at most the duration, {self.duration} s")
+        if self.window is not None and not self.window[0] < self.window[1] <= self.duration:
+            raise ValueError(f"window: must be two rising times up to {self.duration} s")
+
+    @cached_property
+    def setup(self) -> Setup:
+        """The objects that the document describes."""
+        return _setup(self)
+
+    def document(self) -> dict[str, Any]:
+        """The experiment as plain data, without what is at its default."""
+        document = {}
+        for name, field in _FIELDS.items():
+            value = getattr(self, name)
+            if value is None or (value == {} and name != "limits") or value == "":
+                continue
+            if name == "accept":
+                value = {key: _given(bound) for key, bound in value.items()}
+            elif name in {"integrator", "dither"}:
+                value = _given(value)
+            document[name] = plain(value)
+            del field
+        return document
+
+    def to_yaml(self) -> str:
+        """The experiment as a document that `load_experiment` reads back, bit for bit."""
+        return to_yaml(self.document())
+
+
+_FIELDS = Experiment.__dataclass_fields__  # type: ignore[attr-defined]
+
+
+def _given(value: Any) -> dict[str, Any]:
+    names = value.__dataclass_fields__
+    return {name: getattr(value, name) for name in names if getattr(value, name) is not None}
+
+
+@dataclass(frozen=True)
+class Setup:
+    """The objects an experiment consists of.
+
+    Attributes:
+        arm: The arm.
+        limits: Bounds that hold in this experiment.
+        law: The law.
+        path: The path, placed by ``p_WE_start``.
+        start: Posture to start from, shape (n,) [rad].
+        p_WE_start: Where the end effector is then, shape (3,) [m].
+    """
+
+    arm: Arm
+    limits: JointLimits
+    law: Law
+    path: Path
+    start: Array
+    p_WE_start: Array
+
+
+def _setup(experiment: Experiment) -> Setup:
+    arm = _arm(experiment.arm)
+    limits = _limits(arm, experiment.limits)
+    arm = arm.with_limits(limits)
+    start = start_posture(arm, experiment.start)
+    path = construct(_kind(experiment.path, PATHS, "path"), _rest(experiment.path), "path")
+    law_class = _kind(experiment.law, LAWS, "law")
+    known = {
+        "limits": limits,
+        "home": start,
+        "task_size": len(experiment.task),
+    }
+    fields = law_class.__dataclass_fields__  # type: ignore[attr-defined]
+    filled = {name: value for name, value in known.items() if name in fields}
+    law = construct(law_class, {**filled, **_rest(experiment.law)}, "law")
+    if experiment.integrator is not None and not hasattr(law, "derivatives"):
+        raise InvalidInputError(
+            f"integrator: {experiment.law['kind']} is no differential equation; give a period"
+        )
+    if experiment.dither is not None and "velocity" not in law.inputs:
+        raise InvalidInputError("dither: this law does not learn; it has nothing to excite")
+    p_WE_start = arm.kinematics().p_WE(start)
+    return Setup(arm, limits, law, path, start, p_WE_start)
+
+
+def _arm(description: str | Mapping[str, Any]) -> Arm:
+    if isinstance(description, str):
+        return load_arm(description)
+    fields = dict(description)
+    if not isinstance(model := fields.pop("model", None), str):
+        raise InvalidInputError("arm.model: must be given: a shipped arm or a model file")
+    return load_arm(model, **fields)
+
+
+def _limits(arm: Arm, bounds: Mapping[str, Any] | str) -> JointLimits:
+    if isinstance(bounds, str):
+        return JointLimits.unlimited(arm.n)
+    names = list(JointLimits.__dataclass_fields__)  # type: ignore[attr-defined]
+    for name in bounds:
+        if name not in names:
+            raise InvalidInputError(f"limits.{name}: no such key; " + nearest(name, names))
+    return construct(JointLimits, arm.limits.merged(bounds), "limits")
+
+
+def _kind(document: Mapping[str, Any], kinds: Mapping[str, type], key: str) -> type:
+    kind = document.get("kind")
+    if kind is None:
+        raise InvalidInputError(f"{key}.kind: must be given; it may be {', '.join(kinds)}")
+    if kind not in kinds:
+        raise InvalidInputError(
+            f"{key}.kind: no {key} {kind!r}; " + nearest(str(kind), list(kinds))
+        )
+    return kinds[kind]
+
+
+def _rest(document: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in document.items() if name != "kind"}
+
+
+def shipped_experiments() -> list[str]:
+    """Names of the experiments that come with this package."""
+    return sorted(file.stem for file in EXPERIMENTS.glob("*.yaml"))
+
+
+def load_experiment(
+    experiment: str | File, changes: Mapping[str, Any] | None = None
+) -> Experiment:
+    """An experiment by its shipped name or from a YAML file, checked as a whole.
+
+    Args:
+        experiment: A name from `shipped_experiments`, or a file.
+        changes: New values by dotted keys, e.g. ``{"law.kappa": 8}``; None removes a key.
+            Setting one of period and integrator removes the other.
+
+    Raises:
+        InvalidInputError: Naming the key, its value and what it may be.
+    """
+    name = str(experiment)
+    if name in shipped_experiments():
+        file = EXPERIMENTS / f"{name}.yaml"
+    elif File(name).suffix in {".yaml", ".yml"}:
+        file = File(name)
+    else:
+        raise InvalidInputError(
+            f"experiment: no experiment {name!r}; "
+            + nearest(name, shipped_experiments())
+            + ", or a .yaml file"
+        )
+    document = read_yaml(file)
+    if not isinstance(document, dict):
+        raise InvalidInputError(f"{file}: must be a mapping of keys to values")
+    # Models and CSV files are named relative to the document that names them.
+    _resolve_files(document, file.parent)
+    for key, value in (changes or {}).items():
+        _change(document, key, value)
+    return make_experiment({"name": file.stem, **document})
+
+
+def make_experiment(document: Mapping[str, Any]) -> Experiment:
+    """An experiment from plain data, checked as a whole.
+
+    Raises:
+        InvalidInputError: Naming the key, its value and what it may be.
+    """
+    made = construct(Experiment, document, "")
+    _ = made.setup
+    return made
+
+
+def parse_change(text: str) -> tuple[str, Any]:
+    """Key and value of ``KEY=VALUE``; the value is read as YAML.
+
+    Raises:
+        InvalidInputError: If there is no ``=``, or the value is no YAML.
+    """
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip():
+        raise InvalidInputError(f"--set: must be KEY=VALUE, not {text!r}")
+    return key.strip(), parse_yaml(value, f"--set {key.strip()}")
+
+
+def _change(document: dict[str, Any], key: str, value: Any) -> None:
+    *folders, last = key.split(".")
+    place = document
+    for depth, folder in enumerate(folders):
+        inner = place.setdefault(folder, {})
+        if not isinstance(inner, dict):
+            where = ".".join(folders[: depth + 1])
+            raise InvalidInputError(f"{key}: {where} is {inner!r}, which has no keys")
+        place = inner
+    if value is None:
+        place.pop(last, None)
+    else:
+        place[last] = value
+    rival = {"period": "integrator", "integrator": "period"}.get(key.split(".")[0])
+    if rival is not None and value is not None:
+        document.pop(rival, None)
+
+
+def _resolve_files(document: dict[str, Any], folder: File) -> None:
+    for section, key in (("arm", "model"), ("path", "file")):
+        inner = document.get(section)
+        if isinstance(inner, dict) and isinstance(inner.get(key), str):
+            candidate = folder / inner[key]
+            if candidate.is_file():
+                inner[key] = str(candidate)

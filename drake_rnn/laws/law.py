@@ -1,0 +1,85 @@
+"""What a law is: neural dynamics as plain functions of arrays, without Drake."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy as np
+
+from ..fields import Array
+
+Signals = Mapping[str, Array]
+
+
+class Layout:
+    """The named parts of a flat vector, in order.
+
+    Args:
+        parts: Name and shape of each part, e.g. ``v=(7,), J_hat=(3, 7)``.
+    """
+
+    def __init__(self, **parts: tuple[int, ...]) -> None:
+        sizes = [int(np.prod(shape)) for shape in parts.values()]
+        ends = np.cumsum([0, *sizes])
+        self.size = int(ends[-1])
+        self.parts = {
+            name: (slice(int(end) - size, int(end)), shape)
+            for (name, shape), size, end in zip(parts.items(), sizes, ends[1:], strict=True)
+        }
+        self._places = tuple(self.parts.values())
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.parts
+
+    def split(self, x: Array) -> list[Array]:
+        """Views of the parts of ``x``, shape (..., size), in order."""
+        lead = x.shape[:-1]
+        return [x[..., at].reshape(lead + shape) for at, shape in self._places]
+
+    def part(self, x: Array, name: str) -> Array:
+        """View of one part of ``x``, shape (..., size)."""
+        at, shape = self.parts[name]
+        return x[..., at].reshape(x.shape[:-1] + shape)
+
+    def join(self, *values: Array) -> Array:
+        """The flat vector, shape (size,), of the given parts."""
+        return np.concatenate([value.ravel() for value in values])
+
+
+class Law(Protocol):
+    """Neural dynamics of one scheme. A law holds its gains and never changes.
+
+    Its state owns the joint velocities it asks for, as the part ``v``.
+    """
+
+    @property
+    def state(self) -> Layout:
+        """Parts of its state."""
+
+    @property
+    def inputs(self) -> Layout:
+        """What it may see. A law without ``J`` among its inputs is blind to the structure."""
+
+    @property
+    def observables(self) -> Layout:
+        """What ``diagnostics`` tells."""
+
+    def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
+        """The state to start from, shape (state.size,); ``rng`` carries the experiment's seed."""
+
+    def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
+        """The state one period later, shape (state.size,)."""
+
+    def commanded_velocity(self, t: float, x: Array) -> Array:
+        """Joint velocities asked of the arm, shape (n,) [rad/s]; of time and state alone."""
+
+    def diagnostics(self, t: float, x: Array, u: Signals) -> Signals:
+        """What to record beside the state, by name; nothing in the loop may use it."""
+
+
+class ContinuousLaw(Law, Protocol):
+    """A law that is an ordinary differential equation."""
+
+    def derivatives(self, t: float, x: Array, u: Signals) -> Array:
+        """Time derivative of the state, shape (state.size,)."""

@@ -1,0 +1,245 @@
+r"""Simultaneous learning and control: the arm tracks a path while it learns its own Jacobian.
+
+Source:
+    Liu, Fan, Zheng, Li, Jin, "A simultaneous learning and control scheme for redundant
+    manipulators with physical constraints on decision variable and its derivative", IEEE
+    Transactions on Industrial Electronics 69 (2022). RNN (16) has J and no bound on the
+    acceleration, (19) has J and the bound, (20) learns J_hat in its place.
+
+At every instant the network seeks
+
+.. math::
+    \min_v \tfrac12 v^T v + d (q - q_0)^T v \quad \text{s.t.} \quad
+    J v = \dot p_d - \kappa (p - p_d), \quad \underline{v}(q) \le v \le \overline{v}(q)
+
+by the projected primal-dual dynamics, slowed by :math:`\eta \ge 1` wherever it would
+accelerate the joints beyond their bound,
+
+.. math::
+    \dot v = \tfrac{\delta}{\eta} (P(J^T \lambda - d (q - q_0)) - v), \qquad
+    \dot \lambda = \tfrac{\delta}{\eta} (\dot p_d - \kappa (p - p_d) - J v).
+
+=============  ==================  =============================================
+paper          here                meaning
+=============  ==================  =============================================
+theta          position            joint positions q
+theta_dot      v                   joint velocities asked for (state)
+lambda         multipliers         of the task's equation (state)
+J-hat          J_hat               learned Jacobian (state)
+theta_dot - n  velocity            joint velocities with the injected noise n
+p_r-dot        v_WE                end effector's velocity
+delta          rate                of the network [1/s]
+kappa          kappa               feedback of the position error [1/s]
+d              return_gain         pull towards the first posture [1/s]
+alpha          limit_stiffness     how hard a position limit brakes [1/s]
+rho            rho                 learning: the smaller, the faster [rad^2/s]
+c_max          limits.acceleration largest joint acceleration [rad/s^2]
+=============  ==================  =============================================
+
+Corrected: rho = tau / xi gives 1e6 for the printed values; they are swapped, and rho is 1e-6.
+(18) is 0/0 at rest; as (25) has it, eta = max(1, |v_dot| / c_max). The text's "(12e)" is (12d).
+Joint 4's upper limit is printed as +0.0698 rad; the Panda's is -0.0698.
+
+Not in the paper:
+    The noise n is no business of the law: it is a wiring. With ``velocity`` = v - n and
+    ``v_WE`` = J v, as printed, J_hat is biased and the arm does not follow its path; it learns
+    if ``v_WE`` is what ``velocity`` brings about. v and the multipliers must share one eta, or
+    the multipliers wind up. eta slows the feedback as well: if kappa times the position error
+    asks for more than the arm can accelerate to, the loop cycles for ever. ``feedback_limit``
+    bounds that speed.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from math import ceil, sqrt
+from typing import Literal
+
+import numpy as np
+
+from ..errors import InvalidInputError
+from ..fields import Array, Count, NonNegative, Positive, Vector, validated
+from ..limits import JointLimits
+from .law import Layout, Signals
+from .learning import gradient, rank_one_update
+
+
+@validated
+class SimultaneousLearning:
+    """RNN (16), (19) and (20): velocity level, with bounds on velocity and acceleration.
+
+    Args:
+        limits: Position, velocity and, unless ``acceleration_bound`` is none, acceleration.
+        home: Posture that the joints are drawn to, shape (n,) [rad].
+        task_size: Rows of J.
+        kappa: Feedback of the position error [1/s].
+        rate: Of the network [1/s].
+        return_gain: Pull towards ``home`` [1/s].
+        limit_stiffness: Velocity allowed per radian left to a position limit [1/s]. A joint
+            can brake for its limit if this is at most acceleration / velocity.
+        feedback_limit: Largest speed asked for by the feedback [m/s]; None for no bound.
+        acceleration_bound: ``scalar`` holds all joints to the smallest of their bounds, as
+            the paper does, ``per_joint`` each to its own; ``none`` is RNN (16).
+        jacobian: ``known`` reads J; ``learned`` sees ``velocity`` and ``v_WE`` instead.
+        rho: Time constant of the learning [rad^2/s].
+        J_hat_initial: ``uniform`` in [0, 1], ``zero``, or ``exact``: the arm's own.
+        substeps: Euler steps of the network in one sample; by default as many as keep
+            rate times step at 1 or below.
+    """
+
+    kind: Literal["simultaneous_learning"] = "simultaneous_learning"
+    limits: JointLimits
+    home: Vector
+    task_size: Literal[2, 3] = 3
+    kappa: Positive = 4.0
+    rate: Positive = 1000.0
+    return_gain: NonNegative = 1.0
+    limit_stiffness: Positive = 2.0
+    feedback_limit: Positive | None = None
+    acceleration_bound: Literal["scalar", "per_joint", "none"] = "scalar"
+    jacobian: Literal["known", "learned"] = "learned"
+    rho: Positive = 1e-6
+    J_hat_initial: Literal["uniform", "zero", "exact"] = "uniform"
+    substeps: Count | None = None
+
+    def __post_init__(self) -> None:
+        if self.home.size != self.limits.size:
+            raise ValueError(f"home has {self.home.size} entries for {self.limits.size} joints")
+        if self.acceleration_bound != "none":
+            self.limits.require("acceleration", f"acceleration_bound: {self.acceleration_bound}")
+
+    @cached_property
+    def state(self) -> Layout:
+        n, m = self.home.size, self.task_size
+        if self.jacobian == "known":
+            return Layout(v=(n,), multipliers=(m,))
+        return Layout(v=(n,), multipliers=(m,), J_hat=(m, n))
+
+    @cached_property
+    def inputs(self) -> Layout:
+        n, m = self.home.size, self.task_size
+        task = {"p_WE": (m,), "p_WE_desired": (m,), "v_WE_desired": (m,)}
+        if self.jacobian == "known":
+            return Layout(position=(n,), **task, J=(m, n))
+        return Layout(position=(n,), **task, velocity=(n,), v_WE=(m,))
+
+    @cached_property
+    def observables(self) -> Layout:
+        n = self.home.size
+        return Layout(
+            velocity_lower=(n,), velocity_upper=(n,), acceleration_demand=(n,), saturated=(1,)
+        )
+
+    @cached_property
+    def _inverse_bound(self) -> Array | None:
+        """Shape (n,) [s^2/rad]; a product is cheaper than a quotient, ten thousand times a second."""
+        if self.acceleration_bound == "none":
+            return None
+        bound = self.limits.require("acceleration", "the acceleration bound")
+        if self.acceleration_bound == "scalar":
+            bound = np.full(bound.size, bound.min())
+        return 1.0 / bound
+
+    def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
+        n, m = self.home.size, self.task_size
+        at_rest = [np.zeros(n), np.zeros(m)]
+        if self.jacobian == "known":
+            return self.state.join(*at_rest)
+        if self.J_hat_initial == "uniform":
+            J_hat = rng.uniform(size=(m, n))
+        elif self.J_hat_initial == "zero":
+            J_hat = np.zeros((m, n))
+        elif "J" in u:
+            J_hat = np.asarray(u["J"])
+        else:
+            raise InvalidInputError(
+                "law.J_hat_initial: exact needs the arm's J, which this law does not see; "
+                "set the initial state yourself"
+            )
+        return self.state.join(*at_rest, J_hat)
+
+    def derivatives(self, t: float, x: Array, u: Signals) -> Array:
+        """Right-hand side of (16), (19) or (20)."""
+        if self.jacobian == "known":
+            v, multipliers = self.state.split(x)
+            return self.state.join(*self._network(v, multipliers, u["J"], *self._terms(u)))
+        v, multipliers, J_hat = self.state.split(x)
+        return self.state.join(
+            *self._network(v, multipliers, J_hat, *self._terms(u)),
+            gradient(J_hat, u["velocity"], u["v_WE"], self.rho),
+        )
+
+    def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
+        """Learning exactly, with its inputs held; then the network by Euler's method."""
+        if self.jacobian == "known":
+            v, multipliers = self.state.split(x)
+            J = u["J"]
+        else:
+            v, multipliers, J_hat = self.state.split(x)
+            J = rank_one_update(J_hat, u["velocity"], u["v_WE"], self.rho, period)
+        terms = self._terms(u)
+        substeps = self.substeps or max(1, ceil(self.rate * period - 1e-9))
+        h = period / substeps
+        for _ in range(substeps):
+            v_dot, multipliers_dot = self._network(v, multipliers, J, *terms)
+            v = v + h * v_dot
+            multipliers = multipliers + h * multipliers_dot
+        if self.jacobian == "known":
+            return np.concatenate((v, multipliers))
+        return np.concatenate((v, multipliers, J.ravel()))
+
+    def commanded_velocity(self, t: float, x: Array) -> Array:
+        return x[: self.home.size]
+
+    def diagnostics(self, t: float, x: Array, u: Signals) -> Signals:
+        v, multipliers, *learned = self.state.split(x)
+        J = learned[0] if learned else u["J"]
+        pull, lower, upper, _ = self._terms(u)
+        demand = self.rate * (_clip(multipliers @ J - pull, lower, upper) - v)
+        saturated = self._inverse_bound is not None and _slowing(demand, self._inverse_bound) > 1
+        return {
+            "velocity_lower": lower,
+            "velocity_upper": upper,
+            "acceleration_demand": demand,
+            "saturated": np.array([float(saturated)]),
+        }
+
+    def _terms(self, u: Signals) -> tuple[Array, Array, Array, Array]:
+        """What does not change within a sample: pull, lower, upper, task velocity."""
+        q = u["position"]
+        lower, upper = self.limits.velocity_box(q, self.limit_stiffness)
+        feedback = self.kappa * (u["p_WE_desired"] - u["p_WE"])
+        if self.feedback_limit is not None:
+            speed = sqrt(feedback @ feedback)
+            if speed > self.feedback_limit:
+                feedback *= self.feedback_limit / speed
+        return self.return_gain * (q - self.home), lower, upper, u["v_WE_desired"] + feedback
+
+    def _network(
+        self,
+        v: Array,
+        multipliers: Array,
+        J: Array,
+        pull: Array,
+        lower: Array,
+        upper: Array,
+        task_velocity: Array,
+    ) -> tuple[Array, Array]:
+        """Time derivatives of v and of the multipliers."""
+        v_dot = self.rate * (_clip(multipliers @ J - pull, lower, upper) - v)
+        multipliers_dot = self.rate * (task_velocity - J @ v)
+        if self._inverse_bound is not None:
+            slowing = _slowing(v_dot, self._inverse_bound)
+            if slowing > 1.0:
+                return v_dot / slowing, multipliers_dot / slowing
+        return v_dot, multipliers_dot
+
+
+def _clip(value: Array, lower: Array, upper: Array) -> Array:
+    # np.clip costs three times as much for arrays of this size.
+    return np.minimum(np.maximum(value, lower), upper)
+
+
+def _slowing(v_dot: Array, inverse_bound: Array) -> float:
+    """How many times too large the accelerations are, the worst joint counting."""
+    return float(np.abs(v_dot * inverse_bound).max())

@@ -1,0 +1,113 @@
+"""Joint limits, and how they fold into one box for the joint velocity."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from .errors import InvalidInputError
+from .fields import Array, Bounds, validated
+
+#: Bounds of the derivatives of the joint positions, first to fifth, and their units.
+DERIVATIVE_UNITS = {
+    "velocity": "rad/s",
+    "acceleration": "rad/s^2",
+    "jerk": "rad/s^3",
+    "snap": "rad/s^4",
+    "crackle": "rad/s^5",
+}
+
+
+@validated
+class JointLimits:
+    """Bounds of each joint; infinite where a joint has none, None where none is known.
+
+    Args:
+        position_lower, position_upper: Shape (n,) [rad].
+        velocity: Largest speed, shape (n,) [rad/s].
+        acceleration, jerk, snap, crackle: Largest magnitude of the higher derivatives,
+            shape (n,) [rad/s^2 .. rad/s^5].
+    """
+
+    position_lower: Bounds
+    position_upper: Bounds
+    velocity: Bounds
+    acceleration: Bounds | None = None
+    jerk: Bounds | None = None
+    snap: Bounds | None = None
+    crackle: Bounds | None = None
+
+    def __post_init__(self) -> None:
+        bounds = {name: getattr(self, name) for name in DERIVATIVE_UNITS}
+        known = {name: bound for name, bound in bounds.items() if bound is not None}
+        for name, bound in {"position_upper": self.position_upper, **known}.items():
+            if bound.size != self.position_lower.size:
+                raise ValueError(
+                    f"{name} has {bound.size} entries, position_lower {self.position_lower.size}"
+                )
+        if not (self.position_lower < self.position_upper).all():
+            raise ValueError("position_lower must be below position_upper, joint by joint")
+        for name, bound in known.items():
+            if not (bound > 0).all():
+                raise ValueError(f"{name} must be positive, not {bound.tolist()}")
+
+    @classmethod
+    def unlimited(cls, size: int) -> JointLimits:
+        """No bound on any of ``size`` joints."""
+        infinite = np.full(size, np.inf)
+        return cls(position_lower=-infinite, position_upper=infinite, velocity=infinite)
+
+    @property
+    def size(self) -> int:
+        """Number of joints."""
+        return int(self.position_lower.size)
+
+    def merged(self, bounds: Mapping[str, Any]) -> dict[str, Any]:
+        """The fields of these limits with ``bounds`` in place; a number stands for every joint."""
+        fields: dict[str, Any] = {
+            name: getattr(self, name)
+            for name in ("position_lower", "position_upper", *DERIVATIVE_UNITS)
+        }
+        for name, bound in bounds.items():
+            is_number = isinstance(bound, (int, float)) and not isinstance(bound, bool)
+            fields[name] = np.full(self.size, float(bound)) if is_number else bound
+        return fields
+
+    def replace(self, **bounds: Any) -> JointLimits:
+        """The same limits but for the given ones; a number stands for every joint."""
+        return JointLimits(**self.merged(bounds))
+
+    def require(self, name: str, reason: str) -> Array:
+        """The bound of this name, shape (n,).
+
+        Raises:
+            InvalidInputError: If it is not known.
+        """
+        bound = getattr(self, name)
+        if bound is None:
+            raise InvalidInputError(
+                f"limits.{name}: not known for this arm, but needed for {reason}; give it"
+            )
+        return np.asarray(bound)
+
+    @cached_property
+    def _position(self) -> Array:
+        return np.stack([self.position_lower, self.position_upper])
+
+    def velocity_box(self, q: Array, stiffness: float) -> tuple[Array, Array]:
+        """Velocities that respect position and velocity bounds: lower and upper, (n,) [rad/s].
+
+        A joint may approach its position limit at ``stiffness`` [1/s] times the distance
+        left, and from beyond the limit returns at no more than its largest speed, so the
+        box is never empty.
+        """
+        box = np.maximum(stiffness * (self._position - q), -self.velocity)
+        np.minimum(box, self.velocity, out=box)
+        return box[0], box[1]
+
+    def violation(self, q: Array) -> Array:
+        """How far ``q``, shape (..., n), lies outside its position limits [rad]; 0 inside."""
+        return np.maximum(np.maximum(self.position_lower - q, q - self.position_upper), 0.0)

@@ -1,0 +1,171 @@
+"""Metrics of a run, taken over every step: names carry SI units, see the README's table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .fields import Array
+from .limits import JointLimits
+
+#: Metrics of the machine rather than of the run; they differ from one run to the next.
+TIMING_METRICS = ("real_time_factor", "wall_time_s", "control_step_us")
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What an arm and its law did, step by step; k steps, n joints, m task rows.
+
+    Attributes:
+        time: Shape (k,) [s].
+        position, velocity: Of the arm's joints, shape (k, n) [rad, rad/s].
+        network_velocity: The law's own joint velocities, shape (k, n) [rad/s].
+        p_WE, v_WE: Of the end effector, shape (k, m) [m, m/s].
+        p_WE_desired, v_WE_desired: What was asked, shape (k, m) [m, m/s].
+        J: Shape (k, m, n).
+        J_hat: What was learned, shape (k, m, n); None if nothing was.
+    """
+
+    time: Array
+    position: Array
+    velocity: Array
+    network_velocity: Array
+    p_WE: Array
+    v_WE: Array
+    p_WE_desired: Array
+    v_WE_desired: Array
+    J: Array
+    J_hat: Array | None
+
+    def joint_acceleration(self) -> Array:
+        """Secant of the arm's velocity over each step, shape (k - 1, n) [rad/s^2]."""
+        return _secant(self.time, self.velocity)
+
+    def network_acceleration(self) -> Array:
+        """Secant of the law's own velocity over each step, shape (k - 1, n) [rad/s^2]."""
+        return _secant(self.time, self.network_velocity)
+
+
+def motion_metrics(
+    motion: Motion,
+    limits: JointLimits,
+    window: tuple[float, float] | None,
+    settling_tolerance: float,
+) -> dict[str, float]:
+    """The metrics of a motion that apply to it, by name.
+
+    Errors, drift and Jacobian figures are taken over ``window`` [s]; velocities,
+    accelerations, margins and violations always over the whole run.
+
+    Args:
+        motion: What happened.
+        limits: Bounds that were to hold.
+        window: Times between which errors are taken; None for the whole run.
+        settling_tolerance: Position error below which the arm has settled [m].
+    """
+    metrics = _errors(motion, window, settling_tolerance)
+    metrics |= _drift(motion, window)
+    metrics |= _joints(motion, limits)
+    if motion.J_hat is not None:
+        metrics |= _jacobian(motion, motion.J_hat, window)
+    return {name: float(value) for name, value in metrics.items() if np.isfinite(value)}
+
+
+def _within(motion: Motion, window: tuple[float, float] | None) -> Array:
+    if window is None:
+        return np.ones(motion.time.size, dtype=bool)
+    # Step times carry rounding errors.
+    return (motion.time >= window[0] - 1e-9) & (motion.time <= window[1] + 1e-9)
+
+
+def _errors(
+    motion: Motion, window: tuple[float, float] | None, tolerance: float
+) -> dict[str, float]:
+    within = _within(motion, window)
+    if not within.any():
+        return {}
+    error = motion.p_WE - motion.p_WE_desired
+    norm = np.linalg.norm(error, axis=1)
+    slip = motion.v_WE - motion.v_WE_desired
+    metrics = {
+        "position_error_max_m": norm[within].max(),
+        "position_error_component_max_m": np.abs(error[within]).max(),
+        "position_error_rms_m": np.sqrt(np.mean(norm[within] ** 2)),
+        "velocity_error_max_m_s": np.linalg.norm(slip[within], axis=1).max(),
+    }
+    late = np.flatnonzero(norm >= tolerance)
+    if late.size == 0:
+        metrics["settling_time_s"] = motion.time[0]
+    elif late[-1] + 1 < norm.size:
+        metrics["settling_time_s"] = motion.time[late[-1] + 1]
+    return metrics
+
+
+def _drift(motion: Motion, window: tuple[float, float] | None) -> dict[str, float]:
+    within = np.flatnonzero(_within(motion, window))
+    if within.size < 2:
+        return {}
+    drift = np.abs(motion.position[within[-1]] - motion.position[within[0]])
+    moved = motion.p_WE - motion.p_WE[0]
+    return {
+        "joint_drift_max_rad": drift.max(),
+        "joint_drift_mean_rad": drift.mean(),
+        "end_effector_drift_max_m": np.linalg.norm(moved, axis=1).max(),
+        "end_effector_drift_end_m": np.linalg.norm(moved[-1]),
+    }
+
+
+def _joints(motion: Motion, limits: JointLimits) -> dict[str, float]:
+    speed = np.abs(motion.velocity)
+    metrics = {"joint_velocity_max_rad_s": speed.max()}
+    outside = [limits.violation(motion.position).max(), (speed - limits.velocity).max()]
+    metrics["limit_ratio_1_max"] = (speed / limits.velocity).max()
+    if motion.time.size > 1:
+        acceleration = np.abs(motion.joint_acceleration())
+        metrics |= {
+            "joint_acceleration_max_rad_s2": acceleration.max(),
+            "network_acceleration_max_rad_s2": np.abs(motion.network_acceleration()).max(),
+            "joint_velocity_initial_rad_s": speed[1].max(),
+            "joint_acceleration_initial_rad_s2": acceleration[0].max(),
+        }
+        if limits.acceleration is not None:
+            outside.append((acceleration - limits.acceleration).max())
+            metrics["limit_ratio_2_max"] = (acceleration / limits.acceleration).max()
+    margin = np.minimum(
+        motion.position - limits.position_lower, limits.position_upper - motion.position
+    )
+    gram = motion.J @ np.swapaxes(motion.J, 1, 2)
+    return metrics | {
+        "joint_limit_margin_min_rad": margin.min(),
+        "limit_violation_max": max(0.0, *outside),
+        "singular_value_min": np.sqrt(max(0.0, np.linalg.eigvalsh(gram)[:, 0].min())),
+    }
+
+
+def _jacobian(
+    motion: Motion, J_hat: Array, window: tuple[float, float] | None
+) -> dict[str, float]:
+    within = _within(motion, window)
+    difference = (motion.J - J_hat)[within]
+    if difference.size == 0:
+        return {}
+    v = motion.network_velocity[within]
+    speed = np.linalg.norm(v, axis=1)
+    moving = speed > 1e-6
+    size = np.linalg.norm(difference, axis=(1, 2))
+    metrics = {"jacobian_error_median": np.median(size), "jacobian_error_max": size.max()}
+    if moving.any():
+        along = np.linalg.norm(np.einsum("kmn,kn->km", difference, v), axis=1)
+        metrics["jacobian_error_excited_median"] = np.median(along[moving] / speed[moving])
+    return metrics
+
+
+def _secant(time: Array, values: Array) -> Array:
+    """Differences over the steps' own lengths.
+
+    Steps that events cut a rounding error apart are taken as one: their secant is noise.
+    """
+    step = np.diff(time)
+    step = np.where(step < 1e-9 * max(1.0, float(step.max(initial=0.0))), np.inf, step)
+    return np.diff(values, axis=0) / step[:, np.newaxis]

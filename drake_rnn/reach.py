@@ -1,0 +1,137 @@
+"""Is a path within an arm's reach, and how close does it come to what the arm cannot do?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .arms import ArmKinematics
+from .errors import InvalidInputError
+from .experiment import Experiment
+from .fields import Array
+from .systems.kinematics import TASKS
+
+_SAMPLES = 400
+_MISS = 1e-3
+_DAMPING = 1e-6
+
+
+@dataclass(frozen=True)
+class Reach:
+    """A path, followed by damped least squares from the start posture; k points.
+
+    Attributes:
+        time: Shape (k,) [s].
+        position: Joint positions, shape (k, n) [rad].
+        miss: Distance from the path, shape (k,) [m].
+        singular_value: Smallest singular value of J, shape (k,).
+        velocity: J^+ v_WE_desired, shape (k, n) [rad/s].
+        acceleration: Its rate, shape (k, n) [rad/s^2].
+        desired: Points of the path, shape (k, m) [m].
+    """
+
+    time: Array
+    position: Array
+    miss: Array
+    singular_value: Array
+    velocity: Array
+    acceleration: Array
+    desired: Array
+
+
+def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
+    """Follow the experiment's path by inverse kinematics, over its duration or one lap."""
+    setup = experiment.setup
+    rows = list(TASKS[experiment.task])
+    kinematics = setup.arm.kinematics()
+    origin = setup.path.start_point(setup.p_WE_start)
+    time = np.linspace(0.0, min(setup.path.period, experiment.duration), samples)
+    q = setup.start.copy()
+    position, miss, singular, velocity, desired = [], [], [], [], []
+    for t in time:
+        p, v, _ = setup.path.evaluate(float(t))
+        target = (origin + p)[rows]
+        q = _towards(kinematics, rows, q, target)
+        J = kinematics.J(q)[rows]
+        position.append(q)
+        desired.append(target)
+        miss.append(np.linalg.norm(target - kinematics.p_WE(q)[rows]))
+        singular.append(np.linalg.svd(J, compute_uv=False)[-1])
+        velocity.append(_damped_inverse(J) @ v[rows])
+    return Reach(
+        time=time,
+        position=np.array(position),
+        miss=np.array(miss),
+        singular_value=np.array(singular),
+        velocity=np.array(velocity),
+        acceleration=np.gradient(np.array(velocity), time, axis=0),
+        desired=np.array(desired),
+    )
+
+
+def check_reach(experiment: Experiment) -> list[str]:
+    """Warnings of what the path comes close to.
+
+    The posture is not unique for a redundant arm: limits that a least-squares posture
+    meets may be avoided, so they are warned of and not refused.
+
+    Raises:
+        InvalidInputError: If inverse kinematics misses the path by more than 1 mm.
+    """
+    reach = follow(experiment)
+    setup = experiment.setup
+    worst = int(np.argmax(reach.miss))
+    if reach.miss[worst] > _MISS:
+        first = int(np.argmax(reach.miss > _MISS))
+        place = ", ".join(f"{value:.4g}" for value in reach.desired[first])
+        raise InvalidInputError(
+            f"path: out of reach: {setup.arm.name} misses the point ({place}) m, at "
+            f"t = {reach.time[first]:.4g} s, by {reach.miss[first] * 1e3:.3g} mm; "
+            f"the farthest miss is {reach.miss[worst] * 1e3:.3g} mm"
+        )
+    warnings = []
+    limits = setup.limits
+    margin = np.minimum(
+        reach.position - limits.position_lower, limits.position_upper - reach.position
+    )
+    k, joint = np.unravel_index(np.argmin(margin), margin.shape)
+    if margin[k, joint] < 0.05:
+        warnings.append(
+            f"path: {setup.arm.joints[joint]} comes within {margin[k, joint]:.3g} rad of its "
+            f"limit near t = {reach.time[k]:.3g} s"
+        )
+    k = int(np.argmin(reach.singular_value))
+    if reach.singular_value[k] < 0.05:
+        warnings.append(
+            f"path: near-singular posture near t = {reach.time[k]:.3g} s: smallest singular "
+            f"value of J {reach.singular_value[k]:.3g}"
+        )
+    for name, unit in (("velocity", "rad/s"), ("acceleration", "rad/s^2")):
+        bound = getattr(limits, name)
+        if bound is None:
+            continue
+        ratio = np.abs(getattr(reach, name)) / bound
+        k, joint = np.unravel_index(np.argmax(ratio), ratio.shape)
+        if ratio[k, joint] > 1.0:
+            warnings.append(
+                f"path: asks {setup.arm.joints[joint]} for a {name} of "
+                f"{ratio[k, joint] * bound[joint]:.3g} {unit} near t = {reach.time[k]:.3g} s; "
+                f"its limit is {bound[joint]:.3g}"
+            )
+    return warnings
+
+
+def _towards(kinematics: ArmKinematics, rows: list[int], q: Array, target: Array) -> Array:
+    """Newton's method, its steps cut to 0.2 rad so that it does not leave the branch."""
+    for _ in range(100):
+        error = target - kinematics.p_WE(q)[rows]
+        if error @ error < 1e-20:
+            break
+        step = _damped_inverse(kinematics.J(q)[rows]) @ error
+        q = q + step * min(1.0, 0.2 / max(float(np.abs(step).max()), 1e-12))
+    return q
+
+
+def _damped_inverse(J: Array) -> Array:
+    return np.asarray(np.linalg.solve(J @ J.T + _DAMPING * np.eye(J.shape[0]), J).T)

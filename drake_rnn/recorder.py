@@ -1,0 +1,86 @@
+"""The recorder: it watches a simulation from outside, at every step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from pydrake.systems.framework import Context, OutputPort
+
+from .fields import Array
+from .laws.law import Layout
+
+
+class Recorder:
+    """Ports of a diagram at every accepted step, and a costlier probe every ``period``.
+
+    It is called by the simulator's monitor, adds no events and so does not change the steps.
+    What is seen at time t is what holds just before the updates at t: velocities are those
+    of the step that ended there.
+
+    Args:
+        root: Context of the simulated diagram.
+        ports: What to record at every step, by name.
+        probe: Asked every ``period``, for a flat vector.
+        probed: The parts of that vector.
+        period: Between two calls of ``probe`` [s].
+    """
+
+    def __init__(
+        self,
+        root: Context,
+        ports: Mapping[str, OutputPort],
+        probe: Callable[[], Array],
+        probed: Layout,
+        period: float,
+    ) -> None:
+        self._layout = Layout(**{name: (port.size(),) for name, port in ports.items()})
+        self._sources = [
+            (port, port.get_system().GetMyContextFromRoot(root), self._layout.parts[name][0])
+            for name, port in ports.items()
+        ]
+        self._probe = probe
+        self._probed = probed
+        self._period = period
+        self._next = 0.0
+        self._times = np.empty(1024)
+        self._rows = np.empty((1024, self._layout.size))
+        self._count = 0
+        self._probed_at: list[int] = []
+        self._probed_rows: list[Array] = []
+
+    def __call__(self, context: Context) -> None:
+        """Record the present."""
+        count = self._count
+        if count == self._times.size:
+            self._times = np.concatenate((self._times, np.empty_like(self._times)))
+            self._rows = np.concatenate((self._rows, np.empty_like(self._rows)))
+        t = self._times[count] = context.get_time()
+        row = self._rows[count]
+        for port, place, at in self._sources:
+            row[at] = port.Eval(place)
+        self._count = count + 1
+        # Step times carry rounding errors, far below any period.
+        if t >= self._next - 1e-9:
+            self._probed_at.append(count)
+            self._probed_rows.append(self._probe())
+            self._next += self._period
+
+    @property
+    def time(self) -> Array:
+        """Times of all steps, shape (k,) [s]."""
+        return self._times[: self._count]
+
+    @property
+    def probed_at(self) -> list[int]:
+        """Numbers of the steps at which the probe was asked."""
+        return self._probed_at
+
+    def series(self, name: str) -> Array:
+        """One port at every step, shape (k, size)."""
+        return self._layout.part(self._rows[: self._count], name)
+
+    def probed(self, name: str) -> Array:
+        """One part of the probe, shape (len(probed_at), ...)."""
+        rows = np.array(self._probed_rows).reshape(-1, self._probed.size)
+        return self._probed.part(rows, name)

@@ -1,0 +1,122 @@
+"""What a run gives: named arrays with units, and metrics."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from .documents import parse_yaml
+from .errors import InvalidInputError
+from .experiment import Experiment, make_experiment
+from .fields import Array
+
+#: Units of the series, by name; what is not here has none.
+UNITS = {
+    "position": "rad",
+    "velocity": "rad/s",
+    "acceleration": "rad/s^2",
+    "acceleration_peak": "rad/s^2",
+    "network_velocity": "rad/s",
+    "network_acceleration": "rad/s^2",
+    "network_acceleration_peak": "rad/s^2",
+    "p_WE": "m",
+    "v_WE": "m/s",
+    "p_WE_desired": "m",
+    "v_WE_desired": "m/s",
+    "J": "m",
+    "J_hat": "m",
+    "velocity_lower": "rad/s",
+    "velocity_upper": "rad/s",
+    "acceleration_demand": "rad/s^2",
+}
+
+
+@dataclass(frozen=True)
+class Result:
+    """A run's series and metrics.
+
+    Attributes:
+        experiment: What was run.
+        time: Of the stored samples, one each ``experiment.log_period``, shape (k,) [s].
+        series: Arrays with k rows, by name; ``UNITS`` has their units. A ``_peak`` is the
+            largest magnitude over all steps since the sample before.
+        metrics: Numbers taken over every step, by name.
+        warnings: What the user should know of this run.
+        graphviz: The diagram that ran, as Graphviz text.
+    """
+
+    experiment: Experiment
+    time: Array
+    series: dict[str, Array]
+    metrics: dict[str, float]
+    warnings: list[str] = field(default_factory=list)
+    graphviz: str = ""
+
+    @property
+    def position_error(self) -> Array:
+        """Norm of the position error, shape (k,) [m]."""
+        error = self.series["p_WE"] - self.series["p_WE_desired"]
+        return np.asarray(np.linalg.norm(error, axis=1))
+
+    def save(self, folder: str | Path) -> Path:
+        """Write ``experiment.yaml``, ``result.npz``, ``metrics.json`` and ``diagram.dot``.
+
+        Returns:
+            The folder, made if it was not there.
+
+        Raises:
+            InvalidInputError: If the folder cannot be written to.
+        """
+        folder = Path(folder)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            header = "".join(f"# {line}\n" for line in versions())
+            (folder / "experiment.yaml").write_text(header + self.experiment.to_yaml())
+            np.savez_compressed(folder / "result.npz", time=self.time, **self.series)
+            (folder / "metrics.json").write_text(json.dumps(self.metrics, indent=2) + "\n")
+            if self.graphviz:
+                (folder / "diagram.dot").write_text(self.graphviz)
+        except OSError as error:
+            raise InvalidInputError(f"output folder {folder}: {error.strerror}") from None
+        return folder
+
+    @classmethod
+    def load(cls, folder: str | Path) -> Result:
+        """What `save` has written.
+
+        Raises:
+            InvalidInputError: If the folder does not hold a result.
+        """
+        folder = Path(folder)
+        try:
+            document = parse_yaml((folder / "experiment.yaml").read_text(), str(folder))
+            with np.load(folder / "result.npz") as arrays:
+                series = {name: arrays[name] for name in arrays.files}
+            metrics = json.loads((folder / "metrics.json").read_text())
+        except OSError as error:
+            raise InvalidInputError(f"{folder}: holds no result: {error}") from None
+        graph = folder / "diagram.dot"
+        return cls(
+            experiment=make_experiment(document),
+            time=series.pop("time"),
+            series=series,
+            metrics=metrics,
+            graphviz=graph.read_text() if graph.is_file() else "",
+        )
+
+    def playback(self, file: str | Path, frames_per_second: int = 64) -> Path:
+        """Write the run as an HTML page that plays by itself, without a network."""
+        from .playback import write_playback
+
+        return write_playback(self, file, frames_per_second)
+
+
+def versions() -> list[str]:
+    """Versions that the numbers of a run may depend on."""
+    from importlib.metadata import version
+
+    packages = ("drake-rnn", "drake", "numpy")
+    return [f"{package} {version(package)}" for package in packages]

@@ -1,0 +1,252 @@
+"""Running an experiment."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+
+from .diagrams.kinematic import AddKinematicLoop, KinematicLoop
+from .errors import SimulationError
+from .experiment import Experiment
+from .fields import Array
+from .laws.law import Law
+from .metrics import Motion, motion_metrics
+from .reach import check_reach
+from .recorder import Recorder
+from .result import Result
+from .systems.controllers import ContinuousController, SampledController
+from .systems.kinematics import TASKS
+from .systems.path_source import PathSource
+
+#: Called with the simulated time [s] every so often.
+Progress = Callable[[float], None]
+
+_LONGEST_STEP = 0.01
+
+
+def simulate(experiment: Experiment, progress: Progress | None = None) -> Result:
+    """Run an experiment.
+
+    The path is checked against the arm's reach before anything runs.
+
+    Args:
+        experiment: What to run.
+        progress: Told how far the run has come.
+
+    Raises:
+        InvalidInputError: If the path is out of reach.
+        SimulationError: If the run cannot go on; its ``result`` holds what there was until
+            then.
+    """
+    started = time.perf_counter()
+    warnings = check_reach(experiment)
+    diagram, loop, source = build_diagram(experiment)
+    simulator = Simulator(diagram)
+    ApplySimulatorConfig(_simulator_config(experiment), simulator)
+    root = simulator.get_mutable_context()
+    _set_initial_state(loop, root)
+
+    law = loop.controller.law
+    controller_context = loop.controller.GetMyContextFromRoot(root)
+
+    def probe() -> Array:
+        return law.observables.join(*loop.controller.diagnostics(controller_context).values())
+
+    recorder = Recorder(
+        root,
+        {
+            "position": loop.arm.GetOutputPort("position"),
+            "velocity": loop.arm.GetOutputPort("velocity"),
+            "state": loop.controller.GetOutputPort("state"),
+            "p_WE_desired": source.GetOutputPort("p_WE_desired"),
+            "v_WE_desired": source.GetOutputPort("v_WE_desired"),
+        },
+        probe,
+        law.observables,
+        experiment.log_period,
+    )
+    simulator.set_monitor(_with_progress(recorder, progress) if progress else recorder)
+
+    running = time.perf_counter()
+    failure: SimulationError | None = None
+    try:
+        simulator.Initialize()
+        running = time.perf_counter()
+        simulator.AdvanceTo(experiment.duration)
+    except SimulationError as error:
+        failure = error
+    except KeyboardInterrupt:
+        failure = SimulationError("interrupted", root.get_time())
+    except RuntimeError as error:
+        # Drake's own: an implicit or error-controlled integrator that finds no step.
+        failure = SimulationError(str(error), root.get_time())
+    run_time = time.perf_counter() - running
+
+    result = _result(experiment, recorder, warnings, diagram, law)
+    result.metrics["real_time_factor"] = root.get_time() / run_time
+    result.metrics["wall_time_s"] = time.perf_counter() - started
+    if isinstance(loop.controller, SampledController) and failure is None:
+        result.metrics["control_step_us"] = _step_cost(loop.controller, controller_context)
+    if failure is not None:
+        failure.result = result
+        raise failure
+    return result
+
+
+def build_diagram(experiment: Experiment) -> tuple[Diagram, KinematicLoop, PathSource]:
+    """The diagram of an experiment, not yet simulated, with its loop and its path."""
+    setup = experiment.setup
+    builder = DiagramBuilder()
+    source = PathSource(setup.path, setup.p_WE_start, experiment.task)
+    builder.AddNamedSystem("path", source)
+    controller: SampledController | ContinuousController
+    if experiment.period is not None:
+        controller = SampledController(setup.law, experiment.period, experiment.seed)
+    else:
+        controller = ContinuousController(setup.law, experiment.seed)
+    loop = AddKinematicLoop(
+        builder,
+        setup.arm,
+        controller,
+        source,
+        start=setup.start,
+        task=experiment.task,
+        dither=experiment.dither,
+        seed=experiment.seed,
+    )
+    diagram = builder.Build()
+    diagram.set_name(experiment.name or "experiment")
+    return diagram, loop, source
+
+
+def _simulator_config(experiment: Experiment) -> SimulatorConfig:
+    config = SimulatorConfig()
+    settings = experiment.integrator
+    if settings is None:
+        # The command is held between samples, so that one Euler step of a sample is exact.
+        config.integration_scheme = "explicit_euler"
+        config.max_step_size = experiment.period
+        config.use_error_control = False
+    elif settings.step is not None:
+        config.integration_scheme = settings.scheme
+        config.max_step_size = settings.step
+        config.use_error_control = False
+    else:
+        config.integration_scheme = settings.scheme
+        config.max_step_size = _LONGEST_STEP
+        config.accuracy = settings.accuracy
+        config.use_error_control = True
+    return config
+
+
+def _set_initial_state(loop: KinematicLoop, root: Context) -> None:
+    """The law's first state; it may be given J, which it need not see in the loop."""
+    J_port = loop.kinematics.GetOutputPort("J")
+    kinematics_context = loop.kinematics.GetMyContextFromRoot(root)
+    context = loop.controller.GetMyMutableContextFromRoot(root)
+    n = loop.kinematics.arm.n
+    J = J_port.Eval(kinematics_context).reshape(-1, n)
+    loop.controller.set_state(context, loop.controller.initial_state(context, J=J))
+
+
+def _with_progress(recorder: Recorder, progress: Progress) -> Callable[[Context], None]:
+    steps = 0
+
+    def monitor(context: Context) -> None:
+        nonlocal steps
+        recorder(context)
+        steps += 1
+        if steps % 256 == 0:
+            progress(context.get_time())
+
+    return monitor
+
+
+def _result(
+    experiment: Experiment,
+    recorder: Recorder,
+    warnings: list[str],
+    diagram: Diagram,
+    law: Law,
+) -> Result:
+    motion = _motion(experiment, recorder, law)
+    metrics = motion_metrics(
+        motion, experiment.setup.limits, experiment.window, experiment.settling_tolerance_m
+    )
+    at = np.array(recorder.probed_at, dtype=int)
+    observed = {name: recorder.probed(name) for name in law.observables.parts}
+    if "saturated" in observed and at.size:
+        metrics["saturated_fraction"] = float(np.mean(observed["saturated"]))
+    if "acceleration_demand" in observed and at.size:
+        demand = np.abs(observed["acceleration_demand"])
+        metrics["joint_acceleration_demand_max_rad_s2"] = float(demand.max())
+
+    names = ("position", "velocity", "network_velocity", "p_WE", "v_WE", "p_WE_desired")
+    series = {name: getattr(motion, name)[at] for name in (*names, "v_WE_desired", "J")}
+    for name, values in (
+        ("acceleration", motion.joint_acceleration()),
+        ("network_acceleration", motion.network_acceleration()),
+    ):
+        # The step that ends at a sample; before the first there is none.
+        series[name] = np.concatenate((values[:1] * 0.0, values))[at]
+        series[f"{name}_peak"] = _peaks(np.abs(values), at)
+    state = recorder.series("state")[at]
+    for name in law.state.parts:
+        if name != "v":
+            series[name] = law.state.part(state, name)
+    return Result(
+        experiment=experiment,
+        time=motion.time[at],
+        series=series | observed,
+        metrics=metrics,
+        warnings=warnings,
+        graphviz=diagram.GetGraphvizString(),
+    )
+
+
+def _motion(experiment: Experiment, recorder: Recorder, law: Law) -> Motion:
+    """The recorded steps, and the kinematics that follow from them."""
+    rows = list(TASKS[experiment.task])
+    kinematics = experiment.setup.arm.kinematics()
+    position, velocity = recorder.series("position"), recorder.series("velocity")
+    p_WE = np.empty((position.shape[0], len(rows)))
+    J = np.empty((position.shape[0], len(rows), position.shape[1]))
+    for k, q in enumerate(position):
+        p_WE[k] = kinematics.p_WE(q)[rows]
+        J[k] = kinematics.J(q)[rows]
+    state = recorder.series("state")
+    return Motion(
+        time=recorder.time,
+        position=position,
+        velocity=velocity,
+        network_velocity=law.state.part(state, "v"),
+        p_WE=p_WE,
+        v_WE=np.einsum("kmn,kn->km", J, velocity),
+        p_WE_desired=recorder.series("p_WE_desired"),
+        v_WE_desired=recorder.series("v_WE_desired"),
+        J=J,
+        J_hat=law.state.part(state, "J_hat") if "J_hat" in law.state else None,
+    )
+
+
+def _peaks(values: Array, at: Array) -> Array:
+    """Largest entry of the rows up to each of ``at`` since the one before, shape (len(at),)."""
+    peaks = np.zeros(at.size)
+    for k in range(1, at.size):
+        peaks[k] = values[at[k - 1] : at[k]].max()
+    return peaks
+
+
+def _step_cost(controller: SampledController, context: Context, repeats: int = 200) -> float:
+    """Median cost of one sample of the law alone [us]."""
+    u, x = controller.signals(context), controller.state(context)
+    costs = []
+    for _ in range(repeats):
+        begin = time.perf_counter()
+        controller.law.step(context.get_time(), x, u, controller.period)
+        costs.append(time.perf_counter() - begin)
+    return float(np.median(costs)) * 1e6

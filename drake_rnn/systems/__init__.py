@@ -1,0 +1,1 @@
+"""The blocks that diagrams are made of, one a file."""

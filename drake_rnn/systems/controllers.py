@@ -1,0 +1,206 @@
+"""A law as a Drake system: integrated by Drake, or sampled as on a robot."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import Any
+
+import numpy as np
+from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, State
+
+from ..errors import InvalidInputError, SimulationError
+from ..fields import Array
+from ..laws.law import ContinuousLaw, Law, Signals
+
+
+class _Controller(LeafSystem):
+    """What both readings share: the ports of a law.
+
+    Input ports are the law's inputs, by name. Outputs are ``commanded_velocity``, ``state``
+    and each part of the state by name, which depend on state and time alone, and each
+    observable, which feeds through and is there to be recorded. Matrices are flat, row by row.
+
+    The state starts as the law says, drawn from ``seed``, unless it has been set before the
+    simulation is initialized.
+    """
+
+    law: Law
+
+    def __init__(self, law: Law, seed: int) -> None:
+        super().__init__()
+        self.law = law
+        self.seed = seed
+        self._input_ports = {
+            name: (self.DeclareVectorInputPort(name, at.stop - at.start), shape)
+            for name, (at, shape) in law.inputs.parts.items()
+        }
+        # Flat signals need no reshaping, which costs as much as reading the port.
+        self._flat = [(n, p) for n, (p, shape) in self._input_ports.items() if len(shape) == 1]
+        self._matrices = [(n, p, s) for n, (p, s) in self._input_ports.items() if len(s) > 1]
+
+    def _declare_outputs(self, prerequisites: set[Any]) -> None:
+        """Called by the readings once their state is declared."""
+        law = self.law
+        n = law.state.parts["v"][1][0]
+
+        def calc_command(context: Context, output: Any) -> None:
+            output.set_value(law.commanded_velocity(context.get_time(), self._state(context)))
+
+        self.DeclareVectorOutputPort("commanded_velocity", n, calc_command, prerequisites)
+        for name, (at, _) in law.state.parts.items():
+            self.DeclareVectorOutputPort(
+                name,
+                at.stop - at.start,
+                lambda context, output, at=at: output.set_value(self._state(context)[at]),
+                prerequisites,
+            )
+        for name, (at, _) in law.observables.parts.items():
+            self.DeclareVectorOutputPort(
+                name,
+                at.stop - at.start,
+                lambda context, output, name=name: output.set_value(
+                    self.diagnostics(context)[name].ravel()
+                ),
+            )
+
+    def _state(self, context: Context) -> Array:
+        """The law's state, read and forgotten: it may alias the context's memory."""
+        raise AssertionError("each reading has its own")
+
+    def state(self, context: Context) -> Array:
+        """The law's state, shape (state.size,)."""
+        return self._state(context).copy()
+
+    def signals(self, context: Context) -> dict[str, Array]:
+        """What the law sees, by name."""
+        u = {name: port.Eval(context) for name, port in self._flat}
+        for name, port, shape in self._matrices:
+            u[name] = port.Eval(context).reshape(shape)
+        return u
+
+    def initial_state(self, context: Context, **known: Array) -> Array:
+        """The law's initial state, shape (state.size,), from what its ports show.
+
+        Args:
+            context: Of this system, with its input ports connected.
+            known: Signals beyond the ports, e.g. ``J`` for a law that does not see it.
+
+        Raises:
+            InvalidInputError: If an input is not connected or not finite.
+        """
+        u: dict[str, Array] = {}
+        for name, (port, shape) in self._input_ports.items():
+            if not port.HasValue(context):
+                raise InvalidInputError(
+                    f"{self.get_name()}: its input port {name!r} is not connected"
+                )
+            u[name] = port.Eval(context).reshape(shape)
+        position = u.get("position")
+        if position is not None and not np.isfinite(position).all():
+            raise InvalidInputError(
+                f"{self.get_name()}: position is {position.tolist()}; set the start posture"
+            )
+        return self.law.initial_state(np.random.default_rng([self.seed, 0]), {**u, **known})
+
+    def diagnostics(self, context: Context) -> Signals:
+        """What the law tells of itself at present, by name."""
+        return self.law.diagnostics(
+            context.get_time(), self._state(context), self.signals(context)
+        )
+
+    def _fail(self, what: str, value: Array, context: Context) -> None:
+        """Raise, naming every part and input that is not finite."""
+        parts = self.law.state.parts.items()
+        bad = [name for name, (at, _) in parts if not np.isfinite(value[at]).all()]
+        seen = [n for n, array in self.signals(context).items() if not np.isfinite(array).all()]
+        cause = f"; so are its inputs {', '.join(seen)}" if seen else ""
+        raise SimulationError(
+            f"{self.get_name()}: {what} {', '.join(bad) or 'v'} not finite any more{cause}",
+            context.get_time(),
+        )
+
+
+class SampledController(_Controller):
+    """A law that runs once every ``period``, its command held in between.
+
+    Args:
+        law: The law.
+        period: Between two samples [s].
+        seed: For the law's initial state.
+
+    Raises:
+        SimulationError: While simulating, when a part of the state is no longer finite.
+    """
+
+    def __init__(self, law: Law, period: float, seed: int = 0) -> None:
+        super().__init__(law, seed)
+        if not (period > 0 and isfinite(period)):
+            raise InvalidInputError(f"period: must be positive, not {period}")
+        self.period = period
+        state = self.DeclareDiscreteState(np.full(law.state.size, np.nan))
+        self.DeclareStateOutputPort("state", state)
+        self._declare_outputs({self.xd_ticket(), self.time_ticket()})
+        self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+
+    def _state(self, context: Context) -> Array:
+        return context.get_discrete_state_vector().value()
+
+    def set_state(self, context: Context, x: Array) -> None:
+        """Set the law's state, shape (state.size,), before the simulation is initialized."""
+        context.SetDiscreteState(x)
+
+    def _initialize(self, context: Context, state: DiscreteValues) -> None:
+        x = self._state(context)
+        state.set_value(self.initial_state(context) if np.isnan(x).any() else x)
+
+    def _update(self, context: Context, state: DiscreteValues) -> None:
+        x = context.get_discrete_state_vector().CopyToVector()
+        x = self.law.step(context.get_time(), x, self.signals(context), self.period)
+        if not isfinite(x @ x):
+            self._fail("state", x, context)
+        state.set_value(x)
+
+
+class ContinuousController(_Controller):
+    """A law that is a differential equation, integrated by Drake.
+
+    Args:
+        law: The law.
+        seed: For the law's initial state.
+
+    Raises:
+        SimulationError: While simulating, when a derivative is not finite; Drake's
+            error-controlled integrators would shorten their step for ever.
+    """
+
+    law: ContinuousLaw
+
+    def __init__(self, law: ContinuousLaw, seed: int = 0) -> None:
+        super().__init__(law, seed)
+        if not hasattr(law, "derivatives"):
+            raise InvalidInputError(
+                f"{type(law).__name__} is no differential equation; sample it with a period"
+            )
+        state = self.DeclareContinuousState(np.full(law.state.size, np.nan))
+        self.DeclareStateOutputPort("state", state)
+        self._declare_outputs({self.xc_ticket(), self.time_ticket()})
+        self.DeclareInitializationUnrestrictedUpdateEvent(self._initialize)
+
+    def _state(self, context: Context) -> Array:
+        return context.get_continuous_state_vector().CopyToVector()
+
+    def set_state(self, context: Context, x: Array) -> None:
+        """Set the law's state, shape (state.size,), before the simulation is initialized."""
+        context.SetContinuousState(x)
+
+    def _initialize(self, context: Context, state: State) -> None:
+        x = self._state(context)
+        x = self.initial_state(context) if np.isnan(x).any() else x
+        state.get_mutable_continuous_state().SetFromVector(x)
+
+    def DoCalcTimeDerivatives(self, context: Context, derivatives: Any) -> None:
+        rates = self.law.derivatives(context.get_time(), self._state(context), self.signals(context))
+        if not isfinite(rates @ rates):
+            self._fail("the rate of", rates, context)
+        derivatives.SetFromVector(rates)

@@ -1,0 +1,49 @@
+"""What the end effector is asked to do."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from pydrake.systems.framework import Context, LeafSystem
+
+from ..fields import Array
+from ..paths import Path
+from .kinematics import TASKS
+
+
+class PathSource(LeafSystem):
+    """A path as ``p_WE_desired``, ``v_WE_desired`` and ``a_WE_desired``, (m,) [m, m/s, m/s^2].
+
+    Args:
+        path: The path.
+        p_WE: Where the end effector starts, shape (3,) [m].
+        task: A key of `TASKS`, which names the m rows.
+    """
+
+    def __init__(self, path: Path, p_WE: Array, task: str = "xyz") -> None:
+        super().__init__()
+        self.path = path
+        self.start = path.start_point(p_WE)
+        self._rows = list(TASKS[task])
+        self._memo: tuple[float, list[Array]] = (-1.0, [])
+        for order, name in enumerate(("p_WE_desired", "v_WE_desired", "a_WE_desired")):
+            self.DeclareVectorOutputPort(
+                name,
+                len(self._rows),
+                lambda context, output, order=order: self._calc(context, output, order),
+                {self.time_ticket()},
+            )
+
+    def _calc(self, context: Context, output: Any, order: int) -> None:
+        t = context.get_time()
+        if self._memo[0] != t:
+            # A pure function of time, asked for three times at each.
+            p, v, a = self.path.evaluate(t)
+            values = [self.start + p, v, a]
+            if len(self._rows) < 3:
+                values = [value[self._rows] for value in values]
+            self._memo = (t, values)
+        output.set_value(self._memo[1][order])
+
+

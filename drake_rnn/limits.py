@@ -97,6 +97,10 @@ class JointLimits:
     def _position(self) -> Array:
         return np.stack([self.position_lower, self.position_upper])
 
+    @cached_property
+    def _velocity_lower(self) -> Array:
+        return -self.velocity
+
     def velocity_box(self, q: Array, stiffness: float) -> tuple[Array, Array]:
         """Velocities that respect position and velocity bounds: lower and upper, (n,) [rad/s].
 
@@ -104,7 +108,7 @@ class JointLimits:
         left, and from beyond the limit returns at no more than its largest speed, so the
         box is never empty.
         """
-        box = np.maximum(stiffness * (self._position - q), -self.velocity)
+        box = np.maximum(stiffness * (self._position - q), self._velocity_lower)
         np.minimum(box, self.velocity, out=box)
         return box[0], box[1]
 

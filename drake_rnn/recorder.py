@@ -8,7 +8,7 @@ import numpy as np
 from pydrake.systems.framework import Context, OutputPort
 
 from .fields import Array
-from .laws.law import Layout
+from .laws.law import Layout, Signals
 
 
 class Recorder:
@@ -21,8 +21,7 @@ class Recorder:
     Args:
         root: Context of the simulated diagram.
         ports: What to record at every step, by name.
-        probe: Asked every ``period``, for a flat vector.
-        probed: The parts of that vector.
+        probe: Asked every ``period``, for signals by name.
         period: Between two calls of ``probe`` [s].
     """
 
@@ -30,8 +29,7 @@ class Recorder:
         self,
         root: Context,
         ports: Mapping[str, OutputPort],
-        probe: Callable[[], Array],
-        probed: Layout,
+        probe: Callable[[], Signals],
         period: float,
     ) -> None:
         self._layout = Layout(**{name: (port.size(),) for name, port in ports.items()})
@@ -40,14 +38,13 @@ class Recorder:
             for name, port in ports.items()
         ]
         self._probe = probe
-        self._probed = probed
         self._period = period
         self._next = 0.0
         self._times = np.empty(1024)
         self._rows = np.empty((1024, self._layout.size))
         self._count = 0
         self._probed_at: list[int] = []
-        self._probed_rows: list[Array] = []
+        self._probed: list[Signals] = []
 
     def __call__(self, context: Context) -> None:
         """Record the present."""
@@ -63,7 +60,7 @@ class Recorder:
         # Step times carry rounding errors, far below any period.
         if t >= self._next - 1e-9:
             self._probed_at.append(count)
-            self._probed_rows.append(self._probe())
+            self._probed.append(self._probe())
             self._next += self._period
 
     @property
@@ -80,7 +77,7 @@ class Recorder:
         """One port at every step, shape (k, size)."""
         return self._layout.part(self._rows[: self._count], name)
 
-    def probed(self, name: str) -> Array:
-        """One part of the probe, shape (len(probed_at), ...)."""
-        rows = np.array(self._probed_rows).reshape(-1, self._probed.size)
-        return self._probed.part(rows, name)
+    @property
+    def probed(self) -> list[Signals]:
+        """What the probe said, one entry for each of ``probed_at``."""
+        return self._probed

@@ -50,12 +50,7 @@ def simulate(experiment: Experiment, progress: Progress | None = None) -> Result
     root = simulator.get_mutable_context()
     _set_initial_state(loop, root)
 
-    law = loop.controller.law
     controller_context = loop.controller.GetMyContextFromRoot(root)
-
-    def probe() -> Array:
-        return law.observables.join(*loop.controller.diagnostics(controller_context).values())
-
     recorder = Recorder(
         root,
         {
@@ -65,8 +60,7 @@ def simulate(experiment: Experiment, progress: Progress | None = None) -> Result
             "p_WE_desired": source.GetOutputPort("p_WE_desired"),
             "v_WE_desired": source.GetOutputPort("v_WE_desired"),
         },
-        probe,
-        law.observables,
+        lambda: loop.controller.signals(controller_context),
         experiment.log_period,
     )
     simulator.set_monitor(_with_progress(recorder, progress) if progress else recorder)
@@ -86,7 +80,7 @@ def simulate(experiment: Experiment, progress: Progress | None = None) -> Result
         failure = SimulationError(str(error), root.get_time())
     run_time = time.perf_counter() - running
 
-    result = _result(experiment, recorder, warnings, diagram, law)
+    result = _result(experiment, recorder, warnings, diagram, loop.controller.law)
     result.metrics["real_time_factor"] = root.get_time() / run_time
     result.metrics["wall_time_s"] = time.perf_counter() - started
     if isinstance(loop.controller, SampledController) and failure is None:
@@ -178,10 +172,10 @@ def _result(
         motion, experiment.setup.limits, experiment.window, experiment.settling_tolerance_m
     )
     at = np.array(recorder.probed_at, dtype=int)
-    observed = {name: recorder.probed(name) for name in law.observables.parts}
-    if "saturated" in observed and at.size:
+    observed = _diagnostics(recorder, law)
+    if "saturated" in observed:
         metrics["saturated_fraction"] = float(np.mean(observed["saturated"]))
-    if "acceleration_demand" in observed and at.size:
+    if "acceleration_demand" in observed:
         demand = np.abs(observed["acceleration_demand"])
         metrics["joint_acceleration_demand_max_rad_s2"] = float(demand.max())
 
@@ -206,6 +200,16 @@ def _result(
         warnings=warnings,
         graphviz=diagram.GetGraphvizString(),
     )
+
+
+def _diagnostics(recorder: Recorder, law: Law) -> dict[str, Array]:
+    """What the law tells of itself, at the probed steps; computed now, not while running."""
+    rows: dict[str, list[Array]] = {}
+    states = recorder.series("state")
+    for k, u in zip(recorder.probed_at, recorder.probed, strict=True):
+        for name, value in law.diagnostics(float(recorder.time[k]), states[k], u).items():
+            rows.setdefault(name, []).append(value)
+    return {name: np.array(values) for name, values in rows.items()}
 
 
 def _motion(experiment: Experiment, recorder: Recorder, law: Law) -> Motion:

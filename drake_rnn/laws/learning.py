@@ -9,6 +9,8 @@ it needs joint velocities of all directions.
 
 from __future__ import annotations
 
+from math import expm1
+
 import numpy as np
 
 from ..fields import Array
@@ -16,7 +18,7 @@ from ..fields import Array
 
 def gradient(J_hat: Array, v: Array, v_WE: Array, rho: float) -> Array:
     """Time derivative of ``J_hat``, shape (m, n); ``rho`` in [rad^2/s]."""
-    return np.outer((v_WE - J_hat @ v) / rho, v)
+    return ((v_WE - J_hat @ v) / rho)[:, np.newaxis] * v
 
 
 def rank_one_update(J_hat: Array, v: Array, v_WE: Array, rho: float, period: float) -> Array:
@@ -28,5 +30,5 @@ def rank_one_update(J_hat: Array, v: Array, v_WE: Array, rho: float, period: flo
     square = float(v @ v)
     if square * period < 1e-16 * rho:
         return J_hat
-    share = -np.expm1(-square * period / rho) / square
-    return J_hat + np.outer((v_WE - J_hat @ v) * share, v)
+    share = -expm1(-square * period / rho) / square
+    return J_hat + ((v_WE - J_hat @ v) * share)[:, np.newaxis] * v

@@ -242,4 +242,6 @@ def _clip(value: Array, lower: Array, upper: Array) -> Array:
 
 def _slowing(v_dot: Array, inverse_bound: Array) -> float:
     """How many times too large the accelerations are, the worst joint counting."""
-    return float(np.abs(v_dot * inverse_bound).max())
+    # For a handful of joints Python's max is three times as fast as NumPy's.
+    ratios = (v_dot * inverse_bound).tolist()
+    return float(max(max(ratios), -min(ratios)))

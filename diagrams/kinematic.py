@@ -38,8 +38,9 @@ def AddKinematicLoop(
     task: str = "xyz",
     dither: DitherSettings | None = None,
     seed: int = 0,
+    prefix: str = "",
 ) -> KinematicLoop:
-    """Wire a controller, already in ``builder`` or not, to an ideal arm and a reference.
+    """Add a controller with an ideal arm round it, and join both to a reference.
 
     Ports are joined by their names: whatever the law wants to see and the kinematics, the
     joints or the reference offer. A law that does not ask for ``J`` is not given it.
@@ -47,13 +48,14 @@ def AddKinematicLoop(
     Args:
         builder: Takes the systems.
         arm: The arm.
-        controller: A law as a system.
+        controller: A law as a system, not yet in ``builder``.
         reference: Any system in ``builder`` with the desired signals among its output ports,
             e.g. a `PathSource`.
         start: Posture to start from, shape (n,) [rad]; by default the arm's home posture.
         task: Rows of the task, a key of `TASKS`.
         dither: Excitation of the joints, if any.
         seed: Of the dither.
+        prefix: Of the systems' names, for more than one loop in a diagram.
 
     Raises:
         InvalidInputError: If the law wants what nothing here offers, or the start posture
@@ -62,17 +64,17 @@ def AddKinematicLoop(
     start = start_posture(arm, start)
     if task not in TASKS:
         raise InvalidInputError(f"task: may be {', '.join(TASKS)}, not {task!r}")
-    if not builder.HasSubsystemNamed(controller.get_name()) or not controller.get_name():
-        builder.AddNamedSystem("controller", controller)
-    kinematics = builder.AddNamedSystem("kinematics", Kinematics(arm, task))
-    joint_command = builder.AddNamedSystem("joint_command", Integrator(start))
-    mirror = builder.AddNamedSystem("arm", Mirror(arm.n))
+    builder.AddNamedSystem(f"{prefix}controller", controller)
+    kinematics = builder.AddNamedSystem(f"{prefix}kinematics", Kinematics(arm, task))
+    joint_command = builder.AddNamedSystem(f"{prefix}joint_command", Integrator(start))
+    mirror = builder.AddNamedSystem(f"{prefix}arm", Mirror(arm.n))
 
     asked = controller.GetOutputPort("commanded_velocity")
     moved = shown = asked
     if dither is not None:
-        source = builder.AddNamedSystem("dither", Dither(arm.n, dither.sigma, dither.hold, seed))
-        dithered = builder.AddNamedSystem("dithered_velocity", Adder(2, arm.n))
+        noise = Dither(arm.n, dither.sigma, dither.hold, seed)
+        source = builder.AddNamedSystem(f"{prefix}dither", noise)
+        dithered = builder.AddNamedSystem(f"{prefix}dithered_velocity", Adder(2, arm.n))
         builder.Connect(asked, dithered.get_input_port(0))
         builder.Connect(source.get_output_port(), dithered.get_input_port(1))
         shown = dithered.get_output_port()

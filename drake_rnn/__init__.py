@@ -1,1 +1,56 @@
 """Recurrent-neural-network controllers for redundant manipulators, as Drake systems."""
+
+from importlib.metadata import version
+
+from .arms import Arm, ArmDescription, load_arm, shipped_arms
+from .errors import DrakeRnnError, InvalidInputError, SimulationError
+from .experiment import Experiment, load_experiment, make_experiment, shipped_experiments
+from .laws import ContinuousLaw, Law, Layout, SimultaneousLearning
+from .limits import JointLimits
+from .paths import PATHS, Path
+from .reach import check_reach
+from .result import Result
+from .simulation import build_diagram, simulate
+from .systems import (
+    ContinuousController,
+    Dither,
+    DitherSettings,
+    Kinematics,
+    Mirror,
+    PathSource,
+    SampledController,
+)
+
+__version__ = version("drake-rnn")
+
+__all__ = [
+    "PATHS",
+    "Arm",
+    "ArmDescription",
+    "ContinuousController",
+    "ContinuousLaw",
+    "Dither",
+    "DitherSettings",
+    "DrakeRnnError",
+    "Experiment",
+    "InvalidInputError",
+    "JointLimits",
+    "Kinematics",
+    "Law",
+    "Layout",
+    "Mirror",
+    "Path",
+    "PathSource",
+    "Result",
+    "SampledController",
+    "SimulationError",
+    "SimultaneousLearning",
+    "build_diagram",
+    "check_reach",
+    "load_arm",
+    "load_experiment",
+    "make_experiment",
+    "shipped_arms",
+    "shipped_experiments",
+    "simulate",
+]

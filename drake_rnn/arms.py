@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -259,6 +260,11 @@ class ArmKinematics:
         key = q.tobytes()
         if key == self._at_q:
             return
+        # Drake ends the process over this.
+        if q.size != self._indices.size or not isfinite(q.dot(q)):
+            raise InvalidInputError(
+                f"position: must be {self._indices.size} finite numbers, not {q.tolist()}"
+            )
         if self._is_whole:
             self._plant.SetPositions(self._context, q)
         else:
@@ -277,8 +283,8 @@ class ArmKinematics:
     def p_WE(self, q: Array) -> Array:
         """Position of E's origin, shape (3,) [m]."""
         self._set(q)
-        return np.asarray(
-            self._plant.CalcPointsPositions(self._context, self._frame, _ORIGIN, self._world)
+        return self._plant.CalcPointsPositions(
+            self._context, self._frame, _ORIGIN, self._world
         ).ravel()
 
     def R_WE(self, q: Array) -> Array:

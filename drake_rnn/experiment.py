@@ -133,7 +133,7 @@ class Experiment:
     def document(self) -> dict[str, Any]:
         """The experiment as plain data, without what is at its default."""
         document = {}
-        for name, field in _FIELDS.items():
+        for name in _FIELDS:
             value = getattr(self, name)
             if value is None or (value == {} and name != "limits") or value == "":
                 continue
@@ -142,7 +142,6 @@ class Experiment:
             elif name in {"integrator", "dither"}:
                 value = _given(value)
             document[name] = plain(value)
-            del field
         return document
 
     def to_yaml(self) -> str:
@@ -251,7 +250,8 @@ def load_experiment(
     Args:
         experiment: A name from `shipped_experiments`, or a file.
         changes: New values by dotted keys, e.g. ``{"law.kappa": 8}``; None removes a key.
-            Setting one of period and integrator removes the other.
+            Setting one of period and integrator removes the other; a duration that ends
+            before the document's window removes that, and what was expected in it.
 
     Raises:
         InvalidInputError: Naming the key, its value and what it may be.
@@ -274,6 +274,7 @@ def load_experiment(
     _resolve_files(document, file.parent)
     for key, value in (changes or {}).items():
         _change(document, key, value)
+    _cut_short(document, changes or {})
     return make_experiment({"name": file.stem, **document})
 
 
@@ -316,6 +317,15 @@ def _change(document: dict[str, Any], key: str, value: Any) -> None:
     rival = {"period": "integrator", "integrator": "period"}.get(key.split(".")[0])
     if rival is not None and value is not None:
         document.pop(rival, None)
+
+
+def _cut_short(document: dict[str, Any], changes: Mapping[str, Any]) -> None:
+    duration, window = document.get("duration"), document.get("window")
+    if "duration" not in changes or "window" in changes or not isinstance(window, list):
+        return
+    if isinstance(duration, (int, float)) and window[-1] > duration:
+        document.pop("window")
+        document.pop("accept", None)
 
 
 def _resolve_files(document: dict[str, Any], folder: File) -> None:

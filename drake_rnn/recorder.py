@@ -34,7 +34,7 @@ class Recorder:
     ) -> None:
         self._layout = Layout(**{name: (port.size(),) for name, port in ports.items()})
         self._sources = [
-            (port, port.get_system().GetMyContextFromRoot(root), self._layout.parts[name][0])
+            (port.Eval, port.get_system().GetMyContextFromRoot(root), self._layout.parts[name][0])
             for name, port in ports.items()
         ]
         self._probe = probe
@@ -54,8 +54,8 @@ class Recorder:
             self._rows = np.concatenate((self._rows, np.empty_like(self._rows)))
         t = self._times[count] = context.get_time()
         row = self._rows[count]
-        for port, place, at in self._sources:
-            row[at] = port.Eval(place)
+        for read, place, at in self._sources:
+            row[at] = read(place)
         self._count = count + 1
         # Step times carry rounding errors, far below any period.
         if t >= self._next - 1e-9:

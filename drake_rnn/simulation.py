@@ -10,7 +10,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from .diagrams.kinematic import AddKinematicLoop, KinematicLoop
-from .errors import SimulationError
+from .errors import InvalidInputError, SimulationError
 from .experiment import Experiment
 from .fields import Array
 from .laws.law import Law
@@ -75,8 +75,8 @@ def simulate(experiment: Experiment, progress: Progress | None = None) -> Result
         failure = error
     except KeyboardInterrupt:
         failure = SimulationError("interrupted", root.get_time())
-    except RuntimeError as error:
-        # Drake's own: an implicit or error-controlled integrator that finds no step.
+    except (InvalidInputError, RuntimeError) as error:
+        # A posture that kinematics refuses, or an integrator of Drake's that finds no step.
         failure = SimulationError(str(error), root.get_time())
     run_time = time.perf_counter() - running
 

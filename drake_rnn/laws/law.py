@@ -34,6 +34,8 @@ class Layout:
 
     def split(self, x: Array) -> list[Array]:
         """Views of the parts of ``x``, shape (..., size), in order."""
+        if x.ndim == 1:
+            return [x[at] if len(shape) == 1 else x[at].reshape(shape) for at, shape in self._places]
         lead = x.shape[:-1]
         return [x[..., at].reshape(lead + shape) for at, shape in self._places]
 
@@ -64,6 +66,10 @@ class Law(Protocol):
     @property
     def observables(self) -> Layout:
         """What ``diagnostics`` tells."""
+
+    @property
+    def holds_command(self) -> bool:
+        """Whether ``commanded_velocity`` depends on the state alone, not on time as well."""
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
         """The state to start from, shape (state.size,); ``rng`` carries the experiment's seed."""

@@ -108,6 +108,10 @@ class SimultaneousLearning:
         if self.acceleration_bound != "none":
             self.limits.require("acceleration", f"acceleration_bound: {self.acceleration_bound}")
 
+    @property
+    def holds_command(self) -> bool:
+        return True
+
     @cached_property
     def state(self) -> Layout:
         n, m = self.home.size, self.task_size
@@ -195,7 +199,7 @@ class SimultaneousLearning:
         v, multipliers, *learned = self.state.split(x)
         J = learned[0] if learned else u["J"]
         pull, lower, upper, _ = self._terms(u)
-        demand = self.rate * (_clip(multipliers @ J - pull, lower, upper) - v)
+        demand = self.rate * (_clip(multipliers.dot(J) - pull, lower, upper) - v)
         saturated = self._inverse_bound is not None and _slowing(demand, self._inverse_bound) > 1
         return {
             "velocity_lower": lower,
@@ -210,7 +214,7 @@ class SimultaneousLearning:
         lower, upper = self.limits.velocity_box(q, self.limit_stiffness)
         feedback = self.kappa * (u["p_WE_desired"] - u["p_WE"])
         if self.feedback_limit is not None:
-            speed = sqrt(feedback @ feedback)
+            speed = sqrt(feedback.dot(feedback))
             if speed > self.feedback_limit:
                 feedback *= self.feedback_limit / speed
         return self.return_gain * (q - self.home), lower, upper, u["v_WE_desired"] + feedback
@@ -226,8 +230,8 @@ class SimultaneousLearning:
         task_velocity: Array,
     ) -> tuple[Array, Array]:
         """Time derivatives of v and of the multipliers."""
-        v_dot = self.rate * (_clip(multipliers @ J - pull, lower, upper) - v)
-        multipliers_dot = self.rate * (task_velocity - J @ v)
+        v_dot = self.rate * (_clip(multipliers.dot(J) - pull, lower, upper) - v)
+        multipliers_dot = self.rate * (task_velocity - J.dot(v))
         if self._inverse_bound is not None:
             slowing = _slowing(v_dot, self._inverse_bound)
             if slowing > 1.0:

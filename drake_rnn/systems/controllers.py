@@ -6,7 +6,7 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, State
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, State
 
 from ..errors import InvalidInputError, SimulationError
 from ..fields import Array
@@ -34,25 +34,26 @@ class _Controller(LeafSystem):
             name: (self.DeclareVectorInputPort(name, at.stop - at.start), shape)
             for name, (at, shape) in law.inputs.parts.items()
         }
-        # Flat signals need no reshaping, which costs as much as reading the port.
-        self._flat = [(n, p) for n, (p, shape) in self._input_ports.items() if len(shape) == 1]
-        self._matrices = [(n, p, s) for n, (p, s) in self._input_ports.items() if len(s) > 1]
+        # Read at every sample: bound once, and only matrices reshaped.
+        self._readers = [(name, port.Eval) for name, (port, _) in self._input_ports.items()]
+        self._matrices = [(n, shape) for n, (_, shape) in self._input_ports.items() if len(shape) > 1]
 
-    def _declare_outputs(self, prerequisites: set[Any]) -> None:
-        """Called by the readings once their state is declared."""
+    def _declare_outputs(self, state: Any) -> None:
+        """Called by the readings once their state, with this ticket, is declared."""
         law = self.law
         n = law.state.parts["v"][1][0]
 
         def calc_command(context: Context, output: Any) -> None:
             output.set_value(law.commanded_velocity(context.get_time(), self._state(context)))
 
-        self.DeclareVectorOutputPort("commanded_velocity", n, calc_command, prerequisites)
+        at_present = {state} if law.holds_command else {state, self.time_ticket()}
+        self.DeclareVectorOutputPort("commanded_velocity", n, calc_command, at_present)
         for name, (at, _) in law.state.parts.items():
             self.DeclareVectorOutputPort(
                 name,
                 at.stop - at.start,
                 lambda context, output, at=at: output.set_value(self._state(context)[at]),
-                prerequisites,
+                {state},
             )
         for name, (at, _) in law.observables.parts.items():
             self.DeclareVectorOutputPort(
@@ -73,9 +74,9 @@ class _Controller(LeafSystem):
 
     def signals(self, context: Context) -> dict[str, Array]:
         """What the law sees, by name."""
-        u = {name: port.Eval(context) for name, port in self._flat}
-        for name, port, shape in self._matrices:
-            u[name] = port.Eval(context).reshape(shape)
+        u = {name: read(context) for name, read in self._readers}
+        for name, shape in self._matrices:
+            u[name] = u[name].reshape(shape)
         return u
 
     def initial_state(self, context: Context, **known: Array) -> Array:
@@ -139,7 +140,7 @@ class SampledController(_Controller):
         self.period = period
         state = self.DeclareDiscreteState(np.full(law.state.size, np.nan))
         self.DeclareStateOutputPort("state", state)
-        self._declare_outputs({self.xd_ticket(), self.time_ticket()})
+        self._declare_outputs(self.xd_ticket())
         self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
@@ -155,9 +156,9 @@ class SampledController(_Controller):
         state.set_value(self.initial_state(context) if np.isnan(x).any() else x)
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
-        x = context.get_discrete_state_vector().CopyToVector()
+        x = self._state(context)
         x = self.law.step(context.get_time(), x, self.signals(context), self.period)
-        if not isfinite(x @ x):
+        if not isfinite(x.dot(x)):
             self._fail("state", x, context)
         state.set_value(x)
 
@@ -182,9 +183,9 @@ class ContinuousController(_Controller):
             raise InvalidInputError(
                 f"{type(law).__name__} is no differential equation; sample it with a period"
             )
-        state = self.DeclareContinuousState(np.full(law.state.size, np.nan))
+        state = self.DeclareContinuousState(BasicVector(np.full(law.state.size, np.nan)))
         self.DeclareStateOutputPort("state", state)
-        self._declare_outputs({self.xc_ticket(), self.time_ticket()})
+        self._declare_outputs(self.xc_ticket())
         self.DeclareInitializationUnrestrictedUpdateEvent(self._initialize)
 
     def _state(self, context: Context) -> Array:
@@ -201,6 +202,6 @@ class ContinuousController(_Controller):
 
     def DoCalcTimeDerivatives(self, context: Context, derivatives: Any) -> None:
         rates = self.law.derivatives(context.get_time(), self._state(context), self.signals(context))
-        if not isfinite(rates @ rates):
+        if not isfinite(rates.dot(rates)):
             self._fail("the rate of", rates, context)
         derivatives.SetFromVector(rates)

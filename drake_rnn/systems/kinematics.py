@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from pydrake.systems.framework import Context, LeafSystem
 
 from ..arms import Arm
-from ..errors import SimulationError
 from ..fields import Array
 
 #: Rows of the position of E that a task is about.
@@ -43,34 +41,35 @@ class Kinematics(LeafSystem):
         def task_rows(value: Array) -> Array:
             return value if every_row else value[rows]
 
-        def declare(name: str, size: int, prerequisites: set[Any], value: Any) -> None:
-            def calc(context: Context, output: Any) -> None:
-                output.set_value(value(context))
+        # Evaluated at every sample, hence one function deep.
+        read_q, read_v = self._position.Eval, self._velocity.Eval
 
-            self.DeclareVectorOutputPort(name, size, calc, prerequisites)
+        def p_WE(context: Context, output: Any) -> None:
+            output.set_value(task_rows(arm_kinematics.p_WE(read_q(context))))
 
-        def p_WE(context: Context) -> Array:
-            q = self._position.Eval(context)
-            p = arm_kinematics.p_WE(q)
-            if p[0] - p[0] != 0.0:
-                raise SimulationError(f"{self.get_name()}: position is {q}", context.get_time())
-            return task_rows(p)
+        def J(context: Context, output: Any) -> None:
+            output.set_value(task_rows(arm_kinematics.J(read_q(context))).ravel())
 
-        def J(context: Context) -> Array:
-            return task_rows(arm_kinematics.J(self._position.Eval(context)))
+        def v_WE(context: Context, output: Any) -> None:
+            J = task_rows(arm_kinematics.J(read_q(context)))
+            output.set_value(J.dot(read_v(context)))
 
-        def v_WE(context: Context) -> Array:
-            return J(context) @ self._velocity.Eval(context)
+        def Jdot_v(context: Context, output: Any) -> None:
+            bias = arm_kinematics.Jdot_v(read_q(context), read_v(context))
+            output.set_value(task_rows(bias))
 
-        def Jdot_v(context: Context) -> Array:
-            q, v = self._position.Eval(context), self._velocity.Eval(context)
-            return task_rows(arm_kinematics.Jdot_v(q, v))
+        def R_WE(context: Context, output: Any) -> None:
+            output.set_value(arm_kinematics.R_WE(read_q(context)).ravel())
 
-        declare("p_WE", m, at_q, p_WE)
-        declare("R_WE", 9, at_q, lambda c: arm_kinematics.R_WE(self._position.Eval(c)).ravel())
-        declare("v_WE", m, at_q_v, v_WE)
-        declare("J", m * n, at_q, lambda context: J(context).ravel())
-        declare(
-            "J_omega", 3 * n, at_q, lambda c: arm_kinematics.J_omega(self._position.Eval(c)).ravel()
-        )
-        declare("Jdot_v", m, at_q_v, Jdot_v)
+        def J_omega(context: Context, output: Any) -> None:
+            output.set_value(arm_kinematics.J_omega(read_q(context)).ravel())
+
+        for size, calc, prerequisites in (
+            (m, p_WE, at_q),
+            (m, v_WE, at_q_v),
+            (9, R_WE, at_q),
+            (m * n, J, at_q),
+            (3 * n, J_omega, at_q),
+            (m, Jdot_v, at_q_v),
+        ):
+            self.DeclareVectorOutputPort(calc.__name__, size, calc, prerequisites)

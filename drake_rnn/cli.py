@@ -1,0 +1,214 @@
+"""The command line."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from time import perf_counter
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from .errors import DrakeRnnError, InvalidInputError, SimulationError
+from .experiment import Experiment, load_experiment, parse_change
+from .report import experiments_table, metrics_table, sweep_table
+from .result import Result
+from .simulation import Progress as ProgressCallback
+from .simulation import simulate
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="Recurrent-neural-network controllers for redundant manipulators, as Drake systems.",
+)
+
+# A table has its own width where nobody has said how wide the terminal is.
+_WIDTH = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 120
+out = Console(width=_WIDTH, soft_wrap=False, highlight=False)
+err = Console(stderr=True, soft_wrap=True, highlight=False)
+
+FAILED, BAD_INPUT = 1, 2
+
+Set = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Change a key, e.g. law.kappa=8; repeatable."),
+]
+Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Where the folders go.")]
+Seed = Annotated[int | None, typer.Option(help="Seed of everything random.", min=0)]
+Duration = Annotated[float | None, typer.Option(help="Simulated time [s].")]
+
+
+@app.command("list")
+def list_experiments() -> None:
+    """List the experiments that come with this package."""
+    with _errors():
+        out.print(experiments_table())
+
+
+@app.command()
+def run(
+    experiments: Annotated[
+        list[str], typer.Argument(metavar="EXPERIMENT...", help="Shipped names or YAML files.")
+    ],
+    out_folder: Out = Path("out"),
+    changes: Set = None,
+    seed: Seed = None,
+    duration: Duration = None,
+    playback: Annotated[bool, typer.Option(help="Write playback.html.")] = True,
+) -> None:
+    """Run experiments: a folder each, with figures, metrics and a playback."""
+    with _errors():
+        # Everything is checked before anything runs.
+        loaded = [_load(name, changes, seed, duration) for name in experiments]
+        _require_writable(out_folder)
+    failed = False
+    for experiment in loaded:
+        try:
+            with _errors(), _progress(experiment) as progress:
+                result = simulate(experiment, progress)
+        except typer.Exit as stop:
+            failure = stop.__context__
+            if not isinstance(failure, SimulationError) or failure.result is None:
+                raise
+            result, failed = failure.result, True
+        with _errors():
+            _write(result, out_folder / experiment.name, playback)
+    if failed:
+        raise typer.Exit(FAILED)
+
+
+@app.command()
+def sweep(
+    experiment: Annotated[str, typer.Argument(help="A shipped name or a YAML file.")],
+    over: Annotated[
+        list[str],
+        typer.Option("--over", metavar="KEY=v1,v2,...", help="Values; repeat for the product."),
+    ],
+    out_folder: Out = Path("out"),
+    changes: Set = None,
+    seed: Seed = None,
+    duration: Duration = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Runs at a time.")] = 1,
+) -> None:
+    """Run an experiment at many values: a table, a CSV and a picture."""
+    from .figures import sweep_figure
+    from .sweep import Row, parse_axis, write_csv
+    from .sweep import sweep as run_sweep
+
+    with _errors():
+        axes = dict(parse_axis(text) for text in over)
+        _require_writable(out_folder)
+        keys = list(axes)
+
+        def done(row: Row) -> None:
+            values = ", ".join(f"{key}={v}" for key, v in zip(keys, row.values, strict=True))
+            err.print(f"{values}: {row.failure or 'done'}")
+
+        rows = run_sweep(experiment, axes, _changes(changes, seed, duration), jobs, done)
+        folder = out_folder / f"sweep_{Path(experiment).stem}_{'_'.join(keys)}"
+        folder.mkdir(parents=True, exist_ok=True)
+        write_csv(folder / "sweep.csv", keys, rows)
+        picture = sweep_figure(keys, rows, folder / "sweep.png")
+    out.print(sweep_table(keys, rows))
+    out.print(f"table    {folder / 'sweep.csv'}")
+    if picture is not None:
+        out.print(f"picture  {picture}")
+    if any(row.failure for row in rows):
+        raise typer.Exit(FAILED)
+
+
+def main() -> None:
+    """Entry point of ``drake-rnn``."""
+    app()
+
+
+def _load(
+    name: str, changes: list[str] | None, seed: int | None, duration: float | None
+) -> Experiment:
+    return load_experiment(name, _changes(changes, seed, duration))
+
+
+def _changes(
+    changes: list[str] | None, seed: int | None, duration: float | None
+) -> dict[str, object]:
+    new = dict(parse_change(change) for change in changes or [])
+    if seed is not None:
+        new["seed"] = seed
+    if duration is not None:
+        new["duration"] = duration
+    return new
+
+
+def _write(result: Result, folder: Path, playback: bool) -> None:
+    from .figures import write_figures
+
+    result.save(folder)
+    _draw_diagram(folder / "diagram.dot")
+    figures = write_figures(result, folder / "figures")
+    for warning in result.warnings:
+        err.print(f"[yellow]warning[/] {warning}")
+    out.print(metrics_table(result))
+    out.print(f"results   {folder}", soft_wrap=True)
+    out.print(f"figures   {folder / 'figures'} ({len(figures)})", soft_wrap=True)
+    if playback and result.time.size > 1:
+        out.print(f"playback  {result.playback(folder / 'playback.html')}", soft_wrap=True)
+
+
+def _draw_diagram(dot: Path) -> None:
+    if program := shutil.which("dot"):
+        command = [program, "-Tsvg", str(dot), "-o", str(dot.with_suffix(".svg"))]
+        subprocess.run(command, check=False, capture_output=True)
+
+
+def _require_writable(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InvalidInputError(f"--out: {folder}: {error.strerror}") from None
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise InvalidInputError(f"--out: {folder}: not writable")
+
+
+@contextmanager
+def _errors() -> Iterator[None]:
+    """Errors on purpose end with a sentence and a status, not with a traceback."""
+    try:
+        yield
+    except SimulationError as error:
+        err.print(f"[red]failed[/] {error}", soft_wrap=True)
+        raise typer.Exit(FAILED) from error
+    except DrakeRnnError as error:
+        err.print(f"[red]error[/] {error}", soft_wrap=True)
+        raise typer.Exit(BAD_INPUT) from error
+
+
+@contextmanager
+def _progress(experiment: Experiment) -> Iterator[ProgressCallback | None]:
+    """A bar on a terminal, nothing elsewhere."""
+    if not err.is_terminal:
+        yield None
+        return
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed:.2f} / {task.total:g} s"),
+        TextColumn("{task.fields[speed]}"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=err, transient=True) as bar:
+        task = bar.add_task(experiment.name, total=experiment.duration, speed="")
+        began = perf_counter()
+
+        def progress(t: float) -> None:
+            speed = t / max(perf_counter() - began, 1e-9)
+            bar.update(task, completed=t, speed=f"{speed:.1f} x real time")
+
+        yield progress

@@ -1,0 +1,186 @@
+"""A law as a Drake system."""
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
+
+from drake_rnn import (
+    ContinuousController,
+    InvalidInputError,
+    JointLimits,
+    Layout,
+    SampledController,
+    SimulationError,
+    SimultaneousLearning,
+)
+
+N = 3
+LIMITS = JointLimits.unlimited(N).replace(velocity=0.5, acceleration=1.0)
+LAW = SimultaneousLearning(limits=LIMITS, home=np.zeros(N), jacobian="known")
+LEARNING = SimultaneousLearning(limits=LIMITS, home=np.zeros(N))
+CONTROLLERS = [lambda law: SampledController(law, 1e-3), ContinuousController]
+IDS = ["sampled", "continuous"]
+
+
+class Exploding:
+    """A law that is not finite any more after a while."""
+
+    state = Layout(v=(N,), other=(2,))
+    inputs = Layout(position=(N,))
+    observables = Layout(size=(1,))
+    holds_command = True
+
+    def initial_state(self, rng, u):
+        return np.zeros(5)
+
+    def derivatives(self, t, x, u):
+        return np.array([0.0, 0.0, 0.0, 0.0, np.nan if t > 0.1 else 1.0])
+
+    def step(self, t, x, u, period):
+        return x + period * self.derivatives(t, x, u)
+
+    def commanded_velocity(self, t, x):
+        return x[:N]
+
+    def diagnostics(self, t, x, u):
+        return {"size": np.array([np.linalg.norm(x)])}
+
+
+def wire(controller, **values):
+    """The controller with constants on its ports, in a simulator."""
+    builder = DiagramBuilder()
+    builder.AddNamedSystem("controller", controller)
+    for name, (at, _) in controller.law.inputs.parts.items():
+        value = np.asarray(values.get(name, np.zeros(at.stop - at.start))).ravel()
+        source = builder.AddSystem(ConstantVectorSource(value))
+        builder.Connect(source.get_output_port(), controller.GetInputPort(name))
+    simulator = Simulator(builder.Build())
+    return simulator, controller.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+
+
+@pytest.mark.parametrize("make", CONTROLLERS, ids=IDS)
+def test_ports_are_the_laws_own(make):
+    controller = make(LEARNING)
+    inputs = [controller.get_input_port(i).get_name() for i in range(controller.num_input_ports())]
+    outputs = [
+        controller.get_output_port(i).get_name() for i in range(controller.num_output_ports())
+    ]
+    assert inputs == list(LEARNING.inputs.parts)
+    assert outputs == [
+        "state",
+        "commanded_velocity",
+        *LEARNING.state.parts,
+        *LEARNING.observables.parts,
+    ]
+    assert controller.GetOutputPort("J_hat").size() == 3 * N
+
+
+@pytest.mark.parametrize("make", CONTROLLERS, ids=IDS)
+def test_a_learning_law_is_blind_to_the_jacobian(make):
+    controller = make(LEARNING)
+    assert not controller.HasInputPort("J")
+    assert make(LAW).HasInputPort("J")
+
+
+@pytest.mark.parametrize("make", CONTROLLERS, ids=IDS)
+def test_command_and_state_do_not_feed_through(make):
+    """So that no algebraic loop can arise, whatever the arm is."""
+    controller = make(LEARNING)
+    for name in ("state", "commanded_velocity", *LEARNING.state.parts):
+        port = controller.GetOutputPort(name).get_index()
+        for i in range(controller.num_input_ports()):
+            assert not controller.HasDirectFeedthrough(i, port)
+
+
+@pytest.mark.parametrize("make", CONTROLLERS, ids=IDS)
+def test_a_forgotten_initial_state_is_made_when_the_simulation_is_initialized(make):
+    simulator, context = wire(make(LEARNING))
+    controller = simulator.get_system().GetSubsystemByName("controller")
+    assert np.isnan(controller.state(context)).all()
+    simulator.Initialize()
+    expected = LEARNING.initial_state(np.random.default_rng([0, 0]), {})
+    np.testing.assert_array_equal(controller.state(context), expected)
+
+
+@pytest.mark.parametrize("make", CONTROLLERS, ids=IDS)
+def test_a_state_that_was_set_is_kept(make):
+    simulator, context = wire(make(LEARNING))
+    controller = simulator.get_system().GetSubsystemByName("controller")
+    x = np.arange(LEARNING.state.size, dtype=float)
+    controller.set_state(context, x)
+    simulator.Initialize()
+    np.testing.assert_array_equal(controller.state(context), x)
+
+
+@pytest.mark.parametrize("make", CONTROLLERS, ids=IDS)
+def test_a_start_posture_that_is_not_finite_is_refused(make):
+    simulator, _ = wire(make(LAW), position=[0.0, np.nan, 0.0])
+    with pytest.raises(InvalidInputError, match="controller: position is .*nan.* start posture"):
+        simulator.Initialize()
+
+
+def test_an_input_that_is_not_connected_is_named():
+    builder = DiagramBuilder()
+    builder.AddNamedSystem("controller", SampledController(LAW, 1e-3))
+    simulator = Simulator(builder.Build())
+    with pytest.raises(InvalidInputError, match="controller: its input port 'position' is not"):
+        simulator.Initialize()
+
+
+@pytest.mark.parametrize("make", CONTROLLERS, ids=IDS)
+def test_it_stops_when_a_part_of_the_state_is_not_finite(make):
+    """Not silently, and not for ever: error control would shorten its steps without end."""
+    simulator, _ = wire(make(Exploding()))
+    with pytest.raises(SimulationError, match="controller.* other not finite") as raised:
+        simulator.AdvanceTo(1.0)
+    # One step of the default integrator past it, at most.
+    assert 0.1 <= raised.value.time <= 0.2
+
+
+def test_an_input_that_is_not_finite_is_named_as_the_cause():
+    simulator, _ = wire(SampledController(LAW, 1e-3), v_WE_desired=[0.0, np.nan, 0.0])
+    with pytest.raises(SimulationError, match="multipliers not finite.*v_WE_desired"):
+        simulator.AdvanceTo(0.01)
+
+
+@pytest.mark.parametrize("period", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_period_must_be_positive(period):
+    with pytest.raises(InvalidInputError, match="period: must be positive"):
+        SampledController(LAW, period)
+
+
+def test_a_law_without_derivatives_can_only_be_sampled():
+    class Memoryless(Exploding):
+        derivatives = property()
+
+    with pytest.raises(InvalidInputError, match="Memoryless is no differential equation"):
+        ContinuousController(Memoryless())
+
+
+@pytest.mark.parametrize("make", CONTROLLERS, ids=IDS)
+def test_diagnostics_are_ports_and_what_the_law_says(make):
+    simulator, context = wire(make(LAW), p_WE_desired=[0.1, 0.0, 0.0], J=np.eye(3))
+    simulator.AdvanceTo(0.02)
+    controller = simulator.get_system().GetSubsystemByName("controller")
+    told = controller.diagnostics(context)
+    for name in LAW.observables.parts:
+        np.testing.assert_array_equal(controller.GetOutputPort(name).Eval(context), told[name])
+
+
+@pytest.mark.parametrize("make", CONTROLLERS, ids=IDS)
+def test_the_context_holds_everything(make):
+    """A clone goes on as the original does, and the original is not disturbed."""
+    simulator, _ = wire(make(LAW), p_WE_desired=[0.1, 0.0, 0.0], J=np.eye(3))
+    simulator.AdvanceTo(0.01)
+    copy = Simulator(simulator.get_system(), simulator.get_context().Clone())
+    copy.AdvanceTo(0.02)
+    simulator.AdvanceTo(0.02)
+    controller = simulator.get_system().GetSubsystemByName("controller")
+    states = [
+        controller.state(controller.GetMyContextFromRoot(run.get_context()))
+        for run in (simulator, copy)
+    ]
+    # The copy's integrator starts anew and may choose other steps.
+    np.testing.assert_allclose(states[0], states[1], atol=1e-6)

@@ -1,0 +1,186 @@
+"""RNN (16), (19), (20) as functions of arrays, and what holds of the paper's Theorem 2."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from pydantic import ValidationError
+
+from drake_rnn import InvalidInputError, JointLimits, SimultaneousLearning
+
+LIMITS = JointLimits(
+    position_lower=-np.full(7, 2.0),
+    position_upper=np.full(7, 2.0),
+    velocity=np.full(7, 0.5),
+    acceleration=np.array([1.2, 1.6, 1.4, 1.4, 1.5, 1.8, 1.0]),
+)
+RNG = np.random.default_rng(0)
+# As large as an arm's of a metre: Euler's method needs rate * step * |J|^2 below 1.
+J = 0.3 * RNG.normal(size=(3, 7))
+Q = RNG.uniform(-0.5, 0.5, size=7)
+
+
+def law(**gains):
+    return SimultaneousLearning(**{"limits": LIMITS, "home": np.zeros(7), **gains})
+
+
+def signals(speed=0.05, **others):
+    return {
+        "position": Q,
+        "p_WE": np.zeros(3),
+        "p_WE_desired": np.zeros(3),
+        "v_WE_desired": np.full(3, speed),
+        "J": J,
+        **others,
+    }
+
+
+def settle(network, u, time, step=1e-3):
+    """The state after a long time with everything it sees held."""
+    x = network.initial_state(np.random.default_rng(0), u)
+    for _ in range(round(time / step)):
+        x = x + step * network.derivatives(0.0, x, u)
+    return network.state.split(x)
+
+
+def test_at_rest_it_is_where_the_quadratic_program_is():
+    """Theorem 2: unbounded, v = J^+ b + (I - J^+ J)(-pull), the program's closed form."""
+    fast = LIMITS.replace(velocity=10.0)
+    network = law(jacobian="known", rate=200.0, acceleration_bound="none", limits=fast)
+    u = signals()
+    v, _ = settle(network, u, time=5.0)
+    inverse = np.linalg.pinv(J)
+    expected = inverse @ u["v_WE_desired"] - (np.eye(7) - inverse @ J) @ Q
+    np.testing.assert_allclose(v, expected, atol=1e-9)
+
+
+def test_at_rest_on_a_bound_it_meets_the_optimality_conditions():
+    """With bounds active: J v = b, and v is the projection of J^T multipliers - pull."""
+    network = law(jacobian="known", rate=200.0, acceleration_bound="none", return_gain=2.0)
+    u = signals(speed=0.1)
+    v, multipliers = settle(network, u, time=20.0)
+    lower, upper = LIMITS.velocity_box(Q, network.limit_stiffness)
+    np.testing.assert_allclose(J @ v, u["v_WE_desired"], atol=1e-8)
+    np.testing.assert_allclose(v, np.clip(multipliers @ J - 2.0 * Q, lower, upper), atol=1e-8)
+    assert np.isclose(np.abs(v), 0.5).any(), "the case is meant to have an active bound"
+
+
+states = arrays(float, 10, elements=st.floats(-5, 5))
+
+
+@given(states)
+def test_the_acceleration_bound_holds_at_every_state_and_breaks_without_it(x):
+    """Largest entry over the smallest bound, as the paper's scalar c_max."""
+    u = signals()
+    bounded = law(jacobian="known").derivatives(0.0, x, u)
+    free = law(jacobian="known", acceleration_bound="none").derivatives(0.0, x, u)
+    assert np.abs(bounded[:7]).max() <= 1.0 + 1e-12
+    if np.abs(free[:7]).max() > 1.0:
+        assert np.abs(bounded[:7]).max() == pytest.approx(1.0)
+
+
+@given(states)
+def test_each_joint_keeps_its_own_bound(x):
+    rates = law(jacobian="known", acceleration_bound="per_joint").derivatives(0.0, x, signals())
+    assert (np.abs(rates[:7]) <= LIMITS.acceleration * (1 + 1e-12)).all()
+
+
+@given(states)
+def test_slowing_down_changes_no_direction(x):
+    """v and the multipliers share one eta; slowing only one of them winds up the other."""
+    u = signals()
+    slow = law(jacobian="known").derivatives(0.0, x, u)
+    free = law(jacobian="known", acceleration_bound="none").derivatives(0.0, x, u)
+    scale = np.linalg.norm(slow) / max(np.linalg.norm(free), 1e-300)
+    np.testing.assert_allclose(slow, scale * free, atol=1e-9 * np.abs(free).max())
+
+
+@given(states, arrays(float, 3, elements=st.floats(-0.5, 0.5)))
+def test_the_feedback_never_asks_for_more_than_its_limit(x, error):
+    """Seen through the multipliers' rate, which is rate (b - J v)."""
+    network = law(jacobian="known", feedback_limit=0.1, kappa=15.0, acceleration_bound="none")
+    u = signals(speed=0.0, p_WE=error)
+    v, _ = network.state.split(x)
+    _, rates = network.state.split(network.derivatives(0.0, x, u))
+    asked = rates / network.rate + J @ v
+    assert np.linalg.norm(asked) <= 0.1 + 1e-9
+    if np.linalg.norm(15.0 * error) <= 0.1:
+        np.testing.assert_allclose(asked, -15.0 * error, atol=1e-9)
+
+
+@pytest.mark.parametrize("jacobian", ["known", "learned"])
+def test_a_sample_approaches_the_differential_equation(jacobian):
+    """Both readings are one algebra: the step's rate tends to the derivative, at first order."""
+    network = law(jacobian=jacobian, rho=1e-2)
+    v, v_WE = RNG.uniform(-0.2, 0.2, 7), RNG.uniform(-0.2, 0.2, 3)
+    u = signals(velocity=v, v_WE=v_WE)
+    x = RNG.uniform(-0.2, 0.2, network.state.size)
+    derivative = network.derivatives(0.0, x, u)
+    errors = [
+        np.abs((network.step(0.0, x, u, h) - x) / h - derivative).max() for h in (1e-5, 5e-6)
+    ]
+    assert errors[1] < 0.51 * errors[0] + 1e-6
+
+
+def test_substeps_keep_a_long_period_stable():
+    """Euler's method needs rate times step below 2; four milliseconds would be twice that."""
+    u = signals()
+    x = law().state.join(np.full(7, 0.1), np.zeros(3), J)
+    network = law(jacobian="known", acceleration_bound="none")
+    for _ in range(500):
+        x = network.step(0.0, x[:10], u, 4e-3)
+    assert np.abs(x).max() < 10
+    unstable = law(jacobian="known", acceleration_bound="none", substeps=1)
+    for _ in range(500):
+        x = unstable.step(0.0, x[:10], u, 4e-3)
+    assert np.abs(x).max() > 1e3
+
+
+def test_it_sees_the_jacobian_only_if_it_is_known():
+    assert "J" in law(jacobian="known").inputs
+    assert "J" not in law(jacobian="learned").inputs
+    assert not {"velocity", "v_WE"} & set(law(jacobian="known").inputs.parts)
+
+
+@pytest.mark.parametrize(
+    ("start", "value"), [("zero", np.zeros((3, 7))), ("exact", J), ("uniform", None)]
+)
+def test_the_learned_jacobian_starts_as_asked(start, value):
+    network = law(J_hat_initial=start)
+    x = network.initial_state(np.random.default_rng(3), signals())
+    J_hat = network.state.part(x, "J_hat")
+    if value is None:
+        assert ((J_hat >= 0) & (J_hat <= 1)).all()
+        again = network.initial_state(np.random.default_rng(3), signals())
+        np.testing.assert_array_equal(x, again)
+    else:
+        np.testing.assert_array_equal(J_hat, value)
+    np.testing.assert_array_equal(x[:10], 0.0)
+
+
+def test_a_blind_law_says_that_it_cannot_start_exactly():
+    u = {name: value for name, value in signals().items() if name != "J"}
+    with pytest.raises(InvalidInputError, match="J_hat_initial: exact needs the arm's J"):
+        law(J_hat_initial="exact").initial_state(np.random.default_rng(0), u)
+
+
+def test_an_acceleration_bound_needs_one():
+    limits = JointLimits.unlimited(7)
+    with pytest.raises(InvalidInputError, match=r"limits\.acceleration"):
+        law(limits=limits)
+    law(limits=limits, acceleration_bound="none")
+
+
+@pytest.mark.parametrize(
+    "gains",
+    [{"kappa": 0}, {"rate": -1}, {"rho": float("nan")}, {"substeps": 0}, {"home": np.zeros(6)}],
+)
+def test_bad_gains_are_refused(gains):
+    with pytest.raises(ValidationError):
+        law(**gains)
+
+
+def test_a_law_never_changes():
+    with pytest.raises(AttributeError):
+        law().kappa = 3.0  # type: ignore[misc]

@@ -1,0 +1,117 @@
+"""The blocks of the loop, one by one."""
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import LogVectorOutput
+
+from drake_rnn import Dither, InvalidInputError, Kinematics, Mirror, PathSource, load_arm
+from drake_rnn.paths import Nephroid
+
+PANDA = load_arm("panda")
+PLANAR = load_arm("planar6")
+
+
+def fixed(system, **inputs):
+    context = system.CreateDefaultContext()
+    for name, value in inputs.items():
+        system.GetInputPort(name).FixValue(context, np.asarray(value, dtype=float))
+    return lambda name: system.GetOutputPort(name).Eval(context)
+
+
+@pytest.mark.parametrize(("arm", "task"), [(PANDA, "xyz"), (PLANAR, "xy")])
+def test_kinematics_ports_are_the_arms_kinematics(arm, task):
+    rows = list(range(len(task)))
+    q, v = arm.home + 0.1, np.linspace(-0.3, 0.4, arm.n)
+    port = fixed(Kinematics(arm, task), position=q, velocity=v)
+    expected = arm.kinematics()
+    J = expected.J(q)[rows]
+    np.testing.assert_array_equal(port("p_WE"), expected.p_WE(q)[rows])
+    np.testing.assert_array_equal(port("J").reshape(len(task), arm.n), J)
+    np.testing.assert_allclose(port("v_WE"), J @ v, atol=1e-15)
+    np.testing.assert_array_equal(port("R_WE").reshape(3, 3), expected.R_WE(q))
+    np.testing.assert_array_equal(port("J_omega").reshape(3, arm.n), expected.J_omega(q))
+    np.testing.assert_array_equal(port("Jdot_v"), expected.Jdot_v(q, v)[rows])
+
+
+def test_kinematics_refuses_a_posture_that_is_not_finite():
+    port = fixed(Kinematics(PANDA), position=np.full(7, np.nan), velocity=np.zeros(7))
+    with pytest.raises(InvalidInputError, match="position: must be 7 finite numbers"):
+        port("p_WE")
+
+
+def test_kinematics_positions_do_not_depend_on_velocities():
+    """Otherwise injected noise would feed through, and Drake would recompute them."""
+    system = Kinematics(PANDA)
+    velocity = system.GetInputPort("velocity").get_index()
+    for name in ("p_WE", "R_WE", "J", "J_omega"):
+        assert not system.HasDirectFeedthrough(velocity, system.GetOutputPort(name).get_index())
+
+
+def test_a_path_source_is_its_path_from_where_the_arm_starts():
+    path = Nephroid(size=0.04, period=8.0, plane="yz", offset=np.array([0.1, 0.0, 0.0]))
+    p_WE = np.array([0.3, 0.0, 0.6])
+    source = PathSource(path, p_WE)
+    context = source.CreateDefaultContext()
+    np.testing.assert_allclose(
+        source.GetOutputPort("p_WE_desired").Eval(context), p_WE - [0.1, 0, 0]
+    )
+    context.SetTime(1.3)
+    p, v, a = path.evaluate(1.3)
+    got = [source.GetOutputPort(f"{x}_WE_desired").Eval(context) for x in "pva"]
+    np.testing.assert_array_equal(got[0], p_WE - [0.1, 0, 0] + p)
+    np.testing.assert_array_equal(got[1], v)
+    np.testing.assert_array_equal(got[2], a)
+
+
+def test_a_planar_task_has_two_rows():
+    source = PathSource(Nephroid(size=0.04, period=8.0), np.zeros(3), task="xy")
+    assert source.GetOutputPort("v_WE_desired").size() == 2
+
+
+class TestDither:
+    """White, bounded, held, and the same in each run."""
+
+    def series(self, seed=0, hold=1e-3, until=0.5):
+        builder = DiagramBuilder()
+        dither = builder.AddSystem(Dither(4, 0.03, hold, seed))
+        log = LogVectorOutput(dither.get_output_port(), builder, publish_period=hold / 2)
+        simulator = Simulator(builder.Build())
+        simulator.AdvanceTo(until)
+        return dither, log.FindLog(simulator.get_context()).data().T
+
+    def test_it_is_the_same_for_a_seed_and_another_for_another(self):
+        first, again, other = (self.series(seed)[1] for seed in (0, 0, 1))
+        np.testing.assert_array_equal(first, again)
+        assert (first[2:] != other[2:]).all()
+
+    def test_it_holds_its_value_and_then_changes(self):
+        dither, data = self.series()
+        # A log entry at a sample's own time shows the value before its update.
+        for k in (0, 7, 400):
+            np.testing.assert_array_equal(data[2 * k + 1], dither.sample(k))
+            np.testing.assert_array_equal(data[2 * k + 2], dither.sample(k))
+
+    def test_it_is_normal_cut_off_at_three_sigma_and_white(self):
+        dither = Dither(4, 0.03, 1e-4, seed=5)
+        values = np.array([dither.sample(k) for k in range(20_000)])
+        assert np.abs(values).max() == 0.09
+        # Cutting off at three sigma takes 1.3 % off the standard deviation.
+        np.testing.assert_allclose(values.std(axis=0), 0.0296, rtol=0.03)
+        np.testing.assert_allclose(values.mean(axis=0), 0.0, atol=1e-3)
+        correlation = np.corrcoef(np.hstack((values[:-1], values[1:])).T)
+        assert np.abs(correlation - np.eye(8)).max() < 0.03
+
+    def test_samples_can_be_asked_for_in_any_order(self):
+        forward, backward = Dither(2, 1.0, 1.0), Dither(2, 1.0, 1.0)
+        numbers = [0, 1, 1023, 1024, 5000]
+        rows = [forward.sample(k).copy() for k in numbers]
+        for k, row in zip(reversed(numbers), reversed(rows), strict=True):
+            np.testing.assert_array_equal(backward.sample(k), row)
+
+
+def test_a_mirror_is_where_it_is_told_to_be():
+    port = fixed(Mirror(2), position_commanded=[0.1, 0.2], velocity_commanded=[0.3, 0.4])
+    np.testing.assert_array_equal(port("position"), [0.1, 0.2])
+    np.testing.assert_array_equal(port("velocity"), [0.3, 0.4])

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import logging
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from copy import copy
+from dataclasses import replace
 from functools import cached_property
 from math import isfinite
 from pathlib import Path
@@ -10,10 +14,12 @@ from typing import Any
 
 import numpy as np
 from pydantic import Field
+from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
+    BodyIndex,
     Frame,
     FrameIndex,
     JacobianWrtVariable,
@@ -90,18 +96,16 @@ class Arm:
         self.home = description.home
         self.gravity = description.gravity
 
+        self._check_model()
         plant = self.plant()
         self._require_frame(plant, self.frame, "frame")
         if self.tip is not None:
             self._require_frame(plant, self.tip, "tip")
         self.joints = self._controlled_joints(plant)
         self.limits = limits if limits is not None else self._stated_limits(plant)
-        for key, size in {
-            "limits": self.limits.size,
-            "home": self.n if self.home is None else self.home.size,
-        }.items():
-            if size != self.n:
-                raise InvalidInputError(f"arm.{key}: has {size} entries for {self.n} joints")
+        self._require_size("limits", self.limits.size)
+        if self.home is not None:
+            self._require_size("home", self.home.size)
 
     @property
     def n(self) -> int:
@@ -109,22 +113,50 @@ class Arm:
         return len(self.joints)
 
     def replace(self, **changes: Any) -> Arm:
-        """The same arm with other fields of its description, e.g. ``frame="tip"``."""
+        """The same arm with other fields of its description, e.g. ``frame="tip"``.
+
+        Joints that are still controlled keep their limits and their part of ``home``; those
+        that are no more stand where ``lock`` says, else at home. A joint that ``lock`` names
+        is no longer controlled, unless ``joints`` says so as well.
+        """
         fields = {name: getattr(self.description, name) for name in _DESCRIPTION_FIELDS}
         description = construct(ArmDescription, {**fields, **changes}, "arm")
-        same_joints = not {"model", "joints"} & changes.keys()
-        return Arm(description, self.name, self.limits if same_joints else None)
+        if "model" in changes:
+            return Arm(description, self.name)
+        if "joints" not in changes and description.joints is not None:
+            joints = [name for name in description.joints if name not in description.lock]
+            description = replace(description, joints=joints)
+        arm = Arm(replace(description, home=changes.get("home")), self.name)
+        if not set(arm.joints) <= set(self.joints):
+            return arm
+        kept = [self.joints.index(name) for name in arm.joints]
+        home = arm.home
+        if self.home is not None:
+            at_home = {n: q for n, q in zip(self.joints, self.home, strict=True)}
+            locked = {n: q for n, q in at_home.items() if n not in arm.joints}
+            description = replace(description, lock={**locked, **description.lock})
+            home = self.home[kept] if home is None else home
+        return Arm(replace(description, home=home), self.name, self.limits.select(kept))
 
     def with_limits(self, limits: JointLimits) -> Arm:
         """The same arm with other limits."""
-        return Arm(self.description, self.name, limits)
+        self._require_size("limits", limits.size)
+        arm = copy(self)
+        arm.limits = limits
+        return arm
 
     def add_to(self, plant: MultibodyPlant) -> ModelInstanceIndex:
-        """Parse the model into ``plant``, before it is finalized, welded to the world."""
-        instance = self._parse(plant)
-        for body in self._floating_bases:
-            frame = plant.GetFrameByName(body, instance)
-            plant.WeldFrames(plant.world_frame(), frame, RigidTransform())
+        """Parse the model into ``plant``, before it is finalized, welded to the world.
+
+        A base that the model leaves free is welded where the model puts it.
+        """
+        # What the parser warns of has been said when this arm was made.
+        with _quiet_parser():
+            bodies_before = plant.num_bodies()
+            instance = self._parse(plant)
+        for number, X_WB in self._floating_bases:
+            body = plant.get_body(BodyIndex(bodies_before + number))
+            plant.WeldFrames(plant.world_frame(), body.body_frame(), X_WB)
         plant.mutable_gravity_field().set_gravity_vector(self.gravity)
         return instance
 
@@ -145,15 +177,35 @@ class Arm:
         """Its kinematics and dynamics as functions of the controlled joints."""
         return ArmKinematics(self)
 
+    def _check_model(self) -> None:
+        """Read it with its geometry, so that files it needs are missed now; warnings are seen."""
+        scene_graph = SceneGraph()
+        plant = MultibodyPlant(0.0)
+        plant.RegisterAsSourceForSceneGraph(scene_graph)
+        self._parse(plant)
+        try:
+            plant.Finalize()
+        except RuntimeError as error:
+            raise InvalidInputError(f"arm.model: {self.model}: {_one_line(error)}") from None
+        del plant  # it points to the scene graph
+
     def _parse(self, plant: MultibodyPlant) -> ModelInstanceIndex:
         parser = Parser(plant)
         parser.SetAutoRenaming(True)
         for package, folder in self.description.packages.items():
-            parser.package_map().Add(package, folder)
+            try:
+                parser.package_map().Add(package, folder)
+            except RuntimeError as error:
+                raise InvalidInputError(f"arm.packages.{package}: {_one_line(error)}") from None
         try:
             instances = parser.AddModels(str(self.model))
         except RuntimeError as error:
-            raise InvalidInputError(f"arm.model: {self.model} cannot be read: {error}") from None
+            hint = (
+                "; arm.packages says where packages lie" if "unknown package" in str(error) else ""
+            )
+            raise InvalidInputError(
+                f"arm.model: {self.model} cannot be read: {_one_line(error)}{hint}"
+            ) from None
         if len(instances) != 1:
             raise InvalidInputError(
                 f"arm.model: {self.model} holds {len(instances)} models; it must hold one"
@@ -161,11 +213,22 @@ class Arm:
         return instances[0]
 
     @cached_property
-    def _floating_bases(self) -> list[str]:
+    def _floating_bases(self) -> list[tuple[int, RigidTransform]]:
+        """Bodies that the model does not hold, counted from its first, and where it puts them."""
         plant = MultibodyPlant(0.0)
-        self._parse(plant)
+        bodies_before = plant.num_bodies()
+        with _quiet_parser():
+            self._parse(plant)
         plant.Finalize()
-        return [plant.get_body(index).name() for index in plant.GetFloatingBaseBodies()]
+        bodies = [plant.get_body(index) for index in plant.GetFloatingBaseBodies()]
+        return [
+            (int(body.index()) - bodies_before, plant.GetDefaultFloatingBaseBodyPose(body))
+            for body in bodies
+        ]
+
+    def _require_size(self, key: str, size: int) -> None:
+        if size != self.n:
+            raise InvalidInputError(f"arm.{key}: has {size} entries for {self.n} joints")
 
     def _require_frame(self, plant: MultibodyPlant, name: str, key: str) -> None:
         if not plant.HasFrameNamed(name):
@@ -192,6 +255,9 @@ class Arm:
                 )
         if self.description.joints is not None:
             joints = list(self.description.joints)
+            if len(set(joints)) < len(joints):
+                twice = next(name for name in joints if joints.count(name) > 1)
+                raise InvalidInputError(f"arm.joints: {twice!r} stands twice")
         else:
             joints = []
             body = plant.GetFrameByName(self.frame).body()
@@ -205,9 +271,10 @@ class Arm:
             raise InvalidInputError(
                 f"arm.frame: no movable joint between the base and {self.frame!r}"
             )
-        for name in joints:
+        for name in [*joints, *self.description.lock]:
             if movable[name].num_positions() != 1 or movable[name].num_velocities() != 1:
-                raise InvalidInputError(f"arm.joints: {name!r} must have one degree of freedom")
+                key = "lock" if name in self.description.lock else "joints"
+                raise InvalidInputError(f"arm.{key}: {name!r} must have one degree of freedom")
         return tuple(joints)
 
     def _stated_limits(self, plant: MultibodyPlant) -> JointLimits:
@@ -261,7 +328,7 @@ class ArmKinematics:
         if key == self._at_q:
             return
         # Drake ends the process over this.
-        if q.size != self._indices.size or not isfinite(q.dot(q)):
+        if q.size != self._indices.size or not isfinite(sum(q.tolist())):
             raise InvalidInputError(
                 f"position: must be {self._indices.size} finite numbers, not {q.tolist()}"
             )
@@ -336,6 +403,21 @@ class ArmKinematics:
         return np.asarray(torques)[self._velocity_indices]
 
 
+def _one_line(error: RuntimeError) -> str:
+    return " ".join(str(error).split())
+
+
+@contextmanager
+def _quiet_parser() -> Iterator[None]:
+    log = logging.getLogger("drake")
+    level = log.level
+    log.setLevel(max(level, logging.ERROR))
+    try:
+        yield
+    finally:
+        log.setLevel(level)
+
+
 _ORIGIN = np.zeros((3, 1))
 _DESCRIPTION_FIELDS = tuple(ArmDescription.__dataclass_fields__)  # type: ignore[attr-defined]
 
@@ -379,4 +461,3 @@ def _published_limits(file: Path) -> JointLimits:
         if key in sheet and sheet[key]["value"] != "unpublished"
     }
     return construct(JointLimits, published, f"{file.parent.name}/{file.name}")
-

@@ -18,7 +18,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from .errors import DrakeRnnError, InvalidInputError, SimulationError
 from .experiment import Experiment, load_experiment, parse_change
-from .report import experiments_table, metrics_table, sweep_table
+from .report import experiments_table, metrics_table, sweep_table, varying_metrics
 from .result import Result
 from .simulation import Progress as ProgressCallback
 from .simulation import simulate
@@ -99,7 +99,7 @@ def sweep(
     jobs: Annotated[int, typer.Option(min=1, help="Runs at a time.")] = 1,
 ) -> None:
     """Run an experiment at many values: a table, a CSV and a picture."""
-    from .figures import sweep_figure
+    from .figures.sweep import sweep_figure
     from .sweep import Row, parse_axis, write_csv
     from .sweep import sweep as run_sweep
 
@@ -116,7 +116,7 @@ def sweep(
         folder = out_folder / f"sweep_{Path(experiment).stem}_{'_'.join(keys)}"
         folder.mkdir(parents=True, exist_ok=True)
         write_csv(folder / "sweep.csv", keys, rows)
-        picture = sweep_figure(keys, rows, folder / "sweep.png")
+        picture = sweep_figure(keys, rows, varying_metrics(rows), folder / "sweep.png")
     out.print(sweep_table(keys, rows))
     out.print(f"table    {folder / 'sweep.csv'}")
     if picture is not None:

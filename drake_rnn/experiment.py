@@ -149,7 +149,7 @@ class Experiment:
         return to_yaml(self.document())
 
 
-_FIELDS = Experiment.__dataclass_fields__  # type: ignore[attr-defined]
+_FIELDS = Experiment.__dataclass_fields__
 
 
 def _given(value: Any) -> dict[str, Any]:
@@ -183,16 +183,16 @@ def _setup(experiment: Experiment) -> Setup:
     limits = _limits(arm, experiment.limits)
     arm = arm.with_limits(limits)
     start = start_posture(arm, experiment.start)
-    path = construct(_kind(experiment.path, PATHS, "path"), _rest(experiment.path), "path")
-    law_class = _kind(experiment.law, LAWS, "law")
+    path: Path = construct(_kind(experiment.path, PATHS, "path"), _rest(experiment.path), "path")
+    law_class: Any = _kind(experiment.law, LAWS, "law")
     known = {
         "limits": limits,
         "home": start,
         "task_size": len(experiment.task),
     }
-    fields = law_class.__dataclass_fields__  # type: ignore[attr-defined]
+    fields = law_class.__dataclass_fields__
     filled = {name: value for name, value in known.items() if name in fields}
-    law = construct(law_class, {**filled, **_rest(experiment.law)}, "law")
+    law: Law = construct(law_class, {**filled, **_rest(experiment.law)}, "law")
     if experiment.integrator is not None and not hasattr(law, "derivatives"):
         raise InvalidInputError(
             f"integrator: {experiment.law['kind']} is no differential equation; give a period"
@@ -215,7 +215,7 @@ def _arm(description: str | Mapping[str, Any]) -> Arm:
 def _limits(arm: Arm, bounds: Mapping[str, Any] | str) -> JointLimits:
     if isinstance(bounds, str):
         return JointLimits.unlimited(arm.n)
-    names = list(JointLimits.__dataclass_fields__)  # type: ignore[attr-defined]
+    names = list(JointLimits.__dataclass_fields__)
     for name in bounds:
         if name not in names:
             raise InvalidInputError(f"limits.{name}: no such key; " + nearest(name, names))
@@ -242,9 +242,7 @@ def shipped_experiments() -> list[str]:
     return sorted(file.stem for file in EXPERIMENTS.glob("*.yaml"))
 
 
-def load_experiment(
-    experiment: str | File, changes: Mapping[str, Any] | None = None
-) -> Experiment:
+def load_experiment(experiment: str | File, changes: Mapping[str, Any] | None = None) -> Experiment:
     """An experiment by its shipped name or from a YAML file, checked as a whole.
 
     Args:

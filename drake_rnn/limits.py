@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,8 @@ DERIVATIVE_UNITS = {
     "snap": "rad/s^4",
     "crackle": "rad/s^5",
 }
+
+_NAMES = ("position_lower", "position_upper", *DERIVATIVE_UNITS)
 
 
 @validated
@@ -46,13 +49,20 @@ class JointLimits:
         for name, bound in {"position_upper": self.position_upper, **known}.items():
             if bound.size != self.position_lower.size:
                 raise ValueError(
-                    f"{name} has {bound.size} entries, position_lower {self.position_lower.size}"
+                    f"{name}: must have {self.position_lower.size} entries like position_lower, "
+                    f"not {bound.size}"
                 )
-        if not (self.position_lower < self.position_upper).all():
-            raise ValueError("position_lower must be below position_upper, joint by joint")
+        inverted = ~(self.position_lower < self.position_upper)
+        if inverted.any():
+            joint = int(np.argmax(inverted))
+            lower, upper = self.position_lower[joint], self.position_upper[joint]
+            raise ValueError(
+                f"position_lower: must be below position_upper, not {lower:g} and {upper:g} "
+                f"as for joint {joint + 1}"
+            )
         for name, bound in known.items():
             if not (bound > 0).all():
-                raise ValueError(f"{name} must be positive, not {bound.tolist()}")
+                raise ValueError(f"{name}: must be positive, not {bound.tolist()}")
 
     @classmethod
     def unlimited(cls, size: int) -> JointLimits:
@@ -67,18 +77,22 @@ class JointLimits:
 
     def merged(self, bounds: Mapping[str, Any]) -> dict[str, Any]:
         """The fields of these limits with ``bounds`` in place; a number stands for every joint."""
-        fields: dict[str, Any] = {
-            name: getattr(self, name)
-            for name in ("position_lower", "position_upper", *DERIVATIVE_UNITS)
-        }
+        fields: dict[str, Any] = {name: getattr(self, name) for name in _NAMES}
         for name, bound in bounds.items():
-            is_number = isinstance(bound, (int, float)) and not isinstance(bound, bool)
+            is_number = isinstance(bound, Real) and not isinstance(bound, bool)
             fields[name] = np.full(self.size, float(bound)) if is_number else bound
         return fields
 
     def replace(self, **bounds: Any) -> JointLimits:
         """The same limits but for the given ones; a number stands for every joint."""
         return JointLimits(**self.merged(bounds))
+
+    def select(self, joints: Sequence[int]) -> JointLimits:
+        """The limits of some joints, by their numbers."""
+        bounds = {name: getattr(self, name) for name in _NAMES}
+        return JointLimits(
+            **{name: None if bound is None else bound[joints] for name, bound in bounds.items()}
+        )
 
     def require(self, name: str, reason: str) -> Array:
         """The bound of this name, shape (n,).

@@ -64,11 +64,15 @@ def motion_metrics(
         window: Times between which errors are taken; None for the whole run.
         settling_tolerance: Position error below which the arm has settled [m].
     """
-    metrics = _errors(motion, window, settling_tolerance)
-    metrics |= _drift(motion, window)
-    metrics |= _joints(motion, limits)
-    if motion.J_hat is not None:
-        metrics |= _jacobian(motion, motion.J_hat, window)
+    if motion.time.size == 0:
+        return {}
+    # A run that diverged may hold numbers whose squares overflow: what is not finite is left out.
+    with np.errstate(over="ignore", invalid="ignore"):
+        metrics = _errors(motion, window, settling_tolerance)
+        metrics |= _drift(motion, window)
+        metrics |= _joints(motion, limits)
+        if motion.J_hat is not None:
+            metrics |= _jacobian(motion, motion.J_hat, window)
     return {name: float(value) for name, value in metrics.items() if np.isfinite(value)}
 
 
@@ -82,18 +86,18 @@ def _within(motion: Motion, window: tuple[float, float] | None) -> Array:
 def _errors(
     motion: Motion, window: tuple[float, float] | None, tolerance: float
 ) -> dict[str, float]:
+    metrics = {}
     within = _within(motion, window)
-    if not within.any():
-        return {}
     error = motion.p_WE - motion.p_WE_desired
     norm = np.linalg.norm(error, axis=1)
-    slip = motion.v_WE - motion.v_WE_desired
-    metrics = {
-        "position_error_max_m": norm[within].max(),
-        "position_error_component_max_m": np.abs(error[within]).max(),
-        "position_error_rms_m": np.sqrt(np.mean(norm[within] ** 2)),
-        "velocity_error_max_m_s": np.linalg.norm(slip[within], axis=1).max(),
-    }
+    if within.any():
+        slip = np.linalg.norm(motion.v_WE - motion.v_WE_desired, axis=1)
+        metrics = {
+            "position_error_max_m": norm[within].max(),
+            "position_error_component_max_m": np.abs(error[within]).max(),
+            "position_error_rms_m": np.sqrt(np.mean(norm[within] ** 2)),
+            "velocity_error_max_m_s": slip[within].max(),
+        }
     late = np.flatnonzero(norm >= tolerance)
     if late.size == 0:
         metrics["settling_time_s"] = motion.time[0]
@@ -103,49 +107,53 @@ def _errors(
 
 
 def _drift(motion: Motion, window: tuple[float, float] | None) -> dict[str, float]:
+    metrics = {}
     within = np.flatnonzero(_within(motion, window))
-    if within.size < 2:
-        return {}
-    drift = np.abs(motion.position[within[-1]] - motion.position[within[0]])
-    moved = motion.p_WE - motion.p_WE[0]
-    return {
-        "joint_drift_max_rad": drift.max(),
-        "joint_drift_mean_rad": drift.mean(),
-        "end_effector_drift_max_m": np.linalg.norm(moved, axis=1).max(),
-        "end_effector_drift_end_m": np.linalg.norm(moved[-1]),
+    if within.size > 1:
+        drift = np.abs(motion.position[within[-1]] - motion.position[within[0]])
+        metrics = {"joint_drift_max_rad": drift.max(), "joint_drift_mean_rad": drift.mean()}
+    moved = np.linalg.norm(motion.p_WE - motion.p_WE[0], axis=1)
+    return metrics | {
+        "end_effector_drift_max_m": moved.max(),
+        "end_effector_drift_end_m": moved[-1],
     }
 
 
 def _joints(motion: Motion, limits: JointLimits) -> dict[str, float]:
     speed = np.abs(motion.velocity)
-    metrics = {"joint_velocity_max_rad_s": speed.max()}
-    outside = [limits.violation(motion.position).max(), (speed - limits.velocity).max()]
-    metrics["limit_ratio_1_max"] = (speed / limits.velocity).max()
-    if motion.time.size > 1:
-        acceleration = np.abs(motion.joint_acceleration())
-        metrics |= {
-            "joint_acceleration_max_rad_s2": acceleration.max(),
-            "network_acceleration_max_rad_s2": np.abs(motion.network_acceleration()).max(),
-            "joint_velocity_initial_rad_s": speed[1].max(),
-            "joint_acceleration_initial_rad_s2": acceleration[0].max(),
-        }
-        if limits.acceleration is not None:
-            outside.append((acceleration - limits.acceleration).max())
-            metrics["limit_ratio_2_max"] = (acceleration / limits.acceleration).max()
     margin = np.minimum(
         motion.position - limits.position_lower, limits.position_upper - motion.position
     )
     gram = motion.J @ np.swapaxes(motion.J, 1, 2)
-    return metrics | {
+    metrics = {
+        "joint_velocity_max_rad_s": speed.max(),
         "joint_limit_margin_min_rad": margin.min(),
-        "limit_violation_max": max(0.0, *outside),
-        "singular_value_min": np.sqrt(max(0.0, np.linalg.eigvalsh(gram)[:, 0].min())),
+        "singular_value_min": np.sqrt(np.maximum(0.0, np.linalg.eigvalsh(gram)[:, 0].min())),
     }
+    derivatives = [("velocity", speed)]
+    if motion.time.size > 1:
+        acceleration = np.abs(motion.joint_acceleration())
+        derivatives.append(("acceleration", acceleration))
+        metrics |= {
+            "joint_acceleration_max_rad_s2": acceleration.max(),
+            "joint_velocity_initial_rad_s": speed[1].max(),
+            "joint_acceleration_initial_rad_s2": acceleration[0].max(),
+        }
+        if not np.array_equal(motion.network_velocity, motion.velocity):
+            network = np.abs(motion.network_acceleration())
+            metrics["network_acceleration_max_rad_s2"] = network.max()
+    excess = [-margin.min()]
+    for order, (name, values) in enumerate(derivatives, start=1):
+        bound = getattr(limits, name)
+        if bound is not None and np.isfinite(bound).any():
+            excess.append((values - bound).max())
+            metrics[f"limit_ratio_{order}_max"] = (values / bound).max()
+    if np.isfinite(excess).any():
+        metrics["limit_violation_max"] = np.maximum(0.0, np.max(excess))
+    return metrics
 
 
-def _jacobian(
-    motion: Motion, J_hat: Array, window: tuple[float, float] | None
-) -> dict[str, float]:
+def _jacobian(motion: Motion, J_hat: Array, window: tuple[float, float] | None) -> dict[str, float]:
     within = _within(motion, window)
     difference = (motion.J - J_hat)[within]
     if difference.size == 0:
@@ -162,10 +170,17 @@ def _jacobian(
 
 
 def _secant(time: Array, values: Array) -> Array:
-    """Differences over the steps' own lengths.
+    """Differences over the steps' own lengths, shape (k - 1, n).
 
-    Steps that events cut a rounding error apart are taken as one: their secant is noise.
+    Steps that events cut a rounding error apart are taken together: what changes in between
+    changes over the step before or, at the start, after.
     """
+    if time.size < 2:
+        return np.zeros((0, values.shape[1]))
     step = np.diff(time)
-    step = np.where(step < 1e-9 * max(1.0, float(step.max(initial=0.0))), np.inf, step)
-    return np.diff(values, axis=0) / step[:, np.newaxis]
+    ends = np.flatnonzero(step >= 1e-9 * step.max(initial=0.0)) + 1
+    # Of points that lie together the last counts, but for the first of all.
+    last = np.append(ends[1:] - 1, time.size - 1)
+    knots = np.concatenate(([0], last))
+    secant = np.diff(values[knots], axis=0) / np.diff(time[knots])[:, np.newaxis]
+    return np.asarray(secant[np.searchsorted(last, np.arange(1, time.size))])

@@ -13,8 +13,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.geometry import (
     Box,
     Meshcat,
@@ -47,6 +49,7 @@ _MARGIN = 1.08
 _FOR_EVER = 10**6
 _PIECES_PER_SECOND = 12
 _MOST_PIECES = 400
+_POSTURES = 24
 
 
 def write_playback(result: Result, file: str | Path, frames_per_second: int = 64) -> Path:
@@ -83,8 +86,8 @@ class _Motion:
     result: Result
     time: Array
     position: Array
-    p_WE: Array
-    p_WE_desired: Array
+    traced: Array
+    desired: Array
     lap: Array
 
 
@@ -104,8 +107,8 @@ def _motion(result: Result) -> _Motion:
         result=result,
         time=time,
         position=position,
-        p_WE=np.array([kinematics.p_WE(q) for q in position]),
-        p_WE_desired=desired,
+        traced=np.array([kinematics.p_WE(q) for q in position]),
+        desired=desired,
         lap=desired[time <= setup.path.period * (1.0 + 1e-9)],
     )
 
@@ -122,21 +125,22 @@ def _page(motion: _Motion, rate: int) -> str:
     plant.Finalize()
     parameters = MeshcatVisualizerParams()
     parameters.role = Role.kIllustration
-    parameters.prefix = "arm"
+    parameters.prefix = "/arm"
     MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, parameters)
     diagram = builder.Build()
 
-    boxes = _swept_boxes(motion, diagram, plant, scene_graph)
-    size = float(np.ptp(boxes, axis=0).max())
-    path = np.concatenate((motion.lap, motion.p_WE))
-    _set_stage(meshcat, floor=float(boxes[:, 2].min()), size=size)
-    _aim_camera(meshcat, np.concatenate((boxes, path)), path, _direction(motion))
+    boxes = _boxes(motion, diagram, plant, scene_graph)
+    path = np.concatenate((motion.lap, motion.traced))
+    points = np.concatenate((boxes.corners, path))
+    size = float(np.ptp(points, axis=0).max())
+    _set_stage(meshcat, floor=float(points[:, 2].min()), size=size)
+    _aim_camera(meshcat, points, path, _direction(motion, boxes))
 
     radius = 0.003 * size
-    desired = _tube(_thinned(motion.lap, radius)[0], 2.2 * radius)
+    vertices, faces, _ = _tube(_thinned(motion.lap, radius)[0], 2.2 * radius)
     # Of the wider tube only the far inside is drawn: a rim round the trace that never hides it.
     rim = Meshcat.SideOfFaceToRender.kBackSide
-    meshcat.SetTriangleMesh("/desired/path", *desired[:2], Rgba(*_BLUE), side=rim)
+    meshcat.SetTriangleMesh("/desired/path", vertices, faces, Rgba(*_BLUE), side=rim)
     meshcat.SetObject("/desired/point", Sphere(7.0 * radius), Rgba(*_BLUE, 0.5))
     appearing = _set_trace(meshcat, motion, radius)
     meshcat.SetObject("/traced/point", Sphere(2.0 * radius), Rgba(*_VERMILLION))
@@ -152,10 +156,10 @@ def _page(motion: _Motion, rate: int) -> str:
         plant.SetPositions(plant_context, arm.posture(plant, q))
         diagram.ForcedPublish(context)
     recording = meshcat.get_mutable_recording()
-    _move(recording, "/desired/point", _at(time, motion.time, motion.p_WE_desired))
-    _move(recording, "/traced/point", _at(time, motion.time, motion.p_WE))
-    for path, since in appearing.items():
-        _appear(recording, path, math.ceil(since * rate - 1e-6), int(frames[-1]))
+    _move(recording, "/desired/point", _at(time, motion.time, motion.desired))
+    _move(recording, "/traced/point", _at(time, motion.time, motion.traced))
+    for piece, since in appearing.items():
+        _appear(recording, piece, math.ceil(since * rate - 1e-6), int(frames[-1]))
     recording.set_autoplay(True)
     recording.set_loop_mode(MeshcatAnimation.LoopMode.kLoopRepeat)
     recording.set_repetitions(_FOR_EVER)
@@ -192,12 +196,12 @@ def _set_trace(meshcat: Meshcat, motion: _Motion, radius: float) -> dict[str, fl
     Returns:
         The time since when each piece is to be seen [s], by its path in the scene.
     """
-    points, kept = _thinned(motion.p_WE, radius)
+    points, kept = _thinned(motion.traced, radius)
     time = motion.time[kept]
     vertices, faces, reached = _tube(points, radius)
     count = min(math.ceil(time[-1] * _PIECES_PER_SECOND), _MOST_PIECES)
     ends = np.searchsorted(time, np.linspace(0.0, time[-1], count + 1)[1:] - 1e-9)
-    appearing = {}
+    appearing: dict[str, float] = {}
     begin = 0
     for end in np.unique(ends[ends > 0]):
         path = f"/traced/path/{len(appearing):03d}"
@@ -233,7 +237,7 @@ def _thinned(points: Array, step: float) -> tuple[Array, list[int]]:
     return points[kept], kept
 
 
-def _tube(points: Array, radius: float, sides: int = 8) -> tuple[Array, Array, Array]:
+def _tube(points: Array, radius: float, sides: int = 8) -> tuple[Any, Any, NDArray[np.int64]]:
     """A round tube along a polyline, with round ends; a sharp corner is two ends.
 
     Returns:
@@ -299,30 +303,63 @@ def _tube(points: Array, radius: float, sides: int = 8) -> tuple[Array, Array, A
     )
 
 
-def _swept_boxes(
+@dataclass(frozen=True)
+class _Boxes:
+    """Boxes round the parts of the arm, posture by posture; b in all.
+
+    Attributes:
+        centre: Shape (b, 3) [m].
+        axes: Their directions as columns, shape (b, 3, 3).
+        half: Half their extents, shape (b, 3) [m].
+    """
+
+    centre: Array
+    axes: Array
+    half: Array
+
+    @property
+    def corners(self) -> Array:
+        """Shape (8 b, 3) [m]."""
+        signs = np.stack(np.meshgrid((-1, 1), (-1, 1), (-1, 1)), axis=-1).reshape(8, 3)
+        offsets = np.einsum("bij,kj,bj->bki", self.axes, signs, self.half)
+        return np.asarray(self.centre[:, None] + offsets).reshape(-1, 3)
+
+    def hidden(self, points: Array, direction: Array) -> float:
+        """Share of ``points``, shape (k, 3), that something hides from that direction."""
+        start = np.einsum("bij,bki->bkj", self.axes, points - self.centre[:, None])
+        # Parallel to a face is as good as nearly so.
+        ray = np.einsum("bij,i->bj", self.axes, direction)[:, None] + 1e-9
+        one, other = (-self.half[:, None] - start) / ray, (self.half[:, None] - start) / ray
+        enters = np.minimum(one, other).max(axis=2)
+        leaves = np.maximum(one, other).min(axis=2)
+        hit = (leaves >= np.maximum(enters, 0.0)).reshape(_POSTURES, -1, len(points))
+        return float(hit.any(axis=1).mean())
+
+
+def _boxes(
     motion: _Motion, diagram: Diagram, plant: MultibodyPlant, scene_graph: SceneGraph
-) -> Array:
-    """Corners round what is drawn of the arm, in some of its postures, shape (k, 3)."""
+) -> _Boxes:
     inspector = scene_graph.model_inspector()
     arm = motion.result.experiment.setup.arm
-    context = diagram.CreateDefaultContext()
-    plant_context = plant.GetMyMutableContextFromRoot(context)
-    signs = np.array(np.meshgrid((-1, 1), (-1, 1), (-1, 1))).reshape(3, 8)
-    corners = []
+    plant_context = plant.GetMyMutableContextFromRoot(diagram.CreateDefaultContext())
+    # An arm may have nothing to draw; where its bodies are it has.
+    bodies = [plant.get_body(BodyIndex(k)) for k in range(plant.num_bodies())]
+    parts: list[tuple[Any, ...]] = [(body, RigidTransform(), np.zeros(3)) for body in bodies]
     for frame in inspector.GetAllFrameIds():
         for geometry in inspector.GetGeometries(frame, Role.kIllustration):
             if (box := inspector.GetObbInGeometryFrame(geometry)) is not None:
-                X_FB = inspector.GetPoseInFrame(geometry) @ box.pose()
-                body = plant.GetBodyFromFrameId(frame)
-                corners.append((body, X_FB @ (signs * box.half_width()[:, None])))
-    bodies = [plant.get_body(BodyIndex(k)) for k in range(plant.num_bodies())]
-    points = []
-    for k in np.unique(np.linspace(0, len(motion.time) - 1, 24).astype(int)):
-        plant.SetPositions(plant_context, arm.posture(plant, motion.position[k]))
-        # An arm may have nothing to draw; where its bodies are it has.
-        for body, p_BC in corners + [(body, np.zeros((3, 1))) for body in bodies]:
-            points.append(plant.EvalBodyPoseInWorld(plant_context, body) @ p_BC)
-    return np.concatenate(points, axis=1).T
+                X_BG = inspector.GetPoseInFrame(geometry) @ box.pose()
+                parts.append((plant.GetBodyFromFrameId(frame), X_BG, box.half_width()))
+    centre, axes = [], []
+    for k in np.linspace(0, len(motion.time) - 1, _POSTURES).astype(int):
+        posture: Any = arm.posture(plant, motion.position[k])
+        plant.SetPositions(plant_context, posture)
+        for body, X_BG, _ in parts:
+            X_WG = plant.EvalBodyPoseInWorld(plant_context, body) @ X_BG
+            centre.append(X_WG.translation())
+            axes.append(X_WG.rotation().matrix())
+    half = np.tile([half for *_, half in parts], (_POSTURES, 1))
+    return _Boxes(np.array(centre), np.array(axes), half)
 
 
 def _set_stage(meshcat: Meshcat, floor: float, size: float) -> None:
@@ -336,7 +373,7 @@ def _set_stage(meshcat: Meshcat, floor: float, size: float) -> None:
     meshcat.SetProperty("/Grid", "position", [0.0, 0.0, floor + 1e-3])
     meshcat.SetProperty("/Grid", "opacity", 0.3)
     meshcat.SetObject("/ground", Box(20.0 * scale, 20.0 * scale, 0.01), Rgba(0.80, 0.83, 0.86))
-    meshcat.SetTransform("/ground", RigidTransform([0.0, 0.0, floor - 0.006]))
+    meshcat.SetProperty("/ground", "position", [0.0, 0.0, floor - 0.006])
     for light in ("PointLightNegativeX", "PointLightPositiveX"):
         meshcat.SetProperty(f"/Lights/{light}/<object>", "intensity", 6.0)
     meshcat.SetProperty("/Lights/AmbientLight/<object>", "intensity", 0.9)
@@ -349,20 +386,30 @@ def _set_stage(meshcat: Meshcat, floor: float, size: float) -> None:
     meshcat.SetProperty(sun, "shadow.normalBias", 0.01)
 
 
-def _direction(motion: _Motion) -> Array:
+def _direction(motion: _Motion, boxes: _Boxes) -> Array:
     """From where to look, a unit vector from the scene to the camera.
 
-    Half from the front and half from the side shows a path in any upright plane; one that
-    lies flat is seen from higher up.
+    Best from ahead and aside, which shows the arm and a path in any upright plane, unless
+    the arm hides the path from there; a path that lies flat is looked down upon.
     """
-    centre = motion.lap.mean(axis=0)
-    spread = np.linalg.svd(motion.lap - centre, full_matrices=False)
-    flat = abs(spread[2][-1][2]) if len(motion.lap) > 2 else 0.0
-    ahead = math.atan2(centre[1], centre[0])
+    lap = motion.lap[:: max(1, len(motion.lap) // 50)]
+    centre = lap.mean(axis=0)
+    normal = np.linalg.svd(lap - centre)[2][-1]
     if motion.result.experiment.task == "xy":
-        elevation, azimuth = math.radians(76.0), -math.pi / 2
-    else:
-        elevation, azimuth = math.radians(16.0 + 16.0 * flat), ahead + math.radians(48.0)
+        return _towards(-math.pi / 2.0, math.radians(76.0))
+    ahead = math.atan2(centre[1], centre[0])
+    elevation = math.radians(16.0 + 16.0 * abs(normal[2]))
+
+    def cost(aside: float) -> float:
+        direction = _towards(ahead + math.radians(aside), elevation)
+        face_on = min(abs(float(normal @ direction)), 0.7)
+        return boxes.hidden(lap, direction) - face_on + 0.003 * abs(abs(aside) - 48.0)
+
+    asides = (48.0, -48.0, 70.0, -70.0, 110.0, -110.0, 135.0, -135.0)
+    return _towards(ahead + math.radians(min(asides, key=cost)), elevation)
+
+
+def _towards(azimuth: float, elevation: float) -> Array:
     level = math.cos(elevation)
     return np.array([level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)])
 
@@ -374,7 +421,7 @@ def _aim_camera(meshcat: Meshcat, points: Array, path: Array, direction: Array) 
     up = np.cross(direction, right)
     depth = points @ direction
     half_height = math.tan(_FIELD_OF_VIEW / 2.0) / _MARGIN
-    camera = np.zeros(3)
+    camera: Any = np.zeros(3)
     distance = -math.inf
     for axis, slope in ((right, half_height * _ASPECT), (up, half_height)):
         # Both edges of the view touch the outermost points.
@@ -384,7 +431,7 @@ def _aim_camera(meshcat: Meshcat, points: Array, path: Array, direction: Array) 
         distance = max(distance, (above + below) / (2.0 * slope))
     camera += distance * direction
     # The view turns about a point at the path's distance.
-    target = camera - (distance - float((path @ direction).mean())) * direction
+    target: Any = camera - (distance - float((path @ direction).mean())) * direction
     meshcat.SetProperty("/Cameras/default/rotated/<object>", "fov", math.degrees(_FIELD_OF_VIEW))
     meshcat.SetCameraPose(camera, target)
 
@@ -404,7 +451,7 @@ def _css(colour: tuple[float, float, float]) -> str:
 _CAPTION = """
   <div id="caption">
     <b>{title}</b>
-    <span style="color: {desired}; ">&#9679;</span> desired
+    <span style="color: {desired}">&#9679;</span> desired
     <span style="color: {traced}">&#9679;</span> traced
     <span id="clock"></span>
   </div>

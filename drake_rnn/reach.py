@@ -52,11 +52,17 @@ def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
     for t in time:
         p, v, _ = setup.path.evaluate(float(t))
         target = (origin + p)[rows]
-        q = _towards(kinematics, rows, q, target)
+        # Once the path is lost, how far it leads away is all there is to know.
+        lost = bool(miss) and max(miss) > _MISS
+        q = (
+            _descend(kinematics, rows, q, target, 20)
+            if lost
+            else (_towards(kinematics, rows, q, target))
+        )
         J = kinematics.J(q)[rows]
         position.append(q)
         desired.append(target)
-        miss.append(np.linalg.norm(target - kinematics.p_WE(q)[rows]))
+        miss.append(_miss(kinematics, rows, q, target))
         singular.append(np.linalg.svd(J, compute_uv=False)[-1])
         velocity.append(_damped_inverse(J) @ v[rows])
     return Reach(
@@ -88,7 +94,7 @@ def check_reach(experiment: Experiment) -> list[str]:
         raise InvalidInputError(
             f"path: out of reach: {setup.arm.name} misses the point ({place}) m, at "
             f"t = {reach.time[first]:.4g} s, by {reach.miss[first] * 1e3:.3g} mm; "
-            f"the farthest miss is {reach.miss[worst] * 1e3:.3g} mm"
+            f"the farthest miss is {reach.miss[worst]:.3g} m at t = {reach.time[worst]:.4g} s"
         )
     warnings = []
     limits = setup.limits
@@ -97,9 +103,14 @@ def check_reach(experiment: Experiment) -> list[str]:
     )
     k, joint = np.unravel_index(np.argmin(margin), margin.shape)
     if margin[k, joint] < 0.05:
+        near = margin[k, joint] >= 0
+        place = (
+            f"comes within {margin[k, joint]:.3g} rad of"
+            if near
+            else (f"goes {-margin[k, joint]:.3g} rad beyond")
+        )
         warnings.append(
-            f"path: {setup.arm.joints[joint]} comes within {margin[k, joint]:.3g} rad of its "
-            f"limit near t = {reach.time[k]:.3g} s"
+            f"path: {setup.arm.joints[joint]} {place} its limit near t = {reach.time[k]:.3g} s"
         )
     k = int(np.argmin(reach.singular_value))
     if reach.singular_value[k] < 0.05:
@@ -123,15 +134,42 @@ def check_reach(experiment: Experiment) -> list[str]:
 
 
 def _towards(kinematics: ArmKinematics, rows: list[int], q: Array, target: Array) -> Array:
-    """Newton's method, its steps cut to 0.2 rad so that it does not leave the branch."""
-    for _ in range(100):
-        error = target - kinematics.p_WE(q)[rows]
-        if error @ error < 1e-20:
+    """The posture next to ``q`` that reaches ``target``, or comes as near as it can."""
+    best = _descend(kinematics, rows, q, target)
+    if _miss(kinematics, rows, best, target) > _MISS:
+        # J may be singular in just the direction asked for, as an outstretched arm's is: try
+        # postures a little aside.
+        aside = 0.1 * np.cos(np.arange(1, q.size + 1))
+        found = [best, *(_descend(kinematics, rows, q + step, target) for step in (aside, -aside))]
+        best = min(found, key=lambda posture: _miss(kinematics, rows, posture, target))
+    return best
+
+
+def _miss(kinematics: ArmKinematics, rows: list[int], q: Array, target: Array) -> float:
+    return float(np.linalg.norm(target - kinematics.p_WE(q)[rows]))
+
+
+def _descend(
+    kinematics: ArmKinematics, rows: list[int], q: Array, target: Array, steps: int = 200
+) -> Array:
+    """Levenberg's method, its steps cut to 0.2 rad so that it does not leave the branch."""
+    damping = _DAMPING
+    error = target - kinematics.p_WE(q)[rows]
+    for _ in range(steps):
+        if error @ error < 1e-20 or damping > 1e6:
             break
-        step = _damped_inverse(kinematics.J(q)[rows]) @ error
-        q = q + step * min(1.0, 0.2 / max(float(np.abs(step).max()), 1e-12))
+        step = _damped_inverse(kinematics.J(q)[rows], damping) @ error
+        longest = float(np.abs(step).max())
+        if longest < 1e-9:
+            break
+        tried = q + step * min(1.0, 0.2 / longest)
+        remaining = target - kinematics.p_WE(tried)[rows]
+        if remaining @ remaining < error @ error:
+            q, error, damping = tried, remaining, max(_DAMPING, damping / 10)
+        else:
+            damping *= 10
     return q
 
 
-def _damped_inverse(J: Array) -> Array:
-    return np.asarray(np.linalg.solve(J @ J.T + _DAMPING * np.eye(J.shape[0]), J).T)
+def _damped_inverse(J: Array, damping: float = _DAMPING) -> Array:
+    return np.asarray(np.linalg.solve(J @ J.T + damping * np.eye(J.shape[0]), J).T)

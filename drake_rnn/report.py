@@ -8,7 +8,6 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from .experiment import Experiment, load_experiment, shipped_experiments
-from .metrics import TIMING_METRICS
 from .result import Result
 from .sweep import Row
 
@@ -83,8 +82,10 @@ def varying_metrics(rows: Sequence[Row]) -> list[str]:
     """The metrics worth a column: of the main ones those that differ between the runs."""
     chosen = []
     for name in _SHOWN:
-        values = {row.metrics.get(name) for row in rows if row.failure is None}
-        if values - {None} and (len(values) > 1 or len(rows) == 1) and name not in TIMING_METRICS:
+        found = [row.metrics[name] for row in rows if name in row.metrics and row.failure is None]
+        # Equal but for rounding is equal.
+        differ = found and max(found) - min(found) > 1e-9 * max(map(abs, found))
+        if found and (differ or len(rows) == 1):
             chosen.append(name)
     return chosen
 

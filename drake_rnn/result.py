@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -75,7 +76,8 @@ class Result:
             folder.mkdir(parents=True, exist_ok=True)
             header = "".join(f"# {line}\n" for line in versions())
             (folder / "experiment.yaml").write_text(header + self.experiment.to_yaml())
-            np.savez_compressed(folder / "result.npz", time=self.time, **self.series)
+            arrays: dict[str, Any] = {"time": self.time, **self.series}
+            np.savez_compressed(folder / "result.npz", **arrays)
             (folder / "metrics.json").write_text(json.dumps(self.metrics, indent=2) + "\n")
             if self.graphviz:
                 (folder / "diagram.dot").write_text(self.graphviz)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import cast
 
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
@@ -13,7 +14,7 @@ from .diagrams.kinematic import AddKinematicLoop, KinematicLoop
 from .errors import InvalidInputError, SimulationError
 from .experiment import Experiment
 from .fields import Array
-from .laws.law import Law
+from .laws.law import ContinuousLaw, Law
 from .metrics import Motion, motion_metrics
 from .reach import check_reach
 from .recorder import Recorder
@@ -44,26 +45,15 @@ def simulate(experiment: Experiment, progress: Progress | None = None) -> Result
     """
     started = time.perf_counter()
     warnings = check_reach(experiment)
-    diagram, loop, source = build_diagram(experiment)
+    diagram, loop = build_diagram(experiment)
     simulator = Simulator(diagram)
-    ApplySimulatorConfig(_simulator_config(experiment), simulator)
+    ApplySimulatorConfig(simulator_config(experiment), simulator)
     root = simulator.get_mutable_context()
     _set_initial_state(loop, root)
 
-    controller_context = loop.controller.GetMyContextFromRoot(root)
-    recorder = Recorder(
-        root,
-        {
-            "position": loop.arm.GetOutputPort("position"),
-            "velocity": loop.arm.GetOutputPort("velocity"),
-            "state": loop.controller.GetOutputPort("state"),
-            "p_WE_desired": source.GetOutputPort("p_WE_desired"),
-            "v_WE_desired": source.GetOutputPort("v_WE_desired"),
-        },
-        lambda: loop.controller.signals(controller_context),
-        experiment.log_period,
-    )
-    simulator.set_monitor(_with_progress(recorder, progress) if progress else recorder)
+    recorder = add_recorder(simulator, loop, experiment.log_period)
+    if progress is not None:
+        simulator.set_monitor(_with_progress(recorder, progress))
 
     running = time.perf_counter()
     failure: SimulationError | None = None
@@ -84,24 +74,32 @@ def simulate(experiment: Experiment, progress: Progress | None = None) -> Result
     result.metrics["real_time_factor"] = root.get_time() / run_time
     result.metrics["wall_time_s"] = time.perf_counter() - started
     if isinstance(loop.controller, SampledController) and failure is None:
-        result.metrics["control_step_us"] = _step_cost(loop.controller, controller_context)
+        result.metrics["control_step_us"] = _step_cost(
+            loop.controller, loop.controller.GetMyContextFromRoot(root)
+        )
     if failure is not None:
         failure.result = result
         raise failure
     return result
 
 
-def build_diagram(experiment: Experiment) -> tuple[Diagram, KinematicLoop, PathSource]:
-    """The diagram of an experiment, not yet simulated, with its loop and its path."""
+def build_diagram(experiment: Experiment, law: Law | None = None) -> tuple[Diagram, KinematicLoop]:
+    """The diagram of an experiment, not yet simulated, and the systems of its loop.
+
+    Args:
+        experiment: What it consists of.
+        law: Instead of the experiment's own.
+    """
     setup = experiment.setup
+    law = setup.law if law is None else law
     builder = DiagramBuilder()
     source = PathSource(setup.path, setup.p_WE_start, experiment.task)
     builder.AddNamedSystem("path", source)
     controller: SampledController | ContinuousController
     if experiment.period is not None:
-        controller = SampledController(setup.law, experiment.period, experiment.seed)
+        controller = SampledController(law, experiment.period, experiment.seed)
     else:
-        controller = ContinuousController(setup.law, experiment.seed)
+        controller = ContinuousController(cast(ContinuousLaw, law), experiment.seed)
     loop = AddKinematicLoop(
         builder,
         setup.arm,
@@ -114,10 +112,29 @@ def build_diagram(experiment: Experiment) -> tuple[Diagram, KinematicLoop, PathS
     )
     diagram = builder.Build()
     diagram.set_name(experiment.name or "experiment")
-    return diagram, loop, source
+    return diagram, loop
 
 
-def _simulator_config(experiment: Experiment) -> SimulatorConfig:
+def add_recorder(simulator: Simulator, loop: KinematicLoop, period: float) -> Recorder:
+    """A recorder of the loop, as the simulator's monitor."""
+    root = simulator.get_context()
+    context = loop.controller.GetMyContextFromRoot(root)
+    recorder = Recorder(
+        root,
+        {
+            "position": loop.arm.GetOutputPort("position"),
+            "velocity": loop.arm.GetOutputPort("velocity"),
+            "state": loop.controller.GetOutputPort("state"),
+        },
+        lambda: loop.controller.signals(context),
+        period,
+    )
+    simulator.set_monitor(recorder)
+    return recorder
+
+
+def simulator_config(experiment: Experiment) -> SimulatorConfig:
+    """Drake's settings for an experiment."""
     config = SimulatorConfig()
     settings = experiment.integrator
     if settings is None:
@@ -125,15 +142,12 @@ def _simulator_config(experiment: Experiment) -> SimulatorConfig:
         config.integration_scheme = "explicit_euler"
         config.max_step_size = experiment.period
         config.use_error_control = False
-    elif settings.step is not None:
-        config.integration_scheme = settings.scheme
-        config.max_step_size = settings.step
-        config.use_error_control = False
-    else:
-        config.integration_scheme = settings.scheme
-        config.max_step_size = _LONGEST_STEP
+        return config
+    config.integration_scheme = settings.scheme
+    config.use_error_control = settings.accuracy is not None
+    config.max_step_size = _LONGEST_STEP if settings.step is None else settings.step
+    if settings.accuracy is not None:
         config.accuracy = settings.accuracy
-        config.use_error_control = True
     return config
 
 
@@ -213,15 +227,24 @@ def _diagnostics(recorder: Recorder, law: Law) -> dict[str, Array]:
 
 
 def _motion(experiment: Experiment, recorder: Recorder, law: Law) -> Motion:
-    """The recorded steps, and the kinematics that follow from them."""
+    """The recorded steps, and what follows from them: path and kinematics are functions.
+
+    Asking their ports while running would cost more than the law itself.
+    """
+    setup = experiment.setup
     rows = list(TASKS[experiment.task])
-    kinematics = experiment.setup.arm.kinematics()
+    kinematics = setup.arm.kinematics()
+    origin = setup.path.start_point(setup.p_WE_start)
     position, velocity = recorder.series("position"), recorder.series("velocity")
-    p_WE = np.empty((position.shape[0], len(rows)))
-    J = np.empty((position.shape[0], len(rows), position.shape[1]))
-    for k, q in enumerate(position):
+    steps = position.shape[0]
+    p_WE, p_WE_desired, v_WE_desired = (np.empty((steps, len(rows))) for _ in range(3))
+    J = np.empty((steps, len(rows), position.shape[1]))
+    for k, (t, q) in enumerate(zip(recorder.time, position, strict=True)):
         p_WE[k] = kinematics.p_WE(q)[rows]
         J[k] = kinematics.J(q)[rows]
+        p, v, _ = setup.path.evaluate(float(t))
+        p_WE_desired[k] = (origin + p)[rows]
+        v_WE_desired[k] = v[rows]
     state = recorder.series("state")
     return Motion(
         time=recorder.time,
@@ -230,8 +253,8 @@ def _motion(experiment: Experiment, recorder: Recorder, law: Law) -> Motion:
         network_velocity=law.state.part(state, "v"),
         p_WE=p_WE,
         v_WE=np.einsum("kmn,kn->km", J, velocity),
-        p_WE_desired=recorder.series("p_WE_desired"),
-        v_WE_desired=recorder.series("v_WE_desired"),
+        p_WE_desired=p_WE_desired,
+        v_WE_desired=v_WE_desired,
         J=J,
         J_hat=law.state.part(state, "J_hat") if "J_hat" in law.state else None,
     )

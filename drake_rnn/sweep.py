@@ -101,11 +101,18 @@ def _run(job: tuple[str | Path, dict[str, Any], tuple[Any, ...]]) -> Row:
 
 
 def write_csv(file: Path, keys: Sequence[str], rows: Sequence[Row]) -> None:
-    """Write every value and metric of a sweep, one run a line."""
+    """Write every value and metric of a sweep, one run a line.
+
+    Raises:
+        InvalidInputError: If the file cannot be written.
+    """
     names = list(dict.fromkeys(name for row in rows for name in row.metrics))
-    with file.open("w", newline="") as stream:
-        writer = csv.writer(stream)
-        writer.writerow([*keys, *names, "failure"])
-        for row in rows:
-            metrics = [repr(row.metrics[n]) if n in row.metrics else "" for n in names]
-            writer.writerow([*row.values, *metrics, row.failure or ""])
+    try:
+        with file.open("w", newline="", encoding="utf-8") as stream:
+            writer = csv.writer(stream)
+            writer.writerow([*keys, *names, "failure"])
+            for row in rows:
+                metrics = [repr(row.metrics[n]) if n in row.metrics else "" for n in names]
+                writer.writerow([*row.values, *metrics, row.failure or ""])
+    except OSError as error:
+        raise InvalidInputError(f"table {file}: {error.strerror}") from None

@@ -117,7 +117,7 @@ def test_a_state_that_was_set_is_kept(make):
 @pytest.mark.parametrize("make", CONTROLLERS, ids=IDS)
 def test_a_start_posture_that_is_not_finite_is_refused(make):
     simulator, _ = wire(make(LAW), position=[0.0, np.nan, 0.0])
-    with pytest.raises(InvalidInputError, match="controller: position is .*nan.* start posture"):
+    with pytest.raises(InvalidInputError, match=r"controller: position is .*nan.* start posture"):
         simulator.Initialize()
 
 
@@ -133,7 +133,7 @@ def test_an_input_that_is_not_connected_is_named():
 def test_it_stops_when_a_part_of_the_state_is_not_finite(make):
     """Not silently, and not for ever: error control would shorten its steps without end."""
     simulator, _ = wire(make(Exploding()))
-    with pytest.raises(SimulationError, match="controller.* other not finite") as raised:
+    with pytest.raises(SimulationError, match=r"controller.* other not finite") as raised:
         simulator.AdvanceTo(1.0)
     # One step of the default integrator past it, at most.
     assert 0.1 <= raised.value.time <= 0.2
@@ -141,7 +141,7 @@ def test_it_stops_when_a_part_of_the_state_is_not_finite(make):
 
 def test_an_input_that_is_not_finite_is_named_as_the_cause():
     simulator, _ = wire(SampledController(LAW, 1e-3), v_WE_desired=[0.0, np.nan, 0.0])
-    with pytest.raises(SimulationError, match="multipliers not finite.*v_WE_desired"):
+    with pytest.raises(SimulationError, match=r"multipliers not finite.*v_WE_desired"):
         simulator.AdvanceTo(0.01)
 
 

@@ -32,9 +32,7 @@ def build(jacobian="known", dither=None, start=None, period=1e-3, **loop):
     p_WE = PANDA.kinematics().p_WE(PANDA.home)
     path = builder.AddNamedSystem("path", PathSource(Circle(size=0.05, period=4.0), p_WE))
     controller = SampledController(law(jacobian), period)
-    systems = AddKinematicLoop(
-        builder, PANDA, controller, path, start=start, dither=dither, **loop
-    )
+    systems = AddKinematicLoop(builder, PANDA, controller, path, start=start, dither=dither, **loop)
     return builder.Build(), systems
 
 
@@ -51,7 +49,13 @@ def test_everything_has_a_name():
     diagram, _ = build("learned", DitherSettings(sigma=0.03, hold=1e-3))
     names = {system.get_name() for system in diagram.GetSystems()}
     assert names == {
-        "path", "controller", "dither", "dithered_velocity", "joint_command", "arm", "kinematics"
+        "path",
+        "controller",
+        "dither",
+        "dithered_velocity",
+        "joint_command",
+        "arm",
+        "kinematics",
     }
 
 
@@ -65,7 +69,11 @@ def test_a_law_that_learns_is_not_wired_to_the_jacobian():
 @pytest.mark.parametrize(
     ("model", "moved", "measured", "shown"),
     [
-        (None, "controller.commanded_velocity",) + ("controller.commanded_velocity",) * 2,
+        (
+            None,
+            "controller.commanded_velocity",
+        )
+        + ("controller.commanded_velocity",) * 2,
         ("actuated",) + ("dithered_velocity.sum",) * 3,
         ("virtual", "controller.commanded_velocity") + ("dithered_velocity.sum",) * 2,
         ("printed",) + ("controller.commanded_velocity",) * 2 + ("dithered_velocity.sum",),
@@ -141,7 +149,7 @@ def test_a_signal_that_nothing_offers_is_named():
     ("start", "message"),
     [
         (np.zeros(6), "start: has 6 entries for 7 joints"),
-        (PANDA.home + [3, 0, 0, 0, 0, 0, 0], "panda_joint1 is at 3 rad; it may be -2.8973 to"),
+        ([3.0, *PANDA.home[1:]], "panda_joint1 is at 3 rad; it may be -2.8973 to"),
         (PANDA.home * np.nan, "start: panda_joint1 is at nan"),
     ],
 )

@@ -117,9 +117,7 @@ def test_a_sample_approaches_the_differential_equation(jacobian):
     u = signals(velocity=v, v_WE=v_WE)
     x = RNG.uniform(-0.2, 0.2, network.state.size)
     derivative = network.derivatives(0.0, x, u)
-    errors = [
-        np.abs((network.step(0.0, x, u, h) - x) / h - derivative).max() for h in (1e-5, 5e-6)
-    ]
+    errors = [np.abs((network.step(0.0, x, u, h) - x) / h - derivative).max() for h in (1e-5, 5e-6)]
     assert errors[1] < 0.51 * errors[0] + 1e-6
 
 

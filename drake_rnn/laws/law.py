@@ -35,7 +35,8 @@ class Layout:
     def split(self, x: Array) -> list[Array]:
         """Views of the parts of ``x``, shape (..., size), in order."""
         if x.ndim == 1:
-            return [x[at] if len(shape) == 1 else x[at].reshape(shape) for at, shape in self._places]
+            # Read at every sample: flat parts need no reshaping.
+            return [x[at] if len(s) == 1 else x[at].reshape(s) for at, s in self._places]
         lead = x.shape[:-1]
         return [x[..., at].reshape(lead + shape) for at, shape in self._places]
 

@@ -62,6 +62,7 @@ from ..fields import Array, Count, NonNegative, Positive, Vector, validated
 from ..limits import JointLimits
 from .law import Layout, Signals
 from .learning import gradient, rank_one_update
+from .warm_up import WarmUp
 
 
 @validated
@@ -83,8 +84,9 @@ class SimultaneousLearning:
         jacobian: ``known`` reads J; ``learned`` sees ``velocity`` and ``v_WE`` instead.
         rho: Time constant of the learning [rad^2/s].
         J_hat_initial: ``uniform`` in [0, 1], ``zero``, or ``exact``: the arm's own.
-        substeps: Euler steps of the network in one sample; by default as many as keep
-            rate times step at 1 or below.
+        warm_up: Moves every joint a little before the task begins, in place of noise.
+        substeps: Euler steps of the network in one sample; by default as many as keep it
+            stable: rate times step at most 1, and 1 / |J|^2 for arms of more than a metre.
     """
 
     kind: Literal["simultaneous_learning"] = "simultaneous_learning"
@@ -100,6 +102,7 @@ class SimultaneousLearning:
     jacobian: Literal["known", "learned"] = "learned"
     rho: Positive = 1e-6
     J_hat_initial: Literal["uniform", "zero", "exact"] = "uniform"
+    warm_up: WarmUp | None = None
     substeps: Count | None = None
 
     def __post_init__(self) -> None:
@@ -107,6 +110,12 @@ class SimultaneousLearning:
             raise ValueError(f"home has {self.home.size} entries for {self.limits.size} joints")
         if self.acceleration_bound != "none":
             self.limits.require("acceleration", f"acceleration_bound: {self.acceleration_bound}")
+        if self.warm_up is not None and self._inverse_bound is not None:
+            if self.warm_up.acceleration > 1.0 / self._inverse_bound.max():
+                raise ValueError(
+                    f"warm_up.acceleration may be at most the bound, "
+                    f"{1.0 / self._inverse_bound.max():g} rad/s^2"
+                )
 
     @property
     def holds_command(self) -> bool:
@@ -136,7 +145,7 @@ class SimultaneousLearning:
 
     @cached_property
     def _inverse_bound(self) -> Array | None:
-        """Shape (n,) [s^2/rad]; a product is cheaper than a quotient, ten thousand times a second."""
+        """Shape (n,) [s^2/rad]; a product is cheaper than a quotient."""
         if self.acceleration_bound == "none":
             return None
         bound = self.limits.require("acceleration", "the acceleration bound")
@@ -164,6 +173,8 @@ class SimultaneousLearning:
 
     def derivatives(self, t: float, x: Array, u: Signals) -> Array:
         """Right-hand side of (16), (19) or (20)."""
+        if self.warm_up is not None and t < self.warm_up.duration(self.home.size):
+            return self._warm_up_derivatives(self.warm_up, t, x, u)
         if self.jacobian == "known":
             v, multipliers = self.state.split(x)
             return self.state.join(*self._network(v, multipliers, u["J"], *self._terms(u)))
@@ -175,6 +186,8 @@ class SimultaneousLearning:
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
         """Learning exactly, with its inputs held; then the network by Euler's method."""
+        if self.warm_up is not None and t + period <= self.warm_up.duration(self.home.size):
+            return self._warm_up_step(self.warm_up, t, x, u, period)
         if self.jacobian == "known":
             v, multipliers = self.state.split(x)
             J = u["J"]
@@ -182,7 +195,11 @@ class SimultaneousLearning:
             v, multipliers, J_hat = self.state.split(x)
             J = rank_one_update(J_hat, u["velocity"], u["v_WE"], self.rho, period)
         terms = self._terms(u)
-        substeps = self.substeps or max(1, ceil(self.rate * period - 1e-9))
+        if self.substeps is None:
+            J_flat = J.ravel()
+            substeps = ceil(self.rate * period * max(1.0, J_flat.dot(J_flat)) - 1e-9)
+        else:
+            substeps = self.substeps
         h = period / substeps
         for _ in range(substeps):
             v_dot, multipliers_dot = self._network(v, multipliers, J, *terms)
@@ -207,6 +224,25 @@ class SimultaneousLearning:
             "acceleration_demand": demand,
             "saturated": np.array([float(saturated)]),
         }
+
+    def _warm_up_derivatives(self, warm_up: WarmUp, t: float, x: Array, u: Signals) -> Array:
+        v_dot = warm_up.joint_acceleration(t, self.home.size)
+        still = np.zeros(self.task_size)
+        if self.jacobian == "known":
+            return self.state.join(v_dot, still)
+        J_hat = self.state.part(x, "J_hat")
+        return self.state.join(v_dot, still, gradient(J_hat, u["velocity"], u["v_WE"], warm_up.rho))
+
+    def _warm_up_step(
+        self, warm_up: WarmUp, t: float, x: Array, u: Signals, period: float
+    ) -> Array:
+        v = warm_up.joint_velocity(t + period, self.home.size)
+        still = np.zeros(self.task_size)
+        if self.jacobian == "known":
+            return self.state.join(v, still)
+        J_hat = self.state.part(x, "J_hat")
+        learned = rank_one_update(J_hat, u["velocity"], u["v_WE"], warm_up.rho, period)
+        return self.state.join(v, still, learned)
 
     def _terms(self, u: Signals) -> tuple[Array, Array, Array, Array]:
         """What does not change within a sample: pull, lower, upper, task velocity."""

@@ -36,7 +36,8 @@ class _Controller(LeafSystem):
         }
         # Read at every sample: bound once, and only matrices reshaped.
         self._readers = [(name, port.Eval) for name, (port, _) in self._input_ports.items()]
-        self._matrices = [(n, shape) for n, (_, shape) in self._input_ports.items() if len(shape) > 1]
+        shapes = {name: shape for name, (_, shape) in self._input_ports.items()}
+        self._matrices = [(name, shape) for name, shape in shapes.items() if len(shape) > 1]
 
     def _declare_outputs(self, state: Any) -> None:
         """Called by the readings once their state, with this ticket, is declared."""
@@ -105,9 +106,7 @@ class _Controller(LeafSystem):
 
     def diagnostics(self, context: Context) -> Signals:
         """What the law tells of itself at present, by name."""
-        return self.law.diagnostics(
-            context.get_time(), self._state(context), self.signals(context)
-        )
+        return self.law.diagnostics(context.get_time(), self._state(context), self.signals(context))
 
     def _fail(self, what: str, value: Array, context: Context) -> None:
         """Raise, naming every part and input that is not finite."""
@@ -156,9 +155,10 @@ class SampledController(_Controller):
         state.set_value(self.initial_state(context) if np.isnan(x).any() else x)
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
-        x = self._state(context)
+        # A copy: a law that writes into its arguments must not reach the context.
+        x = context.get_discrete_state_vector().CopyToVector()
         x = self.law.step(context.get_time(), x, self.signals(context), self.period)
-        if not isfinite(x.dot(x)):
+        if not isfinite(sum(x.tolist())):
             self._fail("state", x, context)
         state.set_value(x)
 
@@ -201,7 +201,9 @@ class ContinuousController(_Controller):
         state.get_mutable_continuous_state().SetFromVector(x)
 
     def DoCalcTimeDerivatives(self, context: Context, derivatives: Any) -> None:
-        rates = self.law.derivatives(context.get_time(), self._state(context), self.signals(context))
-        if not isfinite(rates.dot(rates)):
+        """Drake's hook: the law's derivatives at present."""
+        x = self._state(context)
+        rates = self.law.derivatives(context.get_time(), x, self.signals(context))
+        if not isfinite(sum(rates.tolist())):
             self._fail("the rate of", rates, context)
         derivatives.SetFromVector(rates)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from pydrake.systems.framework import Context, LeafSystem
 
 from ..fields import Array
@@ -45,5 +44,3 @@ class PathSource(LeafSystem):
                 values = [value[self._rows] for value in values]
             self._memo = (t, values)
         output.set_value(self._memo[1][order])
-
-

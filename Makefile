@@ -1,0 +1,42 @@
+# Needs Python 3.11 or newer; everything else goes into .venv.
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+WORKERS ?= 2
+
+.PHONY: demo test long bench check clean
+
+demo: $(VENV)/installed
+	$(BIN)/drake-rnn run slc_nephroid --out out
+
+test: $(VENV)/installed-dev
+	MPLBACKEND=Agg $(BIN)/python -m pytest -n $(WORKERS) -m "not long"
+
+long: $(VENV)/installed-dev
+	MPLBACKEND=Agg $(BIN)/python -m pytest -n $(WORKERS) -m long
+
+bench: $(VENV)/installed-dev
+	$(BIN)/python benchmarks/bench.py
+
+check: $(VENV)/installed-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/mypy --config-file pyproject.toml diagrams/kinematic.py
+
+$(VENV)/bin/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo "drake_rnn needs Python 3.11 or newer; give one with make PYTHON=..."; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/installed: $(VENV)/bin/python pyproject.toml
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable .
+	touch $@
+
+$(VENV)/installed-dev: $(VENV)/bin/python pyproject.toml
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	touch $@ $(VENV)/installed
+
+clean:
+	rm -rf out build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,131 @@
+"""What a tick of the whole diagram costs, in units of the arm's bare p_WE and J.
+
+Absolute times differ twofold between machines and moments. All figures of a row are taken in
+turn, in one run; of each the smallest counts, as the one least disturbed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+import numpy as np
+from pydrake.multibody.tree import JacobianWrtVariable
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
+from rich.console import Console
+from rich.table import Table
+
+from drake_rnn import Layout, load_experiment
+from drake_rnn.experiment import Experiment
+from drake_rnn.simulation import add_recorder, build_diagram, simulator_config
+
+#: Ticks cost at most so many units.
+TARGETS = {"slc_nephroid_known": 16.0, "slc_nephroid": 20.0}
+
+
+class Idle:
+    """A law that sees nothing and does nothing: what is left is Drake's loop."""
+
+    inputs = Layout()
+    observables = Layout()
+    holds_command = True
+
+    def __init__(self, law) -> None:
+        self.state = law.state
+
+    def initial_state(self, rng, u):
+        return np.zeros(self.state.size)
+
+    def step(self, t, x, u, period):
+        return x
+
+    def commanded_velocity(self, t, x):
+        return self.state.split(x)[0]
+
+    def diagnostics(self, t, x, u):
+        return {}
+
+
+def unit(experiment: Experiment, repeats: int = 5000) -> float:
+    """Cost of p_WE and J, straight from pydrake, at ever new postures [us]."""
+    arm = experiment.setup.arm
+    plant = arm.plant()
+    context = plant.CreateDefaultContext()
+    frame, world, origin = plant.GetFrameByName(arm.frame), plant.world_frame(), np.zeros(3)
+    q = experiment.setup.start.copy()
+    began = time.perf_counter()
+    for _ in range(repeats):
+        q[0] += 1e-6
+        plant.SetPositions(context, q)
+        plant.CalcPointsPositions(context, frame, origin, world)
+        plant.CalcJacobianTranslationalVelocity(
+            context, JacobianWrtVariable.kV, frame, origin, world, world
+        )
+    return (time.perf_counter() - began) / repeats * 1e6
+
+
+def tick(experiment: Experiment, *, recorded: bool, idle: bool = False) -> float:
+    """Cost of one sample of the diagram [us]."""
+    law = Idle(experiment.setup.law) if idle else None
+    diagram, loop = build_diagram(experiment, law=law)
+    simulator = Simulator(diagram)
+    ApplySimulatorConfig(simulator_config(experiment), simulator)
+    if recorded:
+        add_recorder(simulator, loop, experiment.log_period)
+    simulator.Initialize()
+    began = time.perf_counter()
+    simulator.AdvanceTo(experiment.duration)
+    return (time.perf_counter() - began) / (experiment.duration / experiment.period) * 1e6
+
+
+def law_step(experiment: Experiment, repeats: int = 3000) -> float:
+    """Cost of the law alone, on signals of a running diagram [us]."""
+    diagram, loop = build_diagram(experiment)
+    simulator = Simulator(diagram)
+    ApplySimulatorConfig(simulator_config(experiment), simulator)
+    simulator.AdvanceTo(10 * experiment.period)
+    context = loop.controller.GetMyContextFromRoot(simulator.get_context())
+    u, x = loop.controller.signals(context), loop.controller.state(context)
+    began = time.perf_counter()
+    for _ in range(repeats):
+        loop.controller.law.step(0.0, x, u, experiment.period)
+    return (time.perf_counter() - began) / repeats * 1e6
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rounds", type=int, default=9)
+    parser.add_argument("--ticks", type=int, default=4000)
+    arguments = parser.parse_args()
+    table = Table(title="cost of one tick, in units of p_WE and J (us in brackets)")
+    columns = ("p and J", "law", "ports", "Drake's loop", "recorder", "whole", "target")
+    for column in ("experiment", "period", *columns, "real_time_factor"):
+        table.add_column(column, justify="right")
+    for name, target in TARGETS.items():
+        period = load_experiment(name).period
+        experiment = load_experiment(name, {"duration": arguments.ticks * period})
+        rounds = []
+        for _ in range(arguments.rounds):
+            costs = (
+                unit(experiment),
+                law_step(experiment),
+                tick(experiment, recorded=False, idle=True),
+                tick(experiment, recorded=False),
+                tick(experiment, recorded=True),
+            )
+            rounds.append(costs)
+        one, law, loop, bare, whole = (min(column) for column in zip(*rounds, strict=True))
+        values = (one, law, bare - law - loop, loop, whole - bare, whole)
+        table.add_row(
+            name,
+            f"{period:g} s",
+            *(f"{value / one:.1f} ({value:.1f})" for value in values),
+            f"{target:g}",
+            f"{period * 1e6 / whole:.2f}",
+        )
+    Console(width=160).print(table)
+
+
+if __name__ == "__main__":
+    main()

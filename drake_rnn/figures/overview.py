@@ -1,0 +1,93 @@
+"""One page that sums a run up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ..result import Result
+from .panels import (
+    plot_acceleration_norm,
+    plot_angles,
+    plot_least_known,
+    plot_path,
+    plot_position_error,
+    plot_velocities,
+)
+from .registry import draws
+from .style import COLOURS, NOTE, PAGE, Style
+
+_PANELS: list[tuple[set[str], Callable[[Axes, Result], None]]] = [
+    ({"p_WE", "p_WE_desired"}, plot_path),
+    ({"p_WE", "p_WE_desired"}, plot_position_error),
+    ({"position"}, plot_angles),
+    ({"velocity"}, plot_velocities),
+    ({"acceleration_peak"}, plot_acceleration_norm),
+    ({"J", "network_velocity"}, plot_least_known),
+]
+
+
+#: What the overview names, after what the experiment itself expects.
+_METRICS = (
+    "position_error_max_m",
+    "position_error_rms_m",
+    "settling_time_s",
+    "joint_drift_max_rad",
+    "joint_velocity_max_rad_s",
+    "joint_acceleration_max_rad_s2",
+    "network_acceleration_max_rad_s2",
+    "joint_limit_margin_min_rad",
+    "jacobian_error_median",
+    "singular_value_min",
+    "saturated_fraction",
+)
+
+
+@draws("p_WE", "p_WE_desired")
+def overview(result: Result) -> Figure:
+    """One page: path, joints, errors, and the metrics beside what they are expected to be."""
+    panels = [plot for needs, plot in _PANELS if needs <= result.series.keys()]
+    rows = (len(panels) + 1) // 2
+    figure = Figure(figsize=(PAGE, 1.75 + 2.3 * rows), layout="constrained")
+    parts: Any = figure.subfigures(3, 1, height_ratios=(0.45, 2.3 * rows, 1.3))
+    header, body, footer = parts
+    _header(header, result)
+    grid = body.add_gridspec(rows, 2)
+    for k, plot in enumerate(panels):
+        plot(body.add_subplot(grid[k // 2, k % 2]), result)
+    _table(footer, result)
+    return figure
+
+
+def _header(part: Any, result: Result) -> None:
+    experiment = result.experiment
+    part.text(0.5, 0.9, experiment.name or "experiment", va="top", ha="center", fontsize=11)
+    what = [line for line in (experiment.paper, experiment.expect) if line]
+    part.text(0.5, 0.45, "\n".join(what), va="top", ha="center", fontsize=7.5, wrap=True)
+
+
+def _table(part: Any, result: Result) -> None:
+    """Metrics in two columns, each beside what the experiment accepts."""
+    accept = result.experiment.accept
+    names = [name for name in dict.fromkeys((*accept, *_METRICS)) if name in result.metrics]
+    rows = max(1, (len(names) + 1) // 2)
+    for k, name in enumerate(names):
+        column, row = divmod(k, rows)
+        x, y = 0.04 + 0.5 * column, 0.95 - 0.92 * (row + 1) / max(rows + 1, 6)
+        accepted, value = accept.get(name), result.metrics[name]
+        missed = accepted is not None and not accepted.holds(value)
+        part.text(x, y, name, fontsize=7, va="top")
+        style: Style = {"color": COLOURS[1], "weight": "bold"} if missed else {}
+        part.text(
+            x + 0.33, y, f"{value:.4g}".replace("-", "−"), fontsize=7, va="top", ha="right", **style
+        )
+        if accepted is not None:
+            text = str(accepted).replace("<=", "≤").replace(">=", "≥")
+            part.text(x + 0.35, y, text, va="top", **NOTE)
+        if row == 0:
+            part.text(x + 0.33, 0.95, "value", va="top", ha="right", **NOTE)
+            if any(other in accept for other in names[k : k + rows]):
+                part.text(x + 0.35, 0.95, "expected", va="top", **NOTE)

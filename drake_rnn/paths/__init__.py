@@ -1,0 +1,71 @@
+r"""Closed curves and how they are run through, with exact first and second derivatives.
+
+A planar curve maps a phase f in [0, 2 pi] to the complex number z(f) = x + i y, relative
+to an origin of its own; a time law (see `timing`) turns time into phase.
+
+=============  =======================================================================
+kind           z(f); a = size
+=============  =======================================================================
+circle         a e^{if}
+nephroid       a (3 e^{if} - e^{3if}), from the cusp at 2a
+four_ring      a (e^{if} + b e^{-3if}), b = ring
+clover         a cos(2f) e^{if} from a tip, or a sin(2f) e^{if} from the centre
+deltoid        a (2 e^{if} + e^{-2if}), from the cusp at 3a
+cat            a R(S) e^{iS}, S = f - pi/2: a head with two ears, from the chin
+square         side a, from a corner: -x, +y, +x, -y; the origin is its centre
+parallelogram  sides u, v: +u, +v, -u, -v; the origin is its centre
+points         periodic cubic spline through given points, in three dimensions
+=============  =======================================================================
+
+Source:
+    Classical curves. The papers whose experiments follow a nephroid, a four-ring, a
+    four-leaf clover, a tricuspid or a cat name them and print no formula; these are ours.
+
+The cat's outline is R = 1 + .4 g(.32 pi, .17) + .4 g(.68 pi, .17) - .12 g(.5 pi, .2)
+- .1 g(1.5 pi, .5) - .1 g(-.5 pi, .5), with g(c, w) = exp(-(S - c)^2 / (2 w^2)); its two ends
+meet within 1e-30.
+
+Straight edges of "sharp" figures take equal times, and the time law holds on each of them:
+all but "uniform" rest at the corners; "uniform" keeps its speed along an edge, and the
+velocity jumps at the corners. Everything else is one stretch a lap.
+"""
+
+from .cat import Cat
+from .path import Path, Planar
+from .points import Points
+from .polygons import Parallelogram, Square
+from .timing import TimeLaw, Timing, time_at, time_law
+from .trigonometric import Circle, Clover, Deltoid, FourRing, Nephroid, Trigonometric
+
+#: The curves an experiment may name, by their ``kind``.
+PATHS: dict[str, type[Path]] = {
+    "circle": Circle,
+    "nephroid": Nephroid,
+    "four_ring": FourRing,
+    "clover": Clover,
+    "deltoid": Deltoid,
+    "cat": Cat,
+    "square": Square,
+    "parallelogram": Parallelogram,
+    "points": Points,
+}
+
+__all__ = [
+    "PATHS",
+    "Cat",
+    "Circle",
+    "Clover",
+    "Deltoid",
+    "FourRing",
+    "Nephroid",
+    "Parallelogram",
+    "Path",
+    "Planar",
+    "Points",
+    "Square",
+    "TimeLaw",
+    "Timing",
+    "Trigonometric",
+    "time_at",
+    "time_law",
+]

@@ -1,0 +1,40 @@
+"""A cat's head: a circle with bumps; the package's docstring has the formula."""
+
+from __future__ import annotations
+
+import math
+from cmath import exp
+from typing import Literal
+
+from ..fields import Positive, validated
+from .path import Planar
+
+# Height, place S and width of each bump on the cat's round head.
+_BUMPS = (
+    (0.4, 0.32 * math.pi, 0.17),
+    (0.4, 0.68 * math.pi, 0.17),
+    (-0.12, 0.5 * math.pi, 0.2),
+    (-0.1, 1.5 * math.pi, 0.5),
+    (-0.1, -0.5 * math.pi, 0.5),
+)
+
+
+@validated
+class Cat(Planar):
+    """A cat's head of radius ``size`` [m], ears up along the plane's y."""
+
+    kind: Literal["cat"] = "cat"
+    size: Positive
+
+    def curve(self, phase: float) -> tuple[complex, complex, complex]:
+        """See `Planar.curve`."""
+        S = phase - math.pi / 2
+        R, dR, ddR = 1.0, 0.0, 0.0
+        for height, place, width in _BUMPS:
+            u = (S - place) / width
+            bump = height * math.exp(-0.5 * u * u)
+            R += bump
+            dR -= bump * u / width
+            ddR += bump * (u * u - 1.0) / (width * width)
+        a = self.size * exp(1j * S)
+        return a * R, a * complex(dR, R), a * complex(ddR - R, 2.0 * dR)

@@ -1,0 +1,117 @@
+"""Curves of straight edges: the square, its corners sharp or rounded, and the parallelogram."""
+
+from __future__ import annotations
+
+import math
+from cmath import exp
+from functools import cached_property
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator
+
+from ..fields import Array, Positive, Vector, validated
+from .path import TURN, Planar
+
+_RIGHT_TURNS = (1 + 0j, -1j, -1 + 0j, 1j)
+
+
+@validated
+class Square(Planar):
+    """A square, clockwise as seen with the plane's x to the right and y up.
+
+    Args:
+        size: Side [m].
+        corners: "sharp": four segments, from corner to corner. "rounded": one segment; the
+            phase is the arc length, and the point starts at the end of a corner, on the edge
+            along -x.
+        corner_radius: Of rounded corners, at most half the side [m].
+    """
+
+    kind: Literal["square"] = "square"
+    size: Positive
+    corners: Literal["sharp", "rounded"] = "sharp"
+    corner_radius: Positive | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.corners == "sharp" and self.corner_radius is not None:
+            raise ValueError("corner_radius belongs to rounded corners")
+        if self.corners == "rounded" and self.corner_radius is None:
+            raise ValueError("rounded corners need a corner_radius")
+        if self._radius > self.size / 2:
+            raise ValueError(f"corner_radius must be at most half the side, {self.size / 2:g}")
+
+    @property
+    def segments(self) -> int:
+        """Four with sharp corners, else one."""
+        return 4 if self.corners == "sharp" else 1
+
+    @property
+    def bends(self) -> tuple[float, ...]:
+        """Where the straight parts and the rounded corners meet."""
+        if self.corners == "sharp":
+            return ()
+        straight, quarter = self._lengths
+        return tuple(TURN / 4 * (i + x) for i in range(4) for x in (0.0, straight / quarter))
+
+    @cached_property
+    def _radius(self) -> float:
+        return self.corner_radius or 0.0
+
+    @cached_property
+    def _lengths(self) -> tuple[float, float]:
+        """Of a straight part, and of it with a corner."""
+        straight = self.size - 2 * self._radius
+        return straight, straight + math.pi / 2 * self._radius
+
+    def curve(self, phase: float) -> tuple[complex, complex, complex]:
+        """See `Planar.curve`."""
+        straight, quarter = self._lengths
+        edges = phase / (TURN / 4)
+        edge = min(int(edges), 3)
+        turned = _RIGHT_TURNS[edge]
+        way = (edges - edge) * quarter
+        rate = quarter / (TURN / 4)
+        if way < straight or self._radius == 0.0:
+            z = complex(straight / 2 - way, -self.size / 2)
+            return turned * z, -turned * rate, 0j
+        spoke = turned * exp(-1j * (math.pi / 2 + (way - straight) / self._radius))
+        z = turned * complex(-straight, -straight) / 2 + self._radius * spoke
+        return z, -1j * spoke * rate, -spoke / self._radius * rate**2
+
+
+def _pair(side: Array) -> Array:
+    if side.size != 2:
+        raise ValueError(f"must have 2 entries, not {side.size}")
+    if not side.any():
+        raise ValueError("must not be zero")
+    return side
+
+
+Side = Annotated[Vector, AfterValidator(_pair)]
+
+
+@validated
+class Parallelogram(Planar):
+    """A parallelogram: along the first of its ``sides``, along the second, and back [m]."""
+
+    kind: Literal["parallelogram"] = "parallelogram"
+    sides: tuple[Side, Side]
+
+    @property
+    def segments(self) -> int:
+        """Four: one per edge."""
+        return 4
+
+    @cached_property
+    def _edges(self) -> tuple[tuple[complex, complex], ...]:
+        """Start and direction of each edge."""
+        u, v = (complex(*side) for side in self.sides)
+        return (-(u + v) / 2, u), ((u - v) / 2, v), ((u + v) / 2, -u), ((v - u) / 2, -v)
+
+    def curve(self, phase: float) -> tuple[complex, complex, complex]:
+        """See `Planar.curve`."""
+        edges = phase / (TURN / 4)
+        edge = min(int(edges), 3)
+        start, side = self._edges[edge]
+        return start + (edges - edge) * side, side / (TURN / 4), 0j

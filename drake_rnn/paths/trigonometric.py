@@ -1,0 +1,105 @@
+"""Curves that are sums of harmonics: circle, nephroid, four-ring, clover and deltoid."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from cmath import exp
+from functools import cached_property
+from typing import Literal
+
+from ..fields import Finite, Positive, validated
+from .path import Planar
+
+Harmonics = tuple[tuple[int, complex], ...]
+
+
+@validated
+class Trigonometric(Planar):
+    """A sum of c exp(i k f) over its ``harmonics`` (k, c)."""
+
+    size: Positive
+
+    @property
+    @abstractmethod
+    def harmonics(self) -> Harmonics:
+        """Pairs (k, c) [m]."""
+
+    @cached_property
+    def _harmonics(self) -> tuple[tuple[complex, complex], ...]:
+        return tuple((1j * k, c) for k, c in self.harmonics)
+
+    def curve(self, phase: float) -> tuple[complex, complex, complex]:
+        """See `Planar.curve`."""
+        z = dz = ddz = 0j
+        for ik, c in self._harmonics:
+            term = c * exp(ik * phase)
+            z += term
+            term *= ik
+            dz += term
+            ddz += ik * term
+        return z, dz, ddz
+
+
+@validated
+class Circle(Trigonometric):
+    """A circle of radius ``size`` [m]."""
+
+    kind: Literal["circle"] = "circle"
+
+    @property
+    def harmonics(self) -> Harmonics:
+        """See `Trigonometric.harmonics`."""
+        return ((1, self.size),)
+
+
+@validated
+class Nephroid(Trigonometric):
+    """A nephroid, 4 by 8 times ``size`` [m]; uniformly run through, its top speed is 6 size w."""
+
+    kind: Literal["nephroid"] = "nephroid"
+
+    @property
+    def harmonics(self) -> Harmonics:
+        """See `Trigonometric.harmonics`."""
+        return (1, 3 * self.size), (3, -self.size)
+
+
+@validated
+class FourRing(Trigonometric):
+    """Four rings round a centre: loops for ``ring`` > 1/3, four petals at 1."""
+
+    kind: Literal["four_ring"] = "four_ring"
+    ring: Finite = 0.7
+
+    @property
+    def harmonics(self) -> Harmonics:
+        """See `Trigonometric.harmonics`."""
+        return (1, self.size), (-3, self.size * self.ring)
+
+
+@validated
+class Clover(Trigonometric):
+    """A four-leaf clover (rose) with leaves of length ``size`` [m]; starts at ``begin``."""
+
+    kind: Literal["clover"] = "clover"
+    begin: Literal["tip", "centre"] = "tip"
+
+    @property
+    def harmonics(self) -> Harmonics:
+        """See `Trigonometric.harmonics`."""
+        half = self.size / 2
+        if self.begin == "tip":
+            return (3, half), (-1, half)
+        return (3, -1j * half), (-1, 1j * half)
+
+
+@validated
+class Deltoid(Trigonometric):
+    """A tricuspid; ``size`` is the radius of the circle that rolls [m], a third of its reach."""
+
+    kind: Literal["deltoid"] = "deltoid"
+
+    @property
+    def harmonics(self) -> Harmonics:
+        """See `Trigonometric.harmonics`."""
+        return (1, 2 * self.size), (-2, self.size)

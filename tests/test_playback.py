@@ -1,0 +1,274 @@
+"""Playbacks, read without a browser: is the page the run?"""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import logging
+import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import umsgpack
+from pydrake.common.eigen_geometry import Quaternion
+
+from drake_rnn.errors import InvalidInputError
+from drake_rnn.experiment import load_experiment, make_experiment
+from drake_rnn.playback import write_playback
+from drake_rnn.result import Result
+from drake_rnn.simulation import simulate
+
+DURATION = 1.5
+PLANAR = {
+    "arm": "planar6",
+    "task": "xy",
+    "path": {"kind": "circle", "plane": "xy", "size": 0.05, "period": 1.0},
+    "law": {"kind": "simultaneous_learning", "jacobian": "known"},
+    "limits": {"acceleration": 20.0},
+    "period": 1e-3,
+    "duration": 1.0,
+}
+
+
+class Page:
+    """What a playback tells the browser to do."""
+
+    def __init__(self, file: Path) -> None:
+        self.text = file.read_text(encoding="utf-8")
+        self.objects: dict[str, Any] = {}
+        self.properties: dict[tuple[str, str], Any] = {}
+        self.tracks: dict[tuple[str, str], list[tuple[int, Any]]] = {}
+        self.options: dict[str, Any] = {}
+        for block in re.findall(r"fetch\(\"data:[^,]+;base64,([A-Za-z0-9+/=]+)\"", self.text):
+            self._take(umsgpack.unpackb(base64.b64decode(block)))
+
+    def _take(self, command: Mapping[str, Any]) -> None:
+        if command["type"] == "set_object":
+            self.objects[command["path"]] = command["object"]
+        elif command["type"] == "set_property":
+            self.properties[command["path"], command["property"]] = command["value"]
+        elif command["type"] == "set_animation":
+            self.options = command["options"]
+            for animation in command["animations"]:
+                self.rate = animation["clip"]["fps"]
+                for track in animation["clip"]["tracks"]:
+                    keys = [(key["time"], key["value"]) for key in track["keys"]]
+                    self.tracks[animation["path"], track["name"]] = keys
+
+
+@pytest.fixture(scope="module")
+def run() -> Result:
+    changes = {"duration": DURATION, "window": None}
+    return simulate(load_experiment("slc_nephroid_known", changes))
+
+
+@pytest.fixture(scope="module")
+def planar() -> Result:
+    return simulate(make_experiment(PLANAR))
+
+
+@pytest.fixture(scope="module")
+def page(run: Result, tmp_path_factory: pytest.TempPathFactory) -> Page:
+    file = tmp_path_factory.mktemp("playback") / "playback.html"
+    assert run.playback(file) == file
+    return Page(file)
+
+
+def links(run: Result) -> list[str]:
+    return [f"panda_link{k}" for k in range(1, run.experiment.setup.arm.n + 1)]
+
+
+def pose(run: Result, sample: int, body: str) -> tuple[np.ndarray, np.ndarray]:
+    arm = run.experiment.setup.arm
+    plant = arm.plant()
+    context = plant.CreateDefaultContext()
+    plant.SetPositions(context, arm.posture(plant, run.series["position"][sample]))
+    X_WB = plant.EvalBodyPoseInWorld(context, plant.GetBodyByName(body))
+    return X_WB.rotation().matrix(), X_WB.translation()
+
+
+def test_every_link_is_drawn(run: Result, page: Page) -> None:
+    for link in ("panda_link0", *links(run)):
+        assert any(path.startswith(f"/arm/panda/{link}/") for path in page.objects), link
+
+
+def test_both_paths_are_solid_and_of_different_colours(page: Page) -> None:
+    meshes = [page.objects[path] for path in ("/desired/path", "/traced/path/000")]
+    for mesh in meshes:
+        (geometry,) = mesh["geometries"]
+        assert geometry["type"] == "BufferGeometry"
+        # A line would be one pixel wide.
+        assert mesh["object"]["type"] == "Mesh"
+    desired, traced = (mesh["materials"][0]["color"] for mesh in meshes)
+    assert desired != traced
+
+
+@pytest.mark.parametrize("rate", [64, 30])
+def test_every_frame_of_every_link_is_there(run: Result, tmp_path: Path, rate: int) -> None:
+    page = Page(write_playback(run, tmp_path / "playback.html", rate))
+    assert page.rate == rate
+    frames = list(range(int(DURATION * rate) + 1))
+    for link in links(run):
+        for track in (".position", ".quaternion"):
+            keys = page.tracks[f"/arm/panda/{link}", track]
+            assert [time for time, _ in keys] == frames, (link, track)
+
+
+def test_the_arm_stands_where_the_run_had_it(run: Result, page: Page) -> None:
+    for link in links(run):
+        for sample in (0, -1):
+            R, p = pose(run, sample, link)
+            _, position = page.tracks[f"/arm/panda/{link}", ".position"][sample]
+            _, (x, y, z, w) = page.tracks[f"/arm/panda/{link}", ".quaternion"][sample]
+            np.testing.assert_allclose(position, p, atol=1e-9)
+            np.testing.assert_allclose(Quaternion([w, x, y, z]).rotation(), R, atol=1e-9)
+
+
+def test_points_move_along_what_was_asked_and_done(run: Result, page: Page) -> None:
+    for path, name in (("/desired/point", "p_WE_desired"), ("/traced/point", "p_WE")):
+        keys = page.tracks[path, ".position"]
+        assert len(keys) == DURATION * 64 + 1
+        for sample in (0, 75, -1):
+            _, point = keys[round(run.time[sample] * 64)]
+            np.testing.assert_allclose(point, run.series[name][sample], atol=1e-9)
+
+
+def test_the_trace_grows(page: Page) -> None:
+    pieces = sorted(path for path in page.objects if path.startswith("/traced/path/"))
+    assert len(pieces) >= 10
+    since = []
+    for path in pieces:
+        keys = dict(page.tracks[path, ".visible"])
+        assert keys[0] is False
+        appears = min(frame for frame, visible in keys.items() if visible)
+        assert all(visible for frame, visible in keys.items() if frame >= appears)
+        since.append(appears)
+    assert np.all(np.diff(since) > 0)
+    assert since[-1] == DURATION * 64
+
+
+def test_the_trace_lies_on_the_traced_path(run: Result, page: Page) -> None:
+    vertices = []
+    for path, mesh in page.objects.items():
+        if path.startswith("/traced/path/"):
+            attribute = mesh["geometries"][0]["data"]["attributes"]["position"]
+            data = attribute["array"]
+            data = data.data if isinstance(data, umsgpack.Ext) else bytes(data)
+            vertices.append(np.frombuffer(data, dtype=np.float32).reshape(-1, 3))
+    points = np.concatenate(vertices)
+    trace = run.series["p_WE"]
+    distance = np.linalg.norm(points[:, None] - trace[None], axis=2).min(axis=1)
+    assert distance.max() < 6e-3
+    # And all along it.
+    distance = np.linalg.norm(points[:, None] - trace[None], axis=2).min(axis=0)
+    assert distance.max() < 6e-3
+
+
+def test_it_plays_by_itself_over_and_over(page: Page) -> None:
+    assert page.options["play"] is True
+    assert page.options["loopMode"] == 2201  # three.js: repeat
+    assert page.options["repetitions"] >= 10**6
+    # Tracks repeat one by one: they stay together only if they are equally long.
+    ends = {keys[-1][0] for keys in page.tracks.values()}
+    assert ends == {DURATION * 64}
+
+
+def test_axes_are_hidden_and_the_camera_looks_at_the_arm(page: Page) -> None:
+    assert page.properties["/Axes", "visible"] is False
+    x, y, z = page.properties["/Cameras/default/rotated/<object>", "position"]
+    # Meshcat's camera has y upwards: (x, z, -y).
+    assert 1.0 < math.hypot(x, y, z) < 6.0
+    assert y > 0.0
+
+
+def test_a_planar_arm_is_seen_from_above(planar: Result, tmp_path: Path) -> None:
+    page = Page(planar.playback(tmp_path / "playback.html"))
+    x, height, z = page.properties["/Cameras/default/rotated/<object>", "position"]
+    assert height > 2.0 * math.hypot(x - 0.3, z + 0.4)
+    for path, name in (("/desired/point", "p_WE_desired"), ("/traced/point", "p_WE")):
+        _, point = page.tracks[path, ".position"][-1]
+        np.testing.assert_allclose(point[:2], planar.series[name][-1], atol=1e-9)
+        assert point[2] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_size_and_name(run: Result, page: Page) -> None:
+    # The viewer alone is 2.2 MB.
+    assert len(page.text) < 3e6
+    assert f"<title>{run.experiment.name}</title>" in page.text
+
+
+def test_nothing_is_loaded_from_elsewhere(page: Page) -> None:
+    # The viewer mentions addresses that it does not ask for; test_browser.py sees to that.
+    assert not re.findall(r"<(?:script|link|img)[^>]+(?:src|href)=", page.text)
+    assert not re.findall(r"@import|url\(\s*[\"']?http", page.text)
+    assert not re.findall(r"fetch\(\"(?!data:)", page.text)
+
+
+def test_a_name_is_text(run: Result, tmp_path: Path) -> None:
+    experiment = dataclasses.replace(run.experiment, name="<b>{x}</b>")
+    named = dataclasses.replace(run, experiment=experiment)
+    text = named.playback(tmp_path / "playback.html").read_text()
+    assert "&lt;b&gt;{x}&lt;/b&gt;" in text
+    assert "<b>{x}</b>" not in text
+
+
+def test_a_run_that_broke_off_plays_until_then(run: Result, tmp_path: Path) -> None:
+    position = run.series["position"].copy()
+    position[50:] = np.nan
+    broken = dataclasses.replace(run, series=run.series | {"position": position})
+    page = Page(broken.playback(tmp_path / "playback.html"))
+    keys = page.tracks["/arm/panda/panda_link7", ".position"]
+    assert len(keys) == math.ceil(run.time[49] * 64) + 1
+    assert np.isfinite([point for _, point in keys]).all()
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_the_shortest_runs_can_be_shown(run: Result, tmp_path: Path, count: int) -> None:
+    series = {name: values[:count] for name, values in run.series.items()}
+    short = dataclasses.replace(run, time=run.time[:count], series=series)
+    page = Page(short.playback(tmp_path / "playback.html"))
+    assert len(page.tracks["/arm/panda/panda_link7", ".position"]) == count
+    assert "/desired/path" in page.objects
+
+
+def test_an_arm_that_rests_can_be_shown(run: Result, tmp_path: Path) -> None:
+    position = np.tile(run.series["position"][0], (run.time.size, 1))
+    resting = dataclasses.replace(run, series=run.series | {"position": position})
+    page = Page(resting.playback(tmp_path / "playback.html"))
+    assert len(page.tracks["/traced/point", ".position"]) == DURATION * 64 + 1
+
+
+def test_no_posture(run: Result, tmp_path: Path) -> None:
+    series = {name: values[:0] for name, values in run.series.items()}
+    empty = dataclasses.replace(run, time=run.time[:0], series=series)
+    with pytest.raises(InvalidInputError, match="no posture"):
+        empty.playback(tmp_path / "playback.html")
+
+
+@pytest.mark.parametrize("rate", [0, -1, 32.0, True, None])
+def test_rates_that_are_none(run: Result, tmp_path: Path, rate: Any) -> None:
+    with pytest.raises(InvalidInputError, match="frames_per_second: must be a positive integer"):
+        run.playback(tmp_path / "playback.html", rate)
+
+
+def test_files_that_cannot_be_written(run: Result, tmp_path: Path) -> None:
+    for file in (tmp_path, tmp_path / "absent" / "playback.html"):
+        with pytest.raises(InvalidInputError, match=re.escape(str(file))):
+            run.playback(file)
+
+
+def test_it_is_silent(
+    run: Result,
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    level = logging.getLogger("drake").level
+    run.playback(tmp_path / "playback.html")
+    assert capfd.readouterr() == ("", "")
+    assert not caplog.records
+    assert logging.getLogger("drake").level == level

@@ -1,0 +1,133 @@
+"""One experiment at many values."""
+
+import csv
+
+import numpy as np
+import pytest
+
+from drake_rnn import InvalidInputError, SimulationError, load_experiment, simulate
+from drake_rnn import sweep as sweeping
+from drake_rnn.metrics import TIMING_METRICS
+from drake_rnn.sweep import Row, parse_axis, sweep, write_csv
+
+KNOWN = "slc_nephroid_known"
+SHORT = {"duration": 0.05}
+
+
+def numbers(metrics):
+    return {name: value for name, value in metrics.items() if name not in TIMING_METRICS}
+
+
+@pytest.mark.parametrize(
+    ("text", "axis"),
+    [
+        ("law.kappa=1,2e0, 4", ("law.kappa", [1, 2.0, 4])),
+        ("dither.model=actuated,virtual", ("dither.model", ["actuated", "virtual"])),
+        ("limits=none,{velocity: 1, acceleration: 2}", None),
+        ("path.offset=[0, 0, 0],[0.1, 0, 0]", ("path.offset", [[0, 0, 0], [0.1, 0, 0]])),
+        (" seed =3", ("seed", [3])),
+    ],
+)
+def test_values_are_read_as_yaml(text, axis):
+    axis = axis or ("limits", ["none", {"velocity": 1, "acceleration": 2}])
+    assert parse_axis(text) == axis
+
+
+@pytest.mark.parametrize("text", ["law.kappa", "=1", "law.kappa=", "law.kappa= "])
+def test_an_axis_needs_key_and_values(text):
+    with pytest.raises(InvalidInputError, match="--over: must be KEY=v1,v2,..., not"):
+        parse_axis(text)
+
+
+def test_values_that_are_no_yaml_are_refused():
+    with pytest.raises(InvalidInputError, match="--over seed: not a YAML document"):
+        parse_axis("seed=1,{2")
+
+
+def test_rows_come_in_the_order_of_the_values_with_the_metrics_of_each_run():
+    told = []
+    rows = sweep(KNOWN, {"law.kappa": [8, 2, 4]}, SHORT, done=told.append)
+    assert [row.values for row in rows] == [(8,), (2,), (4,)]
+    assert rows == told
+    for row in rows:
+        alone = simulate(load_experiment(KNOWN, {**SHORT, "law.kappa": row.values[0]}))
+        assert numbers(row.metrics) == numbers(alone.metrics)
+        assert row.failure is None
+
+
+def test_two_axes_give_every_pair_the_last_one_fastest():
+    rows = sweep(KNOWN, {"law.kappa": [1, 2], "path.size": [0.02, 0.04]}, SHORT)
+    assert [row.values for row in rows] == [(1, 0.02), (1, 0.04), (2, 0.02), (2, 0.04)]
+    errors = {row.metrics["position_error_rms_m"] for row in rows}
+    assert len(errors) == 4
+
+
+def test_every_combination_is_checked_before_the_first_runs(monkeypatch):
+    def simulate(experiment):
+        raise AssertionError("simulated")
+
+    monkeypatch.setattr(sweeping, "simulate", simulate)
+    with pytest.raises(InvalidInputError, match=r"law\.kappa: must be greater than 0, not -1"):
+        sweep(KNOWN, {"law.kappa": [1, 2, -1]}, SHORT)
+
+
+def test_a_run_that_fails_takes_a_row_and_the_others_run(monkeypatch):
+    def simulate_or_fail(experiment):
+        if experiment.seed == 2:
+            error = SimulationError("controller: v not finite any more", 0.01)
+            error.result = simulate(experiment)
+            raise error
+        return simulate(experiment)
+
+    monkeypatch.setattr(sweeping, "simulate", simulate_or_fail)
+    rows = sweep(KNOWN, {"seed": [1, 2, 3]}, SHORT)
+    assert [row.failure is None for row in rows] == [True, False, True]
+    assert rows[1].failure == "controller: v not finite any more (at t = 0.01 s)"
+    assert "joint_velocity_max_rad_s" in rows[1].metrics
+
+
+def test_a_path_out_of_reach_takes_a_row():
+    rows = sweep(KNOWN, {"path.size": [2, 0.04]}, {"duration": 1, "law.kappa": 5})
+    assert rows[0].failure.startswith("path: out of reach")
+    assert rows[0].metrics == {}
+    assert rows[1].failure is None
+
+
+def test_numbers_do_not_depend_on_how_many_run_at_a_time():
+    """Bit for bit."""
+    over = {"law.kappa": [2, 4, 8]}
+    one = sweep("slc_nephroid", over, {"duration": 0.02})
+    two = sweep("slc_nephroid", over, {"duration": 0.02}, processes=2)
+    assert [row.values for row in one] == [row.values for row in two]
+    for a, b in zip(one, two, strict=True):
+        assert numbers(a.metrics) == numbers(b.metrics)
+
+
+def test_the_table_holds_every_value_and_metric_to_the_last_bit(tmp_path):
+    rows = [
+        Row((1, "none"), {"a_m": 1 / 3, "b_s": 2e-9}),
+        Row((2, [0.1, 0.0]), {"a_m": -0.1}, 'failed, "here"\nand there'),
+    ]
+    write_csv(tmp_path / "sweep.csv", ["law.kappa", "limits"], rows)
+    with (tmp_path / "sweep.csv").open(newline="") as stream:
+        first, second = csv.DictReader(stream)
+    assert list(first) == ["law.kappa", "limits", "a_m", "b_s", "failure"]
+    assert first["law.kappa"] == "1"
+    assert (float(first["a_m"]), float(first["b_s"])) == (1 / 3, 2e-9)
+    assert first["failure"] == ""
+    assert second["limits"] == "[0.1, 0.0]"
+    assert (float(second["a_m"]), second["b_s"]) == (-0.1, "")
+    assert second["failure"] == 'failed, "here"\nand there'
+
+
+def test_a_table_that_cannot_be_written_is_refused(tmp_path):
+    with pytest.raises(InvalidInputError, match=r"^table .*: Is a directory$"):
+        write_csv(tmp_path, ["a"], [])
+
+
+def test_a_tables_numbers_are_those_of_the_runs(tmp_path):
+    rows = sweep(KNOWN, {"law.kappa": [1, 2]}, SHORT)
+    write_csv(tmp_path / "sweep.csv", ["law.kappa"], rows)
+    with (tmp_path / "sweep.csv").open(newline="") as stream:
+        read = [float(line["position_error_rms_m"]) for line in csv.DictReader(stream)]
+    np.testing.assert_array_equal(read, [row.metrics["position_error_rms_m"] for row in rows])

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from .result import Result
+from typing import Any
 
 
 class DrakeRnnError(Exception):
@@ -21,10 +18,11 @@ class SimulationError(DrakeRnnError, RuntimeError):
 
     Attributes:
         time: Simulated time at which it stopped [s].
-        result: What `drake_rnn.simulate` had until then, if that was running.
+        result: The `drake_rnn.Result` that `drake_rnn.simulate` had until then, or None.
     """
 
-    result: Result | None = None
+    # Errors stand below everything else: they do not import what raises them.
+    result: Any = None
 
     def __init__(self, message: str, time: float) -> None:
         super().__init__(f"{message} (at t = {time:.6g} s)")

@@ -419,7 +419,7 @@ def _quiet_parser() -> Iterator[None]:
 
 
 _ORIGIN = np.zeros((3, 1))
-_DESCRIPTION_FIELDS = tuple(ArmDescription.__dataclass_fields__)  # type: ignore[attr-defined]
+_DESCRIPTION_FIELDS = tuple(ArmDescription.__dataclass_fields__)
 
 
 def shipped_arms() -> list[str]:

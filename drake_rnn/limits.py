@@ -90,9 +90,10 @@ class JointLimits:
     def select(self, joints: Sequence[int]) -> JointLimits:
         """The limits of some joints, by their numbers."""
         bounds = {name: getattr(self, name) for name in _NAMES}
-        return JointLimits(
-            **{name: None if bound is None else bound[joints] for name, bound in bounds.items()}
-        )
+        known: dict[str, Any] = {
+            n: bound[joints] for n, bound in bounds.items() if bound is not None
+        }
+        return JointLimits(**known)
 
     def require(self, name: str, reason: str) -> Array:
         """The bound of this name, shape (n,).

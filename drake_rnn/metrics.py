@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .fields import Array
 from .limits import JointLimits
@@ -76,7 +77,7 @@ def motion_metrics(
     return {name: float(value) for name, value in metrics.items() if np.isfinite(value)}
 
 
-def _within(motion: Motion, window: tuple[float, float] | None) -> Array:
+def _within(motion: Motion, window: tuple[float, float] | None) -> NDArray[np.bool_]:
     if window is None:
         return np.ones(motion.time.size, dtype=bool)
     # Step times carry rounding errors.

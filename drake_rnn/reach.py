@@ -48,17 +48,16 @@ def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
     origin = setup.path.start_point(setup.p_WE_start)
     time = np.linspace(0.0, min(setup.path.period, experiment.duration), samples)
     q = setup.start.copy()
-    position, miss, singular, velocity, desired = [], [], [], [], []
+    miss: list[float] = []
+    position, singular, velocity, desired = [], [], [], []
     for t in time:
         p, v, _ = setup.path.evaluate(float(t))
         target = (origin + p)[rows]
         # Once the path is lost, how far it leads away is all there is to know.
-        lost = bool(miss) and max(miss) > _MISS
-        q = (
-            _descend(kinematics, rows, q, target, 20)
-            if lost
-            else (_towards(kinematics, rows, q, target))
-        )
+        if max(miss, default=0.0) > _MISS:
+            q = _descend(kinematics, rows, q, target, 20)
+        else:
+            q = _towards(kinematics, rows, q, target)
         J = kinematics.J(q)[rows]
         position.append(q)
         desired.append(target)
@@ -103,22 +102,18 @@ def check_reach(experiment: Experiment) -> list[str]:
     )
     k, joint = np.unravel_index(np.argmin(margin), margin.shape)
     if margin[k, joint] < 0.05:
-        near = margin[k, joint] >= 0
-        place = (
-            f"comes within {margin[k, joint]:.3g} rad of"
-            if near
-            else (f"goes {-margin[k, joint]:.3g} rad beyond")
-        )
+        left = float(margin[k, joint])
+        place = f"comes within {left:.3g} rad of" if left >= 0 else f"goes {-left:.3g} rad beyond"
         warnings.append(
             f"path: {setup.arm.joints[joint]} {place} its limit near t = {reach.time[k]:.3g} s"
         )
-    k = int(np.argmin(reach.singular_value))
+    k = np.argmin(reach.singular_value)
     if reach.singular_value[k] < 0.05:
         warnings.append(
             f"path: near-singular posture near t = {reach.time[k]:.3g} s: smallest singular "
             f"value of J {reach.singular_value[k]:.3g}"
         )
-    for name, unit in (("velocity", "rad/s"), ("acceleration", "rad/s^2")):
+    for article, name, unit in (("a", "velocity", "rad/s"), ("an", "acceleration", "rad/s^2")):
         bound = getattr(limits, name)
         if bound is None:
             continue
@@ -126,7 +121,7 @@ def check_reach(experiment: Experiment) -> list[str]:
         k, joint = np.unravel_index(np.argmax(ratio), ratio.shape)
         if ratio[k, joint] > 1.0:
             warnings.append(
-                f"path: asks {setup.arm.joints[joint]} for a {name} of "
+                f"path: asks {setup.arm.joints[joint]} for {article} {name} of "
                 f"{ratio[k, joint] * bound[joint]:.3g} {unit} near t = {reach.time[k]:.3g} s; "
                 f"its limit is {bound[joint]:.3g}"
             )

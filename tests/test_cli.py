@@ -56,6 +56,17 @@ def assert_same_series(one, two):
 
 
 @pytest.fixture
+def drawn():
+    """For tests in which figures are drawn; it takes seconds."""
+
+
+@pytest.fixture(autouse=True)
+def undrawn(request, monkeypatch):
+    if "drawn" not in request.fixturenames:
+        monkeypatch.setattr("drake_rnn.figures.write_figures", lambda result, folder: [])
+
+
+@pytest.fixture
 def breaks(monkeypatch):
     """A law whose numbers end at a time."""
 
@@ -83,13 +94,13 @@ def test_list_shows_every_experiment():
         assert column in result.stdout
 
 
-def test_run_writes_a_folder_with_everything(tmp_path):
+def test_run_writes_a_folder_with_everything(tmp_path, drawn):
     result = call("run", KNOWN, "--out", tmp_path, *SHORT)
     assert result.exit_code == 0
     assert result.stderr == ""
     folder = tmp_path / KNOWN
-    drawn = {"diagram.svg"} if shutil.which("dot") else set()
-    assert {path.name for path in folder.iterdir()} == drawn | {
+    picture = {"diagram.svg"} if shutil.which("dot") else set()
+    assert {path.name for path in folder.iterdir()} == picture | {
         "experiment.yaml",
         "result.npz",
         "metrics.json",
@@ -151,9 +162,7 @@ def test_warnings_of_the_path_are_told(tmp_path):
 def test_what_a_run_has_written_runs_again_to_the_same_numbers(tmp_path):
     """Bit for bit."""
     first = run(tmp_path / "a", "--duration", 0.02, "--seed", 5, experiment=LEARNED)
-    result = call(
-        "run", first / "experiment.yaml", "--out", tmp_path / "b", "--no-playback"
-    )
+    result = call("run", first / "experiment.yaml", "--out", tmp_path / "b", "--no-playback")
     assert result.exit_code == 0, result.stderr
     second = tmp_path / "b" / LEARNED
     assert_same_series(first, second)
@@ -253,7 +262,7 @@ def test_a_folder_that_cannot_be_written_to_is_told_before_anything_runs(tmp_pat
 # Runs that fail.
 
 
-def test_a_run_that_fails_saves_what_there_was_and_names_the_time(tmp_path, breaks):
+def test_a_run_that_fails_saves_what_there_was_and_names_the_time(tmp_path, breaks, drawn):
     breaks(0.03)
     result = call("run", KNOWN, "--out", tmp_path, "--no-playback", *SHORT)
     assert result.exit_code == 1
@@ -268,7 +277,7 @@ def test_a_run_that_fails_saves_what_there_was_and_names_the_time(tmp_path, brea
     assert list((tmp_path / KNOWN / "figures").iterdir())
 
 
-def test_a_run_that_fails_at_once_is_told_as_well(tmp_path, breaks):
+def test_a_run_that_fails_at_once_is_told_as_well(tmp_path, breaks, drawn):
     breaks(0.0)
     result = call("run", KNOWN, "--out", tmp_path, *SHORT)
     assert result.exit_code == 1
@@ -279,14 +288,16 @@ def test_a_run_that_fails_at_once_is_told_as_well(tmp_path, breaks):
 
 def test_after_a_run_that_fails_the_others_run(tmp_path, breaks):
     breaks(0.03)
-    calm = tmp_path / "calm.yaml"
     text = (run(tmp_path / "a", "--duration", 0.02) / "experiment.yaml").read_text()
-    calm.write_text(text.replace(f"name: {KNOWN}", "name: calm"))
-    result = call("run", KNOWN, "--out", tmp_path / "b", "--no-playback", *SHORT)
+    for name, duration in {"broken": 0.05, "calm": 0.02}.items():
+        changed = text.replace(f"name: {KNOWN}", f"name: {name}")
+        changed = changed.replace("duration: 0.02", f"duration: {duration}")
+        (tmp_path / f"{name}.yaml").write_text(changed)
+    files = [tmp_path / "broken.yaml", tmp_path / "calm.yaml"]
+    result = call("run", *files, "--out", tmp_path / "b", "--no-playback")
     assert result.exit_code == 1
-    result = call("run", KNOWN, calm, "--out", tmp_path / "b", "--no-playback")
-    assert result.exit_code == 1
-    assert metrics(tmp_path / "b" / "calm")["joint_velocity_max_rad_s"] > 0
+    assert Result.load(tmp_path / "b" / "broken").time[-1] == pytest.approx(0.03)
+    assert Result.load(tmp_path / "b" / "calm").time[-1] == pytest.approx(0.02)
 
 
 # Sweeps.

@@ -47,7 +47,9 @@ def test_a_sine_has_the_speed_and_acceleration_of_a_sine():
     h = 1e-3
     time = np.arange(0, 2 * pi, h)
     found = metrics(
-        motion(time, position=columns(0.3 * np.sin(2 * time)), velocity=columns(0.6 * np.cos(2 * time)))
+        motion(
+            time, position=columns(0.3 * np.sin(2 * time)), velocity=columns(0.6 * np.cos(2 * time))
+        )
     )
     assert found["joint_velocity_max_rad_s"] == 0.6
     assert found["joint_acceleration_max_rad_s2"] == pytest.approx(1.2, rel=(2 * h) ** 2 / 20)
@@ -90,7 +92,9 @@ def test_a_windows_ends_belong_to_it_in_spite_of_rounding():
     time = np.arange(0, 1, 0.1)
     assert time[3] > 0.3
     error = np.where(np.arange(10) == 3, 1.0, 0.0)
-    assert metrics(motion(time, p_WE=columns(error)), window=(0.1, 0.3))["position_error_max_m"] == 1
+    assert (
+        metrics(motion(time, p_WE=columns(error)), window=(0.1, 0.3))["position_error_max_m"] == 1
+    )
 
 
 # Errors.
@@ -98,7 +102,9 @@ def test_a_windows_ends_belong_to_it_in_spite_of_rounding():
 
 def test_errors_are_of_the_norm_and_of_the_worst_component():
     found = metrics(
-        motion([0, 1], p_WE=[[3.0, 4.0], [0, 0]] * np.ones((2, 2)), v_WE=np.array([[0, 0], [5, 12]]))
+        motion(
+            [0, 1], p_WE=[[3.0, 4.0], [0, 0]] * np.ones((2, 2)), v_WE=np.array([[0, 0], [5, 12]])
+        )
     )
     assert found["position_error_max_m"] == 5.0
     assert found["position_error_component_max_m"] == 4.0

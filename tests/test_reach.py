@@ -103,7 +103,7 @@ def test_a_path_in_another_plane_is_warned_of_with_figures():
     assert "rad beyond its limit near t = 5." in text
     assert "for a velocity of 0.9" in text
     assert "its limit is 0.5" in text
-    assert "for a acceleration of 2." in text
+    assert "for an acceleration of 2." in text
 
 
 def test_speed_asked_for_is_that_of_the_least_squares_motion(rods):

@@ -35,7 +35,7 @@ def test_values_are_read_as_yaml(text, axis):
 
 @pytest.mark.parametrize("text", ["law.kappa", "=1", "law.kappa=", "law.kappa= "])
 def test_an_axis_needs_key_and_values(text):
-    with pytest.raises(InvalidInputError, match="--over: must be KEY=v1,v2,..., not"):
+    with pytest.raises(InvalidInputError, match=r"--over: must be KEY=v1,v2,\.\.\., not"):
         parse_axis(text)
 
 

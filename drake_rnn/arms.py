@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -20,15 +19,14 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
     BodyIndex,
-    Frame,
     FrameIndex,
-    JacobianWrtVariable,
     Joint,
     ModelInstanceIndex,
 )
-from pydrake.systems.framework import Context
 
-from .documents import construct, nearest, read_yaml
+from .arm_kinematics import ArmKinematics
+from .complaints import nearest
+from .documents import construct, read_yaml
 from .errors import InvalidInputError
 from .fields import Array, Finite, Point, Vector, validated
 from .limits import DERIVATIVE_UNITS, JointLimits
@@ -175,7 +173,9 @@ class Arm:
 
     def kinematics(self) -> ArmKinematics:
         """Its kinematics and dynamics as functions of the controlled joints."""
-        return ArmKinematics(self)
+        plant = self.plant()
+        positions = self.posture(plant, np.zeros(self.n))
+        return ArmKinematics(plant, self.frame, self.joints, positions)
 
     def _check_model(self) -> None:
         """Read it with its geometry, so that files it needs are missed now; warnings are seen."""
@@ -301,124 +301,6 @@ class Arm:
         return [plant.GetJointByName(name).position_start() for name in self.joints]
 
 
-class ArmKinematics:
-    """Kinematics and dynamics of an arm as pure functions of its controlled joints.
-
-    Positions ``q`` and velocities ``v`` have shape (n,) [rad, rad/s]; W is the world frame,
-    to which the base is welded, E the arm's task frame. Repeated calls at one posture share
-    what Drake has computed for it.
-    """
-
-    def __init__(self, arm: Arm) -> None:
-        self._plant = arm.plant()
-        self._context: Context = self._plant.CreateDefaultContext()
-        self._frame: Frame = self._plant.GetFrameByName(arm.frame)
-        self._world: Frame = self._plant.world_frame()
-        self._positions = arm.posture(self._plant, np.zeros(arm.n))
-        self._indices = np.array(arm._indices(self._plant))
-        self._velocity_indices = np.array(
-            [self._plant.GetJointByName(name).velocity_start() for name in arm.joints]
-        )
-        everything = np.arange(self._positions.size)
-        self._is_whole = np.array_equal(self._indices, everything)
-        self._at_q = b""
-
-    def _set(self, q: Array) -> None:
-        key = q.tobytes()
-        if key == self._at_q:
-            return
-        # Drake ends the process over this.
-        if q.size != self._indices.size or not isfinite(sum(q.tolist())):
-            raise InvalidInputError(
-                f"position: must be {self._indices.size} finite numbers, not {q.tolist()}"
-            )
-        if self._is_whole:
-            self._plant.SetPositions(self._context, q)
-        else:
-            self._positions[self._indices] = q
-            self._plant.SetPositions(self._context, self._positions)
-        self._at_q = key
-
-    def _set_velocity(self, v: Array) -> None:
-        velocities = np.zeros(self._plant.num_velocities())
-        velocities[self._velocity_indices] = v
-        self._plant.SetVelocities(self._context, velocities)
-
-    def _columns(self, J: Array) -> Array:
-        return J if self._is_whole else J[:, self._velocity_indices]
-
-    def p_WE(self, q: Array) -> Array:
-        """Position of E's origin, shape (3,) [m]."""
-        self._set(q)
-        return self._plant.CalcPointsPositions(
-            self._context, self._frame, _ORIGIN, self._world
-        ).ravel()
-
-    def R_WE(self, q: Array) -> Array:
-        """Orientation of E, shape (3, 3)."""
-        self._set(q)
-        return np.asarray(self._frame.CalcPoseInWorld(self._context).rotation().matrix())
-
-    def J(self, q: Array) -> Array:
-        """Jacobian of E's origin, shape (3, n): v_WE = J v."""
-        self._set(q)
-        J = self._plant.CalcJacobianTranslationalVelocity(
-            self._context, JacobianWrtVariable.kV, self._frame, _ORIGIN, self._world, self._world
-        )
-        return self._columns(J)
-
-    def J_omega(self, q: Array) -> Array:
-        """Jacobian of E's angular velocity, shape (3, n)."""
-        self._set(q)
-        J = self._plant.CalcJacobianAngularVelocity(
-            self._context, JacobianWrtVariable.kV, self._frame, self._world, self._world
-        )
-        return self._columns(J)
-
-    def Jdot_v(self, q: Array, v: Array) -> Array:
-        """What of E's acceleration is not due to joint accelerations, shape (3,) [m/s^2]."""
-        self._set(q)
-        self._set_velocity(v)
-        bias = self._plant.CalcBiasTranslationalAcceleration(
-            self._context, JacobianWrtVariable.kV, self._frame, _ORIGIN, self._world, self._world
-        )
-        return np.asarray(bias).ravel()
-
-    def M(self, q: Array) -> Array:
-        """Mass matrix, shape (n, n) [kg m^2]."""
-        self._set(q)
-        M = self._plant.CalcMassMatrixViaInverseDynamics(self._context)
-        return M[np.ix_(self._velocity_indices, self._velocity_indices)]
-
-    def bias(self, q: Array, v: Array) -> Array:
-        """Coriolis and centrifugal torques C(q, v) v, shape (n,) [Nm]."""
-        self._set(q)
-        self._set_velocity(v)
-        return np.asarray(self._plant.CalcBiasTerm(self._context))[self._velocity_indices]
-
-    def gravity(self, q: Array) -> Array:
-        """Torques that gravity exerts on the joints, shape (n,) [Nm]."""
-        self._set(q)
-        torques = self._plant.CalcGravityGeneralizedForces(self._context)
-        return np.asarray(torques)[self._velocity_indices]
-
-
-def _one_line(error: RuntimeError) -> str:
-    return " ".join(str(error).split())
-
-
-@contextmanager
-def _quiet_parser() -> Iterator[None]:
-    log = logging.getLogger("drake")
-    level = log.level
-    log.setLevel(max(level, logging.ERROR))
-    try:
-        yield
-    finally:
-        log.setLevel(level)
-
-
-_ORIGIN = np.zeros((3, 1))
 _DESCRIPTION_FIELDS = tuple(ArmDescription.__dataclass_fields__)
 
 
@@ -461,3 +343,18 @@ def _published_limits(file: Path) -> JointLimits:
         if key in sheet and sheet[key]["value"] != "unpublished"
     }
     return construct(JointLimits, published, f"{file.parent.name}/{file.name}")
+
+
+def _one_line(error: RuntimeError) -> str:
+    return " ".join(str(error).split())
+
+
+@contextmanager
+def _quiet_parser() -> Iterator[None]:
+    log = logging.getLogger("drake")
+    level = log.level
+    log.setLevel(max(level, logging.ERROR))
+    try:
+        yield
+    finally:
+        log.setLevel(level)

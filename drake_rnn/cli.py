@@ -14,10 +14,12 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from .errors import DrakeRnnError, InvalidInputError, SimulationError
+from .errors import DrakeRnnError, InterruptedRunError, InvalidInputError, SimulationError
 from .experiment import Experiment, load_experiment, parse_change
+from .reach import check_reach
 from .report import experiments_table, metrics_table, sweep_table, varying_metrics
 from .result import Result
 from .simulation import Progress as ProgressCallback
@@ -30,8 +32,8 @@ app = typer.Typer(
     help="Recurrent-neural-network controllers for redundant manipulators, as Drake systems.",
 )
 
-# A table has its own width where nobody has said how wide the terminal is.
-_WIDTH = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 120
+# A table in a pipe or a file has a width of its own.
+_WIDTH = None if sys.stdout.isatty() else 120
 out = Console(width=_WIDTH, soft_wrap=False, highlight=False)
 err = Console(stderr=True, soft_wrap=True, highlight=False)
 
@@ -68,19 +70,25 @@ def run(
     with _errors():
         # Everything is checked before anything runs.
         loaded = [_load(name, changes, seed, duration) for name in experiments]
-        _require_writable(out_folder)
+        for experiment in loaded:
+            _require_one_folder_each(experiment, loaded)
+            _require_writable(out_folder / experiment.name)
+            check_reach(experiment)
     failed = False
     for experiment in loaded:
-        try:
-            with _errors(), _progress(experiment) as progress:
-                result = simulate(experiment, progress)
-        except typer.Exit as stop:
-            failure = stop.__context__
-            if not isinstance(failure, SimulationError) or failure.result is None:
-                raise
-            result, failed = failure.result, True
         with _errors():
-            _write(result, out_folder / experiment.name, playback)
+            try:
+                with _progress(experiment) as progress:
+                    result = simulate(experiment, progress)
+            except SimulationError as error:
+                # What there was until then is kept.
+                failed = True
+                err.print(f"[red]failed[/] {escape(str(error))}")
+                _write(error.result, out_folder / experiment.name, playback)
+                if isinstance(error, InterruptedRunError):
+                    break
+            else:
+                _write(result, out_folder / experiment.name, playback)
     if failed:
         raise typer.Exit(FAILED)
 
@@ -104,23 +112,24 @@ def sweep(
     from .sweep import sweep as run_sweep
 
     with _errors():
+        keys = [parse_axis(text)[0] for text in over]
+        if twice := [key for key in keys if keys.count(key) > 1]:
+            raise InvalidInputError(f"--over: {twice[0]!r} stands twice; give all its values once")
         axes = dict(parse_axis(text) for text in over)
-        _require_writable(out_folder)
-        keys = list(axes)
+        folder = out_folder / f"sweep_{Path(experiment).stem}_{'_'.join(keys)}"
+        _require_writable(folder)
 
         def done(row: Row) -> None:
             values = ", ".join(f"{key}={v}" for key, v in zip(keys, row.values, strict=True))
-            err.print(f"{values}: {row.failure or 'done'}")
+            err.print(escape(f"{values}: {row.failure or 'done'}"))
 
         rows = run_sweep(experiment, axes, _changes(changes, seed, duration), jobs, done)
-        folder = out_folder / f"sweep_{Path(experiment).stem}_{'_'.join(keys)}"
-        folder.mkdir(parents=True, exist_ok=True)
         write_csv(folder / "sweep.csv", keys, rows)
         picture = sweep_figure(keys, rows, varying_metrics(rows), folder / "sweep.png")
     out.print(sweep_table(keys, rows))
-    out.print(f"table    {folder / 'sweep.csv'}")
+    out.print(escape(f"table    {folder / 'sweep.csv'}"), soft_wrap=True)
     if picture is not None:
-        out.print(f"picture  {picture}")
+        out.print(escape(f"picture  {picture}"), soft_wrap=True)
     if any(row.failure for row in rows):
         raise typer.Exit(FAILED)
 
@@ -154,18 +163,31 @@ def _write(result: Result, folder: Path, playback: bool) -> None:
     _draw_diagram(folder / "diagram.dot")
     figures = write_figures(result, folder / "figures")
     for warning in result.warnings:
-        err.print(f"[yellow]warning[/] {warning}")
+        err.print(f"[yellow]warning[/] {escape(warning)}")
     out.print(metrics_table(result))
-    out.print(f"results   {folder}", soft_wrap=True)
-    out.print(f"figures   {folder / 'figures'} ({len(figures)})", soft_wrap=True)
+    out.print(escape(f"results   {folder}"), soft_wrap=True)
+    out.print(escape(f"figures   {folder / 'figures'} ({len(figures)})"), soft_wrap=True)
     if playback and result.time.size > 1:
-        out.print(f"playback  {result.playback(folder / 'playback.html')}", soft_wrap=True)
+        page = result.playback(folder / "playback.html", _frames_per_second(result))
+        out.print(escape(f"playback  {page}"), soft_wrap=True)
+
+
+def _frames_per_second(result: Result) -> int:
+    """Long runs get fewer frames, so that the page stays small enough to be sent."""
+    return 64 if result.time[-1] <= 30.0 else 32
 
 
 def _draw_diagram(dot: Path) -> None:
     if program := shutil.which("dot"):
         command = [program, "-Tsvg", str(dot), "-o", str(dot.with_suffix(".svg"))]
         subprocess.run(command, check=False, capture_output=True)
+
+
+def _require_one_folder_each(experiment: Experiment, among: list[Experiment]) -> None:
+    if sum(other.name == experiment.name for other in among) > 1:
+        raise InvalidInputError(
+            f"name: two experiments are called {experiment.name!r}; one would overwrite the other"
+        )
 
 
 def _require_writable(folder: Path) -> None:
@@ -183,10 +205,10 @@ def _errors() -> Iterator[None]:
     try:
         yield
     except SimulationError as error:
-        err.print(f"[red]failed[/] {error}", soft_wrap=True)
+        err.print(f"[red]failed[/] {escape(str(error))}")
         raise typer.Exit(FAILED) from error
     except DrakeRnnError as error:
-        err.print(f"[red]error[/] {error}", soft_wrap=True)
+        err.print(f"[red]error[/] {escape(str(error))}")
         raise typer.Exit(BAD_INPUT) from error
 
 

@@ -27,3 +27,7 @@ class SimulationError(DrakeRnnError, RuntimeError):
     def __init__(self, message: str, time: float) -> None:
         super().__init__(f"{message} (at t = {time:.6g} s)")
         self.time = time
+
+
+class InterruptedRunError(SimulationError):
+    """A run was interrupted from the keyboard."""

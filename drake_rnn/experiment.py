@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path as File
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
 from pydrake.systems.analysis import GetIntegrationSchemes
 
 from .arms import Arm, load_arm
+from .complaints import nearest, plain
 from .diagrams import EXPERIMENTS
 from .diagrams.kinematic import start_posture
-from .documents import construct, nearest, parse_yaml, plain, read_yaml, to_yaml
+from .documents import construct, parse_yaml, read_yaml, to_yaml
 from .errors import InvalidInputError
-from .fields import Array, NonNegative, Positive, Vector, validated
+from .fields import Array, Finite, NonNegative, Positive, Seed, Vector, validated
 from .laws import LAWS, Law
 from .limits import JointLimits
+from .metrics import METRICS
 from .paths import PATHS, Path
 from .systems.dither import DitherSettings
 
@@ -54,8 +57,8 @@ class Acceptance:
         at_least, at_most: Bounds, in the metric's unit; None for no bound.
     """
 
-    at_least: float | None = None
-    at_most: float | None = None
+    at_least: Finite | None = None
+    at_most: Finite | None = None
 
     def holds(self, value: float) -> bool:
         """Whether ``value`` lies within; NaN does not."""
@@ -110,7 +113,7 @@ class Experiment:
     start: Vector | None = None
     limits: dict[str, Any] | Literal["none"] = Field(default_factory=dict)
     dither: DitherSettings | None = None
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Seed = 0
     duration: Positive
     window: tuple[NonNegative, Positive] | None = None
     settling_tolerance_m: Positive = 1e-3
@@ -118,12 +121,24 @@ class Experiment:
     accept: dict[str, Acceptance] = Field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if (self.period is None) == (self.integrator is None):
-            raise ValueError("give either period or integrator")
+        if re.search(r"[/\\]|^\.+$", self.name):
+            raise ValueError(f"name: must be good for a folder's name, not {self.name!r}")
+        if self.period is not None and self.integrator is not None:
+            raise ValueError("period: stands beside integrator; give one of them")
+        if self.period is None and self.integrator is None:
+            raise ValueError("period: must be given, or integrator")
         if self.period is not None and self.period > self.duration:
-            raise ValueError(f"period: may be at most the duration, {self.duration} s")
+            raise ValueError(
+                f"period: may be at most the duration, {self.duration:g} s, not {self.period:g}"
+            )
         if self.window is not None and not self.window[0] < self.window[1] <= self.duration:
-            raise ValueError(f"window: must be two rising times up to {self.duration} s")
+            raise ValueError(
+                f"window: must be two rising times up to {self.duration:g} s, "
+                f"not {list(self.window)}"
+            )
+        for metric in self.accept:
+            if metric not in METRICS:
+                raise ValueError(f"accept.{metric}: no such metric; {nearest(metric, METRICS)}")
 
     @cached_property
     def setup(self) -> Setup:
@@ -135,7 +150,7 @@ class Experiment:
         document = {}
         for name in _FIELDS:
             value = getattr(self, name)
-            if value is None or (value == {} and name != "limits") or value == "":
+            if value is None or (isinstance(value, (dict, str)) and not value):
                 continue
             if name == "accept":
                 value = {key: _given(bound) for key, bound in value.items()}
@@ -226,7 +241,7 @@ def _kind(document: Mapping[str, Any], kinds: Mapping[str, type], key: str) -> t
     kind = document.get("kind")
     if kind is None:
         raise InvalidInputError(f"{key}.kind: must be given; it may be {', '.join(kinds)}")
-    if kind not in kinds:
+    if not isinstance(kind, str) or kind not in kinds:
         raise InvalidInputError(
             f"{key}.kind: no {key} {kind!r}; " + nearest(str(kind), list(kinds))
         )
@@ -327,9 +342,15 @@ def _cut_short(document: dict[str, Any], changes: Mapping[str, Any]) -> None:
 
 
 def _resolve_files(document: dict[str, Any], folder: File) -> None:
-    for section, key in (("arm", "model"), ("path", "file")):
-        inner = document.get(section)
-        if isinstance(inner, dict) and isinstance(inner.get(key), str):
-            candidate = folder / inner[key]
-            if candidate.is_file():
-                inner[key] = str(candidate)
+    arm, path = _section(document, "arm"), _section(document, "path")
+    packages = _section(arm, "packages")
+    for section, keys in ((arm, ["model"]), (path, ["file"]), (packages, list(packages))):
+        for key in keys:
+            # Whole, so that the document means the same wherever it is written next.
+            if isinstance(section.get(key), str) and (folder / section[key]).exists():
+                section[key] = str((folder / section[key]).resolve())
+
+
+def _section(document: dict[str, Any], key: str) -> dict[str, Any]:
+    section = document.get(key)
+    return section if isinstance(section, dict) else {}

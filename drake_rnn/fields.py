@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from functools import wraps
 from typing import Annotated, Any, dataclass_transform
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BeforeValidator, ConfigDict, Field
+from pydantic import BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic.dataclasses import dataclass
+
+from .complaints import sentence
+from .errors import InvalidInputError
 
 Array = NDArray[np.float64]
 
@@ -17,9 +21,13 @@ def _vector(value: Any) -> Array:
     if not isinstance(value, (list, tuple, np.ndarray)):
         raise ValueError("must be a list of numbers")
     try:
-        vector = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise ValueError("must be a list of numbers") from None
+        given = np.array(value)
+    except ValueError:
+        raise ValueError("must be one list of numbers") from None
+    # Neither true nor "4" is a number.
+    if given.size and given.dtype.kind not in "iuf":
+        raise ValueError("must be a list of numbers")
+    vector = given.astype(float)
     if vector.ndim != 1 or np.isnan(vector).any():
         raise ValueError("must be one list of numbers, none of them NaN")
     vector.setflags(write=False)
@@ -46,14 +54,30 @@ def _point(value: Any) -> Array:
 Bounds = Annotated[Array, BeforeValidator(_vector)]
 Vector = Annotated[Array, BeforeValidator(_finite_vector)]
 Point = Annotated[Array, BeforeValidator(_point)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Count = Annotated[int, Field(ge=1)]
+# Strict: true and "4" are no numbers, 4 is.
+Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(strict=True, ge=0, allow_inf_nan=False)]
+Count = Annotated[int, Field(strict=True, ge=1)]
+Seed = Annotated[int, Field(strict=True, ge=0)]
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
 def validated(cls: type) -> type:
-    """A frozen, keyword-only dataclass whose fields are checked, unknown ones refused."""
+    """A frozen, keyword-only dataclass whose fields are checked, unknown ones refused.
+
+    What is wrong is an `InvalidInputError` of one sentence.
+    """
     config = ConfigDict(extra="forbid", arbitrary_types_allowed=True)
-    return dataclass(frozen=True, eq=False, kw_only=True, config=config)(cls)
+    made = dataclass(frozen=True, eq=False, kw_only=True, config=config)(cls)
+    construct = made.__init__
+
+    @wraps(construct)
+    def init(self: Any, *args: Any, **fields: Any) -> None:
+        try:
+            construct(self, *args, **fields)
+        except ValidationError as error:
+            raise InvalidInputError(sentence(made, error, cls.__name__)) from None
+
+    setattr(made, "__init__", init)  # noqa: B010  mypy forbids the assignment
+    return made

@@ -10,6 +10,37 @@ from numpy.typing import NDArray
 from .fields import Array
 from .limits import JointLimits
 
+#: The names of all metrics.
+METRICS = [
+    "position_error_max_m",
+    "position_error_component_max_m",
+    "position_error_rms_m",
+    "velocity_error_max_m_s",
+    "settling_time_s",
+    "joint_drift_max_rad",
+    "joint_drift_mean_rad",
+    "end_effector_drift_max_m",
+    "end_effector_drift_end_m",
+    "joint_velocity_max_rad_s",
+    "joint_limit_margin_min_rad",
+    "singular_value_min",
+    "joint_acceleration_max_rad_s2",
+    "joint_velocity_initial_rad_s",
+    "joint_acceleration_initial_rad_s2",
+    "network_acceleration_max_rad_s2",
+    "limit_ratio_1_max",
+    "limit_ratio_2_max",
+    "limit_violation_max",
+    "jacobian_error_median",
+    "jacobian_error_max",
+    "jacobian_error_excited_median",
+    "saturated_fraction",
+    "joint_acceleration_demand_max_rad_s2",
+    "real_time_factor",
+    "wall_time_s",
+    "control_step_us",
+]
+
 #: Metrics of the machine rather than of the run; they differ from one run to the next.
 TIMING_METRICS = ("real_time_factor", "wall_time_s", "control_step_us")
 
@@ -26,6 +57,8 @@ class Motion:
         p_WE_desired, v_WE_desired: What was asked, shape (k, m) [m, m/s].
         J: Shape (k, m, n).
         J_hat: What was learned, shape (k, m, n); None if nothing was.
+        tick, network_tick: Time for which the arm's and the law's velocities are held [s];
+            None where they change at every step.
     """
 
     time: Array
@@ -38,14 +71,16 @@ class Motion:
     v_WE_desired: Array
     J: Array
     J_hat: Array | None
+    tick: float | None = None
+    network_tick: float | None = None
 
     def joint_acceleration(self) -> Array:
-        """Secant of the arm's velocity over each step, shape (k - 1, n) [rad/s^2]."""
-        return _secant(self.time, self.velocity)
+        """Secant of the arm's velocity over the tick of each step, shape (k - 1, n) [rad/s^2]."""
+        return _secant(self.time, self.velocity, self.tick)
 
     def network_acceleration(self) -> Array:
-        """Secant of the law's own velocity over each step, shape (k - 1, n) [rad/s^2]."""
-        return _secant(self.time, self.network_velocity)
+        """The same of the law's own velocity, shape (k - 1, n) [rad/s^2]."""
+        return _secant(self.time, self.network_velocity, self.network_tick)
 
 
 def motion_metrics(
@@ -170,18 +205,28 @@ def _jacobian(motion: Motion, J_hat: Array, window: tuple[float, float] | None) 
     return metrics
 
 
-def _secant(time: Array, values: Array) -> Array:
-    """Differences over the steps' own lengths, shape (k - 1, n).
+def _secant(time: Array, values: Array, tick: float | None) -> Array:
+    """Differences over ticks, shape (k - 1, n): each step has that of the tick it ends in.
 
-    Steps that events cut a rounding error apart are taken together: what changes in between
-    changes over the step before or, at the start, after.
+    Without a tick, over the steps' own lengths; steps that events cut a rounding error apart
+    are taken together.
     """
     if time.size < 2:
         return np.zeros((0, values.shape[1]))
-    step = np.diff(time)
-    ends = np.flatnonzero(step >= 1e-9 * step.max(initial=0.0)) + 1
-    # Of points that lie together the last counts, but for the first of all.
-    last = np.append(ends[1:] - 1, time.size - 1)
-    knots = np.concatenate(([0], last))
-    secant = np.diff(values[knots], axis=0) / np.diff(time[knots])[:, np.newaxis]
-    return np.asarray(secant[np.searchsorted(last, np.arange(1, time.size))])
+    if tick is None:
+        step = np.diff(time)
+        apart = step >= 1e-9 * step.max()
+        # What changes at the start changes over the first step.
+        apart[: np.argmax(apart) + 1] = False
+        number = np.concatenate(([0], 1 + np.cumsum(apart)))
+    else:
+        # A tick holds its end, at which its value still stands; what lies a rounding error
+        # behind that end is of the next one.
+        ticks = (time - time[0]) / tick
+        number = np.ceil(ticks - 1e-6).astype(int)
+        ended = number - ticks < 1e-6
+        number[1:] += ended[:-1] & (number[1:] == number[:-1])
+    last = np.flatnonzero(np.diff(number, append=number[-1] + 1))
+    ends = time[last] if tick is None else number[last] * tick
+    secant = np.diff(values[last], axis=0) / np.diff(ends)[:, np.newaxis]
+    return np.asarray(secant[np.searchsorted(last, np.arange(1, time.size)) - 1])

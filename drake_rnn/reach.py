@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .arms import ArmKinematics
+from .arm_kinematics import ArmKinematics
 from .errors import InvalidInputError
 from .experiment import Experiment
 from .fields import Array

@@ -61,7 +61,8 @@ class Recorder:
         if t >= self._next - 1e-9:
             self._probed_at.append(count)
             self._probed.append(self._probe())
-            self._next += self._period
+            # After a step longer than that, the next is due a period from here.
+            self._next = max(self._next + self._period, t)
 
     @property
     def time(self) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rich.box import SIMPLE_HEAD
+from rich.markup import escape
 from rich.table import Table
 
 from .experiment import Experiment, load_experiment, shipped_experiments
@@ -34,7 +35,7 @@ def metrics_table(result: Result) -> Table:
     """A run's metrics beside what is expected of them and the bounds that were to hold."""
     experiment = result.experiment
     bounds = _bounds(experiment)
-    table = Table(box=SIMPLE_HEAD, title=experiment.name)
+    table = Table(box=SIMPLE_HEAD, title=escape(experiment.name))
     table.add_column("metric", no_wrap=True)
     table.add_column("value", justify="right")
     table.add_column("bound", justify="right")
@@ -60,8 +61,8 @@ def sweep_table(keys: Sequence[str], rows: Sequence[Row]) -> Table:
         table.add_column(name.replace("_", " "), justify="right", overflow="fold")
     for row in rows:
         values = [f"{row.metrics[n]:.4g}" if n in row.metrics else "-" for n in names]
-        cells = values if row.failure is None else [f"[red]{row.failure}[/]"]
-        table.add_row(*(str(value) for value in row.values), *cells)
+        cells = values if row.failure is None else [f"[red]{escape(row.failure)}[/]"]
+        table.add_row(*(escape(str(value)) for value in row.values), *cells)
     return table
 
 

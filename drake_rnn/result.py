@@ -6,6 +6,7 @@ import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -98,12 +99,13 @@ class Result:
             with np.load(folder / "result.npz") as arrays:
                 series = {name: arrays[name] for name in arrays.files}
             metrics = json.loads((folder / "metrics.json").read_text())
-        except OSError as error:
+            time = series.pop("time")
+        except (OSError, ValueError, KeyError, BadZipFile) as error:
             raise InvalidInputError(f"{folder}: holds no result: {error}") from None
         graph = folder / "diagram.dot"
         return cls(
             experiment=make_experiment(document),
-            time=series.pop("time"),
+            time=time,
             series=series,
             metrics=metrics,
             graphviz=graph.read_text() if graph.is_file() else "",

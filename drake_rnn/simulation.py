@@ -11,7 +11,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from .diagrams.kinematic import AddKinematicLoop, KinematicLoop
-from .errors import InvalidInputError, SimulationError
+from .errors import InterruptedRunError, InvalidInputError, SimulationError
 from .experiment import Experiment
 from .fields import Array
 from .laws.law import ContinuousLaw, Law
@@ -64,7 +64,7 @@ def simulate(experiment: Experiment, progress: Progress | None = None) -> Result
     except SimulationError as error:
         failure = error
     except KeyboardInterrupt:
-        failure = SimulationError("interrupted", root.get_time())
+        failure = InterruptedRunError("interrupted", root.get_time())
     except (InvalidInputError, RuntimeError) as error:
         # A posture that kinematics refuses, or an integrator of Drake's that finds no step.
         failure = SimulationError(str(error), root.get_time())
@@ -200,7 +200,7 @@ def _result(
         ("network_acceleration", motion.network_acceleration()),
     ):
         # The step that ends at a sample; before the first there is none.
-        series[name] = np.concatenate((values[:1] * 0.0, values))[at]
+        series[name] = np.concatenate((np.zeros((1, values.shape[1])), values))[at]
         series[f"{name}_peak"] = _peaks(np.abs(values), at)
     state = recorder.series("state")[at]
     for name in law.state.parts:
@@ -257,14 +257,24 @@ def _motion(experiment: Experiment, recorder: Recorder, law: Law) -> Motion:
         v_WE_desired=v_WE_desired,
         J=J,
         J_hat=law.state.part(state, "J_hat") if "J_hat" in law.state else None,
+        tick=_tick(experiment),
+        network_tick=experiment.period,
     )
+
+
+def _tick(experiment: Experiment) -> float | None:
+    """Time for which the arm's velocity is held [s]; None if it changes all the time."""
+    dither = experiment.dither
+    if dither is None or dither.model != "actuated":
+        return experiment.period
+    return dither.hold if experiment.period is None else min(dither.hold, experiment.period)
 
 
 def _peaks(values: Array, at: Array) -> Array:
     """Largest entry of the rows up to each of ``at`` since the one before, shape (len(at),)."""
     peaks = np.zeros(at.size)
     for k in range(1, at.size):
-        peaks[k] = values[at[k - 1] : at[k]].max()
+        peaks[k] = values[at[k - 1] : at[k]].max(initial=0.0)
     return peaks
 
 

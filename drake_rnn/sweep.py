@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from .documents import parse_yaml
-from .errors import DrakeRnnError, InvalidInputError, SimulationError
+from .errors import DrakeRnnError, InterruptedRunError, InvalidInputError, SimulationError
 from .experiment import load_experiment
 from .simulation import simulate
 
@@ -93,6 +93,8 @@ def _run(job: tuple[str | Path, dict[str, Any], tuple[Any, ...]]) -> Row:
     experiment, changed, values = job
     try:
         return Row(values, simulate(load_experiment(experiment, changed)).metrics)
+    except InterruptedRunError:
+        raise
     except SimulationError as error:
         metrics = {} if error.result is None else error.result.metrics
         return Row(values, metrics, str(error))

@@ -239,7 +239,10 @@ def test_a_path_out_of_reach_is_told_before_another_experiment_runs(tmp_path, si
     simulated.clear()
     far = tmp_path / "far.yaml"
     far.write_text(
-        mine.read_text().replace("size: 0.04", "size: 2").replace("duration: 0.05", "duration: 1")
+        mine.read_text()
+        .replace(f"name: {KNOWN}", "name: far")
+        .replace("size: 0.04", "size: 2")
+        .replace("duration: 0.05", "duration: 1")
     )
     result = call("run", mine, far, "--out", tmp_path / "b", "--no-playback")
     assert sentence(result).startswith("path: out of reach")
@@ -250,7 +253,7 @@ def test_a_folder_that_cannot_be_written_to_is_told_before_anything_runs(tmp_pat
     (tmp_path / "file").write_text("here")
     message = sentence(call("run", KNOWN, *SHORT, "--out", tmp_path / "file"))
     assert "file" in message
-    assert "exists" in message
+    assert "Not a directory" in message
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / KNOWN).write_text("here")
     message = sentence(call("run", KNOWN, *SHORT, "--out", tmp_path / "out", "--no-playback"))

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from pydantic import Field
 
 from drake_rnn import InvalidInputError
-from drake_rnn.documents import construct, nearest, parse_yaml, read_yaml, to_yaml
+from drake_rnn.complaints import nearest
+from drake_rnn.documents import construct, parse_yaml, read_yaml, to_yaml
 from drake_rnn.fields import Count, Positive, Vector, validated
 
 

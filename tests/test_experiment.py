@@ -207,7 +207,7 @@ BAD = [
     ({"period": 0}, "period: must be greater than 0, not 0"),
     ({"period": -1e-3}, "period: must be greater than 0, not -0.001"),
     ({"period": 30}, "period: may be at most the duration, 20"),
-    ({"period": None}, "give either period or integrator"),
+    ({"period": None}, "period: must be given, or integrator"),
     ({"integrator": {"scheme": "radau3"}}, "integrator: give either accuracy or step"),
     ({"integrator": {"scheme": "rk4", "step": 1e-3}}, "integrator: scheme may be "),
     ({"integrator.accuracy": 0}, "integrator.accuracy: must be greater than 0, not 0"),
@@ -235,7 +235,7 @@ def test_an_unknown_experiment_is_refused_with_those_of_like_name():
 
 def test_period_and_integrator_in_one_document_are_refused():
     document = {**load_experiment(KNOWN).document(), "integrator": {"step": 1e-3}}
-    with pytest.raises(InvalidInputError, match="give either period or integrator"):
+    with pytest.raises(InvalidInputError, match="period: stands beside integrator"):
         make_experiment(document)
 
 

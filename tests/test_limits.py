@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import ValidationError
 
 from drake_rnn import InvalidInputError, JointLimits
 from drake_rnn.documents import construct
@@ -155,7 +154,7 @@ def test_limits_that_cannot_be_are_refused_by_name(bounds, message):
     with pytest.raises(InvalidInputError) as caught:
         construct(JointLimits, simple().merged(bounds), "limits")
     assert str(caught.value) == message
-    with pytest.raises(ValidationError):
+    with pytest.raises(InvalidInputError):
         simple(**bounds)
 
 

@@ -92,6 +92,13 @@ def test_with_virtual_noise_the_arm_keeps_the_acceleration_bound():
     assert got["joint_drift_max_rad"] <= 1e-4
 
 
+def test_an_acceleration_is_that_of_a_tick_however_the_noise_is_held():
+    """Noise held for .4 ms cuts the samples of 1 ms, within which the velocity stands."""
+    changes = {"period": 1e-3, "dither.hold": 0.4e-3, "duration": 0.5}
+    got = metrics("slc_nephroid_virtual", **changes)
+    assert got["joint_acceleration_max_rad_s2"] <= 1 + 1e-9
+
+
 @pytest.mark.parametrize("name", ["slc_four_ring", "slc_four_ring_per_joint"])
 def test_the_four_ring_returns_to_its_start(name):
     result = simulate(load_experiment(name))

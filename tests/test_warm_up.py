@@ -45,7 +45,7 @@ def test_only_one_joint_moves_at_a_time_and_none_afterwards():
 
 def test_it_may_not_be_faster_than_the_law_allows():
     limits = JointLimits.unlimited(7).replace(velocity=0.5, acceleration=0.4)
-    with pytest.raises(ValueError, match=r"warm_up\.acceleration may be at most the bound, 0\.4"):
+    with pytest.raises(ValueError, match=r"warm_up\.acceleration: may be at most the bound, 0\.4"):
         SimultaneousLearning(limits=limits, home=np.zeros(7), warm_up=WarmUp(acceleration=0.5))
 
 

@@ -107,15 +107,17 @@ class SimultaneousLearning:
 
     def __post_init__(self) -> None:
         if self.home.size != self.limits.size:
-            raise ValueError(f"home has {self.home.size} entries for {self.limits.size} joints")
+            raise ValueError(
+                f"home: must have {self.limits.size} entries, one a joint, not {self.home.size}"
+            )
         if self.acceleration_bound != "none":
             self.limits.require("acceleration", f"acceleration_bound: {self.acceleration_bound}")
-        if self.warm_up is not None and self._inverse_bound is not None:
-            if self.warm_up.acceleration > 1.0 / self._inverse_bound.max():
-                raise ValueError(
-                    f"warm_up.acceleration may be at most the bound, "
-                    f"{1.0 / self._inverse_bound.max():g} rad/s^2"
-                )
+        bound = np.inf if self._inverse_bound is None else 1.0 / self._inverse_bound.max()
+        if self.warm_up is not None and self.warm_up.acceleration > bound:
+            raise InvalidInputError(
+                f"law.warm_up.acceleration: may be at most the bound, {bound:g} rad/s^2, "
+                f"not {self.warm_up.acceleration:g}"
+            )
 
     @property
     def holds_command(self) -> bool:

@@ -1,0 +1,124 @@
+"""An arm's kinematics and dynamics as functions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import Frame, JacobianWrtVariable
+from pydrake.systems.framework import Context
+
+from .errors import InvalidInputError
+from .fields import Array
+
+_ORIGIN = np.zeros((3, 1))
+
+
+class ArmKinematics:
+    """Kinematics and dynamics of an arm as pure functions of its controlled joints.
+
+    Positions ``q`` and velocities ``v`` have shape (n,) [rad, rad/s]; W is the world frame,
+    to which the base is welded, E the arm's task frame. Repeated calls at one posture share
+    what Drake has computed for it.
+
+    Args:
+        plant: Finalized; holds the arm, alone.
+        frame: Name of E.
+        joints: Names of the n controlled joints.
+        positions: Of the whole plant; those of the other joints stay, shape (nq,).
+    """
+
+    def __init__(
+        self, plant: MultibodyPlant, frame: str, joints: Sequence[str], positions: Array
+    ) -> None:
+        self._plant = plant
+        self._context: Context = plant.CreateDefaultContext()
+        self._frame: Frame = plant.GetFrameByName(frame)
+        self._world: Frame = plant.world_frame()
+        self._positions = positions.copy()
+        controlled = [plant.GetJointByName(name) for name in joints]
+        self._indices = np.array([joint.position_start() for joint in controlled])
+        self._velocity_indices = np.array([joint.velocity_start() for joint in controlled])
+        self._is_whole = np.array_equal(self._indices, np.arange(positions.size))
+        self._at_q = b""
+
+    def _set(self, q: Array) -> None:
+        key = q.tobytes()
+        if key == self._at_q:
+            return
+        # Drake ends the process over this.
+        if q.size != self._indices.size or not isfinite(sum(q.tolist())):
+            raise InvalidInputError(
+                f"position: must be {self._indices.size} finite numbers, not {q.tolist()}"
+            )
+        if self._is_whole:
+            self._plant.SetPositions(self._context, q)
+        else:
+            self._positions[self._indices] = q
+            self._plant.SetPositions(self._context, self._positions)
+        self._at_q = key
+
+    def _set_velocity(self, v: Array) -> None:
+        velocities = np.zeros(self._plant.num_velocities())
+        velocities[self._velocity_indices] = v
+        self._plant.SetVelocities(self._context, velocities)
+
+    def _columns(self, J: Array) -> Array:
+        return J if self._is_whole else J[:, self._velocity_indices]
+
+    def p_WE(self, q: Array) -> Array:
+        """Position of E's origin, shape (3,) [m]."""
+        self._set(q)
+        return self._plant.CalcPointsPositions(
+            self._context, self._frame, _ORIGIN, self._world
+        ).ravel()
+
+    def R_WE(self, q: Array) -> Array:
+        """Orientation of E, shape (3, 3)."""
+        self._set(q)
+        return np.asarray(self._frame.CalcPoseInWorld(self._context).rotation().matrix())
+
+    def J(self, q: Array) -> Array:
+        """Jacobian of E's origin, shape (3, n): v_WE = J v."""
+        self._set(q)
+        J = self._plant.CalcJacobianTranslationalVelocity(
+            self._context, JacobianWrtVariable.kV, self._frame, _ORIGIN, self._world, self._world
+        )
+        return self._columns(J)
+
+    def J_omega(self, q: Array) -> Array:
+        """Jacobian of E's angular velocity, shape (3, n)."""
+        self._set(q)
+        J = self._plant.CalcJacobianAngularVelocity(
+            self._context, JacobianWrtVariable.kV, self._frame, self._world, self._world
+        )
+        return self._columns(J)
+
+    def Jdot_v(self, q: Array, v: Array) -> Array:
+        """What of E's acceleration is not due to joint accelerations, shape (3,) [m/s^2]."""
+        self._set(q)
+        self._set_velocity(v)
+        bias = self._plant.CalcBiasTranslationalAcceleration(
+            self._context, JacobianWrtVariable.kV, self._frame, _ORIGIN, self._world, self._world
+        )
+        return np.asarray(bias).ravel()
+
+    def M(self, q: Array) -> Array:
+        """Mass matrix, shape (n, n) [kg m^2]."""
+        self._set(q)
+        M = self._plant.CalcMassMatrixViaInverseDynamics(self._context)
+        return M[np.ix_(self._velocity_indices, self._velocity_indices)]
+
+    def bias(self, q: Array, v: Array) -> Array:
+        """Coriolis and centrifugal torques C(q, v) v, shape (n,) [Nm]."""
+        self._set(q)
+        self._set_velocity(v)
+        return np.asarray(self._plant.CalcBiasTerm(self._context))[self._velocity_indices]
+
+    def gravity(self, q: Array) -> Array:
+        """Torques that gravity exerts on the joints, shape (n,) [Nm]."""
+        self._set(q)
+        torques = self._plant.CalcGravityGeneralizedForces(self._context)
+        return np.asarray(torques)[self._velocity_indices]

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
@@ -27,6 +26,7 @@ from pydrake.multibody.tree import (
 from .arm_kinematics import ArmKinematics
 from .complaints import nearest
 from .documents import construct, read_yaml
+from .drake_log import quiet_drake
 from .errors import InvalidInputError
 from .fields import Array, Finite, Point, Vector, validated
 from .limits import DERIVATIVE_UNITS, JointLimits
@@ -149,7 +149,7 @@ class Arm:
         A base that the model leaves free is welded where the model puts it.
         """
         # What the parser warns of has been said when this arm was made.
-        with _quiet_parser():
+        with quiet_drake(logging.ERROR):
             bodies_before = plant.num_bodies()
             instance = self._parse(plant)
         for number, X_WB in self._floating_bases:
@@ -217,7 +217,7 @@ class Arm:
         """Bodies that the model does not hold, counted from its first, and where it puts them."""
         plant = MultibodyPlant(0.0)
         bodies_before = plant.num_bodies()
-        with _quiet_parser():
+        with quiet_drake(logging.ERROR):
             self._parse(plant)
         plant.Finalize()
         bodies = [plant.get_body(index) for index in plant.GetFloatingBaseBodies()]
@@ -347,14 +347,3 @@ def _published_limits(file: Path) -> JointLimits:
 
 def _one_line(error: RuntimeError) -> str:
     return " ".join(str(error).split())
-
-
-@contextmanager
-def _quiet_parser() -> Iterator[None]:
-    log = logging.getLogger("drake")
-    level = log.level
-    log.setLevel(max(level, logging.ERROR))
-    try:
-        yield
-    finally:
-        log.setLevel(level)

@@ -146,7 +146,7 @@ class Experiment:
         return _setup(self)
 
     def document(self) -> dict[str, Any]:
-        """The experiment as plain data, without what is at its default."""
+        """The experiment as plain data, without what is not set."""
         document = {}
         for name in _FIELDS:
             value = getattr(self, name)

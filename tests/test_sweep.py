@@ -7,6 +7,7 @@ import pytest
 
 from drake_rnn import InvalidInputError, SimulationError, load_experiment, simulate
 from drake_rnn import sweep as sweeping
+from drake_rnn.figures.sweep import sweep_figure
 from drake_rnn.metrics import TIMING_METRICS
 from drake_rnn.sweep import Row, parse_axis, sweep, write_csv
 
@@ -131,3 +132,28 @@ def test_a_tables_numbers_are_those_of_the_runs(tmp_path):
     with (tmp_path / "sweep.csv").open(newline="") as stream:
         read = [float(line["position_error_rms_m"]) for line in csv.DictReader(stream)]
     np.testing.assert_array_equal(read, [row.metrics["position_error_rms_m"] for row in rows])
+
+
+# The picture.
+
+
+def rows(*found):
+    return [Row((k + 1, "a"), {"error": value}) for k, value in enumerate(found)]
+
+
+def test_the_picture_has_a_panel_for_each_metric(tmp_path):
+    file = sweep_figure(["x", "y"], rows(1.0, 2.0, 4.0), ["error"], tmp_path / "sweep.png")
+    assert file.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("table", "metrics"),
+    [
+        (rows(1.0), []),
+        ([Row(("left",), {"error": 1.0})], ["error"]),
+        ([Row((1,), {}, "failed")], ["error"]),
+    ],
+)
+def test_there_is_no_picture_of_nothing(tmp_path, table, metrics):
+    assert sweep_figure(["x"], table, metrics, tmp_path / "sweep.png") is None
+    assert not (tmp_path / "sweep.png").exists()

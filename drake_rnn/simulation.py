@@ -212,7 +212,7 @@ def _result(
         series=series | observed,
         metrics=metrics,
         warnings=warnings,
-        graphviz=diagram.GetGraphvizString(),
+        graphviz=diagram.GetGraphvizString(max_depth=1),
     )
 
 

@@ -71,7 +71,7 @@ def tick(experiment: Experiment, *, recorded: bool, idle: bool = False) -> float
     simulator = Simulator(diagram)
     ApplySimulatorConfig(simulator_config(experiment), simulator)
     if recorded:
-        add_recorder(simulator, loop, experiment.log_period)
+        add_recorder(simulator, loop)
     simulator.Initialize()
     began = time.perf_counter()
     simulator.AdvanceTo(experiment.duration)

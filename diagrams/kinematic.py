@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from pydrake.systems.framework import DiagramBuilder, OutputPort, System
+from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort, System
 from pydrake.systems.primitives import Adder, Integrator
 
 from drake_rnn.arms import Arm
@@ -13,7 +13,7 @@ from drake_rnn.errors import InvalidInputError
 from drake_rnn.fields import Array
 from drake_rnn.systems.controllers import ContinuousController, SampledController
 from drake_rnn.systems.dither import Dither, DitherSettings
-from drake_rnn.systems.kinematics import TASKS, Kinematics
+from drake_rnn.systems.kinematics import Kinematics
 from drake_rnn.systems.mirror import Mirror
 
 Controller = SampledController | ContinuousController
@@ -58,36 +58,40 @@ def AddKinematicLoop(
         prefix: Of the systems' names, for more than one loop in a diagram.
 
     Raises:
-        InvalidInputError: If the law wants what nothing here offers, or the start posture
-            is missing, of the wrong size or outside the arm's position limits.
+        InvalidInputError: If the law wants what nothing here offers, or in another size; or
+            the start posture is missing, of the wrong size or outside the position limits.
     """
     start = start_posture(arm, start)
-    if task not in TASKS:
-        raise InvalidInputError(f"task: may be {', '.join(TASKS)}, not {task!r}")
     builder.AddNamedSystem(f"{prefix}controller", controller)
     kinematics = builder.AddNamedSystem(f"{prefix}kinematics", Kinematics(arm, task))
     joint_command = builder.AddNamedSystem(f"{prefix}joint_command", Integrator(start))
     mirror = builder.AddNamedSystem(f"{prefix}arm", Mirror(arm.n))
 
     asked = controller.GetOutputPort("commanded_velocity")
-    moved = shown = asked
-    if dither is not None:
+    if dither is None:
+        moved = measured = shown = asked
+    else:
         noise = Dither(arm.n, dither.sigma, dither.hold, seed)
         source = builder.AddNamedSystem(f"{prefix}dither", noise)
-        dithered = builder.AddNamedSystem(f"{prefix}dithered_velocity", Adder(2, arm.n))
-        builder.Connect(asked, dithered.get_input_port(0))
-        builder.Connect(source.get_output_port(), dithered.get_input_port(1))
-        shown = dithered.get_output_port()
-        moved = shown if dither.model == "actuated" else asked
-    measured = moved if dither is not None and dither.model == "printed" else shown
+        adder = builder.AddNamedSystem(f"{prefix}dithered_velocity", Adder(2, arm.n))
+        _connect(builder, asked, adder.get_input_port(0))
+        _connect(builder, source.get_output_port(), adder.get_input_port(1))
+        dithered = adder.get_output_port()
+        # What moves the arm, what v_WE belongs to, and what the law is shown.
+        moved, measured, shown = {
+            "actuated": (dithered, dithered, dithered),
+            "virtual": (asked, dithered, dithered),
+            "printed": (asked, asked, dithered),
+        }[dither.model]
 
-    builder.Connect(moved, joint_command.get_input_port())
-    builder.Connect(joint_command.get_output_port(), mirror.GetInputPort("position_commanded"))
-    builder.Connect(moved, mirror.GetInputPort("velocity_commanded"))
-    builder.Connect(joint_command.get_output_port(), kinematics.GetInputPort("position"))
-    builder.Connect(measured, kinematics.GetInputPort("velocity"))
+    position = joint_command.get_output_port()
+    _connect(builder, moved, joint_command.get_input_port())
+    _connect(builder, position, mirror.GetInputPort("position_commanded"))
+    _connect(builder, moved, mirror.GetInputPort("velocity_commanded"))
+    _connect(builder, position, kinematics.GetInputPort("position"))
+    _connect(builder, measured, kinematics.GetInputPort("velocity"))
 
-    offered = {"position": joint_command.get_output_port(), "velocity": shown}
+    offered = {"position": position, "velocity": shown}
     for system in (kinematics, reference):
         offered |= {port.get_name(): port for port in _outputs(system)}
     for name in controller.law.inputs.parts:
@@ -96,7 +100,7 @@ def AddKinematicLoop(
                 f"{controller.get_name()}: nothing in this diagram offers {name!r}; "
                 f"there are {', '.join(sorted(offered))}"
             )
-        builder.Connect(offered[name], controller.GetInputPort(name))
+        _connect(builder, offered[name], controller.GetInputPort(name))
     return KinematicLoop(controller, kinematics, joint_command, mirror)
 
 
@@ -111,7 +115,10 @@ def start_posture(arm: Arm, start: Array | None) -> Array:
         start = arm.home
     if start is None:
         raise InvalidInputError(f"start: must be given; {arm.name} has no home posture")
-    start = np.asarray(start, dtype=float)
+    try:
+        start = np.asarray(start, dtype=float)
+    except (TypeError, ValueError):
+        raise InvalidInputError(f"start: must be {arm.n} numbers, not {start!r}") from None
     if start.shape != (arm.n,):
         raise InvalidInputError(f"start: has {start.size} entries for {arm.n} joints")
     outside = arm.limits.violation(start)
@@ -123,6 +130,18 @@ def start_posture(arm: Arm, start: Array | None) -> Array:
             f"it may be {lower:.6g} to {upper:.6g}"
         )
     return start
+
+
+def _connect(builder: DiagramBuilder, output: OutputPort, port: InputPort) -> None:
+    if output.size() != port.size():
+        raise InvalidInputError(
+            f"{_place(port)} has {port.size()} entries, {_place(output)} has {output.size()}"
+        )
+    builder.Connect(output, port)
+
+
+def _place(port: InputPort | OutputPort) -> str:
+    return f"{port.get_system().get_name()}.{port.get_name()}"
 
 
 def _outputs(system: System) -> list[OutputPort]:

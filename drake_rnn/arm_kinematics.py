@@ -45,6 +45,7 @@ class ArmKinematics:
         self._at_q = b""
 
     def _set(self, q: Array) -> None:
+        q = np.asarray(q, dtype=float)
         key = q.tobytes()
         if key == self._at_q:
             return
@@ -61,6 +62,11 @@ class ArmKinematics:
         self._at_q = key
 
     def _set_velocity(self, v: Array) -> None:
+        v = np.asarray(v, dtype=float)
+        if v.size != self._velocity_indices.size or not isfinite(sum(v.tolist())):
+            raise InvalidInputError(
+                f"velocity: must be {self._velocity_indices.size} finite numbers, not {v.tolist()}"
+            )
         velocities = np.zeros(self._plant.num_velocities())
         velocities[self._velocity_indices] = v
         self._plant.SetVelocities(self._context, velocities)

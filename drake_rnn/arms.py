@@ -155,13 +155,13 @@ class Arm:
         for number, X_WB in self._floating_bases:
             body = plant.get_body(BodyIndex(bodies_before + number))
             plant.WeldFrames(plant.world_frame(), body.body_frame(), X_WB)
-        plant.mutable_gravity_field().set_gravity_vector(self.gravity)
         return instance
 
     def plant(self, time_step: float = 0.0) -> MultibodyPlant:
-        """A finalized plant of this arm alone."""
+        """A finalized plant of this arm alone, in its gravity."""
         plant = MultibodyPlant(time_step)
         self.add_to(plant)
+        plant.mutable_gravity_field().set_gravity_vector(self.gravity)
         plant.Finalize()
         return plant
 

@@ -28,6 +28,7 @@ from .simulation import simulate
 app = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
+    rich_markup_mode=None,  # it would take [s] for a style
     pretty_exceptions_enable=False,
     help="Recurrent-neural-network controllers for redundant manipulators, as Drake systems.",
 )
@@ -44,8 +45,10 @@ Set = Annotated[
     typer.Option("--set", metavar="KEY=VALUE", help="Change a key, e.g. law.kappa=8; repeatable."),
 ]
 Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Where the folders go.")]
-Seed = Annotated[int | None, typer.Option(help="Seed of everything random.", min=0)]
-Duration = Annotated[float | None, typer.Option(help="Simulated time [s].")]
+Seed = Annotated[int | None, typer.Option(help="Seed of everything random.")]
+Duration = Annotated[
+    float | None, typer.Option(help="Simulated time [s]; one that ends before the window drops it.")
+]
 
 
 @app.command("list")
@@ -72,8 +75,8 @@ def run(
         loaded = [_load(name, changes, seed, duration) for name in experiments]
         for experiment in loaded:
             _require_one_folder_each(experiment, loaded)
-            _require_writable(out_folder / experiment.name)
             check_reach(experiment)
+            _require_writable(out_folder / experiment.name)
     failed = False
     for experiment in loaded:
         with _errors():
@@ -207,7 +210,7 @@ def _errors() -> Iterator[None]:
     except SimulationError as error:
         err.print(f"[red]failed[/] {escape(str(error))}")
         raise typer.Exit(FAILED) from error
-    except DrakeRnnError as error:
+    except (DrakeRnnError, OSError) as error:
         err.print(f"[red]error[/] {escape(str(error))}")
         raise typer.Exit(BAD_INPUT) from error
 

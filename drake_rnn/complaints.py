@@ -10,6 +10,7 @@ from typing import Any, get_args
 
 import numpy as np
 from pydantic import ValidationError
+from pydantic_core import ArgsKwargs
 
 from .errors import InvalidInputError
 
@@ -42,7 +43,9 @@ def sentence(cls: type, error: ValidationError, key: str) -> str:
         # A class names the field of its own that is wrong.
         return f"{where}.{message}" if where else message
     prefix = f"{where}: " if where else ""
-    if (cause is not None and isinstance(first["input"], Mapping)) or ", not " in message:
+    if (
+        cause is not None and isinstance(first["input"], (Mapping, ArgsKwargs))
+    ) or ", not " in message:
         return prefix + message
     return f"{prefix}{message}, not {_short(first['input'])}"
 

@@ -60,6 +60,12 @@ class Acceptance:
     at_least: Finite | None = None
     at_most: Finite | None = None
 
+    def __post_init__(self) -> None:
+        if self.at_least is None and self.at_most is None:
+            raise ValueError("must give at_least, at_most or both")
+        if self.at_least is not None and self.at_most is not None and self.at_least > self.at_most:
+            raise ValueError(f"at_least: must not exceed at_most, {self.at_most:g}")
+
     def holds(self, value: float) -> bool:
         """Whether ``value`` lies within; NaN does not."""
         return bool(
@@ -75,7 +81,7 @@ class Acceptance:
 
 @validated
 class Experiment:
-    """Everything a run depends on.
+    """Everything a run depends on. `make_experiment` checks it as a whole.
 
     Args:
         name: Of the experiment; the file's name by default.
@@ -121,7 +127,7 @@ class Experiment:
     accept: dict[str, Acceptance] = Field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if re.search(r"[/\\]|^\.+$", self.name):
+        if re.search(r"[/\\\x00-\x1f]|^\.+$", self.name):
             raise ValueError(f"name: must be good for a folder's name, not {self.name!r}")
         if self.period is not None and self.integrator is not None:
             raise ValueError("period: stands beside integrator; give one of them")
@@ -207,6 +213,8 @@ def _setup(experiment: Experiment) -> Setup:
     }
     fields = law_class.__dataclass_fields__
     filled = {name: value for name, value in known.items() if name in fields}
+    for name in filled.keys() & experiment.law.keys():
+        raise InvalidInputError(f"law.{name}: follows from {_ORIGINS[name]}; leave it out")
     law: Law = construct(law_class, {**filled, **_rest(experiment.law)}, "law")
     if experiment.integrator is not None and not hasattr(law, "derivatives"):
         raise InvalidInputError(
@@ -216,6 +224,10 @@ def _setup(experiment: Experiment) -> Setup:
         raise InvalidInputError("dither: this law does not learn; it has nothing to excite")
     p_WE_start = arm.kinematics().p_WE(start)
     return Setup(arm, limits, law, path, start, p_WE_start)
+
+
+# Where the fields of a law come from that a document does not give.
+_ORIGINS = {"limits": "arm and limits", "home": "start", "task_size": "task"}
 
 
 def _arm(description: str | Mapping[str, Any]) -> Arm:
@@ -285,6 +297,9 @@ def load_experiment(experiment: str | File, changes: Mapping[str, Any] | None = 
         raise InvalidInputError(f"{file}: must be a mapping of keys to values")
     # Models and CSV files are named relative to the document that names them.
     _resolve_files(document, file.parent)
+    rivals = {key.split(".")[0] for key, value in (changes or {}).items() if value is not None}
+    if {"period", "integrator"} <= rivals:
+        raise InvalidInputError("period: stands beside integrator; change one of them")
     for key, value in (changes or {}).items():
         _change(document, key, value)
     _cut_short(document, changes or {})
@@ -338,7 +353,8 @@ def _cut_short(document: dict[str, Any], changes: Mapping[str, Any]) -> None:
         return
     if isinstance(duration, (int, float)) and window[-1] > duration:
         document.pop("window")
-        document.pop("accept", None)
+        if not any(key.split(".")[0] == "accept" for key in changes):
+            document.pop("accept", None)
 
 
 def _resolve_files(document: dict[str, Any], folder: File) -> None:

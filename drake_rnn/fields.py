@@ -62,6 +62,11 @@ Count = Annotated[int, Field(strict=True, ge=1)]
 Seed = Annotated[int, Field(strict=True, ge=0)]
 
 
+def _example(cls: Any) -> str:
+    names = [name for name in cls.__dataclass_fields__ if name != "kind"]
+    return f"{cls.__name__}({names[0]}=...)"
+
+
 @dataclass_transform(frozen_default=True, kw_only_default=True)
 def validated(cls: type) -> type:
     """A frozen, keyword-only dataclass whose fields are checked, unknown ones refused.
@@ -74,8 +79,10 @@ def validated(cls: type) -> type:
 
     @wraps(construct)
     def init(self: Any, *args: Any, **fields: Any) -> None:
+        if args:
+            raise InvalidInputError(f"{cls.__name__}: takes keywords only, as in {_example(made)}")
         try:
-            construct(self, *args, **fields)
+            construct(self, **fields)
         except ValidationError as error:
             raise InvalidInputError(sentence(made, error, cls.__name__)) from None
 

@@ -117,15 +117,15 @@ class JointLimits:
         return -self.velocity
 
     def velocity_box(self, q: Array, stiffness: float) -> tuple[Array, Array]:
-        """Velocities that respect position and velocity bounds: lower and upper, (n,) [rad/s].
+        """Velocities that respect both bounds: lower and upper, shape (..., n) [rad/s].
 
         A joint may approach its position limit at ``stiffness`` [1/s] times the distance
         left, and from beyond the limit returns at no more than its largest speed, so the
         box is never empty.
         """
-        box = np.maximum(stiffness * (self._position - q), self._velocity_lower)
+        box = np.maximum(stiffness * (self._position - q[..., np.newaxis, :]), self._velocity_lower)
         np.minimum(box, self.velocity, out=box)
-        return box[0], box[1]
+        return box[..., 0, :], box[..., 1, :]
 
     def violation(self, q: Array) -> Array:
         """How far ``q``, shape (..., n), lies outside its position limits [rad]; 0 inside."""

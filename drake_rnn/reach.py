@@ -10,7 +10,7 @@ from .arm_kinematics import ArmKinematics
 from .errors import InvalidInputError
 from .experiment import Experiment
 from .fields import Array
-from .systems.kinematics import TASKS
+from .systems.kinematics import task_rows
 
 _SAMPLES = 400
 _MISS = 1e-3
@@ -43,7 +43,7 @@ class Reach:
 def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
     """Follow the experiment's path by inverse kinematics, over its duration or one lap."""
     setup = experiment.setup
-    rows = list(TASKS[experiment.task])
+    rows = task_rows(experiment.task)
     kinematics = setup.arm.kinematics()
     origin = setup.path.start_point(setup.p_WE_start)
     time = np.linspace(0.0, min(setup.path.period, experiment.duration), samples)
@@ -84,8 +84,9 @@ def check_reach(experiment: Experiment) -> list[str]:
     Raises:
         InvalidInputError: If inverse kinematics misses the path by more than 1 mm.
     """
-    reach = follow(experiment)
     setup = experiment.setup
+    _require_within_task(experiment)
+    reach = follow(experiment)
     worst = int(np.argmax(reach.miss))
     if reach.miss[worst] > _MISS:
         first = int(np.argmax(reach.miss > _MISS))
@@ -126,6 +127,18 @@ def check_reach(experiment: Experiment) -> list[str]:
                 f"its limit is {bound[joint]:.3g}"
             )
     return warnings
+
+
+def _require_within_task(experiment: Experiment) -> None:
+    """A planar task must not drop a part of its path without a word."""
+    dropped = [row for row in range(3) if row not in task_rows(experiment.task)]
+    lap = experiment.setup.path.sample(50)
+    extent = np.ptp(lap[:, dropped], axis=0).max(initial=0.0)
+    if extent > 1e-9:
+        raise InvalidInputError(
+            f"path: leaves the plane of task {experiment.task} by {extent:.3g} m; "
+            "give it a path in that plane"
+        )
 
 
 def _towards(kinematics: ArmKinematics, rows: list[int], q: Array, target: Array) -> Array:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 from pydrake.systems.framework import Context, OutputPort
 
 from .fields import Array
-from .laws.law import Layout, Signals
+from .laws.law import Layout
 
 
 class Recorder:
-    """Ports of a diagram at every accepted step, and a costlier probe every ``period``.
+    """Ports of a diagram at every accepted step.
 
     It is called by the simulator's monitor, adds no events and so does not change the steps.
     What is seen at time t is what holds just before the updates at t: velocities are those
@@ -20,31 +20,18 @@ class Recorder:
 
     Args:
         root: Context of the simulated diagram.
-        ports: What to record at every step, by name.
-        probe: Asked every ``period``, for signals by name.
-        period: Between two calls of ``probe`` [s].
+        ports: What to record, by name.
     """
 
-    def __init__(
-        self,
-        root: Context,
-        ports: Mapping[str, OutputPort],
-        probe: Callable[[], Signals],
-        period: float,
-    ) -> None:
+    def __init__(self, root: Context, ports: Mapping[str, OutputPort]) -> None:
         self._layout = Layout(**{name: (port.size(),) for name, port in ports.items()})
         self._sources = [
             (port.Eval, port.get_system().GetMyContextFromRoot(root), self._layout.parts[name][0])
             for name, port in ports.items()
         ]
-        self._probe = probe
-        self._period = period
-        self._next = 0.0
         self._times = np.empty(1024)
         self._rows = np.empty((1024, self._layout.size))
         self._count = 0
-        self._probed_at: list[int] = []
-        self._probed: list[Signals] = []
 
     def __call__(self, context: Context) -> None:
         """Record the present."""
@@ -52,33 +39,17 @@ class Recorder:
         if count == self._times.size:
             self._times = np.concatenate((self._times, np.empty_like(self._times)))
             self._rows = np.concatenate((self._rows, np.empty_like(self._rows)))
-        t = self._times[count] = context.get_time()
+        self._times[count] = context.get_time()
         row = self._rows[count]
         for read, place, at in self._sources:
             row[at] = read(place)
         self._count = count + 1
-        # Step times carry rounding errors, far below any period.
-        if t >= self._next - 1e-9:
-            self._probed_at.append(count)
-            self._probed.append(self._probe())
-            # After a step longer than that, the next is due a period from here.
-            self._next = max(self._next + self._period, t)
 
     @property
     def time(self) -> Array:
         """Times of all steps, shape (k,) [s]."""
         return self._times[: self._count]
 
-    @property
-    def probed_at(self) -> list[int]:
-        """Numbers of the steps at which the probe was asked."""
-        return self._probed_at
-
     def series(self, name: str) -> Array:
         """One port at every step, shape (k, size)."""
         return self._layout.part(self._rows[: self._count], name)
-
-    @property
-    def probed(self) -> list[Signals]:
-        """What the probe said, one entry for each of ``probed_at``."""
-        return self._probed

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
-from .experiment import Experiment, load_experiment, shipped_experiments
+from .experiment import Acceptance, Experiment, load_experiment, shipped_experiments
 from .result import Result
 from .sweep import Row
 
@@ -41,10 +42,9 @@ def metrics_table(result: Result) -> Table:
     table.add_column("bound", justify="right")
     table.add_column("")
     for name, value in result.metrics.items():
-        expected = experiment.accept.get(name)
+        expected = experiment.accept.get(name, bounds.get(name))
         verdict = "" if expected is None else ("ok" if expected.holds(value) else "[red]no[/]")
-        bound = str(expected) if expected is not None else bounds.get(name, "")
-        table.add_row(name, f"{value:.4g}", bound, verdict)
+        table.add_row(name, f"{value:.4g}", "" if expected is None else str(expected), verdict)
     for name in experiment.accept:
         if name not in result.metrics:
             table.add_row(name, "not reached", str(experiment.accept[name]), "[red]no[/]")
@@ -61,7 +61,8 @@ def sweep_table(keys: Sequence[str], rows: Sequence[Row]) -> Table:
         table.add_column(name.replace("_", " "), justify="right", overflow="fold")
     for row in rows:
         values = [f"{row.metrics[n]:.4g}" if n in row.metrics else "-" for n in names]
-        cells = values if row.failure is None else [f"[red]{escape(row.failure)}[/]"]
+        # Why has been said when it failed, and stands in the CSV.
+        cells = values if row.failure is None else ["[red]failed[/]"]
         table.add_row(*(escape(str(value)) for value in row.values), *cells)
     return table
 
@@ -83,22 +84,23 @@ def varying_metrics(rows: Sequence[Row]) -> list[str]:
     """The metrics worth a column: of the main ones those that differ between the runs."""
     chosen = []
     for name in _SHOWN:
-        found = [row.metrics[name] for row in rows if name in row.metrics and row.failure is None]
+        ran = [row for row in rows if row.failure is None]
+        found = [row.metrics[name] for row in ran if name in row.metrics]
         # Equal but for rounding is equal.
         differ = found and max(found) - min(found) > 1e-9 * max(map(abs, found))
-        if found and (differ or len(rows) == 1):
+        if found and (differ or len(ran) == 1):
             chosen.append(name)
     return chosen
 
 
-def _bounds(experiment: Experiment) -> dict[str, str]:
+def _bounds(experiment: Experiment) -> dict[str, Acceptance]:
+    """What the arm's limits ask of the metrics; one joint's bound may differ from another's."""
     limits = experiment.setup.limits
-    bounds = {"joint_limit_margin_min_rad": ">= 0"}
-    for order, name in (("velocity", "rad_s"), ("acceleration", "rad_s2")):
-        bound = getattr(limits, order)
-        if bound is not None:
-            low, high = float(bound.min()), float(bound.max())
-            span = f"{high:g}" if low == high else f"{low:g} .. {high:g}"
-            bounds[f"joint_{order}_max_{name}"] = f"<= {span}"
-            bounds[f"limit_ratio_{1 if order == 'velocity' else 2}_max"] = "<= 1"
+    bounds = {}
+    if np.isfinite(limits.position_upper - limits.position_lower).any():
+        bounds["joint_limit_margin_min_rad"] = Acceptance(at_least=0.0)
+    # A secant around the bound carries rounding errors.
+    for order, name in enumerate(("velocity", "acceleration"), start=1):
+        if getattr(limits, name) is not None:
+            bounds[f"limit_ratio_{order}_max"] = Acceptance(at_most=1.0 + 1e-9)
     return bounds

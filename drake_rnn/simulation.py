@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import cast
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
@@ -14,13 +15,13 @@ from .diagrams.kinematic import AddKinematicLoop, KinematicLoop
 from .errors import InterruptedRunError, InvalidInputError, SimulationError
 from .experiment import Experiment
 from .fields import Array
-from .laws.law import ContinuousLaw, Law
+from .laws.law import ContinuousLaw, Law, Signals
 from .metrics import Motion, motion_metrics
 from .reach import check_reach
 from .recorder import Recorder
 from .result import Result
 from .systems.controllers import ContinuousController, SampledController
-from .systems.kinematics import TASKS
+from .systems.kinematics import task_rows
 from .systems.path_source import PathSource
 
 #: Called with the simulated time [s] every so often.
@@ -51,7 +52,7 @@ def simulate(experiment: Experiment, progress: Progress | None = None) -> Result
     root = simulator.get_mutable_context()
     _set_initial_state(loop, root)
 
-    recorder = add_recorder(simulator, loop, experiment.log_period)
+    recorder = add_recorder(simulator, loop)
     if progress is not None:
         simulator.set_monitor(_with_progress(recorder, progress))
 
@@ -115,20 +116,14 @@ def build_diagram(experiment: Experiment, law: Law | None = None) -> tuple[Diagr
     return diagram, loop
 
 
-def add_recorder(simulator: Simulator, loop: KinematicLoop, period: float) -> Recorder:
+def add_recorder(simulator: Simulator, loop: KinematicLoop) -> Recorder:
     """A recorder of the loop, as the simulator's monitor."""
-    root = simulator.get_context()
-    context = loop.controller.GetMyContextFromRoot(root)
-    recorder = Recorder(
-        root,
-        {
-            "position": loop.arm.GetOutputPort("position"),
-            "velocity": loop.arm.GetOutputPort("velocity"),
-            "state": loop.controller.GetOutputPort("state"),
-        },
-        lambda: loop.controller.signals(context),
-        period,
-    )
+    ports = {
+        "position": loop.arm.GetOutputPort("position"),
+        "velocity": loop.arm.GetOutputPort("velocity"),
+        "state": loop.controller.GetOutputPort("state"),
+    }
+    recorder = Recorder(simulator.get_context(), ports)
     simulator.set_monitor(recorder)
     return recorder
 
@@ -185,14 +180,14 @@ def _result(
     metrics = motion_metrics(
         motion, experiment.setup.limits, experiment.window, experiment.settling_tolerance_m
     )
-    at = np.array(recorder.probed_at, dtype=int)
-    observed = _diagnostics(recorder, law)
-    if "saturated" in observed:
+    observed = _diagnostics(motion, recorder.series("state"), law)
+    if "saturated" in observed and motion.time.size:
         metrics["saturated_fraction"] = float(np.mean(observed["saturated"]))
-    if "acceleration_demand" in observed:
+    if "acceleration_demand" in observed and motion.time.size:
         demand = np.abs(observed["acceleration_demand"])
         metrics["joint_acceleration_demand_max_rad_s2"] = float(demand.max())
 
+    at = _samples(motion.time, experiment.log_period)
     names = ("position", "velocity", "network_velocity", "p_WE", "v_WE", "p_WE_desired")
     series = {name: getattr(motion, name)[at] for name in (*names, "v_WE_desired", "J")}
     for name, values in (
@@ -209,21 +204,29 @@ def _result(
     return Result(
         experiment=experiment,
         time=motion.time[at],
-        series=series | observed,
+        series=series | {name: values[at] for name, values in observed.items()},
         metrics=metrics,
         warnings=warnings,
         graphviz=diagram.GetGraphvizString(max_depth=1),
     )
 
 
-def _diagnostics(recorder: Recorder, law: Law) -> dict[str, Array]:
-    """What the law tells of itself, at the probed steps; computed now, not while running."""
-    rows: dict[str, list[Array]] = {}
-    states = recorder.series("state")
-    for k, u in zip(recorder.probed_at, recorder.probed, strict=True):
-        for name, value in law.diagnostics(float(recorder.time[k]), states[k], u).items():
-            rows.setdefault(name, []).append(value)
-    return {name: np.array(values) for name, values in rows.items()}
+def _samples(time: Array, period: float) -> NDArray[np.intp]:
+    """Numbers of the steps to keep: the first in each period, shape (j,)."""
+    number = np.floor(time / period + 1e-6)
+    return np.flatnonzero(np.diff(number, prepend=-1.0))
+
+
+def _diagnostics(motion: Motion, states: Array, law: Law) -> Signals:
+    """What the law tells of itself, at every step; computed now, not while running."""
+    u = {
+        "position": motion.position,
+        "p_WE": motion.p_WE,
+        "p_WE_desired": motion.p_WE_desired,
+        "v_WE_desired": motion.v_WE_desired,
+        "J": motion.J,
+    }
+    return law.diagnostics(motion.time, states, u)
 
 
 def _motion(experiment: Experiment, recorder: Recorder, law: Law) -> Motion:
@@ -232,7 +235,7 @@ def _motion(experiment: Experiment, recorder: Recorder, law: Law) -> Motion:
     Asking their ports while running would cost more than the law itself.
     """
     setup = experiment.setup
-    rows = list(TASKS[experiment.task])
+    rows = task_rows(experiment.task)
     kinematics = setup.arm.kinematics()
     origin = setup.path.start_point(setup.p_WE_start)
     position, velocity = recorder.series("position"), recorder.series("velocity")
@@ -270,7 +273,7 @@ def _tick(experiment: Experiment) -> float | None:
     return dither.hold if experiment.period is None else min(dither.hold, experiment.period)
 
 
-def _peaks(values: Array, at: Array) -> Array:
+def _peaks(values: Array, at: NDArray[np.intp]) -> Array:
     """Largest entry of the rows up to each of ``at`` since the one before, shape (len(at),)."""
     peaks = np.zeros(at.size)
     for k in range(1, at.size):

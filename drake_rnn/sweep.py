@@ -14,6 +14,7 @@ from typing import Any
 from .documents import parse_yaml
 from .errors import DrakeRnnError, InterruptedRunError, InvalidInputError, SimulationError
 from .experiment import load_experiment
+from .reach import check_reach
 from .simulation import simulate
 
 
@@ -64,13 +65,16 @@ def sweep(
         done: Told each row as it is ready, in order.
 
     Raises:
-        InvalidInputError: If a combination is no valid experiment.
+        InvalidInputError: If a combination is no valid experiment, or its path is out of
+            reach; or a key is both swept and changed.
     """
+    if both := sorted(over.keys() & (changes or {}).keys()):
+        raise InvalidInputError(f"--over: {both[0]!r} is also set; it cannot be both")
     combinations = list(product(*over.values()))
     jobs = []
     for values in combinations:
         changed = {**(changes or {}), **dict(zip(over, values, strict=True))}
-        load_experiment(experiment, changed)
+        check_reach(load_experiment(experiment, changed))
         jobs.append((experiment, changed, values))
     rows = []
     for row in _run_all(jobs, processes):

@@ -320,11 +320,13 @@ def test_sweep_writes_a_table_and_a_picture(tmp_path):
     assert "sweep.csv" in result.stdout
 
 
-def test_a_sweep_in_which_a_run_fails_ends_with_1_and_shows_the_others(tmp_path):
-    over = ("--over", "path.size=0.04,2")
-    result = call("sweep", KNOWN, *over, "--out", tmp_path, "--duration", 1)
+def test_a_sweep_in_which_a_run_fails_ends_with_1_and_shows_the_others(tmp_path, breaks):
+    breaks(0.03)
+    result = call("sweep", KNOWN, "--over", "duration=0.02,0.05", "--out", tmp_path)
     assert result.exit_code == 1
-    assert "out of reach" in result.stdout
+    assert "failed" in result.stdout
+    assert "duration=0.05: controller: " in result.stderr
+    assert "not finite any more (at t = 0.03 s)" in result.stderr
     (table,) = tmp_path.rglob("sweep.csv")
     assert len(table.read_text().splitlines()) == 3
 

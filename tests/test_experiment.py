@@ -7,6 +7,7 @@ import pytest
 
 from drake_rnn import (
     InvalidInputError,
+    check_reach,
     load_experiment,
     make_experiment,
     shipped_experiments,
@@ -261,3 +262,27 @@ def test_a_path_out_of_reach_is_refused_before_anything_is_simulated(monkeypatch
     monkeypatch.setattr(simulation, "Simulator", simulator)
     with pytest.raises(InvalidInputError, match=r"^path: out of reach: panda misses the point \("):
         simulate(load_experiment(KNOWN, {"path.size": 2}))
+
+
+@pytest.mark.parametrize("key", ["home", "limits", "task_size"])
+def test_what_arm_and_task_determine_cannot_be_given_to_the_law(key):
+    with pytest.raises(InvalidInputError, match=rf"law\.{key}: follows from .*; leave it out"):
+        load_experiment(KNOWN, {f"law.{key}": 2})
+
+
+def test_a_planar_task_takes_no_path_that_leaves_its_plane():
+    document = {"arm": "planar6", "task": "xy", "path.offset": [0, 0, 0], "duration": 1}
+    with pytest.raises(InvalidInputError, match=r"path: leaves the plane of task xy by 0\.3"):
+        check_reach(load_experiment(KNOWN, document))
+
+
+def test_period_and_integrator_cannot_both_be_changed():
+    with pytest.raises(InvalidInputError, match="period: stands beside integrator"):
+        load_experiment(KNOWN, {"period": 1e-3, "integrator": {"step": 1e-3}})
+
+
+def test_what_is_expected_survives_a_short_run_only_if_it_is_asked_for():
+    """The window ends after the run, and what was expected in it with it."""
+    accept = {"accept.joint_velocity_max_rad_s": {"at_most": 1}}
+    assert load_experiment(KNOWN, {"duration": 1}).accept == {}
+    assert "joint_velocity_max_rad_s" in load_experiment(KNOWN, {"duration": 1, **accept}).accept

@@ -145,6 +145,17 @@ def test_a_signal_that_nothing_offers_is_named():
         AddKinematicLoop(builder, PANDA, SampledController(law(), 1e-3), reference)
 
 
+def test_a_law_of_another_size_is_refused():
+    planar = SimultaneousLearning(
+        limits=PANDA.limits, home=PANDA.home, jacobian="known", task_size=2
+    )
+    builder = DiagramBuilder()
+    p_WE = PANDA.kinematics().p_WE(PANDA.home)
+    path = builder.AddNamedSystem("path", PathSource(Circle(size=0.05, period=4.0), p_WE))
+    with pytest.raises(InvalidInputError, match=r"has 2 entries, .* has 3"):
+        AddKinematicLoop(builder, PANDA, SampledController(planar, 1e-3), path)
+
+
 @pytest.mark.parametrize(
     ("start", "message"),
     [

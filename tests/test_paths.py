@@ -471,7 +471,7 @@ def test_bad_points_are_refused(fields: dict[str, object], message: str) -> None
         ("circle", {"size": -0.1}, "size: .*greater than 0"),
         ("circle", {"size": math.inf}, "size: .*finite"),
         ("circle", {"period": math.nan}, "period: .*"),
-        ("circle", {"period": 0}, "period: .*greater than 0"),
+        ("circle", {"period": 0}, "period: .*greater than or equal to 0.001"),
         ("circle", {"radius": 0.1}, "radius: no such key"),
         ("circle", {"plane": "zx"}, "plane: .*'xy', 'xz' or 'yz'"),
         ("circle", {"timing": "linear"}, "timing: .*'uniform', 'sin2'"),

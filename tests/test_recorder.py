@@ -7,12 +7,13 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import Integrator, Sine, ZeroOrderHold
 
 from drake_rnn import load_experiment
+from drake_rnn.metrics import TIMING_METRICS
 from drake_rnn.recorder import Recorder
 from drake_rnn.simulation import simulate
 
 
-def run(period=None, probe_period=0.5, duration=4.0, accuracy=1e-6):
-    """Integrate a sine, sampled every 0.3 s; with a ``period``, watched by a recorder."""
+def run(watched=True, duration=4.0, accuracy=1e-6):
+    """Integrate a sine, sampled every 0.3 s; watched by a recorder or not."""
     builder = DiagramBuilder()
     sine = builder.AddSystem(Sine(amplitude=1.0, frequency=2.0, phase=0.0, size=2))
     integral = builder.AddSystem(Integrator(2))
@@ -22,23 +23,15 @@ def run(period=None, probe_period=0.5, duration=4.0, accuracy=1e-6):
     simulator = Simulator(builder.Build())
     simulator.get_mutable_integrator().set_target_accuracy(accuracy)
     root = simulator.get_mutable_context()
-    probes = []
-
-    def probe():
-        probes.append(root.get_time())
-        return {"time": np.array([root.get_time()])}
-
     recorder = Recorder(
         root,
         {"integral": integral.get_output_port(), "held": hold.get_output_port()},
-        probe,
-        probe_period,
     )
-    if period is not None:
+    if watched:
         simulator.set_monitor(recorder)
     simulator.Initialize()
     simulator.AdvanceTo(duration)
-    return simulator, recorder, probes
+    return simulator, recorder
 
 
 def steps(simulator):
@@ -46,7 +39,7 @@ def steps(simulator):
 
 
 def test_every_step_is_seen_and_the_start():
-    simulator, recorder, _ = run(period=0.5)
+    simulator, recorder = run()
     assert recorder.time.size == simulator.get_num_steps_taken() + 1
     assert recorder.time[0] == 0
     assert recorder.time[-1] == 4
@@ -55,8 +48,8 @@ def test_every_step_is_seen_and_the_start():
 
 def test_watching_changes_neither_steps_nor_numbers():
     """Bit for bit."""
-    watched, recorder, _ = run(period=0.5)
-    alone, _, _ = run()
+    watched, recorder = run()
+    alone, _ = run(watched=False)
     assert steps(watched) == steps(alone)
     end = alone.get_context().get_continuous_state_vector().CopyToVector()
     np.testing.assert_array_equal(recorder.series("integral")[-1], end)
@@ -64,7 +57,7 @@ def test_watching_changes_neither_steps_nor_numbers():
 
 def test_what_is_recorded_is_what_the_ports_said():
     """1e-5: the integrator's accuracy."""
-    _, recorder, _ = run(period=0.5)
+    _, recorder = run()
     expected = (1 - np.cos(2 * recorder.time)) / 2
     np.testing.assert_allclose(recorder.series("integral")[:, 1], expected, atol=1e-5)
     held = recorder.series("held")[:, 0]
@@ -74,18 +67,20 @@ def test_what_is_recorded_is_what_the_ports_said():
 
 def test_many_steps_are_kept():
     """More than the room made at first."""
-    simulator, recorder, _ = run(period=0.5, accuracy=1e-13, duration=20.0)
+    simulator, recorder = run(accuracy=1e-13, duration=20.0)
     assert recorder.time.size == simulator.get_num_steps_taken() + 1 > 1024
     assert np.isfinite(recorder.series("integral")).all()
 
 
-def test_the_probe_is_asked_at_the_first_step_of_each_period():
-    _, recorder, probes = run(period=0.5)
-    np.testing.assert_array_equal(recorder.time[recorder.probed_at], probes)
-    assert [float(u["time"][0]) for u in recorder.probed] == probes
-    for number in range(8):
-        later = recorder.time[recorder.time >= 0.5 * number - 1e-9]
-        assert later[0] in probes
+def test_metrics_do_not_depend_on_what_is_stored():
+    """Every metric but those of the machine, with a stored sample a step and one in a hundred."""
+    every, few = (
+        simulate(load_experiment("slc_nephroid_known", {"duration": 0.5, "log_period": log}))
+        for log in (1e-3, 0.1)
+    )
+    assert every.time.size > 50 * few.time.size
+    for name in every.metrics.keys() - set(TIMING_METRICS):
+        assert every.metrics[name] == few.metrics[name], name
 
 
 @pytest.mark.parametrize("period", [1e-3, 5e-4])

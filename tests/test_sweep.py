@@ -87,11 +87,16 @@ def test_a_run_that_fails_takes_a_row_and_the_others_run(monkeypatch):
     assert "joint_velocity_max_rad_s" in rows[1].metrics
 
 
-def test_a_path_out_of_reach_takes_a_row():
-    rows = sweep(KNOWN, {"path.size": [2, 0.04]}, {"duration": 1, "law.kappa": 5})
-    assert rows[0].failure.startswith("path: out of reach")
-    assert rows[0].metrics == {}
-    assert rows[1].failure is None
+def test_a_path_out_of_reach_is_refused_before_anything_runs():
+    done = []
+    with pytest.raises(InvalidInputError, match="path: out of reach"):
+        sweep(KNOWN, {"path.size": [0.04, 2]}, {"duration": 1, "law.kappa": 5}, done=done.append)
+    assert not done
+
+
+def test_a_key_that_is_swept_may_not_be_set_as_well():
+    with pytest.raises(InvalidInputError, match=r"--over: 'law\.kappa' is also set"):
+        sweep(KNOWN, {"law.kappa": [1, 2]}, {"law.kappa": 3})
 
 
 def test_numbers_do_not_depend_on_how_many_run_at_a_time():

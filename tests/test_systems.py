@@ -111,6 +111,22 @@ class TestDither:
             np.testing.assert_array_equal(backward.sample(k), row)
 
 
+def test_blocks_refuse_what_they_cannot_be():
+    with pytest.raises(InvalidInputError, match="task: may be xyz, xy, not 'yz'"):
+        Kinematics(PANDA, "yz")
+    with pytest.raises(InvalidInputError, match="sigma: must be greater than 0, not -1"):
+        Dither(7, -1.0, 1e-3)
+    with pytest.raises(InvalidInputError, match="hold: must be greater than 0"):
+        Dither(7, 1.0, 0.0)
+
+
+@pytest.mark.parametrize("v", [np.full(7, np.nan), np.zeros(6)])
+def test_velocities_that_are_none_are_refused(v):
+    """Drake would end the process over them."""
+    with pytest.raises(InvalidInputError, match="velocity: must be 7 finite numbers"):
+        PANDA.kinematics().Jdot_v(PANDA.home, v)
+
+
 def test_a_mirror_is_where_it_is_told_to_be():
     port = fixed(Mirror(2), position_commanded=[0.1, 0.2], velocity_commanded=[0.3, 0.4])
     np.testing.assert_array_equal(port("position"), [0.1, 0.2])

@@ -81,8 +81,12 @@ class Law(Protocol):
     def commanded_velocity(self, t: float, x: Array) -> Array:
         """Joint velocities asked of the arm, shape (n,) [rad/s]; of time and state alone."""
 
-    def diagnostics(self, t: float, x: Array, u: Signals) -> Signals:
-        """What to record beside the state, by name; nothing in the loop may use it."""
+    def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
+        """What to record beside the state, by name; nothing in the loop may use it.
+
+        Of one instant, or of many at once: then everything has a leading dimension, and
+        ``u`` holds what follows from posture, path and time, not what was measured.
+        """
 
 
 class ContinuousLaw(Law, Protocol):

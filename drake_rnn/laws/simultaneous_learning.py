@@ -214,17 +214,19 @@ class SimultaneousLearning:
     def commanded_velocity(self, t: float, x: Array) -> Array:
         return x[: self.home.size]
 
-    def diagnostics(self, t: float, x: Array, u: Signals) -> Signals:
+    def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         v, multipliers, *learned = self.state.split(x)
         J = learned[0] if learned else u["J"]
-        pull, lower, upper, _ = self._terms(u)
-        demand = self.rate * (_clip(multipliers.dot(J) - pull, lower, upper) - v)
-        saturated = self._inverse_bound is not None and _slowing(demand, self._inverse_bound) > 1
+        q = u["position"]
+        lower, upper = self.limits.velocity_box(q, self.limit_stiffness)
+        drawn = np.einsum("...m,...mn->...n", multipliers, J) - self.return_gain * (q - self.home)
+        demand = self.rate * (_clip(drawn, lower, upper) - v)
+        ratio = np.zeros(1) if self._inverse_bound is None else np.abs(demand * self._inverse_bound)
         return {
             "velocity_lower": lower,
             "velocity_upper": upper,
             "acceleration_demand": demand,
-            "saturated": np.array([float(saturated)]),
+            "saturated": (ratio.max(axis=-1, keepdims=True) > 1.0) * np.ones((*v.shape[:-1], 1)),
         }
 
     def _warm_up_derivatives(self, warm_up: WarmUp, t: float, x: Array, u: Signals) -> Array:

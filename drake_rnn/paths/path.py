@@ -12,7 +12,7 @@ from pydantic import Field
 from pydrake.math import RollPitchYaw, RotationMatrix
 
 from ..errors import InvalidInputError
-from ..fields import Array, Count, Finite, Point, Positive, validated
+from ..fields import Array, Count, Finite, Point, validated
 from .timing import TimeLaw, Timing, time_at, time_law
 
 Triple = tuple[float, float, float]
@@ -39,7 +39,7 @@ class Path(ABC):
         offset: Where the arm starts, relative to the path's first point [m].
     """
 
-    period: Positive
+    period: Annotated[float, Field(strict=True, ge=1e-3, allow_inf_nan=False)]
     timing: Timing = "uniform"
     ramp: Annotated[float, Field(gt=0, le=0.5)] = 0.2
     laps: Count | None = None

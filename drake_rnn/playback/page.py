@@ -16,9 +16,10 @@ from pydrake.geometry import (
     Role,
     Sphere,
 )
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
+from ..arms import Arm
 from ..drake_log import quiet_drake
 from ..fields import Array
 from .camera import aim_camera, boxes_of, view_direction
@@ -47,6 +48,10 @@ def make_page(motion: ReplayedMotion, rate: int) -> str:
     parameters.prefix = "/arm"
     MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, parameters)
     diagram = builder.Build()
+
+    for body in _beyond(plant, arm):
+        # A tool past the task frame would look like what is to be on the path.
+        meshcat.SetProperty(f"/arm/{body}", "visible", False)
 
     boxes = boxes_of(motion, diagram, plant, scene_graph)
     path = np.concatenate((motion.lap, motion.traced))
@@ -85,6 +90,24 @@ def make_page(motion: ReplayedMotion, rate: int) -> str:
     meshcat.StopRecording()
     meshcat.PublishRecording()
     return with_caption(meshcat.StaticHtml(), experiment.name or arm.name)
+
+
+def _beyond(plant: MultibodyPlant, arm: Arm) -> list[str]:
+    """Scene names of the bodies between the task frame and the tool's tip."""
+    if arm.tip is None:
+        return []
+    task_body = plant.GetFrameByName(arm.frame).body().index()
+    parents = {
+        joint.child_body().index(): joint.parent_body()
+        for joint in map(plant.get_joint, plant.GetJointIndices())
+    }
+    body, names = plant.GetFrameByName(arm.tip).body(), []
+    while body.index() != task_body:
+        names.append(body.scoped_name().get_full().replace("::", "/"))
+        if body.index() not in parents:
+            return []  # the tip is not beyond the task frame
+        body = parents[body.index()]
+    return names
 
 
 def _at(time: Array, samples: Array, values: Array) -> Array:

@@ -45,14 +45,15 @@ class Dither(LeafSystem):
 
     def __init__(self, size: int, sigma: float, hold: float, seed: int = 0) -> None:
         super().__init__()
+        settings = DitherSettings(sigma=sigma, hold=hold)
         self._size = size
-        self._sigma = sigma
-        self._hold = hold
+        self._sigma = settings.sigma
+        self._hold = settings.hold
         self._seed = seed
         self._block = (-1, np.zeros((0, size)))
         state = self.DeclareDiscreteState(size)
         self.DeclareStateOutputPort("dither", state)
-        self.DeclarePeriodicDiscreteUpdateEvent(hold, 0.0, self._update)
+        self.DeclarePeriodicDiscreteUpdateEvent(self._hold, 0.0, self._update)
 
     def sample(self, number: int) -> Array:
         """The value of one sample, shape (n,) [rad/s]."""

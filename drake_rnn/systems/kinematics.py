@@ -7,10 +7,22 @@ from typing import Any
 from pydrake.systems.framework import Context, LeafSystem
 
 from ..arms import Arm
+from ..errors import InvalidInputError
 from ..fields import Array
 
 #: Rows of the position of E that a task is about.
 TASKS = {"xyz": (0, 1, 2), "xy": (0, 1)}
+
+
+def task_rows(task: str) -> list[int]:
+    """The rows of a task.
+
+    Raises:
+        InvalidInputError: If there is no such task.
+    """
+    if task not in TASKS:
+        raise InvalidInputError(f"task: may be {', '.join(TASKS)}, not {task!r}")
+    return list(TASKS[task])
 
 
 class Kinematics(LeafSystem):
@@ -29,7 +41,7 @@ class Kinematics(LeafSystem):
     def __init__(self, arm: Arm, task: str = "xyz") -> None:
         super().__init__()
         self.arm = arm
-        rows = list(TASKS[task])
+        rows = task_rows(task)
         m, n = len(rows), arm.n
         every_row = m == 3
         arm_kinematics = arm.kinematics()
@@ -38,25 +50,25 @@ class Kinematics(LeafSystem):
         at_q = {self._position.ticket()}
         at_q_v = {self._position.ticket(), self._velocity.ticket()}
 
-        def task_rows(value: Array) -> Array:
+        def chosen(value: Array) -> Array:
             return value if every_row else value[rows]
 
         # Evaluated at every sample, hence one function deep.
         read_q, read_v = self._position.Eval, self._velocity.Eval
 
         def p_WE(context: Context, output: Any) -> None:
-            output.set_value(task_rows(arm_kinematics.p_WE(read_q(context))))
+            output.set_value(chosen(arm_kinematics.p_WE(read_q(context))))
 
         def J(context: Context, output: Any) -> None:
-            output.set_value(task_rows(arm_kinematics.J(read_q(context))).ravel())
+            output.set_value(chosen(arm_kinematics.J(read_q(context))).ravel())
 
         def v_WE(context: Context, output: Any) -> None:
-            J = task_rows(arm_kinematics.J(read_q(context)))
+            J = chosen(arm_kinematics.J(read_q(context)))
             output.set_value(J.dot(read_v(context)))
 
         def Jdot_v(context: Context, output: Any) -> None:
             bias = arm_kinematics.Jdot_v(read_q(context), read_v(context))
-            output.set_value(task_rows(bias))
+            output.set_value(chosen(bias))
 
         def R_WE(context: Context, output: Any) -> None:
             output.set_value(arm_kinematics.R_WE(read_q(context)).ravel())

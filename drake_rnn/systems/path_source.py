@@ -8,7 +8,7 @@ from pydrake.systems.framework import Context, LeafSystem
 
 from ..fields import Array
 from ..paths import Path
-from .kinematics import TASKS
+from .kinematics import task_rows
 
 
 class PathSource(LeafSystem):
@@ -24,7 +24,7 @@ class PathSource(LeafSystem):
         super().__init__()
         self.path = path
         self.start = path.start_point(p_WE)
-        self._rows = list(TASKS[task])
+        self._rows = task_rows(task)
         self._memo: tuple[float, list[Array]] = (-1.0, [])
         for order, name in enumerate(("p_WE_desired", "v_WE_desired", "a_WE_desired")):
             self.DeclareVectorOutputPort(

@@ -272,3 +272,15 @@ def test_it_is_silent(
     assert capfd.readouterr() == ("", "")
     assert not caplog.records
     assert logging.getLogger("drake").level == level
+
+
+def test_a_tool_past_the_task_frame_is_not_drawn(tmp_path: Path) -> None:
+    """Its tip would look like what is to be on the path; the flange is."""
+    pages = {}
+    for frame in ("panda_link8", "tip"):
+        changes = {"duration": 0.1, "arm": {"model": "panda", "frame": frame}}
+        result = simulate(load_experiment("slc_nephroid_known", changes))
+        pages[frame] = Page(result.playback(tmp_path / f"{frame}.html"))
+    tool = ("/drake/arm/panda/tool", "visible"), ("/arm/panda/tool", "visible")
+    assert any(pages["panda_link8"].properties.get(place) is False for place in tool)
+    assert not any(pages["tip"].properties.get(place) is False for place in tool)

@@ -111,7 +111,7 @@ values = st.recursive(
 )
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.dictionaries(keys, values, max_size=3))
 def test_what_is_written_is_read_back_to_the_last_bit(document):
     assert parse_yaml(to_yaml(document), "here") == document

@@ -20,7 +20,7 @@ def test_the_error_never_grows(J, J_hat, v, rho, period):
 
 
 @given(matrices, matrices, velocities, st.floats(1e-3, 1e-1))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_the_update_solves_the_differential_equation(J, J_hat, v, rho):
     """Against many small Euler steps; first order in their number."""
     steps, period = 20_000, 0.1

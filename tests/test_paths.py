@@ -170,7 +170,7 @@ def test_the_curves_axes_are_the_planes_in_order(plane: str) -> None:
 angles = st.floats(-10, 10)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     st.sampled_from(PLANAR),
     st.sampled_from(TIMINGS),
@@ -211,7 +211,7 @@ def test_angle_turns_from_x_to_y_and_rotation_about_the_fixed_axes() -> None:
     )
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.floats(0.01, 1.0), st.floats(0.5, 50.0))
 def test_nephroid_peak_speed_and_acceleration(size: float, period: float) -> None:
     """|v| = 6 a w |sin f|, |a| <= 12 a w^2: the speed peaks half-way between the cusps."""
@@ -223,7 +223,7 @@ def test_nephroid_peak_speed_and_acceleration(size: float, period: float) -> Non
     assert np.linalg.norm(path.evaluate(period / 2)[1]) < 1e-12 * size * w * 100
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.floats(0, 1), st.floats(0.01, 1), st.floats(-2, 2))
 def test_curves_against_their_formulas(share: float, a: float, b: float) -> None:
     f = 2 * np.pi * share
@@ -295,7 +295,7 @@ def test_parallelogram_runs_along_its_sides_and_back() -> None:
     np.testing.assert_allclose(speeds, [0.2, 0.17, 0.2, 0.17])
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.floats(0.001, 0.1), st.floats(0, 2 * PERIOD, exclude_max=True))
 def test_rounded_square_has_constant_speed_and_bounded_curvature(radius: float, t: float) -> None:
     path = make("square_rounded", corner_radius=radius, centre=[0, 0, 0])

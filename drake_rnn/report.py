@@ -18,7 +18,7 @@ def experiments_table() -> Table:
     """The shipped experiments."""
     table = Table(box=SIMPLE_HEAD)
     for column in ("name", "paper", "arm", "law", "level", "what to expect"):
-        table.add_column(column, overflow="fold", no_wrap=column in {"name", "arm"})
+        table.add_column(column, overflow="fold", no_wrap=column in {"name", "arm", "law"})
     for name in shipped_experiments():
         experiment = load_experiment(name)
         table.add_row(

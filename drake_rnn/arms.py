@@ -275,6 +275,13 @@ class Arm:
             if movable[name].num_positions() != 1 or movable[name].num_velocities() != 1:
                 key = "lock" if name in self.description.lock else "joints"
                 raise InvalidInputError(f"arm.{key}: {name!r} must have one degree of freedom")
+        for name, value in self.description.lock.items():
+            (lower,) = movable[name].position_lower_limits()
+            (upper,) = movable[name].position_upper_limits()
+            if not lower <= value <= upper:
+                raise InvalidInputError(
+                    f"arm.lock.{name}: may be {lower:g} to {upper:g}, not {value:g}"
+                )
         return tuple(joints)
 
     def _stated_limits(self, plant: MultibodyPlant) -> JointLimits:

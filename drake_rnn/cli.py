@@ -75,7 +75,8 @@ def run(
         loaded = [_load(name, changes, seed, duration) for name in experiments]
         for experiment in loaded:
             _require_one_folder_each(experiment, loaded)
-            check_reach(experiment)
+            with _named(experiment, among=loaded):
+                check_reach(experiment)
             _require_writable(out_folder / experiment.name)
     failed = False
     for experiment in loaded:
@@ -184,6 +185,17 @@ def _draw_diagram(dot: Path) -> None:
     if program := shutil.which("dot"):
         command = [program, "-Tsvg", str(dot), "-o", str(dot.with_suffix(".svg"))]
         subprocess.run(command, check=False, capture_output=True)
+
+
+@contextmanager
+def _named(experiment: Experiment, among: list[Experiment]) -> Iterator[None]:
+    """Of several experiments, an error says which one it is about."""
+    try:
+        yield
+    except InvalidInputError as error:
+        if len(among) == 1:
+            raise
+        raise InvalidInputError(f"{experiment.name}: {error}") from None
 
 
 def _require_one_folder_each(experiment: Experiment, among: list[Experiment]) -> None:

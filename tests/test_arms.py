@@ -458,3 +458,8 @@ def test_limits_that_cannot_be_are_refused(tmp_path):
     assert "arm.model.velocity: must be positive" in refusal(
         write(tmp_path, "still.urdf", text), frame="hand"
     )
+
+
+def test_a_joint_cannot_be_locked_where_it_cannot_be():
+    with pytest.raises(InvalidInputError, match=r"arm\.lock\.panda_joint7: may be -2\.8973 to"):
+        load_arm("panda", lock={"panda_joint7": 9})

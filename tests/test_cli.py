@@ -245,7 +245,7 @@ def test_a_path_out_of_reach_is_told_before_another_experiment_runs(tmp_path, si
         .replace("duration: 0.05", "duration: 1")
     )
     result = call("run", mine, far, "--out", tmp_path / "b", "--no-playback")
-    assert sentence(result).startswith("path: out of reach")
+    assert sentence(result).startswith("far: path: out of reach")
     assert not simulated
 
 

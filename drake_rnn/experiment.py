@@ -360,11 +360,13 @@ def _cut_short(document: dict[str, Any], changes: Mapping[str, Any]) -> None:
 def _resolve_files(document: dict[str, Any], folder: File) -> None:
     arm, path = _section(document, "arm"), _section(document, "path")
     packages = _section(arm, "packages")
-    for section, keys in ((arm, ["model"]), (path, ["file"]), (packages, list(packages))):
-        for key in keys:
+    for section, key in ((arm, "model"), (path, "file"), *((packages, key) for key in packages)):
+        value = section.get(key)
+        # A shipped arm's name may also be that of a folder.
+        found = File.is_dir if section is packages else File.is_file
+        if isinstance(value, str) and found(folder / value):
             # Whole, so that the document means the same wherever it is written next.
-            if isinstance(section.get(key), str) and (folder / section[key]).exists():
-                section[key] = str((folder / section[key]).resolve())
+            section[key] = str((folder / value).resolve())
 
 
 def _section(document: dict[str, Any], key: str) -> dict[str, Any]:

@@ -80,7 +80,7 @@ def test_it_still_tracks_after_a_minute():
 
 
 def test_the_continuous_reading_agrees():
-    """Over the warm-up and the first second of the task; first order in the period."""
+    """Over the warm-up and the first second of the task; 5.8e-4 rad at half a millisecond."""
     grid = np.linspace(0.0, 2.4, 25)
 
     def postures(**changes):
@@ -91,4 +91,4 @@ def test_the_continuous_reading_agrees():
     exact = postures(integrator={"scheme": "runge_kutta3", "step": 2e-4})
     errors = [np.abs(postures(period=h) - exact).max() for h in (1e-3, 5e-4)]
     assert errors[1] < 0.65 * errors[0]
-    assert errors[1] < 1e-2
+    assert errors[1] < 1e-3

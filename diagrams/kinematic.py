@@ -38,6 +38,7 @@ def AddKinematicLoop(
     task: str = "xyz",
     dither: DitherSettings | None = None,
     seed: int = 0,
+    outside: float = 0.0,
     prefix: str = "",
 ) -> KinematicLoop:
     """Add a controller with an ideal arm round it, and join both to a reference.
@@ -52,16 +53,17 @@ def AddKinematicLoop(
         reference: Any system in ``builder`` with the desired signals among its output ports,
             e.g. a `PathSource`.
         start: Posture to start from, shape (n,) [rad]; by default the arm's home posture.
-        task: Rows of the task, a key of `TASKS`.
+        task: Rows of the task, a key of `drake_rnn.task.TASKS`.
         dither: Excitation of the joints, if any.
         seed: Of the dither.
+        outside: How far the start may lie outside the position limits [rad].
         prefix: Of the systems' names, for more than one loop in a diagram.
 
     Raises:
         InvalidInputError: If the law wants what nothing here offers, or in another size; or
             the start posture is missing, of the wrong size or outside the position limits.
     """
-    start = start_posture(arm, start)
+    start = start_posture(arm, start, outside)
     builder.AddNamedSystem(f"{prefix}controller", controller)
     kinematics = builder.AddNamedSystem(f"{prefix}kinematics", Kinematics(arm, task))
     joint_command = builder.AddNamedSystem(f"{prefix}joint_command", Integrator(start))
@@ -104,12 +106,12 @@ def AddKinematicLoop(
     return KinematicLoop(controller, kinematics, joint_command, mirror)
 
 
-def start_posture(arm: Arm, start: Array | None) -> Array:
+def start_posture(arm: Arm, start: Array | None, outside: float = 0.0) -> Array:
     """The posture to start from, shape (n,) [rad]: ``start``, else the arm's home posture.
 
     Raises:
         InvalidInputError: If there is none, or it is not one of this arm's, or lies outside
-            its position limits.
+            its position limits by more than ``outside`` [rad].
     """
     if start is None:
         start = arm.home
@@ -121,10 +123,11 @@ def start_posture(arm: Arm, start: Array | None) -> Array:
         raise InvalidInputError(f"start: must be {arm.n} numbers, not {start!r}") from None
     if start.shape != (arm.n,):
         raise InvalidInputError(f"start: has {start.size} entries for {arm.n} joints")
-    outside = arm.limits.violation(start)
-    if not np.isfinite(start).all() or outside.any():
-        worst = int(np.argmax(outside))
-        lower, upper = arm.limits.position_lower[worst], arm.limits.position_upper[worst]
+    excess = arm.limits.violation(start)
+    if not np.isfinite(start).all() or (excess > outside).any():
+        worst = int(np.argmax(excess))
+        lower = arm.limits.position_lower[worst] - outside
+        upper = arm.limits.position_upper[worst] + outside
         raise InvalidInputError(
             f"start: {arm.joints[worst]} is at {start[worst]:.6g} rad; "
             f"it may be {lower:.6g} to {upper:.6g}"

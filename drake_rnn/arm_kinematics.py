@@ -7,7 +7,7 @@ from math import isfinite
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import Frame, JacobianWrtVariable
+from pydrake.multibody.tree import Body, Frame, JacobianWrtVariable
 from pydrake.systems.framework import Context
 
 from .errors import InvalidInputError
@@ -41,6 +41,7 @@ class ArmKinematics:
         controlled = [plant.GetJointByName(name) for name in joints]
         self._indices = np.array([joint.position_start() for joint in controlled])
         self._velocity_indices = np.array([joint.velocity_start() for joint in controlled])
+        self._bodies = _chain(plant, self._frame)
         self._is_whole = np.array_equal(self._indices, np.arange(positions.size))
         self._at_q = b""
 
@@ -80,6 +81,12 @@ class ArmKinematics:
         return self._plant.CalcPointsPositions(
             self._context, self._frame, _ORIGIN, self._world
         ).ravel()
+
+    def skeleton(self, q: Array) -> Array:
+        """Origins of the frames of all bodies from the base to E, and E's, shape (k, 3) [m]."""
+        self._set(q)
+        poses = [body.EvalPoseInWorld(self._context) for body in self._bodies]
+        return np.array([*(X_WB.translation() for X_WB in poses), self.p_WE(q)])
 
     def R_WE(self, q: Array) -> Array:
         """Orientation of E, shape (3, 3)."""
@@ -128,3 +135,16 @@ class ArmKinematics:
         self._set(q)
         torques = self._plant.CalcGravityGeneralizedForces(self._context)
         return np.asarray(torques)[self._velocity_indices]
+
+
+def _chain(plant: MultibodyPlant, frame: Frame) -> list[Body]:
+    """Bodies from the one next to the world to that of ``frame``."""
+    parents = {
+        joint.child_body().index(): joint.parent_body()
+        for joint in map(plant.get_joint, plant.GetJointIndices())
+    }
+    body, chain = frame.body(), []
+    while body.index() in parents:
+        chain.append(body)
+        body = parents[body.index()]
+    return chain[::-1]

@@ -20,7 +20,13 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from .errors import DrakeRnnError, InterruptedRunError, InvalidInputError, SimulationError
 from .experiment import Experiment, load_experiment, parse_change
 from .reach import check_reach
-from .report import experiments_table, metrics_table, sweep_table, varying_metrics
+from .report import (
+    experiments_table,
+    joints_table,
+    metrics_table,
+    sweep_table,
+    varying_metrics,
+)
 from .result import Result
 from .simulation import Progress as ProgressCallback
 from .simulation import simulate
@@ -34,7 +40,7 @@ app = typer.Typer(
 )
 
 # A table in a pipe or a file has a width of its own.
-_WIDTH = None if sys.stdout.isatty() else 120
+_WIDTH = None if sys.stdout.isatty() else 140
 out = Console(width=_WIDTH, soft_wrap=False, highlight=False)
 err = Console(stderr=True, soft_wrap=True, highlight=False)
 
@@ -72,10 +78,13 @@ def run(
     """Run experiments: a folder each, with figures, metrics and a playback."""
     with _errors():
         # Everything is checked before anything runs.
-        loaded = [_load(name, changes, seed, duration) for name in experiments]
+        loaded = []
+        for name in experiments:
+            with _named(name, among=experiments):
+                loaded.append(_load(name, changes, seed, duration))
         for experiment in loaded:
             _require_one_folder_each(experiment, loaded)
-            with _named(experiment, among=loaded):
+            with _named(experiment.name, among=experiments):
                 check_reach(experiment)
             _require_writable(out_folder / experiment.name)
     failed = False
@@ -169,6 +178,8 @@ def _write(result: Result, folder: Path, playback: bool) -> None:
     for warning in result.warnings:
         err.print(f"[yellow]warning[/] {escape(warning)}")
     out.print(metrics_table(result))
+    if (joints := joints_table(result)) is not None:
+        out.print(joints)
     out.print(escape(f"results   {folder}"), soft_wrap=True)
     out.print(escape(f"figures   {folder / 'figures'} ({len(figures)})"), soft_wrap=True)
     if playback and result.time.size > 1:
@@ -188,14 +199,14 @@ def _draw_diagram(dot: Path) -> None:
 
 
 @contextmanager
-def _named(experiment: Experiment, among: list[Experiment]) -> Iterator[None]:
+def _named(name: str, among: list[str]) -> Iterator[None]:
     """Of several experiments, an error says which one it is about."""
     try:
         yield
     except InvalidInputError as error:
         if len(among) == 1:
             raise
-        raise InvalidInputError(f"{experiment.name}: {error}") from None
+        raise InvalidInputError(f"{name}: {error}") from None
 
 
 def _require_one_folder_each(experiment: Experiment, among: list[Experiment]) -> None:

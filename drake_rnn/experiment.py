@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path as File
 from typing import Any, Literal
@@ -13,17 +12,13 @@ import numpy as np
 from pydantic import Field
 from pydrake.systems.analysis import GetIntegrationSchemes
 
-from .arms import Arm, load_arm
 from .complaints import nearest, plain
 from .diagrams import EXPERIMENTS
-from .diagrams.kinematic import start_posture
 from .documents import construct, parse_yaml, read_yaml, to_yaml
 from .errors import InvalidInputError
-from .fields import Array, Finite, NonNegative, Positive, Seed, Vector, validated
-from .laws import LAWS, Law
-from .limits import JointLimits
+from .experiment_setup import Setup, make_setup
+from .fields import Finite, NonNegative, Positive, Seed, Vector, validated
 from .metrics import METRICS
-from .paths import PATHS, Path
 from .systems.dither import DitherSettings
 
 
@@ -88,13 +83,17 @@ class Experiment:
         paper: What it repeats, in the table of experiments.
         expect: What will be seen, in one sentence.
         arm: A shipped arm's name, or the fields of `drake_rnn.arms.ArmDescription`.
-        task: Rows of the task: ``xyz``, or ``xy`` for a planar arm.
-        path: ``kind`` and the fields of a path.
+        task: What of the end effector the task is about: ``xyz``, ``xy`` for a planar arm, or
+            ``pose``, its position and orientation.
+        path: ``kind`` and the fields of a path; not for a law that seeks a target posture
+            while the end effector stays.
         law: ``kind`` and those fields of a law that neither arm nor task determine.
         level: ``kinematic``: the arm is where it is commanded to be.
         period: Of the controller [s]; or
         integrator: Drake's, for a law's continuous reading.
         start: Posture to start from, shape (n,) [rad]; the arm's home by default.
+        on_unreachable: What to do about a target posture to which no self-motion leads:
+            ``refuse``, or ``project`` it to the nearest posture on the way.
         limits: Bounds that override the arm's, by the names of
             `drake_rnn.limits.JointLimits`, a number standing for all joints; or none.
         dither: Excitation of the joints.
@@ -110,13 +109,14 @@ class Experiment:
     paper: str = ""
     expect: str = ""
     arm: str | dict[str, Any]
-    task: Literal["xyz", "xy"] = "xyz"
-    path: dict[str, Any]
+    task: Literal["xyz", "xy", "pose"] = "xyz"
+    path: dict[str, Any] | None = None
     law: dict[str, Any]
     level: Literal["kinematic"] = "kinematic"
     period: Positive | None = None
     integrator: IntegratorSettings | None = None
     start: Vector | None = None
+    on_unreachable: Literal["refuse", "project"] = "refuse"
     limits: dict[str, Any] | Literal["none"] = Field(default_factory=dict)
     dither: DitherSettings | None = None
     seed: Seed = 0
@@ -149,7 +149,7 @@ class Experiment:
     @cached_property
     def setup(self) -> Setup:
         """The objects that the document describes."""
-        return _setup(self)
+        return make_setup(self)
 
     def document(self) -> dict[str, Any]:
         """The experiment as plain data, without what is not set."""
@@ -178,94 +178,11 @@ def _given(value: Any) -> dict[str, Any]:
     return {name: getattr(value, name) for name in names if getattr(value, name) is not None}
 
 
-@dataclass(frozen=True)
-class Setup:
-    """The objects an experiment consists of.
-
-    Attributes:
-        arm: The arm.
-        limits: Bounds that hold in this experiment.
-        law: The law.
-        path: The path, placed by ``p_WE_start``.
-        start: Posture to start from, shape (n,) [rad].
-        p_WE_start: Where the end effector is then, shape (3,) [m].
-    """
-
-    arm: Arm
-    limits: JointLimits
-    law: Law
-    path: Path
-    start: Array
-    p_WE_start: Array
-
-
-def _setup(experiment: Experiment) -> Setup:
-    arm = _arm(experiment.arm)
-    limits = _limits(arm, experiment.limits)
-    arm = arm.with_limits(limits)
-    start = start_posture(arm, experiment.start)
-    path: Path = construct(_kind(experiment.path, PATHS, "path"), _rest(experiment.path), "path")
-    law_class: Any = _kind(experiment.law, LAWS, "law")
-    known = {
-        "limits": limits,
-        "home": start,
-        "task_size": len(experiment.task),
-    }
-    fields = law_class.__dataclass_fields__
-    filled = {name: value for name, value in known.items() if name in fields}
-    for name in filled.keys() & experiment.law.keys():
-        raise InvalidInputError(f"law.{name}: follows from {_ORIGINS[name]}; leave it out")
-    law: Law = construct(law_class, {**filled, **_rest(experiment.law)}, "law")
-    if experiment.integrator is not None and not hasattr(law, "derivatives"):
-        raise InvalidInputError(
-            f"integrator: {experiment.law['kind']} is no differential equation; give a period"
-        )
-    if experiment.dither is not None and "velocity" not in law.inputs:
-        raise InvalidInputError("dither: this law does not learn; it has nothing to excite")
-    p_WE_start = arm.kinematics().p_WE(start)
-    return Setup(arm, limits, law, path, start, p_WE_start)
-
-
-# Where the fields of a law come from that a document does not give.
-_ORIGINS = {"limits": "arm and limits", "home": "start", "task_size": "task"}
-
-
-def _arm(description: str | Mapping[str, Any]) -> Arm:
-    if isinstance(description, str):
-        return load_arm(description)
-    fields = dict(description)
-    if not isinstance(model := fields.pop("model", None), str):
-        raise InvalidInputError("arm.model: must be given: a shipped arm or a model file")
-    return load_arm(model, **fields)
-
-
-def _limits(arm: Arm, bounds: Mapping[str, Any] | str) -> JointLimits:
-    if isinstance(bounds, str):
-        return JointLimits.unlimited(arm.n)
-    names = list(JointLimits.__dataclass_fields__)
-    for name in bounds:
-        if name not in names:
-            raise InvalidInputError(f"limits.{name}: no such key; " + nearest(name, names))
-    return construct(JointLimits, arm.limits.merged(bounds), "limits")
-
-
-def _kind(document: Mapping[str, Any], kinds: Mapping[str, type], key: str) -> type:
-    kind = document.get("kind")
-    if kind is None:
-        raise InvalidInputError(f"{key}.kind: must be given; it may be {', '.join(kinds)}")
-    if not isinstance(kind, str) or kind not in kinds:
-        raise InvalidInputError(
-            f"{key}.kind: no {key} {kind!r}; " + nearest(str(kind), list(kinds))
-        )
-    return kinds[kind]
-
-
-def _rest(document: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in document.items() if name != "kind"}
-
-
 def shipped_experiments() -> list[str]:
-    """Names of the experiments that come with this package."""
+    """Names of the experiments that come with this package.
+
+    All but ``state_adjustment_printed`` can be run; that one is there to be refused.
+    """
     return sorted(file.stem for file in EXPERIMENTS.glob("*.yaml"))
 
 
@@ -280,6 +197,17 @@ def load_experiment(experiment: str | File, changes: Mapping[str, Any] | None = 
 
     Raises:
         InvalidInputError: Naming the key, its value and what it may be.
+    """
+    return make_experiment(read_experiment(experiment, changes))
+
+
+def read_experiment(
+    experiment: str | File, changes: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """The document of an experiment, with ``changes``, read and not yet checked.
+
+    Raises:
+        InvalidInputError: If there is no such experiment, or it is no document.
     """
     name = str(experiment)
     if name in shipped_experiments():
@@ -303,7 +231,7 @@ def load_experiment(experiment: str | File, changes: Mapping[str, Any] | None = 
     for key, value in (changes or {}).items():
         _change(document, key, value)
     _cut_short(document, changes or {})
-    return make_experiment({"name": file.stem, **document})
+    return {"name": file.stem, **document}
 
 
 def make_experiment(document: Mapping[str, Any]) -> Experiment:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .fields import Array
+from .laws.law import Signals
 from .limits import JointLimits
 
 #: The names of all metrics.
@@ -17,6 +18,10 @@ METRICS = [
     "position_error_rms_m",
     "velocity_error_max_m_s",
     "settling_time_s",
+    "orientation_error_max_rad",
+    "joint_error_max_rad",
+    "joint_settling_time_s",
+    "invariant_error_max_m",
     "joint_drift_max_rad",
     "joint_drift_mean_rad",
     "end_effector_drift_max_m",
@@ -41,6 +46,9 @@ METRICS = [
     "control_step_us",
 ]
 
+# Joint error below which the arm has arrived at its target [rad].
+_ARRIVED = 0.01
+
 #: Metrics of the machine rather than of the run; they differ from one run to the next.
 TIMING_METRICS = ("real_time_factor", "wall_time_s", "control_step_us")
 
@@ -55,8 +63,11 @@ class Motion:
         network_velocity: The law's own joint velocities, shape (k, n) [rad/s].
         p_WE, v_WE: Of the end effector, shape (k, m) [m, m/s].
         p_WE_desired, v_WE_desired: What was asked, shape (k, m) [m, m/s].
-        J: Shape (k, m, n).
+        J: Shape (k, m, n); for a pose with three more rows, of rotation, first.
         J_hat: What was learned, shape (k, m, n); None if nothing was.
+        target: Posture that was to be reached, shape (n,) [rad]; None if there was none.
+        orientation_error: Angle off the orientation that was to be held, shape (k,) [rad];
+            None if none was.
         tick, network_tick: Time for which the arm's and the law's velocities are held [s];
             None where they change at every step.
     """
@@ -71,6 +82,8 @@ class Motion:
     v_WE_desired: Array
     J: Array
     J_hat: Array | None
+    target: Array | None = None
+    orientation_error: Array | None = None
     tick: float | None = None
     network_tick: float | None = None
 
@@ -107,8 +120,31 @@ def motion_metrics(
         metrics = _errors(motion, window, settling_tolerance)
         metrics |= _drift(motion, window)
         metrics |= _joints(motion, limits)
+        metrics |= _posture(motion, window)
         if motion.J_hat is not None:
             metrics |= _jacobian(motion, motion.J_hat, window)
+    return {name: float(value) for name, value in metrics.items() if np.isfinite(value)}
+
+
+def law_metrics(motion: Motion, observed: Signals) -> dict[str, float]:
+    """The metrics of what a law tells of itself, by name, over the whole run.
+
+    Args:
+        motion: What happened.
+        observed: The law's observables at every step.
+    """
+    if motion.time.size == 0:
+        return {}
+    metrics = {}
+    if "saturated" in observed:
+        metrics["saturated_fraction"] = np.mean(observed["saturated"])
+    if "acceleration_demand" in observed:
+        demand = np.abs(observed["acceleration_demand"])
+        metrics["joint_acceleration_demand_max_rad_s2"] = demand.max()
+    if "displacement" in observed:
+        moved = motion.p_WE - motion.p_WE[0]
+        told = observed["displacement"] - observed["displacement"][0]
+        metrics["invariant_error_max_m"] = np.linalg.norm(moved - told, axis=1).max()
     return {name: float(value) for name, value in metrics.items() if np.isfinite(value)}
 
 
@@ -134,18 +170,17 @@ def _errors(
             "position_error_rms_m": np.sqrt(np.mean(norm[within] ** 2)),
             "velocity_error_max_m_s": slip[within].max(),
         }
-    late = np.flatnonzero(norm >= tolerance)
-    if late.size == 0:
-        metrics["settling_time_s"] = motion.time[0]
-    elif late[-1] + 1 < norm.size:
-        metrics["settling_time_s"] = motion.time[late[-1] + 1]
+    settled = _settled(motion.time, norm, tolerance)
+    if settled is not None:
+        metrics["settling_time_s"] = settled
     return metrics
 
 
 def _drift(motion: Motion, window: tuple[float, float] | None) -> dict[str, float]:
     metrics = {}
     within = np.flatnonzero(_within(motion, window))
-    if within.size > 1:
+    # On the way to a target the joints are meant to move.
+    if within.size > 1 and motion.target is None:
         drift = np.abs(motion.position[within[-1]] - motion.position[within[0]])
         metrics = {"joint_drift_max_rad": drift.max(), "joint_drift_mean_rad": drift.mean()}
     moved = np.linalg.norm(motion.p_WE - motion.p_WE[0], axis=1)
@@ -153,6 +188,28 @@ def _drift(motion: Motion, window: tuple[float, float] | None) -> dict[str, floa
         "end_effector_drift_max_m": moved.max(),
         "end_effector_drift_end_m": moved[-1],
     }
+
+
+def _posture(motion: Motion, window: tuple[float, float] | None) -> dict[str, float]:
+    metrics = {}
+    if motion.orientation_error is not None and (within := _within(motion, window)).any():
+        metrics["orientation_error_max_rad"] = motion.orientation_error[within].max()
+    if motion.target is None:
+        return metrics
+    error = np.abs(motion.position - motion.target).max(axis=1)
+    metrics["joint_error_max_rad"] = error[-1]
+    settled = _settled(motion.time, error, _ARRIVED)
+    if settled is not None:
+        metrics["joint_settling_time_s"] = settled
+    return metrics
+
+
+def _settled(time: Array, error: Array, tolerance: float) -> float | None:
+    """The first time after which ``error`` stays below ``tolerance``; None if it does not."""
+    late = np.flatnonzero(~(error < tolerance))
+    if late.size == 0:
+        return float(time[0])
+    return float(time[late[-1] + 1]) if late[-1] + 1 < error.size else None
 
 
 def _joints(motion: Motion, limits: JointLimits) -> dict[str, float]:

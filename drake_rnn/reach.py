@@ -10,7 +10,7 @@ from .arm_kinematics import ArmKinematics
 from .errors import InvalidInputError
 from .experiment import Experiment
 from .fields import Array
-from .systems.kinematics import task_rows
+from .task import TASKS
 
 _SAMPLES = 400
 _MISS = 1e-3
@@ -43,7 +43,7 @@ class Reach:
 def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
     """Follow the experiment's path by inverse kinematics, over its duration or one lap."""
     setup = experiment.setup
-    rows = task_rows(experiment.task)
+    rows = list(TASKS[experiment.task].axes)
     kinematics = setup.arm.kinematics()
     origin = setup.path.start_point(setup.p_WE_start)
     time = np.linspace(0.0, min(setup.path.period, experiment.duration), samples)
@@ -76,7 +76,7 @@ def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
 
 
 def check_reach(experiment: Experiment) -> list[str]:
-    """Warnings of what the path comes close to.
+    """Warnings of what the path comes close to, after those of the experiment's own making.
 
     The posture is not unique for a redundant arm: limits that a least-squares posture
     meets may be avoided, so they are warned of and not refused.
@@ -85,6 +85,8 @@ def check_reach(experiment: Experiment) -> list[str]:
         InvalidInputError: If inverse kinematics misses the path by more than 1 mm.
     """
     setup = experiment.setup
+    if setup.target is not None:
+        return list(setup.warnings)
     _require_within_task(experiment)
     reach = follow(experiment)
     worst = int(np.argmax(reach.miss))
@@ -96,7 +98,7 @@ def check_reach(experiment: Experiment) -> list[str]:
             f"t = {reach.time[first]:.4g} s, by {reach.miss[first] * 1e3:.3g} mm; "
             f"the farthest miss is {reach.miss[worst]:.3g} m at t = {reach.time[worst]:.4g} s"
         )
-    warnings = []
+    warnings = list(setup.warnings)
     limits = setup.limits
     margin = np.minimum(
         reach.position - limits.position_lower, limits.position_upper - reach.position
@@ -131,7 +133,7 @@ def check_reach(experiment: Experiment) -> list[str]:
 
 def _require_within_task(experiment: Experiment) -> None:
     """A planar task must not drop a part of its path without a word."""
-    dropped = [row for row in range(3) if row not in task_rows(experiment.task)]
+    dropped = [axis for axis in range(3) if axis not in TASKS[experiment.task].axes]
     lap = experiment.setup.path.sample(50)
     extent = np.ptp(lap[:, dropped], axis=0).max(initial=0.0)
     if extent > 1e-9:

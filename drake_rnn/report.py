@@ -9,7 +9,8 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
-from .experiment import Acceptance, Experiment, load_experiment, shipped_experiments
+from .documents import construct
+from .experiment import Acceptance, Experiment, read_experiment, shipped_experiments
 from .result import Result
 from .sweep import Row
 
@@ -20,11 +21,13 @@ def experiments_table() -> Table:
     for column in ("name", "paper", "arm", "law", "level", "what to expect"):
         table.add_column(column, overflow="fold", no_wrap=column in {"name", "arm", "law"})
     for name in shipped_experiments():
-        experiment = load_experiment(name)
+        # Not the whole of it: one is there to be refused.
+        experiment = construct(Experiment, read_experiment(name), name)
+        arm = experiment.arm
         table.add_row(
             name,
             experiment.paper,
-            experiment.setup.arm.name,
+            arm if isinstance(arm, str) else str(arm["model"]),
             str(experiment.law["kind"]),
             experiment.level,
             experiment.expect,
@@ -48,6 +51,22 @@ def metrics_table(result: Result) -> Table:
     for name in experiment.accept:
         if name not in result.metrics:
             table.add_row(name, "not reached", str(experiment.accept[name]), "[red]no[/]")
+    return table
+
+
+def joints_table(result: Result) -> Table | None:
+    """Joint by joint, how near a run has come to its target posture; None if it had none."""
+    setup = result.experiment.setup
+    if setup.target is None or result.time.size == 0:
+        return None
+    table = Table(box=SIMPLE_HEAD)
+    for column in ("joint", "start [rad]", "target [rad]", "end [rad]", "|error| [rad]"):
+        table.add_column(column, no_wrap=True, justify="left" if column == "joint" else "right")
+    end, error = result.series["position"][-1], result.series["joint_error"][-1]
+    for name, *values, off in zip(
+        setup.arm.joints, setup.start, setup.target, end, error, strict=True
+    ):
+        table.add_row(escape(name), *(f"{value:.6f}" for value in values), f"{abs(off):.4e}")
     return table
 
 
@@ -76,6 +95,9 @@ _SHOWN = (
     "network_acceleration_max_rad_s2",
     "joint_drift_max_rad",
     "jacobian_error_median",
+    "joint_error_max_rad",
+    "joint_settling_time_s",
+    "end_effector_drift_max_m",
     "saturated_fraction",
 )
 

@@ -14,15 +14,17 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from .diagrams.kinematic import AddKinematicLoop, KinematicLoop
 from .errors import InterruptedRunError, InvalidInputError, SimulationError
 from .experiment import Experiment
+from .experiment_setup import OUTSIDE
 from .fields import Array
 from .laws.law import ContinuousLaw, Law, Signals
-from .metrics import Motion, motion_metrics
+from .metrics import Motion, law_metrics, motion_metrics
 from .reach import check_reach
 from .recorder import Recorder
 from .result import Result
+from .self_motion import rotation_vector
 from .systems.controllers import ContinuousController, SampledController
-from .systems.kinematics import task_rows
 from .systems.path_source import PathSource
+from .task import TASKS
 
 #: Called with the simulated time [s] every so often.
 Progress = Callable[[float], None]
@@ -94,7 +96,8 @@ def build_diagram(experiment: Experiment, law: Law | None = None) -> tuple[Diagr
     setup = experiment.setup
     law = setup.law if law is None else law
     builder = DiagramBuilder()
-    source = PathSource(setup.path, setup.p_WE_start, experiment.task)
+    held = setup.R_WE_start if TASKS[experiment.task].with_orientation else None
+    source = PathSource(setup.path, setup.p_WE_start, experiment.task, held)
     builder.AddNamedSystem("path", source)
     controller: SampledController | ContinuousController
     if experiment.period is not None:
@@ -110,6 +113,7 @@ def build_diagram(experiment: Experiment, law: Law | None = None) -> tuple[Diagr
         task=experiment.task,
         dither=experiment.dither,
         seed=experiment.seed,
+        outside=OUTSIDE,  # the setup has refused those that may not
     )
     diagram = builder.Build()
     diagram.set_name(experiment.name or "experiment")
@@ -181,11 +185,7 @@ def _result(
         motion, experiment.setup.limits, experiment.window, experiment.settling_tolerance_m
     )
     observed = _diagnostics(motion, recorder.series("state"), law)
-    if "saturated" in observed and motion.time.size:
-        metrics["saturated_fraction"] = float(np.mean(observed["saturated"]))
-    if "acceleration_demand" in observed and motion.time.size:
-        demand = np.abs(observed["acceleration_demand"])
-        metrics["joint_acceleration_demand_max_rad_s2"] = float(demand.max())
+    metrics |= law_metrics(motion, observed)
 
     at = _samples(motion.time, experiment.log_period)
     names = ("position", "velocity", "network_velocity", "p_WE", "v_WE", "p_WE_desired")
@@ -197,6 +197,10 @@ def _result(
         # The step that ends at a sample; before the first there is none.
         series[name] = np.concatenate((np.zeros((1, values.shape[1])), values))[at]
         series[f"{name}_peak"] = _peaks(np.abs(values), at)
+    if motion.target is not None:
+        series["joint_error"] = (motion.position - motion.target)[at]
+    if motion.orientation_error is not None:
+        series["orientation_error"] = motion.orientation_error[at]
     state = recorder.series("state")[at]
     for name in law.state.parts:
         if name != "v":
@@ -235,19 +239,23 @@ def _motion(experiment: Experiment, recorder: Recorder, law: Law) -> Motion:
     Asking their ports while running would cost more than the law itself.
     """
     setup = experiment.setup
-    rows = task_rows(experiment.task)
+    task = TASKS[experiment.task]
+    axes = list(task.axes)
     kinematics = setup.arm.kinematics()
     origin = setup.path.start_point(setup.p_WE_start)
     position, velocity = recorder.series("position"), recorder.series("velocity")
     steps = position.shape[0]
-    p_WE, p_WE_desired, v_WE_desired = (np.empty((steps, len(rows))) for _ in range(3))
-    J = np.empty((steps, len(rows), position.shape[1]))
+    p_WE, p_WE_desired, v_WE_desired = (np.empty((steps, len(axes))) for _ in range(3))
+    J = np.empty((steps, task.size, position.shape[1]))
+    turned = np.empty(steps) if task.with_orientation else None
     for k, (t, q) in enumerate(zip(recorder.time, position, strict=True)):
-        p_WE[k] = kinematics.p_WE(q)[rows]
-        J[k] = kinematics.J(q)[rows]
+        p_WE[k] = kinematics.p_WE(q)[axes]
+        J[k] = task.J(kinematics, q)
         p, v, _ = setup.path.evaluate(float(t))
-        p_WE_desired[k] = (origin + p)[rows]
-        v_WE_desired[k] = v[rows]
+        p_WE_desired[k] = (origin + p)[axes]
+        v_WE_desired[k] = v[axes]
+        if turned is not None:
+            turned[k] = np.linalg.norm(rotation_vector(setup.R_WE_start, kinematics.R_WE(q)))
     state = recorder.series("state")
     return Motion(
         time=recorder.time,
@@ -255,11 +263,13 @@ def _motion(experiment: Experiment, recorder: Recorder, law: Law) -> Motion:
         velocity=velocity,
         network_velocity=law.state.part(state, "v"),
         p_WE=p_WE,
-        v_WE=np.einsum("kmn,kn->km", J, velocity),
+        v_WE=np.einsum("kmn,kn->km", J[:, -len(axes) :], velocity),
         p_WE_desired=p_WE_desired,
         v_WE_desired=v_WE_desired,
         J=J,
         J_hat=law.state.part(state, "J_hat") if "J_hat" in law.state else None,
+        target=setup.target,
+        orientation_error=turned,
         tick=_tick(experiment),
         network_tick=experiment.period,
     )

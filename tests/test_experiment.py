@@ -32,6 +32,10 @@ def refusal(experiment=KNOWN, changes=None):
     return message
 
 
+# One is there to be refused.
+RUNNABLE = [name for name in shipped_experiments() if name != "state_adjustment_printed"]
+
+
 @pytest.fixture
 def file(tmp_path):
     def write(text):
@@ -44,7 +48,7 @@ def file(tmp_path):
 # Reading.
 
 
-@pytest.mark.parametrize("name", shipped_experiments())
+@pytest.mark.parametrize("name", RUNNABLE)
 def test_shipped_experiments_load_and_say_what_they_are(name):
     experiment = load_experiment(name)
     assert experiment.name == name
@@ -53,7 +57,7 @@ def test_shipped_experiments_load_and_say_what_they_are(name):
     assert experiment.setup.law.inputs.parts
 
 
-@pytest.mark.parametrize("name", shipped_experiments())
+@pytest.mark.parametrize("name", RUNNABLE)
 def test_an_experiment_written_and_read_is_the_same(name):
     experiment = load_experiment(name)
     text = experiment.to_yaml()
@@ -175,7 +179,7 @@ BAD = [
     ({"law": "pid"}, "law: must be a mapping of keys to values, not 'pid'"),
     ({"law.kind": "simultaneous"}, "law.kind: no law 'simultaneous'; nearest: simultaneous_learn"),
     ({"law.kind": [1]}, "law.kind: no law [1]; "),
-    ({"law.kind": None}, "law.kind: must be given; it may be simultaneous_learning"),
+    ({"law.kind": None}, "law.kind: must be given; it may be null_space_adjustment, "),
     ({"path.kind": "nefroid"}, "path.kind: no path 'nefroid'; nearest: nephroid"),
     ({"path.size": -1}, "path.size: must be greater than 0, not -1"),
     ({"path.plane": "zx"}, "path.plane: must be 'xy', 'xz' or 'yz', not 'zx'"),
@@ -185,7 +189,7 @@ BAD = [
     ({"arm": {"model": "panda", "frame": "hand"}}, "arm.frame: no frame 'hand' in panda.urdf"),
     ({"arm": {"model": "no.urdf", "frame": "x"}}, "arm.model: no file 'no.urdf'"),
     ({"arm": {"frame": "x"}}, "arm.model: must be given"),
-    ({"task": "xz"}, "task: must be 'xyz' or 'xy', not 'xz'"),
+    ({"task": "xz"}, "task: must be 'xyz', 'xy' or 'pose', not 'xz'"),
     ({"level": "dynamical"}, "level: must be "),
     ({"start": [0.0] * 6}, "start: has 6 entries for 7 joints"),
     ({"start": [nan] * 7}, "start: must be one list of numbers, none of them NaN"),

@@ -1,9 +1,24 @@
 """Neural dynamics, one scheme a file: arrays in, arrays out, no Drake."""
 
 from .law import ContinuousLaw, Law, Layout, Signals
+from .null_space_adjustment import NullSpaceAdjustment
 from .simultaneous_learning import SimultaneousLearning
+from .state_adjustment import StateAdjustment
 
 #: The laws an experiment may name, by their ``kind``.
-LAWS: dict[str, type[Law]] = {"simultaneous_learning": SimultaneousLearning}
+LAWS: dict[str, type[Law]] = {
+    "null_space_adjustment": NullSpaceAdjustment,
+    "simultaneous_learning": SimultaneousLearning,
+    "state_adjustment": StateAdjustment,
+}
 
-__all__ = ["LAWS", "ContinuousLaw", "Law", "Layout", "Signals", "SimultaneousLearning"]
+__all__ = [
+    "LAWS",
+    "ContinuousLaw",
+    "Law",
+    "Layout",
+    "NullSpaceAdjustment",
+    "Signals",
+    "SimultaneousLearning",
+    "StateAdjustment",
+]

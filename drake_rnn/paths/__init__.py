@@ -15,6 +15,7 @@ cat            a R(S) e^{iS}, S = f - pi/2: a head with two ears, from the chin
 square         side a, from a corner: -x, +y, +x, -y; the origin is its centre
 parallelogram  sides u, v: +u, +v, -u, -v; the origin is its centre
 points         periodic cubic spline through given points, in three dimensions
+rest           a point that stays
 =============  =======================================================================
 
 Source:
@@ -34,6 +35,7 @@ from .cat import Cat
 from .path import Path, Planar
 from .points import Points
 from .polygons import Parallelogram, Square
+from .rest import Rest
 from .timing import TimeLaw, Timing, time_at, time_law
 from .trigonometric import Circle, Clover, Deltoid, FourRing, Nephroid, Trigonometric
 
@@ -48,6 +50,7 @@ PATHS: dict[str, type[Path]] = {
     "square": Square,
     "parallelogram": Parallelogram,
     "points": Points,
+    "rest": Rest,
 }
 
 __all__ = [
@@ -62,6 +65,7 @@ __all__ = [
     "Path",
     "Planar",
     "Points",
+    "Rest",
     "Square",
     "TimeLaw",
     "Timing",

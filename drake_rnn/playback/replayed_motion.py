@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import InvalidInputError
 from ..fields import Array
 from ..result import Result
-from ..systems.kinematics import TASKS
+from ..task import TASKS
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ def replayed_motion(result: Result) -> ReplayedMotion:
     position = result.series["position"][:count]
     kinematics = setup.arm.kinematics()
     desired = np.tile(setup.path.start_point(setup.p_WE_start), (count, 1))
-    desired[:, list(TASKS[result.experiment.task])] = result.series["p_WE_desired"][:count]
+    desired[:, list(TASKS[result.experiment.task].axes)] = result.series["p_WE_desired"][:count]
     return ReplayedMotion(
         result=result,
         time=time,

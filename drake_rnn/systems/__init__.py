@@ -2,12 +2,11 @@
 
 from .controllers import ContinuousController, SampledController
 from .dither import Dither, DitherSettings
-from .kinematics import TASKS, Kinematics
+from .kinematics import Kinematics
 from .mirror import Mirror
 from .path_source import PathSource
 
 __all__ = [
-    "TASKS",
     "ContinuousController",
     "Dither",
     "DitherSettings",

@@ -7,51 +7,32 @@ from typing import Any
 from pydrake.systems.framework import Context, LeafSystem
 
 from ..arms import Arm
-from ..errors import InvalidInputError
-from ..fields import Array
-
-#: Rows of the position of E that a task is about.
-TASKS = {"xyz": (0, 1, 2), "xy": (0, 1)}
-
-
-def task_rows(task: str) -> list[int]:
-    """The rows of a task.
-
-    Raises:
-        InvalidInputError: If there is no such task.
-    """
-    if task not in TASKS:
-        raise InvalidInputError(f"task: may be {', '.join(TASKS)}, not {task!r}")
-    return list(TASKS[task])
+from ..task import named_task
 
 
 class Kinematics(LeafSystem):
     """Where E, the arm's task frame, is and how it moves, seen from the world W.
 
     Inputs are ``position`` and ``velocity`` of the joints, shape (n,) [rad, rad/s]. Outputs
-    are, with the m rows of the task, ``p_WE`` and ``v_WE`` = J velocity, (m,) [m, m/s], ``J``,
-    (m, n) flat, ``Jdot_v``, (m,) [m/s^2], and whole, ``R_WE``, (3, 3) flat, and ``J_omega``,
-    (3, n) flat.
+    are, with the m axes of the task, ``p_WE`` and ``v_WE``, (m,) [m, m/s], and ``Jdot_v``, (m,)
+    [m/s^2]; ``J``, (size of the task, n) flat; and whole, ``R_WE``, (3, 3) flat, and
+    ``J_omega``, (3, n) flat. For a pose, ``J`` has the rows of ``J_omega`` first.
 
     Args:
         arm: The arm.
-        task: A key of `TASKS`.
+        task: A key of `drake_rnn.task.TASKS`.
     """
 
     def __init__(self, arm: Arm, task: str = "xyz") -> None:
         super().__init__()
         self.arm = arm
-        rows = task_rows(task)
-        m, n = len(rows), arm.n
-        every_row = m == 3
+        about = named_task(task)
+        chosen, m, n = about.position, len(about.axes), arm.n
         arm_kinematics = arm.kinematics()
         self._position = self.DeclareVectorInputPort("position", n)
         self._velocity = self.DeclareVectorInputPort("velocity", n)
         at_q = {self._position.ticket()}
         at_q_v = {self._position.ticket(), self._velocity.ticket()}
-
-        def chosen(value: Array) -> Array:
-            return value if every_row else value[rows]
 
         # Evaluated at every sample, hence one function deep.
         read_q, read_v = self._position.Eval, self._velocity.Eval
@@ -60,7 +41,7 @@ class Kinematics(LeafSystem):
             output.set_value(chosen(arm_kinematics.p_WE(read_q(context))))
 
         def J(context: Context, output: Any) -> None:
-            output.set_value(chosen(arm_kinematics.J(read_q(context))).ravel())
+            output.set_value(about.J(arm_kinematics, read_q(context)).ravel())
 
         def v_WE(context: Context, output: Any) -> None:
             J = chosen(arm_kinematics.J(read_q(context)))
@@ -80,7 +61,7 @@ class Kinematics(LeafSystem):
             (m, p_WE, at_q),
             (m, v_WE, at_q_v),
             (9, R_WE, at_q),
-            (m * n, J, at_q),
+            (about.size * n, J, at_q),
             (3 * n, J_omega, at_q),
             (m, Jdot_v, at_q_v),
         ):

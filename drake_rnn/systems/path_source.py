@@ -8,7 +8,7 @@ from pydrake.systems.framework import Context, LeafSystem
 
 from ..fields import Array
 from ..paths import Path
-from .kinematics import task_rows
+from ..task import named_task
 
 
 class PathSource(LeafSystem):
@@ -17,21 +17,32 @@ class PathSource(LeafSystem):
     Args:
         path: The path.
         p_WE: Where the end effector starts, shape (3,) [m].
-        task: A key of `TASKS`, which names the m rows.
+        task: A key of `drake_rnn.task.TASKS`, which names the m axes.
+        R_WE: Orientation to keep, shape (3, 3), if the task has one; it is the output
+            ``R_WE_desired``, flat.
     """
 
-    def __init__(self, path: Path, p_WE: Array, task: str = "xyz") -> None:
+    def __init__(
+        self, path: Path, p_WE: Array, task: str = "xyz", R_WE: Array | None = None
+    ) -> None:
         super().__init__()
         self.path = path
         self.start = path.start_point(p_WE)
-        self._rows = task_rows(task)
+        self._axes = list(named_task(task).axes)
         self._memo: tuple[float, list[Array]] = (-1.0, [])
         for order, name in enumerate(("p_WE_desired", "v_WE_desired", "a_WE_desired")):
             self.DeclareVectorOutputPort(
                 name,
-                len(self._rows),
+                len(self._axes),
                 lambda context, output, order=order: self._calc(context, output, order),
                 {self.time_ticket()},
+            )
+        if R_WE is not None:
+            self.DeclareVectorOutputPort(
+                "R_WE_desired",
+                9,
+                lambda context, output: output.set_value(R_WE.ravel()),
+                {self.nothing_ticket()},
             )
 
     def _calc(self, context: Context, output: Any, order: int) -> None:
@@ -40,7 +51,7 @@ class PathSource(LeafSystem):
             # A pure function of time, asked for three times at each.
             p, v, a = self.path.evaluate(t)
             values = [self.start + p, v, a]
-            if len(self._rows) < 3:
-                values = [value[self._rows] for value in values]
+            if len(self._axes) < 3:
+                values = [value[self._axes] for value in values]
             self._memo = (t, values)
         output.set_value(self._memo[1][order])

@@ -1,0 +1,162 @@
+r"""State adjustment: the arm goes to a target posture while its end effector stays.
+
+Source:
+    Jin, He, Huang, Wang, "Recurrent neural network for state adjustment of redundant
+    manipulators", IEEE Access 8 (2020). SA is (9) with (19), MSA is (10), (11) with (18).
+
+At every instant the network seeks
+
+.. math::
+    \min_v \tfrac12 v^T v + r (q - q_d)^T v \quad \text{s.t.} \quad J v = 0, \quad
+    s(t)\, \underline{v}(q) \le v \le s(t)\, \overline{v}(q)
+
+by the projected primal-dual dynamics
+
+.. math::
+    \epsilon \dot v = -v + P(-r (q - q_d) - J^T \lambda), \qquad
+    \epsilon \dot \lambda = J v.
+
+========  =====================  ==========================================
+paper     here                   meaning
+========  =====================  ==========================================
+sigma     position               joint positions q
+sigma_s   target                 posture to reach q_d
+omega     v                      joint velocities (state)
+gamma     multipliers            of J v = 0 (state)
+r         rate                   speed of convergence [1/s]
+T         rise_time              over which the velocity bounds open [s]
+epsilon   time_constant          of the network [s]
+lambda    limit_stiffness        how hard a position limit brakes [1/s]
+========  =====================  ==========================================
+
+Corrected: the paper's envelope sin(pi t / 2T) turns negative after 2T and inverts the
+bounds; here it stays at 1 after T. Its (23) lacks a factor 1/2, which changes nothing. Its
+text names two joints that start at their speed limit in SA; three do.
+
+Not in the paper:
+    J v = epsilon d(multipliers)/dt, so the end effector's displacement is exactly epsilon
+    times their change: it is held by integral action, moves meanwhile, and is back at the end
+    only if the target lies on the self-motion manifold of the start. While the opening bounds
+    of MSA are tight the multipliers wind up, and MSA moves the end effector ten times as far
+    as SA. ``ramp_time`` lets the pull set in instead of the bounds, and has no wind-up.
+    Initial v and multipliers are not given; zero reproduces the paper's seventh joint.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from math import ceil
+from typing import Literal
+
+import numpy as np
+
+from ..fields import Array, Positive, Vector, validated
+from ..limits import JointLimits
+from .law import Layout, Signals
+from .rise import sine_rise, smooth_rise
+from .target import check_target
+
+
+@validated
+class StateAdjustment:
+    """SA; with a ``rise_time`` MSA, which starts from rest; with a ``ramp_time`` a gentler SA.
+
+    Args:
+        target: Posture to reach, shape (n,) [rad].
+        limits: Position and velocity limits of the joints.
+        rate: Speed of convergence to the target [1/s].
+        rise_time: Time over which the velocity bounds open [s]; None keeps them open.
+        ramp_time: Time over which the pull towards the target sets in, without a jump of
+            velocity or acceleration [s]; None for at once. Not in the paper.
+        time_constant: Of the network [s]; the end effector's drift is proportional to it.
+        limit_stiffness: Velocity allowed per radian left to a position limit [1/s].
+        task_size: Rows of J, all of which are held; of 6 the first three are rotation.
+    """
+
+    kind: Literal["state_adjustment"] = "state_adjustment"
+    target: Vector
+    limits: JointLimits
+    rate: Positive = 4.0
+    rise_time: Positive | None = None
+    ramp_time: Positive | None = None
+    time_constant: Positive = 1e-3
+    limit_stiffness: Positive = 20.0
+    task_size: Literal[2, 3, 6] = 3
+
+    def __post_init__(self) -> None:
+        check_target(self.target, self.limits)
+
+    @property
+    def holds_command(self) -> bool:
+        return True
+
+    @cached_property
+    def state(self) -> Layout:
+        return Layout(v=self.target.shape, multipliers=(self.task_size,))
+
+    @cached_property
+    def inputs(self) -> Layout:
+        return Layout(position=self.target.shape, J=(self.task_size, self.target.size))
+
+    @cached_property
+    def observables(self) -> Layout:
+        n = self.target.size
+        return Layout(
+            velocity_lower=(n,),
+            velocity_upper=(n,),
+            saturated=(1,),
+            displacement=(min(self.task_size, 3),),
+        )
+
+    def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
+        return np.zeros(self.state.size)
+
+    def velocity_box(self, t: float | Array, q: Array) -> tuple[Array, Array]:
+        """Velocities allowed at time ``t``: lower and upper, shape (..., n) [rad/s]."""
+        lower, upper = self.limits.velocity_box(q, self.limit_stiffness)
+        if self.rise_time is None:
+            return lower, upper
+        opening = np.asarray(sine_rise(t, self.rise_time))[..., np.newaxis]
+        return opening * lower, opening * upper
+
+    def derivatives(self, t: float, x: Array, u: Signals) -> Array:
+        """Right-hand side of (18) and (19)."""
+        v, multipliers = self.state.split(x)
+        sought = self._pull(t, u["position"]) - multipliers @ u["J"]
+        lower, upper = self.velocity_box(t, u["position"])
+        v_dot = np.minimum(np.maximum(sought, lower), upper) - v
+        return self.state.join(v_dot, u["J"] @ v) / self.time_constant
+
+    def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
+        """Heun's method with the inputs held, in as many steps as keep the network stable."""
+        J = u["J"].ravel()
+        substeps = ceil(period / self.time_constant * max(1.0, float(J @ J)) - 1e-9)
+        h = period / substeps
+        for k in range(substeps):
+            begin = t + k * h
+            k1 = self.derivatives(begin, x, u)
+            k2 = self.derivatives(begin + h, x + h * k1, u)
+            x = x + h / 2 * (k1 + k2)
+        return x
+
+    def commanded_velocity(self, t: float, x: Array) -> Array:
+        return x[: self.target.size]
+
+    def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
+        multipliers = self.state.part(x, "multipliers")
+        lower, upper = self.velocity_box(t, u["position"])
+        drawn = np.einsum("...m,...mn->...n", multipliers, u["J"])
+        sought = self._pull(t, u["position"]) - drawn
+        outside = ((sought < lower) | (sought > upper)).any(axis=-1, keepdims=True)
+        return {
+            "velocity_lower": lower,
+            "velocity_upper": upper,
+            "saturated": outside.astype(float),
+            "displacement": self.time_constant * multipliers[..., -3:],
+        }
+
+    def _pull(self, t: float | Array, q: Array) -> Array:
+        pull = self.rate * (self.target - q)
+        if self.ramp_time is None:
+            return pull
+        return np.asarray(smooth_rise(t, self.ramp_time))[..., np.newaxis] * pull

@@ -1,0 +1,23 @@
+"""No path at all: a point that does not move."""
+
+# No postponed annotations: see `path`.
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from ..fields import validated
+from .path import Path, Triple
+
+_STILL: Triple = (0.0, 0.0, 0.0)
+
+
+@validated
+class Rest(Path):
+    """A point that stays; with an ``offset``, one to go to."""
+
+    kind: Literal["rest"] = "rest"
+    period: Annotated[float, Field(strict=True, ge=1e-3, allow_inf_nan=False)] = 1.0
+
+    def trace(self, phase: float) -> tuple[Triple, Triple, Triple]:
+        """See `Path.trace`."""
+        return _STILL, _STILL, _STILL

@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 WORKERS ?= 2
 
-.PHONY: demo test long bench check clean
+.PHONY: demo test long bench tables check clean
 
 demo: $(VENV)/installed
 	$(BIN)/drake-rnn run slc_nephroid --out out
@@ -17,6 +17,9 @@ long: $(VENV)/installed-dev
 
 bench: $(VENV)/installed-dev
 	$(BIN)/python benchmarks/bench.py
+
+tables: $(VENV)/installed
+	$(BIN)/python benchmarks/state_adjustment_tables.py
 
 check: $(VENV)/installed-dev
 	$(BIN)/ruff check .

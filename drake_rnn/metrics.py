@@ -47,7 +47,7 @@ METRICS = [
 ]
 
 # Joint error below which the arm has arrived at its target [rad].
-_ARRIVED = 0.01
+ARRIVED = 0.01
 
 #: Metrics of the machine rather than of the run; they differ from one run to the next.
 TIMING_METRICS = ("real_time_factor", "wall_time_s", "control_step_us")
@@ -198,7 +198,7 @@ def _posture(motion: Motion, window: tuple[float, float] | None) -> dict[str, fl
         return metrics
     error = np.abs(motion.position - motion.target).max(axis=1)
     metrics["joint_error_max_rad"] = error[-1]
-    settled = _settled(motion.time, error, _ARRIVED)
+    settled = _settled(motion.time, error, ARRIVED)
     if settled is not None:
         metrics["joint_settling_time_s"] = settled
     return metrics

@@ -10,17 +10,33 @@ from matplotlib.figure import Figure
 
 from ..result import Result
 from .panels import (
+    bounds_are_felt,
+    has_target,
     plot_acceleration_norm,
     plot_angles,
+    plot_end_effector,
+    plot_joint_error,
     plot_least_known,
+    plot_moving_bounds,
     plot_path,
     plot_position_error,
     plot_velocities,
 )
 from .registry import draws
+from .space import is_spatial, plot_postures
 from .style import COLOURS, NOTE, PAGE, Style
 
-_PANELS: list[tuple[set[str], Callable[[Axes, Result], None]]] = [
+_Panels = list[tuple[set[str], Callable[[Axes, Result], None]]]
+
+
+def _plot_velocities(ax: Axes, result: Result) -> None:
+    """Between the bounds that matter."""
+    moving = {"velocity_lower", "velocity_upper"} <= result.series.keys()
+    felt = moving and bounds_are_felt(result)
+    (plot_moving_bounds if felt else plot_velocities)(ax, result)
+
+
+_PANELS: _Panels = [
     ({"p_WE", "p_WE_desired"}, plot_path),
     ({"p_WE", "p_WE_desired"}, plot_position_error),
     ({"position"}, plot_angles),
@@ -28,7 +44,15 @@ _PANELS: list[tuple[set[str], Callable[[Axes, Result], None]]] = [
     ({"acceleration_peak"}, plot_acceleration_norm),
     ({"J", "network_velocity"}, plot_least_known),
 ]
-
+#: In their stead where a posture is sought.
+_TARGET_PANELS: _Panels = [
+    ({"position"}, plot_postures),
+    ({"p_WE"}, plot_end_effector),
+    ({"position"}, plot_angles),
+    ({"joint_error"}, plot_joint_error),
+    ({"velocity"}, _plot_velocities),
+    ({"acceleration_peak"}, plot_acceleration_norm),
+]
 
 #: What the overview names, after what the experiment itself expects.
 _METRICS = (
@@ -44,12 +68,28 @@ _METRICS = (
     "singular_value_min",
     "saturated_fraction",
 )
+_TARGET_METRICS = (
+    "joint_error_max_rad",
+    "joint_settling_time_s",
+    "end_effector_drift_max_m",
+    "end_effector_drift_end_m",
+    "orientation_error_max_rad",
+    "invariant_error_max_m",
+    "joint_velocity_initial_rad_s",
+    "joint_acceleration_initial_rad_s2",
+    "joint_velocity_max_rad_s",
+    "joint_acceleration_max_rad_s2",
+    "joint_limit_margin_min_rad",
+    "singular_value_min",
+    "saturated_fraction",
+)
 
 
 @draws("p_WE", "p_WE_desired")
 def overview(result: Result) -> Figure:
     """One page: path, joints, errors, and the metrics beside what they are expected to be."""
-    panels = [plot for needs, plot in _PANELS if needs <= result.series.keys()]
+    every = _TARGET_PANELS if has_target(result) else _PANELS
+    panels = [plot for needs, plot in every if needs <= result.series.keys()]
     rows = (len(panels) + 1) // 2
     figure = Figure(figsize=(PAGE, 1.75 + 2.3 * rows), layout="constrained")
     parts: Any = figure.subfigures(3, 1, height_ratios=(0.45, 2.3 * rows, 1.3))
@@ -57,7 +97,9 @@ def overview(result: Result) -> Figure:
     _header(header, result)
     grid = body.add_gridspec(rows, 2)
     for k, plot in enumerate(panels):
-        plot(body.add_subplot(grid[k // 2, k % 2]), result)
+        in_space = plot is plot_postures and is_spatial(result)
+        cell = grid[k // 2, k % 2]
+        plot(body.add_subplot(cell, projection="3d" if in_space else None), result)
     _table(footer, result)
     return figure
 
@@ -72,7 +114,8 @@ def _header(part: Any, result: Result) -> None:
 def _table(part: Any, result: Result) -> None:
     """Metrics in two columns, each beside what the experiment accepts."""
     accept = result.experiment.accept
-    names = [name for name in dict.fromkeys((*accept, *_METRICS)) if name in result.metrics]
+    common = _TARGET_METRICS if has_target(result) else _METRICS
+    names = [name for name in dict.fromkeys((*accept, *common)) if name in result.metrics]
     rows = max(1, (len(names) + 1) // 2)
     for k, name in enumerate(names):
         column, row = divmod(k, rows)

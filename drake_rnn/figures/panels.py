@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from ..fields import Array
+from ..metrics import ARRIVED
+from ..paths import Rest
 from ..result import Result
 from .style import (
     BOUND,
@@ -36,6 +39,10 @@ _IN_VIEW = 3.0
 _LEGIBLE = 0.05
 #: The arm's curves are shown apart from the law's if they differ by more than this share.
 _APART = 0.01
+#: Units for small lengths.
+_LENGTHS = (("m", 1.0), ("mm", 1e3), ("µm", 1e6))
+#: How a joint's target is marked.
+_GOAL: Style = {"marker": "D", "markersize": 3.0}
 
 
 def plot_path(ax: Axes, result: Result) -> None:
@@ -55,11 +62,18 @@ def plot_path(ax: Axes, result: Result) -> None:
 
 
 def plot_angles(ax: Axes, result: Result) -> None:
-    """All joints."""
+    """All joints, and on the right edge where they should end."""
     plot_joints(ax, result.time, result.series["position"])
+    handles = joint_handles(result.series["position"].shape[1])
+    target = result.experiment.setup.target
+    if target is not None:
+        for k, angle in enumerate(target):
+            colour = joint_style(k)["color"]
+            ax.plot(result.time[-1:], angle, color=colour, zorder=3, clip_on=False, **_GOAL)
+        handles.append(Line2D([], [], color="0.25", label="target", linestyle="none", **_GOAL))
     ax.set_ylabel(label("joint angle", "position"))
     time_axis(ax, result)
-    legend(ax, joint_handles(result.series["position"].shape[1]))
+    legend(ax, handles)
 
 
 def plot_velocities(ax: Axes, result: Result) -> None:
@@ -103,9 +117,74 @@ def plot_position_error(ax: Axes, result: Result) -> None:
         ax.axvline(settled, color="0.25", linestyle=":", label=f"settled at {settled:.2f} s")
     shade_window(ax, result)
     log_axis(ax, [result.position_error, tolerance * np.array([0.6, 1.6])])
+    if not has_path(result):
+        # It starts from zero, whence a line would run along the axis.
+        ax.set_yscale("log", nonpositive="mask")
     ax.set_ylabel(label("position error", "p_WE"))
     time_axis(ax, result)
     legend(ax)
+
+
+def plot_end_effector(ax: Axes, result: Result) -> None:
+    """How far it is from its start, and how far the network's multipliers say it is."""
+    p_WE = result.series["p_WE"]
+    moved = p_WE - p_WE[0]
+    length, scale = next(
+        (name, scale) for name, scale in _LENGTHS if largest(moved) * scale >= 0.1 or name == "µm"
+    )
+    norm = np.linalg.norm(moved, axis=1)
+    ax.plot(result.time, scale * norm, color="0.75", linewidth=2.2, label="distance")
+    for name, colour, values in zip("xyz", COLOURS, moved.T, strict=False):
+        ax.plot(result.time, scale * values, color=colour, linewidth=1.4, label=name)
+    if "displacement" in result.series:
+        told = result.series["displacement"] - result.series["displacement"][0]
+        lines = ax.plot(result.time, scale * told, **DESIRED)
+        lines[0].set_label("by the multipliers")
+    ax.set_ylabel(f"end-effector drift [{length}]")
+    time_axis(ax, result)
+    legend(ax)
+
+
+def plot_turn(ax: Axes, result: Result) -> None:
+    """How far the end effector is off the orientation that it should keep."""
+    ax.plot(result.time, 1e3 * result.series["orientation_error"], color=COLOURS[0])
+    ax.set_ylim(bottom=0)
+    ax.set_ylabel("orientation error [mrad]")
+    time_axis(ax, result)
+
+
+def plot_joint_error(ax: Axes, result: Result) -> None:
+    """How far each joint is from its target, and when all have arrived."""
+    error = np.abs(result.series["joint_error"])
+    plot_joints(ax, result.time, error)
+    bound = ax.axhline(ARRIVED, label=f"{ARRIVED:g} rad", **BOUND)
+    handles = [*joint_handles(error.shape[1]), bound]
+    if (settled := result.metrics.get("joint_settling_time_s", 0.0)) > 0:
+        ax.axvline(settled, color="0.25", linestyle=":")
+        side = "left" if settled < result.time[[0, -1]].mean() else "right"
+        place: Style = {"ha": side, "va": "top", "transform": ax.get_xaxis_transform()}
+        ax.text(settled, 0.98, f" settled at {settled:.2f} s ", **place, **NOTE)
+    log_axis(ax, [*error.T, ARRIVED * np.array([0.6, 1.6])])
+    ax.set_ylabel(label(r"$|q_i - q_{i,\mathrm{target}}|$", "joint_error"))
+    time_axis(ax, result)
+    legend(ax, handles)
+
+
+def plot_moving_bounds(ax: Axes, result: Result) -> None:
+    """All joints, as the law asks for, between bounds that change; what joints share, once."""
+    values = law_velocity(result)
+    plot_joints(ax, result.time, values)
+    sides = [result.series["velocity_lower"], result.series["velocity_upper"]]
+    for bounds in sides:
+        plot_bound_curves(ax, result.time, bounds)
+    # What opens far beyond the curves would flatten them.
+    peak = largest(values)
+    reach = 1.08 * min(max(peak, *map(largest, sides)), 2.0 * peak)
+    if reach > 0:
+        ax.set_ylim(-reach, reach)
+    ax.set_ylabel(label("joint velocity", "velocity"))
+    time_axis(ax, result)
+    legend(ax, [*joint_handles(values.shape[1]), Line2D([], [], label="bounds", **BOUND)])
 
 
 def plot_jacobian_error(ax: Axes, result: Result) -> None:
@@ -191,6 +270,46 @@ def plot_bounded(ax: Axes, result: Result, name: str, bounds: Array | None, text
         ax.set_ylim(-reach, reach)
     ax.set_ylabel(label(text, name))
     time_axis(ax, result)
+
+
+def plot_bound_curves(ax: Axes, time: Array, bounds: Array) -> None:
+    """What joints share, once; of the others' bounds where they are not that."""
+    curves, holders, counts = np.unique(bounds, axis=1, return_inverse=True, return_counts=True)
+    common = curves[:, np.argmax(counts)]
+    for k in np.argsort(-counts, kind="stable"):
+        own = np.flatnonzero(holders.ravel() == k)
+        colour = {"color": joint_style(int(own[0]))["color"]} if own.size == 1 else {}
+        curve = curves[:, k]
+        if k != np.argmax(counts):
+            curve = np.where(curve == common, np.nan, curve)
+        ax.plot(time, curve, **{**BOUND, **colour})
+
+
+def has_target(result: Result) -> bool:
+    """Whether there is a posture to reach."""
+    return result.experiment.setup.target is not None
+
+
+def has_path(result: Result) -> bool:
+    """Whether the end effector is to go anywhere."""
+    path = result.experiment.setup.path
+    return not isinstance(path, Rest) or bool(path.offset.any())
+
+
+def bounds_are_felt(result: Result) -> bool:
+    """Whether a bound on the velocity that is not what it can be comes near a joint's."""
+    v = law_velocity(result)
+    for sign, name in ((1, "velocity_upper"), (-1, "velocity_lower")):
+        bound = sign * result.series[name]
+        widest = np.fmax.reduce(bound, axis=0)
+        if ((bound < 0.95 * widest) & (sign * v > 0.5 * bound)).any():
+            return True
+    return False
+
+
+def law_velocity(result: Result) -> Array:
+    """What the law asks for; the arm's own velocity may be hidden in noise."""
+    return result.series.get("network_velocity", result.series["velocity"])
 
 
 def first_lap(result: Result) -> NDArray[np.bool_]:

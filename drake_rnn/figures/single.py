@@ -7,20 +7,30 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from ..fields import Array
 from ..result import Result
 from .panels import (
     apart,
+    bounds_are_felt,
     first_lap,
+    has_path,
+    has_target,
     plot_acceleration_norm,
+    plot_angles,
     plot_bounded,
+    plot_end_effector,
     plot_jacobian_error,
+    plot_joint_error,
+    plot_moving_bounds,
     plot_path,
     plot_position_error,
     plot_range,
+    plot_turn,
 )
 from .registry import draws
+from .space import arm_figure, frame_space, plot_postures, plot_stroboscope
 from .style import (
     BOUND,
     COLOURS,
@@ -28,7 +38,9 @@ from .style import (
     DESIRED,
     NOTE,
     PAGE,
+    TARGET,
     TRACED,
+    Style,
     finite,
     joint_handles,
     joint_style,
@@ -42,7 +54,7 @@ from .style import (
 )
 
 
-@draws("p_WE", "p_WE_desired", applies=lambda result: result.series["p_WE"].shape[1] == 3)
+@draws("p_WE", "p_WE_desired", applies=lambda r: has_path(r) and r.series["p_WE"].shape[1] == 3)
 def path_3d(result: Result) -> Figure:
     """Desired and traced path in space."""
     figure = Figure(figsize=(COLUMN, 3.2))
@@ -51,28 +63,12 @@ def path_3d(result: Result) -> Figure:
     ax.plot(*p_WE.T, label="traced", **TRACED)
     ax.plot(*desired[first_lap(result)].T, label="desired", **DESIRED)
     ax.plot(*p_WE[:1].T, "o", color="black", markersize=3.5, label="start")
-    points = finite(np.concatenate((p_WE, desired)))
-    middle = (points.max(axis=0) + points.min(axis=0)) / 2
-    half = np.ptp(points, axis=0) / 2
-    # A planar path gets some depth, or the labels of a slab's edges would collide.
-    half = 1.05 * np.maximum(half, max(0.6 * half.max(), 1e-6))
-    ax.set(
-        xlim=(middle[0] - half[0], middle[0] + half[0]),
-        ylim=(middle[1] - half[1], middle[1] + half[1]),
-        zlim=(middle[2] - half[2], middle[2] + half[2]),
-    )
-    ax.set_box_aspect(half, zoom=1.0)
-    for name, axis, length in zip("xyz", (ax.xaxis, ax.yaxis, ax.zaxis), half, strict=True):
-        ticks(axis, max(2, round(4 * length / half.max())))
-        axis.set_pane_color((0.97, 0.97, 0.97))
-        axis.set_label_text(f"{name} [m]")
-        axis.labelpad = -1
-        axis.set_tick_params(pad=-1)
+    frame_space(ax, finite(np.concatenate((p_WE, desired))))
     figure.legend(*ax.get_legend_handles_labels(), loc="upper center", ncols=3)
     return figure
 
 
-@draws("p_WE", "p_WE_desired")
+@draws("p_WE", "p_WE_desired", applies=has_path)
 def path_plane(result: Result) -> Figure:
     """Desired and traced path in the plane in which it varies most."""
     figure, ax = single(height=3.0)
@@ -84,6 +80,7 @@ def path_plane(result: Result) -> Figure:
 def joint_angles(result: Result) -> Figure:
     """A panel for each joint, and one that shows where within its bounds each has been."""
     position, limits = result.series["position"], result.experiment.setup.limits
+    target = result.experiment.setup.target
     bounds = np.stack((limits.position_lower, limits.position_upper), axis=1)
     bounded = bool(np.isfinite(bounds).all(axis=1).any())
     n = position.shape[1]
@@ -96,6 +93,9 @@ def joint_angles(result: Result) -> Figure:
     for k, (ax, angle) in enumerate(zip(axes, position.T, strict=False)):
         ax.plot(result.time, angle, **joint_style(k))
         low, high = span(angle, least=0.02)
+        if target is not None:
+            ax.axhline(target[k], **TARGET)
+            low, high = min(low, target[k]), max(high, target[k])
         for bound in bounds[k]:
             # Near enough that the curve still fills half of its panel.
             if low - (high - low) <= bound <= high + (high - low):
@@ -111,6 +111,9 @@ def joint_angles(result: Result) -> Figure:
             ax.set_xlabel("")
     if bounded:
         plot_range(axes[n], position, bounds)
+    if target is not None:
+        handles = [Line2D([], [], label="target", **TARGET)]
+        figure.legend(handles=handles, loc="outside upper center")
     figure.align_ylabels()
     return figure
 
@@ -142,14 +145,17 @@ def position(result: Result) -> Figure:
     m = p_WE.shape[1]
     figure = Figure(figsize=(COLUMN, 0.6 + 1.1 * m), layout="constrained")
     axes = figure.subplots(m, 1, sharex=True, squeeze=False).ravel()
-    widest = max(np.ptp(span(values, 0.0)) for values in desired.T)
+    # Where nothing is to move, all axes have the scale of that which does most.
+    widest = max(np.ptp(span(values, 0.0)) for values in (desired if has_path(result) else p_WE).T)
+    share = 0.05 if has_path(result) else 1.0
     for name, ax, is_, ought in zip("xyz", axes, p_WE.T, desired.T, strict=False):
         ax.plot(result.time, is_, label="traced", **TRACED)
         ax.plot(result.time, ought, label="desired", **DESIRED)
         # An axis along which nothing should move is not filled with micrometres.
-        low, high = span(np.concatenate((is_, ought)), least=max(0.05 * widest, 1e-4))
+        low, high = span(np.concatenate((is_, ought)), least=max(share * widest, 1e-4))
         ax.set_ylim(low - 0.06 * (high - low), high + 0.06 * (high - low))
         ticks(ax.yaxis, 4)
+        ax.ticklabel_format(axis="y", useOffset=False)
         ax.set_ylabel(f"{name} [m]")
     time_axis(axes[-1], result)
     legend(axes[0])
@@ -162,6 +168,68 @@ def position_error(result: Result) -> Figure:
     """Norm of the position error, with what counts as settled."""
     figure, ax = single()
     plot_position_error(ax, result)
+    return figure
+
+
+@draws("position", applies=has_target)
+def postures(result: Result) -> Figure:
+    """The arm as it starts, as it ends, and as it should."""
+    figure, ax = arm_figure(result)
+    plot_postures(ax, result)
+    return figure
+
+
+@draws("position", "velocity", applies=has_target)
+def stroboscope(result: Result) -> Figure:
+    """The arm at equal intervals of time while it moves: dense where it is slow."""
+    figure, ax = arm_figure(result, below=0.5)
+    times = plot_stroboscope(ax, result)
+    if times is not None:
+        place: Style = {"ax": ax, "shrink": 0.7, "aspect": 28}
+        if ax.name == "3d":  # whose labels layouts do not reckon with
+            place = {"cax": ax.inset_axes((0.15, -0.16, 0.7, 0.035))}
+        bar: Any = figure.colorbar(times, orientation="horizontal", **place)
+        bar.set_label("time [s]")
+        bar.outline.set_visible(False)
+    return figure
+
+
+@draws("position", applies=has_target)
+def angles_to_target(result: Result) -> Figure:
+    """All joints, with where they should end."""
+    figure, ax = single()
+    plot_angles(ax, result)
+    return figure
+
+
+@draws("joint_error", applies=has_target)
+def joint_error(result: Result) -> Figure:
+    """How far each joint is from its target, and when all have arrived."""
+    figure, ax = single()
+    plot_joint_error(ax, result)
+    return figure
+
+
+@draws("velocity", "velocity_lower", "velocity_upper", applies=bounds_are_felt)
+def moving_bounds(result: Result) -> Figure:
+    """Joint velocities between bounds that change."""
+    figure, ax = single()
+    plot_moving_bounds(ax, result)
+    return figure
+
+
+@draws("p_WE", applies=has_target)
+def end_effector(result: Result) -> Figure:
+    """How far the end effector strays from its start, and what the law makes of it."""
+    turned = result.series.get("orientation_error")
+    panels = 1 if turned is None else 2
+    figure = Figure(figsize=(COLUMN, 0.5 + 1.9 * panels), layout="constrained")
+    axes = figure.subplots(panels, 1, sharex=True, squeeze=False).ravel()
+    plot_end_effector(axes[0], result)
+    if turned is not None:
+        axes[0].set_xlabel("")
+        plot_turn(axes[1], result)
+        figure.align_ylabels()
     return figure
 
 

@@ -67,6 +67,7 @@ STYLE: Style = {
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7A3B12")
 BOUND: Style = {"color": "0.25", "linestyle": (0, (4, 2)), "linewidth": 0.8}
 DESIRED: Style = {"color": "black", "linestyle": (0, (4, 2)), "linewidth": 0.9}
+TARGET: Style = {"color": "black", "linestyle": (0, (1.5, 1.5)), "linewidth": 0.9}
 TRACED: Style = {"color": COLOURS[5], "linewidth": 1.8}
 NOTE: Style = {"color": "0.35", "fontsize": 6.5}
 SHADE: Style = {"color": "0.93", "linewidth": 0, "zorder": 0}

@@ -105,3 +105,29 @@ def test_a_playback_plays_without_a_network(browser: Any, tmp_path: Path) -> Non
     # The empty tab before it had requests of its own.
     urls = {sent["request"]["url"] for sent in requests if sent["documentURL"] == page.as_uri()}
     assert {url for url in urls if not url.startswith("data:")} == {page.as_uri()}
+
+
+def test_the_ghost_stands_still_while_the_arm_comes_to_it(browser: Any, tmp_path: Path) -> None:
+    result = simulate(load_experiment("modified_state_adjustment"))
+    browser.get(result.playback(tmp_path / "playback.html").as_uri())
+    assert wait_for(lambda: browser.execute_script("return viewer.animator.actions.length") > 0)
+    browser.execute_script("viewer.animator.pause()")
+
+    def poses(scene: str, t: float) -> Any:
+        browser.execute_script(f"viewer.animator.seek({t}); viewer.scene.updateMatrixWorld(true);")
+        return np.array(
+            [
+                browser.execute_script(
+                    f"return viewer.scene_tree.find(['{scene}', 'iiwa14', 'iiwa_link_{k}'])"
+                    ".object.matrixWorld.elements"
+                )
+                for k in range(1, 8)
+            ]
+        )
+
+    ghost = poses("target", 0.0)
+    assert np.abs(poses("arm", 0.0) - ghost).max() > 0.1
+    np.testing.assert_allclose(poses("arm", result.time[-1]), ghost, atol=1e-4)
+    np.testing.assert_array_equal(poses("target", result.time[-1]), ghost)
+    # Every property of the ghost was known to the viewer.
+    assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []

@@ -16,10 +16,12 @@ import pytest
 import umsgpack
 from pydrake.common.eigen_geometry import Quaternion
 
+from drake_rnn.arms import load_arm
 from drake_rnn.errors import InvalidInputError
 from drake_rnn.experiment import load_experiment, make_experiment
 from drake_rnn.playback import write_playback
 from drake_rnn.result import Result
+from drake_rnn.self_motion import SelfMotion
 from drake_rnn.simulation import simulate
 
 DURATION = 1.5
@@ -32,6 +34,13 @@ PLANAR = {
     "period": 1e-3,
     "duration": 1.0,
 }
+ADJUSTED = {
+    "arm": "planar6",
+    "task": "xy",
+    "integrator": {"scheme": "runge_kutta3", "step": 5e-4},
+    "duration": 2.0,
+}
+RESTING = {"path": {"kind": "rest", "offset": [0.05, 0, 0]}, "duration": 1.0, "window": None}
 
 
 class Page:
@@ -41,6 +50,7 @@ class Page:
         self.text = file.read_text(encoding="utf-8")
         self.objects: dict[str, Any] = {}
         self.properties: dict[tuple[str, str], Any] = {}
+        self.poses: dict[str, np.ndarray] = {}
         self.tracks: dict[tuple[str, str], list[tuple[int, Any]]] = {}
         self.options: dict[str, Any] = {}
         for block in re.findall(r"fetch\(\"data:[^,]+;base64,([A-Za-z0-9+/=]+)\"", self.text):
@@ -49,6 +59,10 @@ class Page:
     def _take(self, command: Mapping[str, Any]) -> None:
         if command["type"] == "set_object":
             self.objects[command["path"]] = command["object"]
+        elif command["type"] == "set_transform":
+            self.poses[command["path"]] = np.reshape(command["matrix"], (4, 4), order="F")
+        elif command["type"] == "set_target":
+            self.looks_at = command["value"]
         elif command["type"] == "set_property":
             self.properties[command["path"], command["property"]] = command["value"]
         elif command["type"] == "set_animation":
@@ -78,15 +92,37 @@ def page(run: Result, tmp_path_factory: pytest.TempPathFactory) -> Page:
     return Page(file)
 
 
+@pytest.fixture(scope="module")
+def adjusted() -> Result:
+    return simulate(load_experiment("modified_state_adjustment"))
+
+
+@pytest.fixture(scope="module")
+def adjusted_page(adjusted: Result, tmp_path_factory: pytest.TempPathFactory) -> Page:
+    return Page(adjusted.playback(tmp_path_factory.mktemp("playback") / "playback.html"))
+
+
+@pytest.fixture(scope="module")
+def planar_adjusted() -> Result:
+    arm = load_arm("planar6")
+    target = SelfMotion(arm, arm.home, "xy").somewhere(1.0)
+    law = {"kind": "state_adjustment", "target": target.tolist()}
+    return simulate(make_experiment({**ADJUSTED, "law": law}))
+
+
 def links(run: Result) -> list[str]:
     return [f"panda_link{k}" for k in range(1, run.experiment.setup.arm.n + 1)]
 
 
 def pose(run: Result, sample: int, body: str) -> tuple[np.ndarray, np.ndarray]:
+    return pose_at(run, run.series["position"][sample], body)
+
+
+def pose_at(run: Result, q: np.ndarray, body: str) -> tuple[np.ndarray, np.ndarray]:
     arm = run.experiment.setup.arm
     plant = arm.plant()
     context = plant.CreateDefaultContext()
-    plant.SetPositions(context, arm.posture(plant, run.series["position"][sample]))
+    plant.SetPositions(context, arm.posture(plant, q))
     X_WB = plant.EvalBodyPoseInWorld(context, plant.GetBodyByName(body))
     return X_WB.rotation().matrix(), X_WB.translation()
 
@@ -232,7 +268,9 @@ def test_the_shortest_runs_can_be_shown(run: Result, tmp_path: Path, count: int)
     short = dataclasses.replace(run, time=run.time[:count], series=series)
     page = Page(short.playback(tmp_path / "playback.html"))
     assert len(page.tracks["/arm/panda/panda_link7", ".position"]) == count
-    assert "/desired/path" in page.objects
+    # Of a single sample no path is known.
+    assert ("/desired/path" in page.objects) == (count > 1)
+    assert "/desired/point" in page.objects
 
 
 def test_an_arm_that_rests_can_be_shown(run: Result, tmp_path: Path) -> None:
@@ -284,3 +322,114 @@ def test_a_tool_past_the_task_frame_is_not_drawn(tmp_path: Path) -> None:
     tool = ("/drake/arm/panda/tool", "visible"), ("/arm/panda/tool", "visible")
     assert any(pages["panda_link8"].properties.get(place) is False for place in tool)
     assert not any(pages["tip"].properties.get(place) is False for place in tool)
+
+
+def test_a_ghost_stands_in_the_target_posture(adjusted: Result, adjusted_page: Page) -> None:
+    page = adjusted_page
+    for k in range(1, 8):
+        R, p = pose_at(adjusted, adjusted.experiment.setup.target, f"iiwa_link_{k}")
+        ghost = f"/target/iiwa14/iiwa_link_{k}"
+        np.testing.assert_allclose(page.poses[ghost][:3, :3], R, atol=1e-9)
+        np.testing.assert_allclose(page.poses[ghost][:3, 3], p, atol=1e-9)
+        assert any(path.startswith(f"{ghost}/") for path in page.objects), ghost
+        # The arm comes to it, and it does not move.
+        _, position = page.tracks[f"/arm/iiwa14/iiwa_link_{k}", ".position"][-1]
+        np.testing.assert_allclose(position, p, atol=1e-4)
+    assert not [path for path, _ in page.tracks if path.startswith("/target")]
+
+
+def test_the_ghost_is_clear_and_gives_way_to_the_arm(adjusted_page: Page) -> None:
+    page = adjusted_page
+    (desired,) = page.objects["/desired/point"]["materials"]
+    layers = [path for path in page.objects if path.startswith("/target/")]
+    seen = []
+    for path in layers:
+        look = {name: value for (at, name), value in page.properties.items() if path in at}
+        # Two surfaces in one place would flicker: that of the ghost counts as farther away.
+        assert look["material.polygonOffset"] is True
+        assert look["material.polygonOffsetUnits"] > 0
+        assert look["castShadow"] is False
+        if look.get("material.colorWrite", True):
+            seen += page.objects[path]["materials"]
+    assert 2 * len(seen) == len(layers)
+    assert {material["color"] for material in seen} == {desired["color"]}
+    assert all(material["transparent"] and material["opacity"] <= 0.6 for material in seen)
+
+
+def test_no_ghost_of_base_and_tool(adjusted_page: Page) -> None:
+    bodies = {path.split("/")[3] for path in adjusted_page.objects if path.startswith("/target/")}
+    assert "iiwa_link_0" not in bodies
+    assert "tool" not in bodies
+
+
+def test_only_a_target_has_a_ghost_and_a_legend(page: Page, adjusted_page: Page) -> None:
+    assert "</span> target" in adjusted_page.text
+    assert "</span> target" not in page.text
+    assert not [path for path in page.objects if path.startswith("/target")]
+
+
+def test_the_ghost_of_a_mesh_has_the_ghosts_colour(planar_adjusted: Result, tmp_path: Path) -> None:
+    """A mesh has colours of its own: its hull stands in for it."""
+    corners = [f"v {x} {y} {z}" for x in (0, 1) for y in (0, 1) for z in (0, 1)]
+    faces = [f"f {face}" for face in ("1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5")]
+    own = ["mtllib part.mtl", "usemtl own"]
+    (tmp_path / "part.obj").write_text("\n".join(own + corners + faces))
+    (tmp_path / "part.mtl").write_text("newmtl own\nKd 1 0 0\n")
+    mesh = '<mesh filename="part.obj" scale="0.02 0.02 0.02"/>'
+    arm = planar_adjusted.experiment.setup.arm
+    model = re.sub("<cylinder [^>]*/>", mesh, arm.model.read_text())
+    (tmp_path / "meshed.urdf").write_text(model)
+    meshed = {"model": str(tmp_path / "meshed.urdf"), "frame": "tip", "home": arm.home.tolist()}
+    law = planar_adjusted.experiment.law
+    result = simulate(make_experiment({**ADJUSTED, "law": law, "arm": meshed, "duration": 0.1}))
+    page = Page(result.playback(tmp_path / "playback.html"))
+    kinds: dict[str, set[str]] = {"arm": set(), "target": set()}
+    for path, sent in page.objects.items():
+        if (place := path.split("/")[1]) in kinds:
+            kinds[place].add(sent["object"]["type"])
+    assert "_meshfile_object" in kinds["arm"]
+    assert kinds["target"] == {"Mesh"}
+
+
+@pytest.mark.parametrize("kind", ["adjusted", "planar_adjusted"])
+def test_start_and_target_are_in_view_and_apart(
+    kind: str, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    page = Page(request.getfixturevalue(kind).playback(tmp_path / "playback.html"))
+    ghosts = [path for path in page.poses if re.fullmatch("/target/[^/]+/[^/]+", path)]
+    last = np.array([page.poses[path][:3, 3] for path in ghosts])
+    first = np.array(
+        [page.tracks[path.replace("/target", "/arm"), ".position"][0][1] for path in ghosts]
+    )
+    # Meshcat's camera has y upwards: (x, z, -y).
+    x, y, z = page.properties["/Cameras/default/rotated/<object>", "position"]
+    eye = np.array([x, -z, y])
+    x, y, z = page.looks_at
+    ahead = np.array([x, -z, y]) - eye
+    ahead /= np.linalg.norm(ahead)
+    right = np.cross(ahead, [0, 0, 1])
+    right /= np.linalg.norm(right)
+    screen = np.stack((right, np.cross(right, ahead)))
+    for points in (first, last):
+        aside, above = screen @ (points - eye).T / ((points - eye) @ ahead)
+        assert np.abs(aside).max() < 1.5 * math.tan(math.radians(15.0))
+        assert np.abs(above).max() < math.tan(math.radians(15.0))
+    # What moves most is seen to move: much of it is across the line of sight.
+    most = np.argmax(np.linalg.norm(last - first, axis=1))
+    across = np.linalg.norm(screen @ (last - first)[most])
+    assert across > 0.7 * np.linalg.norm((last - first)[most])
+
+
+@pytest.mark.parametrize("kind", ["adjusted", "planar_adjusted", "resting"])
+def test_a_point_that_stays_is_a_ball_and_no_path(
+    kind: str, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    if kind == "resting":
+        result = simulate(load_experiment("slc_nephroid_known", RESTING))
+    else:
+        result = request.getfixturevalue(kind)
+    page = Page(result.playback(tmp_path / "playback.html"))
+    assert "/desired/path" not in page.objects
+    assert "/desired/point" in page.objects
+    camera = page.properties["/Cameras/default/rotated/<object>", "position"]
+    assert np.isfinite(camera).all()

@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from pydrake.geometry import Meshcat, Role, SceneGraph
+from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex
-from pydrake.systems.framework import Diagram
 
 from ..fields import Array
+from .drawn_arm import DrawnArm
 from .replayed_motion import ReplayedMotion
 
 _FIELD_OF_VIEW = math.radians(30.0)
@@ -30,11 +28,13 @@ class Boxes:
         centre: Shape (b, 3) [m].
         axes: Their directions as columns, shape (b, 3, 3).
         half: Half their extents, shape (b, 3) [m].
+        postures: How many postures; each has as many boxes.
     """
 
     centre: Array
     axes: Array
     half: Array
+    postures: int
 
     @property
     def corners(self) -> Array:
@@ -42,6 +42,12 @@ class Boxes:
         signs = np.stack(np.meshgrid((-1, 1), (-1, 1), (-1, 1)), axis=-1).reshape(8, 3)
         offsets = np.einsum("bij,kj,bj->bki", self.axes, signs, self.half)
         return np.asarray(self.centre[:, None] + offsets).reshape(-1, 3)
+
+    def posture(self, number: int) -> Boxes:
+        """Those of one posture."""
+        count = len(self.centre) // self.postures
+        one = slice(number * count, (number + 1) * count)
+        return Boxes(self.centre[one], self.axes[one], self.half[one], 1)
 
     def hidden(self, points: Array, direction: Array) -> float:
         """Share of ``points``, shape (k, 3), that something hides from that direction."""
@@ -51,49 +57,49 @@ class Boxes:
         one, other = (-self.half[:, None] - start) / ray, (self.half[:, None] - start) / ray
         enters = np.minimum(one, other).max(axis=2)
         leaves = np.maximum(one, other).min(axis=2)
-        hit = (leaves >= np.maximum(enters, 0.0)).reshape(POSTURES, -1, len(points))
+        hit = (leaves >= np.maximum(enters, 0.0)).reshape(self.postures, -1, len(points))
         return float(hit.any(axis=1).mean())
 
 
-def boxes_of(
-    motion: ReplayedMotion, diagram: Diagram, plant: MultibodyPlant, scene_graph: SceneGraph
-) -> Boxes:
-    """Boxes round the arm's parts at postures throughout the run."""
-    inspector = scene_graph.model_inspector()
-    arm = motion.result.experiment.setup.arm
-    plant_context = plant.GetMyMutableContextFromRoot(diagram.CreateDefaultContext())
+def boxes_of(motion: ReplayedMotion, drawn: DrawnArm) -> Boxes:
+    """Boxes round the arm's parts at postures throughout the run, and in the target posture."""
     # An arm may have nothing to draw; where its bodies are it has.
-    bodies = [plant.get_body(BodyIndex(k)) for k in range(plant.num_bodies())]
-    parts: list[tuple[Any, ...]] = [(body, RigidTransform(), np.zeros(3)) for body in bodies]
-    for frame in inspector.GetAllFrameIds():
-        for geometry in inspector.GetGeometries(frame, Role.kIllustration):
-            if (box := inspector.GetObbInGeometryFrame(geometry)) is not None:
-                X_BG = inspector.GetPoseInFrame(geometry) @ box.pose()
-                parts.append((plant.GetBodyFromFrameId(frame), X_BG, box.half_width()))
+    parts: list[tuple[Any, ...]] = [(body, RigidTransform(), np.zeros(3)) for body in drawn.bodies]
+    for body, geometry in drawn.geometries():
+        if (box := drawn.inspector.GetObbInGeometryFrame(geometry)) is not None:
+            X_BG = drawn.inspector.GetPoseInFrame(geometry) @ box.pose()
+            parts.append((body, X_BG, box.half_width()))
+    postures = list(motion.position[np.linspace(0, len(motion.time) - 1, POSTURES).astype(int)])
+    if (target := motion.result.experiment.setup.target) is not None:
+        postures.append(target)
     centre, axes = [], []
-    for k in np.linspace(0, len(motion.time) - 1, POSTURES).astype(int):
-        posture: Any = arm.posture(plant, motion.position[k])
-        plant.SetPositions(plant_context, posture)
+    for q in postures:
+        drawn.take(q)
         for body, X_BG, _ in parts:
-            X_WG = plant.EvalBodyPoseInWorld(plant_context, body) @ X_BG
+            X_WG = drawn.X_WB(body) @ X_BG
             centre.append(X_WG.translation())
             axes.append(X_WG.rotation().matrix())
-    half = np.tile([half for *_, half in parts], (POSTURES, 1))
-    return Boxes(np.array(centre), np.array(axes), half)
+    half = np.tile([half for *_, half in parts], (len(postures), 1))
+    return Boxes(np.array(centre), np.array(axes), half, len(postures))
 
 
 def view_direction(motion: ReplayedMotion, boxes: Boxes) -> Array:
     """From where to look, a unit vector from the scene to the camera.
 
     Best from ahead and aside, which shows the arm and a path in any upright plane, unless
-    the arm hides the path from there; a path that lies flat is looked down upon.
+    the arm hides the path from there; a path that lies flat is looked down upon. With a target
+    posture, from where one sees best how it differs from the start.
     """
+    experiment = motion.result.experiment
+    if experiment.task == "xy":
+        return _towards(-math.pi / 2.0, math.radians(76.0))
     lap = motion.lap[:: max(1, len(motion.lap) // 50)]
     centre = lap.mean(axis=0)
-    normal = np.linalg.svd(lap - centre)[2][-1]
-    if motion.result.experiment.task == "xy":
-        return _towards(-math.pi / 2.0, math.radians(76.0))
     ahead = math.atan2(centre[1], centre[0])
+    if experiment.setup.target is not None:
+        return _view_of_change(boxes, lap[:1], ahead)
+    # A point lies in no plane.
+    normal = np.zeros(3) if motion.rests else np.linalg.svd(lap - centre)[2][-1]
     elevation = math.radians(16.0 + 16.0 * abs(normal[2]))
 
     def cost(aside: float) -> float:
@@ -103,6 +109,21 @@ def view_direction(motion: ReplayedMotion, boxes: Boxes) -> Array:
 
     asides = (48.0, -48.0, 70.0, -70.0, 110.0, -110.0, 135.0, -135.0)
     return _towards(ahead + math.radians(min(asides, key=cost)), elevation)
+
+
+def _view_of_change(boxes: Boxes, point: Array, ahead: float) -> Array:
+    """Where the first posture covers least of the last, and the arm does not hide the point."""
+    first, last = boxes.posture(0), boxes.posture(boxes.postures - 1)
+    size = float(np.ptp(boxes.corners, axis=0).max())
+
+    def cost(direction: Array) -> float:
+        # In front of it or behind it: the ray begins beyond both.
+        covered = first.hidden(last.corners - 10.0 * size * direction, direction)
+        # The point lies on the arm, which hides it if there is more of the arm in front.
+        return covered + 0.3 * boxes.hidden(point + 0.04 * size * direction, direction)
+
+    asides = np.radians(np.arange(-150.0, 151.0, 15.0))
+    return min((_towards(ahead + aside, math.radians(20.0)) for aside in asides), key=cost)
 
 
 def _towards(azimuth: float, elevation: float) -> Array:

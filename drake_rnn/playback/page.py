@@ -6,23 +6,13 @@ import logging
 import math
 
 import numpy as np
-from pydrake.geometry import (
-    Meshcat,
-    MeshcatAnimation,
-    MeshcatParams,
-    MeshcatVisualizer,
-    MeshcatVisualizerParams,
-    Rgba,
-    Role,
-    Sphere,
-)
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.geometry import Meshcat, MeshcatAnimation, MeshcatParams, Rgba, Sphere
 
-from ..arms import Arm
 from ..drake_log import quiet_drake
 from ..fields import Array
 from .camera import aim_camera, boxes_of, view_direction
+from .drawn_arm import DrawnArm
+from .ghost import draw_ghost
 from .replayed_motion import ReplayedMotion
 from .stage import DESIRED_COLOUR, TRACED_COLOUR, set_stage, with_caption
 from .tubes import thinned, tube
@@ -39,21 +29,11 @@ def make_page(motion: ReplayedMotion, rate: int) -> str:
     with quiet_drake(logging.WARNING):
         # A port of its own; nobody connects to it, and no browser is opened.
         meshcat = Meshcat(MeshcatParams(host="localhost", port=0, show_stats_plot=False))
-    builder = DiagramBuilder()
-    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
-    arm.add_to(plant)
-    plant.Finalize()
-    parameters = MeshcatVisualizerParams()
-    parameters.role = Role.kIllustration
-    parameters.prefix = "/arm"
-    MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, parameters)
-    diagram = builder.Build()
+    drawn = DrawnArm(arm, meshcat)
+    if experiment.setup.target is not None:
+        draw_ghost(meshcat, drawn, experiment.setup.target)
 
-    for body in _beyond(plant, arm):
-        # A tool past the task frame would look like what is to be on the path.
-        meshcat.SetProperty(f"/arm/{body}", "visible", False)
-
-    boxes = boxes_of(motion, diagram, plant, scene_graph)
+    boxes = boxes_of(motion, drawn)
     path = np.concatenate((motion.lap, motion.traced))
     points = np.concatenate((boxes.corners, path))
     size = float(np.ptp(points, axis=0).max())
@@ -61,24 +41,16 @@ def make_page(motion: ReplayedMotion, rate: int) -> str:
     aim_camera(meshcat, points, path, view_direction(motion, boxes))
 
     radius = 0.003 * size
-    vertices, faces, _ = tube(thinned(motion.lap, radius)[0], 2.2 * radius)
-    # Of the wider tube only the far inside is drawn: a rim round the trace that never hides it.
-    rim = Meshcat.SideOfFaceToRender.kBackSide
-    meshcat.SetTriangleMesh("/desired/path", vertices, faces, Rgba(*DESIRED_COLOUR), side=rim)
-    meshcat.SetObject("/desired/point", Sphere(7.0 * radius), Rgba(*DESIRED_COLOUR, 0.5))
+    _set_desired(meshcat, motion, radius)
     appearing = set_trace(meshcat, motion, radius)
     meshcat.SetObject("/traced/point", Sphere(2.0 * radius), Rgba(*TRACED_COLOUR))
 
     frames = np.arange(math.ceil(motion.time[-1] * rate - 1e-6) + 1)
     time = frames / rate
     meshcat.StartRecording(frames_per_second=rate, set_visualizations_while_recording=False)
-    context = diagram.CreateDefaultContext()
-    plant_context = plant.GetMyMutableContextFromRoot(context)
     for frame, q in zip(frames, _at(time, motion.time, motion.position), strict=True):
         # Drake rounds a time down to its frame: half a frame later it finds the right one.
-        context.SetTime((frame + 0.5) / rate)
-        plant.SetPositions(plant_context, arm.posture(plant, q))
-        diagram.ForcedPublish(context)
+        drawn.show(q, (frame + 0.5) / rate)
     recording = meshcat.get_mutable_recording()
     _move(recording, "/desired/point", _at(time, motion.time, motion.desired))
     _move(recording, "/traced/point", _at(time, motion.time, motion.traced))
@@ -89,25 +61,21 @@ def make_page(motion: ReplayedMotion, rate: int) -> str:
     recording.set_repetitions(_FOR_EVER)
     meshcat.StopRecording()
     meshcat.PublishRecording()
-    return with_caption(meshcat.StaticHtml(), experiment.name or arm.name)
+    with_ghost = experiment.setup.target is not None
+    return with_caption(meshcat.StaticHtml(), experiment.name or arm.name, with_ghost)
 
 
-def _beyond(plant: MultibodyPlant, arm: Arm) -> list[str]:
-    """Scene names of the bodies between the task frame and the tool's tip."""
-    if arm.tip is None:
-        return []
-    task_body = plant.GetFrameByName(arm.frame).body().index()
-    parents = {
-        joint.child_body().index(): joint.parent_body()
-        for joint in map(plant.get_joint, plant.GetJointIndices())
-    }
-    body, names = plant.GetFrameByName(arm.tip).body(), []
-    while body.index() != task_body:
-        names.append(body.scoped_name().get_full().replace("::", "/"))
-        if body.index() not in parents:
-            return []  # the tip is not beyond the task frame
-        body = parents[body.index()]
-    return names
+def _set_desired(meshcat: Meshcat, motion: ReplayedMotion, radius: float) -> None:
+    """The path to follow, if it leads anywhere, and the point on it."""
+    if not motion.rests:
+        vertices, faces, _ = tube(thinned(motion.lap, radius)[0], 2.2 * radius)
+        # Of the wider tube only the far inside is drawn: a rim round the trace that never
+        # hides it.
+        rim = Meshcat.SideOfFaceToRender.kBackSide
+        meshcat.SetTriangleMesh("/desired/path", vertices, faces, Rgba(*DESIRED_COLOUR), side=rim)
+    # Where it stays at the flange all the time, the flange is to be seen too.
+    ball = Sphere((5.5 if motion.rests else 7.0) * radius)
+    meshcat.SetObject("/desired/point", ball, Rgba(*DESIRED_COLOUR, 0.5))
 
 
 def _at(time: Array, samples: Array, values: Array) -> Array:

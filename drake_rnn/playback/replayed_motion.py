@@ -11,6 +11,9 @@ from ..fields import Array
 from ..result import Result
 from ..task import TASKS
 
+# A path that is shorter than this cannot be seen [m].
+_STILL = 1e-6
+
 
 @dataclass(frozen=True)
 class ReplayedMotion:
@@ -22,6 +25,11 @@ class ReplayedMotion:
     traced: Array
     desired: Array
     lap: Array
+
+    @property
+    def rests(self) -> bool:
+        """Whether the path is a point that stays."""
+        return bool(np.ptp(self.lap, axis=0).max() < _STILL)
 
 
 def replayed_motion(result: Result) -> ReplayedMotion:

@@ -10,6 +10,7 @@ from pydrake.geometry import Box, Meshcat, Rgba
 # Okabe and Ito's colours, which people with colour blindness tell apart.
 DESIRED_COLOUR = (0.0, 0.447, 0.698)
 TRACED_COLOUR = (0.835, 0.369, 0.0)
+GHOST_OPACITY = 0.5
 
 
 def set_stage(meshcat: Meshcat, floor: float, size: float) -> None:
@@ -36,12 +37,15 @@ def set_stage(meshcat: Meshcat, floor: float, size: float) -> None:
     meshcat.SetProperty(sun, "shadow.normalBias", 0.01)
 
 
-def with_caption(page: str, title: str) -> str:
+def with_caption(page: str, title: str, with_ghost: bool) -> str:
     """The page with its name, what the colours mean, and the time."""
     page = page.replace("<title>Drake MeshCat</title>", f"<title>{escape(title)}</title>")
     body, end = page.rsplit("</body>", 1)
     caption = _CAPTION.format(
-        title=escape(title), desired=_css(DESIRED_COLOUR), traced=_css(TRACED_COLOUR)
+        title=escape(title),
+        ghost=_GHOST if with_ghost else "",
+        desired=_css(DESIRED_COLOUR),
+        traced=_css(TRACED_COLOUR),
     )
     return f"{body}{caption}</body>{end}"
 
@@ -50,10 +54,12 @@ def _css(colour: tuple[float, float, float]) -> str:
     return "rgb({}, {}, {})".format(*(round(255 * part) for part in colour))
 
 
+_GHOST = f"""
+    <span style="color: {_css(DESIRED_COLOUR)}; opacity: {GHOST_OPACITY}">&#9679;</span> target"""
 _CAPTION = """
   <div id="caption">
     <b>{title}</b>
-    <span style="color: {desired}">&#9679;</span> desired
+    <span style="color: {desired}">&#9679;</span> desired{ghost}
     <span style="color: {traced}">&#9679;</span> traced
     <span id="clock"></span>
   </div>

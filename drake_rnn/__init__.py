@@ -5,11 +5,19 @@ from importlib.metadata import version
 from .arms import Arm, ArmDescription, load_arm, shipped_arms
 from .errors import DrakeRnnError, InvalidInputError, SimulationError
 from .experiment import Experiment, load_experiment, make_experiment, shipped_experiments
-from .laws import ContinuousLaw, Law, Layout, SimultaneousLearning
+from .laws import (
+    ContinuousLaw,
+    Law,
+    Layout,
+    NullSpaceAdjustment,
+    SimultaneousLearning,
+    StateAdjustment,
+)
 from .limits import JointLimits
 from .paths import PATHS, Path
 from .reach import check_reach
 from .result import Result
+from .self_motion import SelfMotion
 from .simulation import build_diagram, simulate
 from .systems import (
     ContinuousController,
@@ -39,12 +47,15 @@ __all__ = [
     "Law",
     "Layout",
     "Mirror",
+    "NullSpaceAdjustment",
     "Path",
     "PathSource",
     "Result",
     "SampledController",
+    "SelfMotion",
     "SimulationError",
     "SimultaneousLearning",
+    "StateAdjustment",
     "build_diagram",
     "check_reach",
     "load_arm",

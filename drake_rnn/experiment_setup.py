@@ -170,14 +170,23 @@ def _reachable_target(
     if not faults:
         faults.append("is not reached by the self-motion from the start, which gets stuck")
     worst = int(np.argmax(short))
+    lower, upper = arm.limits.position_lower, arm.limits.position_upper
     what = (
         f"law.target: {' and '.join(faults)}; the nearest posture that can be reached is "
-        f"[{', '.join(f'{q:.6f}' for q in nearest)}], {short[worst]:.3g} rad off in "
+        f"[{', '.join(map(_typed, nearest, lower, upper))}], {short[worst]:.3g} rad off in "
         f"{arm.joints[worst]}"
     )
+    if arm.limits.violation(nearest).any():
+        raise InvalidInputError(f"{what}, which is outside its limits; start nearer to them")
     if experiment.on_unreachable == "refuse":
         raise InvalidInputError(f"{what}; give that, or on_unreachable: project")
     return nearest, [f"{what}: taken in its place", *_detours(arm, start, nearest)]
+
+
+def _typed(q: float, lower: float, upper: float) -> str:
+    """A joint position to six decimals, or more where it would be rounded out of its limits."""
+    text = f"{q:.6f}"
+    return text if lower <= float(text) <= upper else repr(float(q))
 
 
 def _detours(arm: Arm, start: Array, target: Array) -> list[str]:

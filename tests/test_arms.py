@@ -221,6 +221,30 @@ def test_another_frame_of_a_shipped_arm_keeps_joints_home_and_limits():
     assert arm.limits.jerk is not None
 
 
+def test_the_skeleton_runs_from_the_base_to_the_task_frame(gripper):
+    """Folded by a right angle at the elbow: base, upper arm, lower arm, hand; 1e-15 m: rounding."""
+    arm = load_arm(gripper, frame="left", joints=["turn", "shoulder", "elbow", "left_finger"])
+    skeleton = arm.kinematics().skeleton(np.array([0.0, 0.0, pi / 2, 0.03]))
+    shoulder, elbow, finger = [0.1, 0, 0.2], [0.5, 0, 0.2], [0.5, 0.03, -0.1]
+    expected = [[0, 0, 0], [0, 0, 0.2], shoulder, elbow, finger, finger]
+    np.testing.assert_allclose(skeleton, expected, atol=1e-15)
+
+
+@pytest.mark.parametrize("name", shipped_arms())
+def test_bones_keep_their_lengths(name):
+    """However the arm stands; and the last point is the end effector."""
+    arm = load_arm(name)
+    kinematics = arm.kinematics()
+    bones = []
+    for q in (arm.home, arm.home + 0.3):
+        skeleton = kinematics.skeleton(q)
+        np.testing.assert_array_equal(skeleton[-1], kinematics.p_WE(q))
+        np.testing.assert_allclose(skeleton[0], 0.0, atol=1e-15)
+        bones.append(np.linalg.norm(np.diff(skeleton, axis=0), axis=1))
+    np.testing.assert_allclose(*bones, atol=1e-14)
+    assert len(bones[0]) >= arm.n
+
+
 def test_a_free_base_is_welded_to_the_world(gripper):
     """URDF says nothing of a base; unwelded it would fall."""
     plant = load_arm(gripper, frame="hand").plant()

@@ -9,7 +9,12 @@ import pytest
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 # The number each prints, and the largest it may be.
-LARGEST = {"own_diagram.py": 1e-2, "plain_loop.py": 1e-3, "own_law.py": 1e-3, "posture_target.py": 1e-6}
+LARGEST = {
+    "own_diagram.py": 1e-2,
+    "plain_loop.py": 1e-3,
+    "own_law.py": 1e-3,
+    "posture_target.py": 1e-6,
+}
 
 
 def test_every_example_is_listed():

@@ -10,13 +10,15 @@ from pydrake.trajectories import PiecewisePolynomial
 from drake_rnn import (
     DitherSettings,
     InvalidInputError,
+    NullSpaceAdjustment,
     PathSource,
     SampledController,
+    SelfMotion,
     SimultaneousLearning,
     load_arm,
 )
 from drake_rnn.diagrams.kinematic import AddKinematicLoop
-from drake_rnn.paths import Circle
+from drake_rnn.paths import Circle, Rest
 
 PANDA = load_arm("panda").with_limits(
     load_arm("panda").limits.replace(velocity=0.5, acceleration=1.0)
@@ -101,6 +103,30 @@ def test_the_arm_follows_the_path():
     assert np.linalg.norm(p_WE - desired) < 1e-3
 
 
+def test_a_law_that_holds_a_pose_is_wired_to_its_orientation_and_holds_it():
+    """1e-5 m and rad: what feedback of 50 / s leaves of a motion of 1 rad/s at 1 kHz."""
+    kinematics = PANDA.kinematics()
+    p_WE, R_WE = kinematics.p_WE(PANDA.home), kinematics.R_WE(PANDA.home)
+    target = SelfMotion(PANDA, PANDA.home, "pose").somewhere(0.3)
+    held = NullSpaceAdjustment(target=target, limits=PANDA.limits, task_size=6)
+    builder = DiagramBuilder()
+    point = builder.AddNamedSystem("point", PathSource(Rest(), p_WE, "pose", R_WE))
+    controller = SampledController(held, 1e-3)
+    loop = AddKinematicLoop(builder, PANDA, controller, point, task="pose")
+    diagram = builder.Build()
+    wires = connections(diagram)
+    assert wires["controller.R_WE_desired"] == "point.R_WE_desired"
+    assert wires["controller.R_WE"] == "kinematics.R_WE"
+    simulator = Simulator(diagram)
+    context = loop.arm.GetMyContextFromRoot(simulator.get_context())
+    for t in (0.5, 1.0, 3.0):
+        simulator.AdvanceTo(t)
+        q = loop.arm.GetOutputPort("position").Eval(context)
+        np.testing.assert_allclose(kinematics.p_WE(q), p_WE, atol=1e-5)
+        np.testing.assert_allclose(kinematics.R_WE(q), R_WE, atol=1e-5)
+    np.testing.assert_allclose(q, target, atol=1e-3)
+
+
 def test_the_command_is_integrated_exactly():
     """Positions are the sums of the held velocities."""
     diagram, loop = build()
@@ -167,6 +193,13 @@ def test_a_law_of_another_size_is_refused():
 def test_a_start_posture_outside_the_limits_is_refused(start, message):
     with pytest.raises(InvalidInputError, match=message):
         build(start=start)
+
+
+def test_a_start_outside_the_limits_is_accepted_as_far_as_is_said():
+    start = [2.95, *PANDA.home[1:]]
+    build(start=start, outside=0.1)
+    with pytest.raises(InvalidInputError, match=r"panda_joint1 is at 2\.95 rad; .* to 2\.9473"):
+        build(start=start, outside=0.05)
 
 
 def test_two_arms_share_a_diagram():

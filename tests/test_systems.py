@@ -35,6 +35,33 @@ def test_kinematics_ports_are_the_arms_kinematics(arm, task):
     np.testing.assert_array_equal(port("Jdot_v"), expected.Jdot_v(q, v)[rows])
 
 
+def test_the_jacobian_of_a_pose_is_how_orientation_and_then_position_change():
+    """Central differences over 1e-6 rad: 1e-9 of truncation and rounding."""
+    q, h = PANDA.home + 0.1, 1e-6
+    system = Kinematics(PANDA, "pose")
+
+    def at(q):
+        port = fixed(system, position=q, velocity=np.zeros(7))
+        return port("J").reshape(6, 7), port("R_WE").reshape(3, 3), port("p_WE")
+
+    J, R, _ = at(q)
+    for joint in range(7):
+        (_, R_after, p_after), (_, R_before, p_before) = (
+            at(q + way * h * np.eye(7)[joint]) for way in (1, -1)
+        )
+        # The angular velocity, from its cross product.
+        w = (R_after - R_before) / (2 * h) @ R.T
+        np.testing.assert_allclose(J[:3, joint], [w[2, 1], w[0, 2], w[1, 0]], atol=1e-8)
+        np.testing.assert_allclose(J[3:, joint], (p_after - p_before) / (2 * h), atol=1e-8)
+
+
+def test_only_the_jacobian_of_a_pose_is_longer():
+    port = fixed(Kinematics(PANDA, "pose"), position=PANDA.home, velocity=np.ones(7))
+    sizes = {name: port(name).size for name in ("p_WE", "v_WE", "Jdot_v", "R_WE", "J", "J_omega")}
+    assert sizes == {"p_WE": 3, "v_WE": 3, "Jdot_v": 3, "R_WE": 9, "J": 42, "J_omega": 21}
+    np.testing.assert_allclose(port("v_WE"), port("J").reshape(6, 7)[3:] @ np.ones(7), atol=1e-15)
+
+
 def test_kinematics_refuses_a_posture_that_is_not_finite():
     port = fixed(Kinematics(PANDA), position=np.full(7, np.nan), velocity=np.zeros(7))
     with pytest.raises(InvalidInputError, match="position: must be 7 finite numbers"):
@@ -68,6 +95,19 @@ def test_a_path_source_is_its_path_from_where_the_arm_starts():
 def test_a_planar_task_has_two_rows():
     source = PathSource(Nephroid(size=0.04, period=8.0), np.zeros(3), task="xy")
     assert source.GetOutputPort("v_WE_desired").size() == 2
+
+
+def test_an_orientation_to_keep_is_offered_if_there_is_one():
+    path, kinematics = Nephroid(size=0.04, period=8.0), PANDA.kinematics()
+    p_WE, R_WE = kinematics.p_WE(PANDA.home), kinematics.R_WE(PANDA.home)
+    source = PathSource(path, p_WE, "pose", R_WE)
+    context = source.CreateDefaultContext()
+    for t in (0.0, 1.3):
+        context.SetTime(t)
+        kept = source.GetOutputPort("R_WE_desired").Eval(context)
+        np.testing.assert_array_equal(kept.reshape(3, 3), R_WE)
+    assert source.GetOutputPort("p_WE_desired").size() == 3
+    assert not PathSource(path, p_WE).HasOutputPort("R_WE_desired")
 
 
 class TestDither:

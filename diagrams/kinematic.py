@@ -13,6 +13,7 @@ from drake_rnn.errors import InvalidInputError
 from drake_rnn.fields import Array
 from drake_rnn.systems.controllers import ContinuousController, SampledController
 from drake_rnn.systems.dither import Dither, DitherSettings
+from drake_rnn.systems.dynamics import Dynamics
 from drake_rnn.systems.kinematics import Kinematics
 from drake_rnn.systems.mirror import Mirror
 
@@ -94,7 +95,13 @@ def AddKinematicLoop(
     _connect(builder, measured, kinematics.GetInputPort("velocity"))
 
     offered = {"position": position, "velocity": shown}
-    for system in (kinematics, reference):
+    systems: list[System] = [kinematics, reference]
+    if _DYNAMICS & controller.law.inputs.parts.keys():
+        dynamics = builder.AddNamedSystem(f"{prefix}dynamics", Dynamics(arm))
+        _connect(builder, position, dynamics.GetInputPort("position"))
+        _connect(builder, measured, dynamics.GetInputPort("velocity"))
+        systems.append(dynamics)
+    for system in systems:
         offered |= {port.get_name(): port for port in _outputs(system)}
     for name in controller.law.inputs.parts:
         if name not in offered:
@@ -104,6 +111,10 @@ def AddKinematicLoop(
             )
         _connect(builder, offered[name], controller.GetInputPort(name))
     return KinematicLoop(controller, kinematics, joint_command, mirror)
+
+
+# What is computed only for a law that asks for it.
+_DYNAMICS = {"M", "bias", "gravity"}
 
 
 def start_posture(arm: Arm, start: Array | None, outside: float = 0.0) -> Array:

@@ -7,6 +7,7 @@ from .errors import DrakeRnnError, InvalidInputError, SimulationError
 from .experiment import Experiment, load_experiment, make_experiment, shipped_experiments
 from .laws import (
     ContinuousLaw,
+    JointDriftFree,
     Law,
     Layout,
     NullSpaceAdjustment,
@@ -23,6 +24,7 @@ from .systems import (
     ContinuousController,
     Dither,
     DitherSettings,
+    Dynamics,
     Kinematics,
     Mirror,
     PathSource,
@@ -40,8 +42,10 @@ __all__ = [
     "Dither",
     "DitherSettings",
     "DrakeRnnError",
+    "Dynamics",
     "Experiment",
     "InvalidInputError",
+    "JointDriftFree",
     "JointLimits",
     "Kinematics",
     "Law",

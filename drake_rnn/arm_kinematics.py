@@ -7,7 +7,7 @@ from math import isfinite
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import Body, Frame, JacobianWrtVariable
+from pydrake.multibody.tree import Body, BodyIndex, Frame, JacobianWrtVariable, SpatialInertia
 from pydrake.systems.framework import Context
 
 from .errors import InvalidInputError
@@ -28,10 +28,16 @@ class ArmKinematics:
         frame: Name of E.
         joints: Names of the n controlled joints.
         positions: Of the whole plant; those of the other joints stay, shape (nq,).
+        mass_scale: Factor on all masses and inertias.
     """
 
     def __init__(
-        self, plant: MultibodyPlant, frame: str, joints: Sequence[str], positions: Array
+        self,
+        plant: MultibodyPlant,
+        frame: str,
+        joints: Sequence[str],
+        positions: Array,
+        mass_scale: float = 1.0,
     ) -> None:
         self._plant = plant
         self._context: Context = plant.CreateDefaultContext()
@@ -44,6 +50,8 @@ class ArmKinematics:
         self._bodies = _chain(plant, self._frame)
         self._is_whole = np.array_equal(self._indices, np.arange(positions.size))
         self._at_q = b""
+        if mass_scale != 1.0:
+            _scale_masses(plant, self._context, mass_scale)
 
     def _set(self, q: Array) -> None:
         q = np.asarray(q, dtype=float)
@@ -148,3 +156,13 @@ def _chain(plant: MultibodyPlant, frame: Frame) -> list[Body]:
         chain.append(body)
         body = parents[body.index()]
     return chain[::-1]
+
+
+def _scale_masses(plant: MultibodyPlant, context: Context, scale: float) -> None:
+    for index in range(1, plant.num_bodies()):
+        body = plant.get_body(BodyIndex(index))
+        inertia = body.CalcSpatialInertiaInBodyFrame(context)
+        scaled = SpatialInertia(
+            scale * inertia.get_mass(), inertia.get_com(), inertia.get_unit_inertia()
+        )
+        body.SetSpatialInertiaInBodyFrame(context, scaled)

@@ -28,7 +28,7 @@ from .complaints import nearest
 from .documents import construct, read_yaml
 from .drake_log import quiet_drake
 from .errors import InvalidInputError
-from .fields import Array, Finite, Point, Vector, validated
+from .fields import Array, Finite, Point, Positive, Vector, validated
 from .limits import DERIVATIVE_UNITS, JointLimits
 from .models import MODELS
 
@@ -49,6 +49,7 @@ class ArmDescription:
         packages: Folders for ``package://`` names in the model.
         home: Posture to start from, shape (n,) [rad].
         gravity: Gravity in the base frame [m/s^2].
+        mass_scale: Factor on the masses and inertias of the model.
     """
 
     model: str
@@ -59,6 +60,7 @@ class ArmDescription:
     packages: dict[str, str] = Field(default_factory=dict)
     home: Vector | None = None
     gravity: Point = Field(default_factory=lambda: np.array(_EARTH))
+    mass_scale: Positive = 1.0
 
 
 class Arm:
@@ -175,7 +177,8 @@ class Arm:
         """Its kinematics and dynamics as functions of the controlled joints."""
         plant = self.plant()
         positions = self.posture(plant, np.zeros(self.n))
-        return ArmKinematics(plant, self.frame, self.joints, positions)
+        scale = self.description.mass_scale
+        return ArmKinematics(plant, self.frame, self.joints, positions, scale)
 
     def _check_model(self) -> None:
         """Read it with its geometry, so that files it needs are missed now; warnings are seen."""

@@ -127,6 +127,38 @@ class JointLimits:
         np.minimum(box, self.velocity, out=box)
         return box[..., 0, :], box[..., 1, :]
 
+    def acceleration_box(self, q: Array, v: Array, period: float) -> tuple[Array, Array]:
+        """Accelerations held for a period after which every bound can still be kept.
+
+        That is: the velocity is within its bound at the end, and if the joint then brakes as
+        hard as it may, in samples of ``period`` [s], it comes to rest inside its position
+        limits. From a state like that the box is never empty, so bounds once kept are kept for
+        ever; from any other, it is what brings the joint back soonest.
+
+        Args:
+            q: Joint positions, shape (n,) [rad].
+            v: Joint velocities, shape (n,) [rad/s].
+            period: For which the acceleration is held [s].
+
+        Returns:
+            Lower and upper, shape (n,) [rad/s^2].
+        """
+        most = self.require("acceleration", "braking in time")
+        # From velocity w a joint needs w^2 / 2a and, as it may not stop between samples, w h / 2
+        # to come to rest; with the ramp from v to w before, q + h (v + w) / 2 + w^2 / 2a + w h / 2
+        # must stay below the limit: solved for w.
+        bound = most * period
+        along = q + period / 2 * v
+        ends = []
+        for limit, sign in ((self.position_lower, -1.0), (self.position_upper, 1.0)):
+            room = np.maximum(sign * (limit - along), 0.0)
+            ends.append(sign * (np.sqrt(bound * bound + 2.0 * most * room) - bound))
+        slowest = np.maximum(ends[0], -self.velocity)
+        fastest = np.minimum(ends[1], self.velocity)
+        lower = np.clip((slowest - v) / period, -most, most)
+        upper = np.clip((fastest - v) / period, -most, most)
+        return lower, upper
+
     def violation(self, q: Array) -> Array:
         """How far ``q``, shape (..., n), lies outside its position limits [rad]; 0 inside."""
         return np.maximum(np.maximum(self.position_lower - q, q - self.position_upper), 0.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import cast
 
 import numpy as np
@@ -63,7 +63,8 @@ def simulate(experiment: Experiment, progress: Progress | None = None) -> Result
     try:
         simulator.Initialize()
         running = time.perf_counter()
-        simulator.AdvanceTo(experiment.duration)
+        for stop in _stops(experiment):
+            simulator.AdvanceTo(stop)
     except SimulationError as error:
         failure = error
     except KeyboardInterrupt:
@@ -97,13 +98,19 @@ def build_diagram(experiment: Experiment, law: Law | None = None) -> tuple[Diagr
     law = setup.law if law is None else law
     builder = DiagramBuilder()
     held = setup.R_WE_start if TASKS[experiment.task].with_orientation else None
-    source = PathSource(setup.path, setup.p_WE_start, experiment.task, held)
-    builder.AddNamedSystem("path", source)
     controller: SampledController | ContinuousController
     if experiment.period is not None:
         controller = SampledController(law, experiment.period, experiment.seed)
     else:
         controller = ContinuousController(cast(ContinuousLaw, law), experiment.seed)
+    source = PathSource(
+        setup.path,
+        setup.p_WE_start,
+        experiment.task,
+        held,
+        preview=experiment.period if "p_preview" in controller.law.inputs else None,
+    )
+    builder.AddNamedSystem("path", source)
     loop = AddKinematicLoop(
         builder,
         setup.arm,
@@ -137,8 +144,9 @@ def simulator_config(experiment: Experiment) -> SimulatorConfig:
     config = SimulatorConfig()
     settings = experiment.integrator
     if settings is None:
-        # The command is held between samples, so that one Euler step of a sample is exact.
-        config.integration_scheme = "explicit_euler"
+        # One step a sample is exact: Euler's for a command that is held, Heun's for a ramp.
+        law = getattr(experiment.setup.law, "sampled", experiment.setup.law)
+        config.integration_scheme = "explicit_euler" if law.holds_command else "runge_kutta2"
         config.max_step_size = experiment.period
         config.use_error_control = False
         return config
@@ -148,6 +156,14 @@ def simulator_config(experiment: Experiment) -> SimulatorConfig:
     if settings.accuracy is not None:
         config.accuracy = settings.accuracy
     return config
+
+
+def _stops(experiment: Experiment) -> list[float]:
+    """Times to end a step at: an integrator must not step over what jumps in the path."""
+    end = experiment.duration
+    if experiment.integrator is None:
+        return [end]
+    return [*(t for t in experiment.setup.path.knots(end).tolist() if 0 < t < end), end]
 
 
 def _set_initial_state(loop: KinematicLoop, root: Context) -> None:
@@ -184,8 +200,11 @@ def _result(
     metrics = motion_metrics(
         motion, experiment.setup.limits, experiment.window, experiment.settling_tolerance_m
     )
-    observed = _diagnostics(motion, recorder.series("state"), law)
+    observed = _diagnostics(experiment, motion, recorder.series("state"), law)
     metrics |= law_metrics(motion, observed)
+    caveats = getattr(experiment.setup.law, "caveats", None)
+    if caveats is not None:
+        warnings = [*warnings, *caveats(metrics)]
 
     at = _samples(motion.time, experiment.log_period)
     names = ("position", "velocity", "network_velocity", "p_WE", "v_WE", "p_WE_desired")
@@ -221,7 +240,7 @@ def _samples(time: Array, period: float) -> NDArray[np.intp]:
     return np.flatnonzero(np.diff(number, prepend=-1.0))
 
 
-def _diagnostics(motion: Motion, states: Array, law: Law) -> Signals:
+def _diagnostics(experiment: Experiment, motion: Motion, states: Array, law: Law) -> Signals:
     """What the law tells of itself, at every step; computed now, not while running."""
     u = {
         "position": motion.position,
@@ -230,7 +249,28 @@ def _diagnostics(motion: Motion, states: Array, law: Law) -> Signals:
         "v_WE_desired": motion.v_WE_desired,
         "J": motion.J,
     }
+    u |= _further(experiment, motion, [name for name in law.inputs.parts if name not in u])
     return law.diagnostics(motion.time, states, u)
+
+
+def _further(experiment: Experiment, motion: Motion, names: Iterable[str]) -> Signals:
+    """Those of the signals that posture, velocity and time determine, at every step."""
+    setup = experiment.setup
+    arm = setup.arm.kinematics()
+    axes = list(TASKS[experiment.task].axes)
+    of_step: dict[str, Callable[[float, Array, Array], Array]] = {
+        "a_WE_desired": lambda t, q, v: setup.path.evaluate(t)[2][axes],
+        "Jdot_v": lambda t, q, v: arm.Jdot_v(q, v)[axes],
+        "M": lambda t, q, v: arm.M(q),
+        "bias": lambda t, q, v: arm.bias(q, v),
+        "gravity": lambda t, q, v: arm.gravity(q),
+    }
+    steps = list(zip(motion.time.tolist(), motion.position, motion.velocity, strict=True))
+    return {
+        name: np.array([of_step[name](*step) for step in steps])
+        for name in names
+        if name in of_step
+    }
 
 
 def _motion(experiment: Experiment, recorder: Recorder, law: Law) -> Motion:

@@ -1,5 +1,6 @@
 """Neural dynamics, one scheme a file: arrays in, arrays out, no Drake."""
 
+from .joint_drift_free import JointDriftFree
 from .law import ContinuousLaw, Law, Layout, Signals
 from .null_space_adjustment import NullSpaceAdjustment
 from .simultaneous_learning import SimultaneousLearning
@@ -7,6 +8,7 @@ from .state_adjustment import StateAdjustment
 
 #: The laws an experiment may name, by their ``kind``.
 LAWS: dict[str, type[Law]] = {
+    "joint_drift_free": JointDriftFree,
     "null_space_adjustment": NullSpaceAdjustment,
     "simultaneous_learning": SimultaneousLearning,
     "state_adjustment": StateAdjustment,
@@ -15,6 +17,7 @@ LAWS: dict[str, type[Law]] = {
 __all__ = [
     "LAWS",
     "ContinuousLaw",
+    "JointDriftFree",
     "Law",
     "Layout",
     "NullSpaceAdjustment",

@@ -2,6 +2,7 @@
 
 from .controllers import ContinuousController, SampledController
 from .dither import Dither, DitherSettings
+from .dynamics import Dynamics
 from .kinematics import Kinematics
 from .mirror import Mirror
 from .path_source import PathSource
@@ -10,6 +11,7 @@ __all__ = [
     "ContinuousController",
     "Dither",
     "DitherSettings",
+    "Dynamics",
     "Kinematics",
     "Mirror",
     "PathSource",

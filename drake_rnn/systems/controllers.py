@@ -44,8 +44,13 @@ class _Controller(LeafSystem):
         law = self.law
         n = law.state.parts["v"][1][0]
 
+        at_rest = np.zeros(n)
+
         def calc_command(context: Context, output: Any) -> None:
-            output.set_value(law.commanded_velocity(context.get_time(), self._state(context)))
+            x = self._state(context)
+            # NaN until it is initialized: what it then sees is an arm at rest.
+            rest = x[0] != x[0]
+            output.set_value(at_rest if rest else law.commanded_velocity(context.get_time(), x))
 
         at_present = {state} if law.holds_command else {state, self.time_ticket()}
         self.DeclareVectorOutputPort("commanded_velocity", n, calc_command, at_present)
@@ -121,10 +126,10 @@ class _Controller(LeafSystem):
 
 
 class SampledController(_Controller):
-    """A law that runs once every ``period``, its command held in between.
+    """A law that runs once every ``period``, its command held in between, or a ramp.
 
     Args:
-        law: The law.
+        law: The law; of one whose sampled reading is another law, ``sampled``, that one.
         period: Between two samples [s].
         seed: For the law's initial state.
 
@@ -133,11 +138,11 @@ class SampledController(_Controller):
     """
 
     def __init__(self, law: Law, period: float, seed: int = 0) -> None:
-        super().__init__(law, seed)
+        super().__init__(getattr(law, "sampled", law), seed)
         if not (period > 0 and isfinite(period)):
             raise InvalidInputError(f"period: must be positive, not {period}")
         self.period = period
-        state = self.DeclareDiscreteState(np.full(law.state.size, np.nan))
+        state = self.DeclareDiscreteState(np.full(self.law.state.size, np.nan))
         self.DeclareStateOutputPort("state", state)
         self._declare_outputs(self.xd_ticket())
         self.DeclareInitializationDiscreteUpdateEvent(self._initialize)

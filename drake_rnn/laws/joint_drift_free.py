@@ -1,0 +1,325 @@
+r"""Joint-drift-free motion at the acceleration level: closed paths that bring the joints back.
+
+Source:
+    Jin, Xie, Liu, Ke, Li, Yang, "Novel joint-drift-free scheme at acceleration level for robotic
+    redundancy resolution with tracking error theoretically eliminated", IEEE/ASME Transactions
+    on Mechatronics (2020). GALJDF is (9) with (19), NALJDF (10) with (29), MOALJDF (41) with
+    (43); MAN, the minimum acceleration norm, is any of them without the drift index.
+
+With the drift index c and the position feedback d,
+
+.. math::
+    c = (\beta_1 + \gamma_1) v + \beta_1 \gamma_1 (q - q_0), \qquad
+    d = (\beta_2 + \gamma_2)(\dot p - \dot p_d) + \beta_2 \gamma_2 (p - p_d),
+
+the network is
+
+.. math::
+    \dot v = P(-\varrho J^T (\dot p - \dot p_d) + J^T \omega - \lambda Q c), \qquad
+    \dot\omega = \eta (\ddot p_d - \dot J v - J J^T \omega - \delta d),
+
+where Q is I in GALJDF, I - J^+ J in NALJDF, and lambda = 0 in MAN. MOALJDF weights the torque
+tau = M v_dot + h, h being Coriolis and gravity terms, with zeta = 1 - alpha as well:
+
+.. math::
+    \text{printed:} \quad & \dot v = P((I + \zeta M M)^{-1}
+    (-\varrho J^T \dot e + \alpha (J^T \omega - \lambda c) - \zeta M h)) \\
+    \text{corrected:} \quad & \dot v = P((\alpha I + \zeta M M)^{-1}
+    (-\varrho J^T \dot e + J^T \omega - \alpha \lambda (I - J^+ J) c - \zeta M h)), \quad
+    \dot\omega = \eta (\ddot p_d - \dot J v - J \dot v - \delta d).
+
+============  ==================  ==============================================
+paper         here                meaning
+============  ==================  ==============================================
+q             position            joint positions
+q_dot         v                   joint velocities (state)
+omega         omega               compensation of the acceleration (state)
+r, r_d        p_WE, p_WE_desired  end effector's position, and what it should be
+lambda        return_weight       of the drift index
+beta1, gamma1 return_beta, .._gamma  roots of the joints' return [1/s]
+beta2, gamma2 task_beta, .._gamma    of the position feedback [1/s]
+delta         position_gain       of the position feedback
+varrho        velocity_gain       of the gradient of the velocity error [1/(m^2 s)]
+eta           rate                of omega [1/(m^2 s)]
+nu            limits.acceleration largest joint acceleration [rad/s^2]
+alpha         alpha               weight of kinematics; 1 - alpha of the torque
+============  ==================  ==============================================
+
+Corrected: (42) is not the optimality condition of (41): the projection is missing, the weight of
+the acceleration is alpha, not 1, and omega must answer for all of J v_dot, not for J J^T omega. The
+text calls alpha the weight of dynamics and zeta that of kinematics; they are the other way
+round. The errors' roots are negative: e'' + delta ((beta2 + gamma2) e' + beta2 gamma2 e) = 0.
+
+Not in the paper:
+    ``composite_gain`` k_p adds it to the velocity error, -varrho J^T (e_dot + k_p e): without it,
+    and against Theorem 2, a position error decays with 1/varrho only, over minutes. The bound
+    P is a plain clip of which omega is not told: while it is active this is not the solution of
+    the quadratic program. J^+ is damped, J^T (J J^T + mu^2 I)^-1, so that it exists everywhere.
+    Initial v and omega are not given; they are zero here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from ..fields import Array, NonNegative, Positive, Vector, validated
+from ..limits import JointLimits
+from .law import Layout, Signals
+from .two_step import TwoStep
+
+Scheme = Literal["man", "galjdf", "naljdf", "moaljdf_printed", "moaljdf"]
+
+
+@dataclass(frozen=True)
+class LinearForm:
+    """Rates that are linear in the state, at one posture and time.
+
+    v_dot = a_v v + a_omega omega + a_0, before it is clipped, and omega_dot likewise with b.
+    """
+
+    a_v: Array
+    a_omega: Array
+    a_0: Array
+    b_v: Array
+    b_omega: Array
+    b_0: Array
+
+
+@validated
+class JointDriftFree:
+    """MAN, GALJDF (19), NALJDF (29), and MOALJDF (43) as printed and corrected.
+
+    Args:
+        scheme: Which of them.
+        limits: Acceleration limits of the joints; with ``bounds: all`` those of position and
+            velocity as well.
+        home: Posture that the joints return to, shape (n,) [rad].
+        task_size: Rows of J.
+        return_weight: Of the drift index.
+        return_beta, return_gamma: Roots of the joints' return [1/s].
+        task_beta, task_gamma: Roots of the position feedback [1/s].
+        position_gain: Of the position feedback.
+        velocity_gain: Of the gradient of the velocity error [1/(m^2 s)].
+        composite_gain: Of the position error beside the velocity error [1/s].
+        rate: Of omega [1/(m^2 s)].
+        alpha: Weight of kinematics in MOALJDF; 1 - alpha is that of the torque.
+        damping: Of the pseudoinverse [m].
+        bounds: ``acceleration``, clipped as in the paper; or ``all``, which a sampled law
+            keeps by braking in time.
+    """
+
+    kind: Literal["joint_drift_free"] = "joint_drift_free"
+    scheme: Scheme
+    limits: JointLimits
+    home: Vector
+    task_size: Literal[2, 3] = 3
+    return_weight: NonNegative = 3.0
+    return_beta: Positive = 1.0
+    return_gamma: Positive = 1.0
+    task_beta: Positive = 1.0
+    task_gamma: Positive = 1.0
+    position_gain: NonNegative = 250.0
+    velocity_gain: NonNegative = 1e5
+    composite_gain: NonNegative = 0.0
+    rate: Positive = 1000.0
+    alpha: Annotated[float, Field(strict=True, gt=0, le=1)] = 0.995
+    damping: Positive = 1e-3
+    bounds: Literal["acceleration", "all"] = "acceleration"
+
+    def __post_init__(self) -> None:
+        if self.home.size != self.limits.size:
+            raise ValueError(
+                f"home: must have {self.limits.size} entries, one a joint, not {self.home.size}"
+            )
+        self.limits.require("acceleration", f"scheme: {self.scheme}")
+
+    @property
+    def weighs_torque(self) -> bool:
+        """Whether it needs the arm's dynamics."""
+        return self.scheme.startswith("moaljdf")
+
+    @property
+    def holds_command(self) -> bool:
+        return True
+
+    @cached_property
+    def sampled(self) -> TwoStep:
+        """The law as a sampled controller runs it."""
+        return TwoStep(self)
+
+    @cached_property
+    def state(self) -> Layout:
+        return Layout(v=(self.home.size,), omega=(self.task_size,))
+
+    @cached_property
+    def inputs(self) -> Layout:
+        m = self.task_size
+        desired = {"p_WE_desired": (m,), "v_WE_desired": (m,), "a_WE_desired": (m,)}
+        return Layout(**self.measured, **desired)
+
+    @cached_property
+    def measured(self) -> dict[str, tuple[int, ...]]:
+        """Shapes of what it sees of the arm."""
+        n, m = self.home.size, self.task_size
+        shapes: dict[str, tuple[int, ...]] = {"position": (n,), "p_WE": (m,)}
+        shapes |= {"J": (m, n), "Jdot_v": (m,)}
+        if self.weighs_torque:
+            shapes |= {"M": (n, n), "bias": (n,), "gravity": (n,)}
+        return shapes
+
+    @cached_property
+    def observables(self) -> Layout:
+        n, m = self.home.size, self.task_size
+        shapes = {"acceleration_demand": (n,), "saturated": (1,), "velocity_error_predicted": (m,)}
+        return Layout(**shapes, **({"torque": (n,)} if self.weighs_torque else {}))
+
+    def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
+        return np.zeros(self.state.size)
+
+    def linear_form(self, u: Signals, q: Array, p_WE: Array, ahead: float = 0.0) -> LinearForm:
+        """The network at the posture q + ahead v, the end effector at p_WE + ahead J v.
+
+        Args:
+            u: J, Jdot_v, the desired signals and, for MOALJDF, M, bias and gravity, of there.
+            q: Joint positions, shape (n,) [rad].
+            p_WE: End effector's position, shape (m,) [m].
+            ahead: Time [s] after which q and p_WE have gone on with the v that is sought.
+        """
+        J = u["J"]
+        n, m = self.home.size, self.task_size
+        gram = J @ J.T
+        feedback = self.task_beta * self.task_gamma
+        slip = self.task_beta + self.task_gamma
+        error_0 = p_WE - u["p_WE_desired"]
+        v_desired = u["v_WE_desired"]
+
+        pull = self.velocity_gain * J.T
+        a_v = (-1.0 - self.composite_gain * ahead) * (pull @ J)
+        a_0 = pull @ (v_desired - self.composite_gain * error_0)
+        a_omega = J.T
+        weight = 0.0 if self.scheme == "man" else self.return_weight
+        if weight:
+            stiffness = self.return_beta * self.return_gamma
+            drift_v = weight * (self.return_beta + self.return_gamma + stiffness * ahead)
+            drift_0 = weight * stiffness * (q - self.home)
+            if self.weighs_torque:
+                drift_v, drift_0 = self.alpha * drift_v, self.alpha * drift_0
+            if self.scheme in ("naljdf", "moaljdf"):
+                inverse = J.T @ np.linalg.inv(gram + self.damping**2 * np.eye(m))
+                a_v = a_v + drift_v * (inverse @ J)
+                drift_0 = drift_0 - inverse @ (J @ drift_0)
+            a_v.flat[:: n + 1] -= drift_v
+            a_0 = a_0 - drift_0
+        if self.weighs_torque:
+            M, zeta = u["M"], 1.0 - self.alpha
+            kept = self.alpha if self.scheme == "moaljdf" else 1.0
+            if self.scheme == "moaljdf_printed":
+                a_omega = self.alpha * a_omega
+            a_0 = a_0 - zeta * (M @ (u["bias"] - u["gravity"]))
+            terms = np.column_stack((a_v, a_omega, a_0))
+            solved = np.linalg.solve(kept * np.eye(n) + zeta * (M @ M), terms)
+            a_v, a_omega, a_0 = (np.asarray(part) for part in np.split(solved, (n, n + m), axis=1))
+            a_0 = a_0[:, 0]
+
+        eta, delta = self.rate, self.position_gain
+        b_v = -eta * delta * (slip + feedback * ahead) * J
+        b_0 = eta * (
+            u["a_WE_desired"] - u["Jdot_v"] - delta * (feedback * error_0 - slip * v_desired)
+        )
+        b_omega = -eta * gram
+        if self.scheme == "moaljdf":
+            b_v, b_omega, b_0 = b_v - eta * (J @ a_v), -eta * (J @ a_omega), b_0 - eta * (J @ a_0)
+        return LinearForm(a_v, a_omega, a_0, b_v, b_omega, b_0)
+
+    def derivatives(self, t: float, x: Array, u: Signals) -> Array:
+        """Right-hand side of (19), (29) or (43)."""
+        v, omega = self.state.split(x)
+        form = self.linear_form(u, u["position"], u["p_WE"])
+        demand = form.a_v @ v + form.a_omega @ omega + form.a_0
+        v_dot = self.clipped(demand)
+        omega_dot = form.b_v @ v + form.b_omega @ omega + form.b_0
+        if self.scheme == "moaljdf":
+            omega_dot = omega_dot - self.rate * (u["J"] @ (v_dot - demand))
+        return self.state.join(v_dot, omega_dot)
+
+    def clipped(self, demand: Array) -> Array:
+        """Accelerations within their bounds, shape (..., n) [rad/s^2]."""
+        bound = self._bound
+        return np.minimum(np.maximum(demand, -bound), bound)
+
+    @cached_property
+    def _bound(self) -> Array:
+        return self.limits.require("acceleration", f"scheme: {self.scheme}")
+
+    def caveats(self, metrics: Mapping[str, float]) -> list[str]:
+        """What makes the figures of a run differ from what the paper's theorems say."""
+        found = []
+        saturated = metrics.get("saturated_fraction", 0.0)
+        if saturated > 0.0:
+            found.append(
+                f"law: accelerations were cut to their bounds in {100 * saturated:.2g} % of the "
+                f"steps (up to {metrics['joint_acceleration_demand_max_rad_s2']:.3g} rad/s^2 was "
+                "asked for); it is not told, and the theorems do not hold of such a run"
+            )
+        singular = metrics.get("singular_value_min", np.inf)
+        if singular < 0.1:
+            found.append(
+                f"law: J came near losing rank, its smallest singular value being {singular:.3g}; "
+                "the theorems take it to have full rank"
+            )
+        error = metrics.get("position_error_max_m", 0.0)
+        if error > 0.01:
+            found.append(f"law: the end effector was up to {error:.3g} m off its path")
+        return found
+
+    def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
+        """Refused: it would be unstable. `sampled` has the step that works."""
+        raise NotImplementedError("sample law.sampled, as SampledController does")
+
+    def commanded_velocity(self, t: float, x: Array) -> Array:
+        return x[: self.home.size]
+
+    def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
+        v, omega = self.state.split(x)
+        if v.ndim == 1:
+            form = self.linear_form(u, u["position"], u["p_WE"])
+            demand = form.a_v @ v + form.a_omega @ omega + form.a_0
+        else:
+            demand = np.array(
+                [
+                    self.diagnostics(0.0, row, {name: value[k] for name, value in u.items()})[
+                        "acceleration_demand"
+                    ]
+                    for k, row in enumerate(x)
+                ]
+            ).reshape(v.shape)
+        return self.observed(demand, self.clipped(demand), v, u)
+
+    def observed(self, demand: Array, v_dot: Array, v: Array, u: Signals) -> Signals:
+        """What `observables` names, from the accelerations asked for and those allowed."""
+        J, error = u["J"], u["p_WE"] - u["p_WE_desired"]
+        slip = np.einsum("...mn,...n->...m", J, v) - u["v_WE_desired"]
+        d = (self.task_beta + self.task_gamma) * slip + self.task_beta * self.task_gamma * error
+        stiffness = self.return_beta * self.return_gamma
+        c = (self.return_beta + self.return_gamma) * v + stiffness * (u["position"] - self.home)
+        towards = self.position_gain * d
+        if self.scheme in ("galjdf", "moaljdf_printed"):
+            towards = towards + self.return_weight * np.einsum("...mn,...n->...m", J, c)
+        gram = J @ np.swapaxes(J, -1, -2) + self.damping**2 * np.eye(self.task_size)
+        sigma = -np.linalg.solve(gram, towards[..., np.newaxis])[..., 0]
+        apart = np.abs(v_dot - demand).max(axis=-1, keepdims=True)
+        seen: dict[str, Array] = {
+            "acceleration_demand": demand,
+            "saturated": (apart > 1e-9 * self._bound.max()).astype(float),
+            "velocity_error_predicted": sigma / max(self.velocity_gain, 1e-300),
+        }
+        if self.weighs_torque:
+            effort = np.einsum("...ij,...j->...i", u["M"], v_dot)
+            seen["torque"] = effort + u["bias"] - u["gravity"]
+        return seen

@@ -1,0 +1,40 @@
+"""The arm's dynamics as signals."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydrake.systems.framework import Context, LeafSystem
+
+from ..arms import Arm
+
+
+class Dynamics(LeafSystem):
+    """Inertia, Coriolis terms and gravity: torques are M v_dot + bias - gravity.
+
+    Inputs are ``position`` and ``velocity`` of the joints, shape (n,) [rad, rad/s]. Outputs are
+    ``M``, (n, n) flat [kg m^2], ``bias`` and ``gravity``, (n,) [Nm].
+
+    Args:
+        arm: The arm.
+    """
+
+    def __init__(self, arm: Arm) -> None:
+        super().__init__()
+        n, arm_dynamics = arm.n, arm.kinematics()
+        position = self.DeclareVectorInputPort("position", n)
+        velocity = self.DeclareVectorInputPort("velocity", n)
+
+        def M(context: Context, output: Any) -> None:
+            output.set_value(arm_dynamics.M(position.Eval(context)).ravel())
+
+        def bias(context: Context, output: Any) -> None:
+            output.set_value(arm_dynamics.bias(position.Eval(context), velocity.Eval(context)))
+
+        def gravity(context: Context, output: Any) -> None:
+            output.set_value(arm_dynamics.gravity(position.Eval(context)))
+
+        at_q = {position.ticket()}
+        self.DeclareVectorOutputPort("M", n * n, M, at_q)
+        self.DeclareVectorOutputPort("bias", n, bias, at_q | {velocity.ticket()})
+        self.DeclareVectorOutputPort("gravity", n, gravity, at_q)

@@ -90,9 +90,11 @@ def sweep_table(keys: Sequence[str], rows: Sequence[Row]) -> Table:
 _SHOWN = (
     "position_error_max_m",
     "position_error_rms_m",
+    "velocity_error_max_m_s",
     "settling_time_s",
     "joint_acceleration_max_rad_s2",
     "network_acceleration_max_rad_s2",
+    "joint_drift_mean_rad",
     "joint_drift_max_rad",
     "jacobian_error_median",
     "joint_error_max_rad",

@@ -36,6 +36,8 @@ UNITS = {
     "velocity_lower": "rad/s",
     "velocity_upper": "rad/s",
     "acceleration_demand": "rad/s^2",
+    "velocity_error_predicted": "m/s",
+    "torque": "N m",
 }
 
 

@@ -76,6 +76,9 @@ class ArmKinematics:
             raise InvalidInputError(
                 f"velocity: must be {self._velocity_indices.size} finite numbers, not {v.tolist()}"
             )
+        if self._is_whole:
+            self._plant.SetVelocities(self._context, v)
+            return
         velocities = np.zeros(self._plant.num_velocities())
         velocities[self._velocity_indices] = v
         self._plant.SetVelocities(self._context, velocities)
@@ -124,7 +127,7 @@ class ArmKinematics:
         bias = self._plant.CalcBiasTranslationalAcceleration(
             self._context, JacobianWrtVariable.kV, self._frame, _ORIGIN, self._world, self._world
         )
-        return np.asarray(bias).ravel()
+        return bias.ravel()
 
     def M(self, q: Array) -> Array:
         """Mass matrix, shape (n, n) [kg m^2]."""

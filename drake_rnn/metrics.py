@@ -17,6 +17,7 @@ METRICS = [
     "position_error_component_max_m",
     "position_error_rms_m",
     "velocity_error_max_m_s",
+    "velocity_error_component_max_m_s",
     "settling_time_s",
     "orientation_error_max_rad",
     "joint_error_max_rad",
@@ -163,12 +164,13 @@ def _errors(
     error = motion.p_WE - motion.p_WE_desired
     norm = np.linalg.norm(error, axis=1)
     if within.any():
-        slip = np.linalg.norm(motion.v_WE - motion.v_WE_desired, axis=1)
+        slip = motion.v_WE - motion.v_WE_desired
         metrics = {
             "position_error_max_m": norm[within].max(),
             "position_error_component_max_m": np.abs(error[within]).max(),
             "position_error_rms_m": np.sqrt(np.mean(norm[within] ** 2)),
-            "velocity_error_max_m_s": slip[within].max(),
+            "velocity_error_max_m_s": np.linalg.norm(slip[within], axis=1).max(),
+            "velocity_error_component_max_m_s": np.abs(slip[within]).max(),
         }
     settled = _settled(motion.time, norm, tolerance)
     if settled is not None:

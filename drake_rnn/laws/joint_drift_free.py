@@ -176,8 +176,9 @@ class JointDriftFree:
     @cached_property
     def observables(self) -> Layout:
         n, m = self.home.size, self.task_size
-        shapes = {"acceleration_demand": (n,), "saturated": (1,), "velocity_error_predicted": (m,)}
-        return Layout(**shapes, **({"torque": (n,)} if self.weighs_torque else {}))
+        shapes = {"acceleration_demand": (n,), "saturated": (1,)}
+        own = {"torque": (n,)} if self.weighs_torque else {"velocity_error_predicted": (m,)}
+        return Layout(**shapes, **own)
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
         return np.zeros(self.state.size)
@@ -193,15 +194,16 @@ class JointDriftFree:
         """
         J = u["J"]
         n, m = self.home.size, self.task_size
-        gram = J @ J.T
+        gram = J.dot(J.T)
         feedback = self.task_beta * self.task_gamma
         slip = self.task_beta + self.task_gamma
         error_0 = p_WE - u["p_WE_desired"]
         v_desired = u["v_WE_desired"]
 
         pull = self.velocity_gain * J.T
-        a_v = (-1.0 - self.composite_gain * ahead) * (pull @ J)
-        a_0 = pull @ (v_desired - self.composite_gain * error_0)
+        composite = self.composite_gain
+        a_v = pull.dot((-1.0 - composite * ahead) * J)
+        a_0 = pull.dot(v_desired - composite * error_0 if composite else v_desired)
         a_omega = J.T
         weight = 0.0 if self.scheme == "man" else self.return_weight
         if weight:
@@ -211,10 +213,11 @@ class JointDriftFree:
             if self.weighs_torque:
                 drift_v, drift_0 = self.alpha * drift_v, self.alpha * drift_0
             if self.scheme in ("naljdf", "moaljdf"):
-                inverse = J.T @ np.linalg.inv(gram + self.damping**2 * np.eye(m))
-                a_v = a_v + drift_v * (inverse @ J)
-                drift_0 = drift_0 - inverse @ (J @ drift_0)
-            a_v.flat[:: n + 1] -= drift_v
+                # I - J^+ J is symmetric: J^+ J = J^T S.
+                S = np.linalg.solve(gram + self._damping_matrix, J)
+                a_v += J.T.dot(drift_v * S)
+                drift_0 = drift_0 - J.T.dot(S.dot(drift_0))
+            a_v -= drift_v * self._identity
             a_0 = a_0 - drift_0
         if self.weighs_torque:
             M, zeta = u["M"], 1.0 - self.alpha
@@ -223,12 +226,12 @@ class JointDriftFree:
                 a_omega = self.alpha * a_omega
             a_0 = a_0 - zeta * (M @ (u["bias"] - u["gravity"]))
             terms = np.column_stack((a_v, a_omega, a_0))
-            solved = np.linalg.solve(kept * np.eye(n) + zeta * (M @ M), terms)
+            solved = np.linalg.solve(kept * self._identity + zeta * (M @ M), terms)
             a_v, a_omega, a_0 = (np.asarray(part) for part in np.split(solved, (n, n + m), axis=1))
             a_0 = a_0[:, 0]
 
         eta, delta = self.rate, self.position_gain
-        b_v = -eta * delta * (slip + feedback * ahead) * J
+        b_v = (-eta * delta * (slip + feedback * ahead)) * J
         b_0 = eta * (
             u["a_WE_desired"] - u["Jdot_v"] - delta * (feedback * error_0 - slip * v_desired)
         )
@@ -252,6 +255,14 @@ class JointDriftFree:
         """Accelerations within their bounds, shape (..., n) [rad/s^2]."""
         bound = self._bound
         return np.minimum(np.maximum(demand, -bound), bound)
+
+    @cached_property
+    def _damping_matrix(self) -> Array:
+        return self.damping**2 * np.eye(self.task_size)
+
+    @cached_property
+    def _identity(self) -> Array:
+        return np.eye(self.home.size)
 
     @cached_property
     def _bound(self) -> Array:
@@ -311,12 +322,12 @@ class JointDriftFree:
         towards = self.position_gain * d
         if self.scheme in ("galjdf", "moaljdf_printed"):
             towards = towards + self.return_weight * np.einsum("...mn,...n->...m", J, c)
-        gram = J @ np.swapaxes(J, -1, -2) + self.damping**2 * np.eye(self.task_size)
+        gram = J @ np.swapaxes(J, -1, -2) + self._damping_matrix
         sigma = -np.linalg.solve(gram, towards[..., np.newaxis])[..., 0]
-        apart = np.abs(v_dot - demand).max(axis=-1, keepdims=True)
+        cut = (np.abs(v_dot - demand) > 1e-9).any(axis=-1, keepdims=True)
         seen: dict[str, Array] = {
             "acceleration_demand": demand,
-            "saturated": (apart > 1e-9 * self._bound.max()).astype(float),
+            "saturated": cut.astype(float),
             "velocity_error_predicted": sigma / max(self.velocity_gain, 1e-300),
         }
         if self.weighs_torque:

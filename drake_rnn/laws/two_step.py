@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
 _AHEAD = {"p_preview": "p_WE_desired", "v_preview": "v_WE_desired", "a_preview": "a_WE_desired"}
 
+# When the ramp began, before there is one [s].
+_NEVER = -1.0
+
 
 class TwoStep:
     """An acceleration law as a sampled controller runs it.
@@ -58,7 +61,6 @@ class TwoStep:
             slope=(n,),
             demand=(n,),
             since=(1,),
-            v_before=(n,),
             omega_before=(m,),
             J_before=(m, n),
             Jdot_v_before=(m,),
@@ -74,18 +76,22 @@ class TwoStep:
         return self.law.observables
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
-        return np.zeros(self.state.size)
+        x = np.zeros(self.state.size)
+        x[self._places["since"]] = _NEVER
+        return x
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
         law, h = self.law, period
         n = law.home.size
-        v, omega, _, _, _, _, v_before, omega_before, J_before, Jdot_v_before = self.state.split(x)
+        at = self._places
+        v, omega = x[at["v"]], x[at["omega"]]
         q, J, Jdot_v = u["position"], u["J"], u["Jdot_v"]
-        v_J = J @ v
-        if J_before.any():
-            J_next, Jdot_v_next = 2.0 * J - J_before, 2.0 * Jdot_v - Jdot_v_before
-            lead, known_v = 1.5 / h, (4.0 * v - v_before) / (2.0 * h)
-            known_omega = (4.0 * omega - omega_before) / (2.0 * h)
+        if x[at["since"].start] != _NEVER:
+            J_next = 2.0 * J - x[at["J_before"]].reshape(J.shape)
+            Jdot_v_next = 2.0 * Jdot_v - x[at["Jdot_v_before"]]
+            lead = 1.5 / h
+            known_v = (4.0 * v - x[at["v_from"]]) / (2.0 * h)
+            known_omega = (4.0 * omega - x[at["omega_before"]]) / (2.0 * h)
         else:
             # The first sample has none before it.
             J_next, Jdot_v_next = J, Jdot_v
@@ -93,26 +99,34 @@ class TwoStep:
         next_u = {**u, "J": J_next, "Jdot_v": Jdot_v_next}
         for preview, desired in _AHEAD.items():
             next_u[desired] = u[preview]
-        form = law.linear_form(next_u, q + h / 2 * v, u["p_WE"] + h / 2 * v_J, ahead=h / 2)
+        half = h / 2.0
+        form = law.linear_form(next_u, q + half * v, u["p_WE"] + half * J.dot(v), half)
 
         size = n + law.task_size
         A = np.empty((size, size))
-        A[:n, :n], A[:n, n:] = -form.a_v, -form.a_omega
-        A[n:, :n], A[n:, n:] = -form.b_v, -form.b_omega
-        A.flat[:: size + 1] += lead
-        sought = np.linalg.solve(A, np.concatenate((form.a_0 + known_v, form.b_0 + known_omega)))
+        A[:n, :n], A[:n, n:] = form.a_v, form.a_omega
+        A[n:, :n], A[n:, n:] = form.b_v, form.b_omega
+        A.flat[:: size + 1] -= lead
+        known = np.concatenate((form.a_0 + known_v, form.b_0 + known_omega))
+        sought = np.linalg.solve(A, -known)
         demand = (sought[:n] - v) / h
         slope = self._within_bounds(demand, q, v, h)
         ramp = (v + h * slope, sought[n:], v, slope, demand, (t,))
-        return np.concatenate((*ramp, v, omega, J.ravel(), Jdot_v))
+        return np.concatenate((*ramp, omega, J.ravel(), Jdot_v))
 
     def commanded_velocity(self, t: float, x: Array) -> Array:
-        at = self._places
-        return np.asarray(x[at["v_from"]] + (t - x[at["since"]]) * x[at["slope"]])
+        v_from, since, slope = self._ramp
+        ramp: Array = x[v_from] + (t - x[since]) * x[slope]
+        return ramp
 
     @cached_property
     def _places(self) -> dict[str, slice]:
         return {name: place for name, (place, _) in self.state.parts.items()}
+
+    @cached_property
+    def _ramp(self) -> tuple[slice, int, slice]:
+        at = self._places
+        return at["v_from"], at["since"].start, at["slope"]
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         v, demand, slope = (self.state.part(x, name) for name in ("v", "demand", "slope"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -37,26 +38,9 @@ class PathSource(LeafSystem):
         self.path = path
         self.start = path.start_point(p_WE)
         self._axes = list(named_task(task).axes)
-        # A pure function of time, asked for three times at each.
-        self._memo: tuple[float, list[Array]] = (np.nan, [])
-        self._memo_ahead: tuple[float, list[Array]] = (np.nan, [])
-        for order, name in enumerate(("p_WE_desired", "v_WE_desired", "a_WE_desired")):
-            self.DeclareVectorOutputPort(
-                name,
-                len(self._axes),
-                lambda context, output, order=order: self._calc(context, output, order),
-                {self.time_ticket()},
-            )
+        self._declare(("p_WE_desired", "v_WE_desired", "a_WE_desired"), 0.0)
         if preview is not None:
-            for order, name in enumerate(("p_preview", "v_preview", "a_preview")):
-                self.DeclareVectorOutputPort(
-                    name,
-                    len(self._axes),
-                    lambda context, output, order=order: self._calc_ahead(
-                        context, output, order, preview
-                    ),
-                    {self.time_ticket()},
-                )
+            self._declare(("p_preview", "v_preview", "a_preview"), preview)
         if R_WE is not None:
             self.DeclareVectorOutputPort(
                 "R_WE_desired",
@@ -65,17 +49,22 @@ class PathSource(LeafSystem):
                 {self.nothing_ticket()},
             )
 
-    def _calc(self, context: Context, output: Any, order: int) -> None:
-        t = context.get_time()
-        if self._memo[0] != t:
-            self._memo = (t, self._at(t))
-        output.set_value(self._memo[1][order])
+    def _declare(self, names: tuple[str, ...], ahead: float) -> None:
+        """Ports of the point's place and its derivatives, ``ahead`` of time [s]."""
+        # A pure function of time, asked for three times at each.
+        memo: list[Any] = [np.nan, []]
 
-    def _calc_ahead(self, context: Context, output: Any, order: int, preview: float) -> None:
-        t = context.get_time() + preview
-        if self._memo_ahead[0] != t:
-            self._memo_ahead = (t, self._at(t))
-        output.set_value(self._memo_ahead[1][order])
+        def port(order: int) -> Callable[[Context, Any], None]:
+            def calc(context: Context, output: Any) -> None:
+                t = context.get_time() + ahead
+                if memo[0] != t:
+                    memo[:] = t, self._at(t)
+                output.set_value(memo[1][order])
+
+            return calc
+
+        for order, name in enumerate(names):
+            self.DeclareVectorOutputPort(name, len(self._axes), port(order), {self.time_ticket()})
 
     def _at(self, t: float) -> list[Array]:
         p, v, a = self.path.evaluate(t)

@@ -129,7 +129,7 @@ class JointDriftFree:
     composite_gain: NonNegative = 0.0
     rate: Positive = 1000.0
     alpha: Annotated[float, Field(strict=True, gt=0, le=1)] = 0.995
-    damping: Positive = 1e-3
+    damping: Positive = 1e-4
     bounds: Literal["acceleration", "all"] = "acceleration"
 
     def __post_init__(self) -> None:
@@ -273,10 +273,11 @@ class JointDriftFree:
         found = []
         saturated = metrics.get("saturated_fraction", 0.0)
         if saturated > 0.0:
+            demand = metrics.get("joint_acceleration_demand_max_rad_s2", np.inf)
             found.append(
                 f"law: accelerations were cut to their bounds in {100 * saturated:.2g} % of the "
-                f"steps (up to {metrics['joint_acceleration_demand_max_rad_s2']:.3g} rad/s^2 was "
-                "asked for); it is not told, and the theorems do not hold of such a run"
+                f"steps (up to {demand:.3g} rad/s^2 was asked for); it is not told, and the "
+                "theorems do not hold of such a run"
             )
         singular = metrics.get("singular_value_min", np.inf)
         if singular < 0.1:
@@ -314,23 +315,23 @@ class JointDriftFree:
 
     def observed(self, demand: Array, v_dot: Array, v: Array, u: Signals) -> Signals:
         """What `observables` names, from the accelerations asked for and those allowed."""
+        cut = (np.abs(v_dot - demand) > 1e-9).any(axis=-1, keepdims=True)
+        seen: dict[str, Array] = {"acceleration_demand": demand, "saturated": cut.astype(float)}
+        if self.weighs_torque:
+            effort = np.einsum("...ij,...j->...i", u["M"], v_dot)
+            return seen | {"torque": effort + u["bias"] - u["gravity"]}
+        return seen | {"velocity_error_predicted": self._velocity_error(v, u)}
+
+    def _velocity_error(self, v: Array, u: Signals) -> Array:
+        """What the velocity error tends to, by Theorem 1, shape (..., m) [m/s]."""
         J, error = u["J"], u["p_WE"] - u["p_WE_desired"]
         slip = np.einsum("...mn,...n->...m", J, v) - u["v_WE_desired"]
         d = (self.task_beta + self.task_gamma) * slip + self.task_beta * self.task_gamma * error
-        stiffness = self.return_beta * self.return_gamma
-        c = (self.return_beta + self.return_gamma) * v + stiffness * (u["position"] - self.home)
         towards = self.position_gain * d
-        if self.scheme in ("galjdf", "moaljdf_printed"):
+        if self.scheme == "galjdf":
+            stiffness = self.return_beta * self.return_gamma
+            c = (self.return_beta + self.return_gamma) * v + stiffness * (u["position"] - self.home)
             towards = towards + self.return_weight * np.einsum("...mn,...n->...m", J, c)
         gram = J @ np.swapaxes(J, -1, -2) + self._damping_matrix
-        sigma = -np.linalg.solve(gram, towards[..., np.newaxis])[..., 0]
-        cut = (np.abs(v_dot - demand) > 1e-9).any(axis=-1, keepdims=True)
-        seen: dict[str, Array] = {
-            "acceleration_demand": demand,
-            "saturated": cut.astype(float),
-            "velocity_error_predicted": sigma / max(self.velocity_gain, 1e-300),
-        }
-        if self.weighs_torque:
-            effort = np.einsum("...ij,...j->...i", u["M"], v_dot)
-            seen["torque"] = effort + u["bias"] - u["gravity"]
-        return seen
+        sigma = np.linalg.solve(gram, towards[..., np.newaxis])[..., 0]
+        return np.asarray(-sigma / max(self.velocity_gain, 1e-300) - self.composite_gain * error)

@@ -15,13 +15,17 @@ from .documents import construct
 from .errors import InvalidInputError
 from .fields import Array
 from .laws import LAWS, Law
+from .laws.posture_law import PostureLaw
 from .limits import JointLimits
 from .paths import PATHS, Path, Rest
-from .self_motion import SelfMotion
+from .reachable_target import reachable_target
 from .task import TASKS
 
 if TYPE_CHECKING:
     from .experiment import Experiment
+
+#: How far a start may lie outside the position limits if the law is there to mend it [rad].
+OUTSIDE = 0.1
 
 
 @dataclass(frozen=True)
@@ -62,7 +66,7 @@ def make_setup(experiment: Experiment) -> Setup:
     arm = arm.with_limits(limits)
     law_class: Any = _kind(experiment.law, LAWS, "law")
     fields = law_class.__dataclass_fields__
-    seeks_posture = "target" in fields
+    seeks_posture = issubclass(law_class, PostureLaw)
     start = start_posture(arm, experiment.start, OUTSIDE if seeks_posture else 0.0)
     path = _path(experiment, seeks_posture)
     known = {
@@ -81,18 +85,13 @@ def make_setup(experiment: Experiment) -> Setup:
         )
     if experiment.dither is not None and "velocity" not in law.inputs:
         raise InvalidInputError("dither: this law does not learn; it has nothing to excite")
-    longest = getattr(law, "longest_period", np.inf)
-    if experiment.period is not None and experiment.period >= longest:
-        raise InvalidInputError(
-            f"period: must be below {longest:g} s for this law's feedback, not "
-            f"{experiment.period:g}"
-        )
-    warnings = _return_warnings(arm, start)
+    if experiment.period is not None and hasattr(law, "check_period"):
+        law.check_period(experiment.period)
+    warnings = [*_widened(_arm(experiment.arm), limits), *_outside(arm, start)]
     target = None
-    if seeks_posture:
-        made: Any = law
-        target, changes = _reachable_target(experiment, arm, start, made.target)
-        law = replace(made, target=target)
+    if isinstance(law, PostureLaw):
+        target, changes = reachable_target(experiment, arm, start, law.target)
+        law = replace(law, target=target)
         warnings += changes
     kinematics = arm.kinematics()
     return Setup(
@@ -106,13 +105,6 @@ def make_setup(experiment: Experiment) -> Setup:
         target=target,
         warnings=tuple(warnings),
     )
-
-
-#: How far a start may lie outside the position limits if the law is there to mend it [rad].
-OUTSIDE = 0.1
-# The end effector may be this far from its place in a target posture, and the target from where
-# the self-motion towards it ends: further, and the law would trade one for the other.
-_MISS, _TURN, _SHORT = 1e-4, 1e-3, 0.01
 
 
 def _path(experiment: Experiment, seeks_posture: bool) -> Path:
@@ -139,66 +131,28 @@ def _require_task(task: str, law_class: Any) -> None:
         raise InvalidInputError(f"task: may be {able} for this law, not {task}")
 
 
-def _return_warnings(arm: Arm, start: Array) -> list[str]:
+def _widened(arm: Arm, limits: JointLimits) -> list[str]:
+    """Where the experiment lets a joint go although the arm itself cannot."""
+    if not np.isfinite(limits.position_upper - limits.position_lower).any():
+        return []
+    beyond = np.maximum(
+        arm.limits.position_lower - limits.position_lower,
+        limits.position_upper - arm.limits.position_upper,
+    )
+    worst = int(np.argmax(beyond))
+    if beyond[worst] <= 1e-3:
+        return []
+    return [
+        f"limits: {arm.joints[worst]} may go {beyond[worst]:.3g} rad beyond what {arm.name} can, "
+        f"{arm.limits.position_lower[worst]:.4g} to {arm.limits.position_upper[worst]:.4g} rad"
+    ]
+
+
+def _outside(arm: Arm, start: Array) -> list[str]:
     return [
         f"start: {name} is at {q:.6g} rad, {excess:.3g} rad outside its limits; it is brought back"
         for name, q, excess in zip(arm.joints, start, arm.limits.violation(start), strict=True)
         if excess > 0
-    ]
-
-
-def _reachable_target(
-    experiment: Experiment, arm: Arm, start: Array, target: Array
-) -> tuple[Array, list[str]]:
-    """The target to seek, and what there is to say about it."""
-    motion = SelfMotion(arm, start, experiment.task)
-    if motion.free_dimensions == 0:
-        raise InvalidInputError(
-            f"task: {experiment.task} leaves {arm.name} no self-motion at its start: of its "
-            f"{arm.n} joints 0 free dimensions remain"
-        )
-    nearest = motion.towards(target)
-    short = np.abs(nearest - target)
-    distance, angle = motion.distance(target), motion.angle(target)
-    if distance <= _MISS and angle <= _TURN and short.max() <= _SHORT:
-        return target, _detours(arm, start, target)
-    faults = []
-    if distance > _MISS:
-        faults.append(f"moves the end effector {distance:.3g} m from where it starts")
-    if angle > _TURN:
-        faults.append(f"turns it by {angle:.3g} rad")
-    if not faults:
-        faults.append("is not reached by the self-motion from the start, which gets stuck")
-    worst = int(np.argmax(short))
-    lower, upper = arm.limits.position_lower, arm.limits.position_upper
-    what = (
-        f"law.target: {' and '.join(faults)}; the nearest posture that can be reached is "
-        f"[{', '.join(map(_typed, nearest, lower, upper))}], {short[worst]:.3g} rad off in "
-        f"{arm.joints[worst]}"
-    )
-    if arm.limits.violation(nearest).any():
-        raise InvalidInputError(f"{what}, which is outside its limits; start nearer to them")
-    if experiment.on_unreachable == "refuse":
-        raise InvalidInputError(f"{what}; give that, or on_unreachable: project")
-    return nearest, [f"{what}: taken in its place", *_detours(arm, start, nearest)]
-
-
-def _typed(q: float, lower: float, upper: float) -> str:
-    """A joint position to six decimals, or more where it would be rounded out of its limits."""
-    text = f"{q:.6f}"
-    return text if lower <= float(text) <= upper else repr(float(q))
-
-
-def _detours(arm: Arm, start: Array, target: Array) -> list[str]:
-    """Joints that go more than half a turn although the same posture is nearer."""
-    other = target - np.copysign(2 * np.pi, target - start)
-    lower, upper = arm.limits.position_lower, arm.limits.position_upper
-    detour = (np.abs(target - start) > np.pi) & (lower <= other) & (other <= upper)
-    return [
-        f"law.target: {name} has {abs(to - begin):.3g} rad to go; at {near:.6g} rad the posture "
-        "is the same, and nearer"
-        for name, begin, to, near, so in zip(arm.joints, start, target, other, detour, strict=True)
-        if so
     ]
 
 
@@ -222,6 +176,12 @@ def _limits(arm: Arm, bounds: Mapping[str, Any] | str) -> JointLimits:
     for name in bounds:
         if name not in names:
             raise InvalidInputError(f"limits.{name}: no such key; " + nearest(name, names))
+        entries = bounds[name]
+        if isinstance(entries, (list, np.ndarray)) and len(entries) != arm.n:
+            raise InvalidInputError(
+                f"limits.{name}: must have {arm.n} entries, one a joint of {arm.name}, not "
+                f"{len(entries)}"
+            )
     return construct(JointLimits, arm.limits.merged(bounds), "limits")
 
 

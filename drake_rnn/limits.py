@@ -133,7 +133,7 @@ class JointLimits:
         That is: the velocity is within its bound at the end, and if the joint then brakes as
         hard as it may, in samples of ``period`` [s], it comes to rest inside its position
         limits. From a state like that the box is never empty, so bounds once kept are kept for
-        ever; from any other, it is what brings the joint back soonest.
+        ever; from any other, it is what brings the joint back, to rest at the limit it is beyond.
 
         Args:
             q: Joint positions, shape (n,) [rad].
@@ -146,15 +146,12 @@ class JointLimits:
         most = self.require("acceleration", "braking in time")
         # From velocity w a joint needs w^2 / 2a and, as it may not stop between samples, w h / 2
         # to come to rest; with the ramp from v to w before, q + h (v + w) / 2 + w^2 / 2a + w h / 2
-        # must stay below the limit: solved for w.
-        bound = most * period
-        along = q + period / 2 * v
-        ends = []
-        for limit, sign in ((self.position_lower, -1.0), (self.position_upper, 1.0)):
-            room = np.maximum(sign * (limit - along), 0.0)
-            ends.append(sign * (np.sqrt(bound * bound + 2.0 * most * room) - bound))
-        slowest = np.maximum(ends[0], -self.velocity)
-        fastest = np.minimum(ends[1], self.velocity)
+        # must stay below the limit: solved for w. Beyond the limit the same holds of the way back.
+        room = self._position - (q + period / 2 * v)
+        with np.errstate(invalid="ignore"):
+            ends = 2.0 * room / (period + np.sqrt(period**2 + 2.0 * np.abs(room) / most))
+        ends = np.where(np.isfinite(room), ends, room)
+        slowest, fastest = np.clip(ends, -self.velocity, self.velocity)
         lower = np.clip((slowest - v) / period, -most, most)
         upper = np.clip((fastest - v) / period, -most, most)
         return lower, upper

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from pydrake.math import RotationMatrix
 
 from .arms import Arm
 from .errors import InvalidInputError
 from .fields import Array
+from .laws.rotation_error import rotation_error
 from .task import named_task
 
 # Postures count as on the manifold when the end effector is this close [m, rad].
@@ -52,7 +52,7 @@ class SelfMotion:
         position = self._task.position(self._kinematics.p_WE(q) - self._p_WE)
         if not self._task.with_orientation:
             return position
-        turned = rotation_vector(self._R_WE, self._kinematics.R_WE(q))
+        turned = rotation_error(self._R_WE, self._kinematics.R_WE(q))
         return np.concatenate((turned, position))
 
     def distance(self, q: Array) -> float:
@@ -82,9 +82,10 @@ class SelfMotion:
         q = self._approached(self.start.copy(), target)
         # As hard as it takes a joint that the end effector leaves little freedom.
         for pressure in (10.0, 100.0):
-            if limits.violation(q).any():
-                inward = np.clip(q, limits.position_lower, limits.position_upper) - q
-                q = self._approached(self._approached(q, q + pressure * inward), target)
+            outside = np.clip(q, limits.position_lower, limits.position_upper) - q
+            if outside.any():
+                inside = self._approached(q, q + pressure * outside)
+                q = self._approached(inside, target)
         return q
 
     def walk(self, direction: Array, length: float) -> Array:
@@ -204,11 +205,12 @@ class SelfMotion:
         return None
 
     def _vector(self, name: str, value: Array) -> Array:
-        vector = np.asarray(value, dtype=float)
+        try:
+            vector = np.asarray(value, dtype=float)
+        except (TypeError, ValueError):
+            vector = np.empty(0)
         if vector.shape != (self.arm.n,) or not np.isfinite(vector).all():
-            raise InvalidInputError(
-                f"{name}: must be {self.arm.n} finite numbers, not {vector.tolist()}"
-            )
+            raise InvalidInputError(f"{name}: must be {self.arm.n} finite numbers, not {value!r}")
         return vector
 
 
@@ -220,9 +222,3 @@ def _require_length(length: float) -> None:
 def _least(A: Array, b: Array) -> Array:
     """The shortest of the x that bring A x nearest to b; A may be singular."""
     return np.asarray(np.linalg.lstsq(A, b, rcond=1e-8)[0])
-
-
-def rotation_vector(R_from: Array, R_to: Array) -> Array:
-    """The rotation from one orientation to another, in their common frame, shape (3,) [rad]."""
-    turn = RotationMatrix(R_to @ R_from.T).ToAngleAxis()
-    return np.asarray(turn.angle() * turn.axis())

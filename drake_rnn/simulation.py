@@ -17,11 +17,11 @@ from .experiment import Experiment
 from .experiment_setup import OUTSIDE
 from .fields import Array
 from .laws.law import ContinuousLaw, Law, Signals
+from .laws.rotation_error import rotation_error
 from .metrics import Motion, law_metrics, motion_metrics
 from .reach import check_reach
 from .recorder import Recorder
 from .result import Result
-from .self_motion import rotation_vector
 from .systems.controllers import ContinuousController, SampledController
 from .systems.path_source import PathSource
 from .task import TASKS
@@ -295,7 +295,7 @@ def _motion(experiment: Experiment, recorder: Recorder, law: Law) -> Motion:
         p_WE_desired[k] = (origin + p)[axes]
         v_WE_desired[k] = v[axes]
         if turned is not None:
-            turned[k] = np.linalg.norm(rotation_vector(setup.R_WE_start, kinematics.R_WE(q)))
+            turned[k] = np.linalg.norm(rotation_error(kinematics.R_WE(q), setup.R_WE_start))
     state = recorder.series("state")
     return Motion(
         time=recorder.time,

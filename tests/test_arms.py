@@ -291,6 +291,43 @@ def test_sdf_and_mjcf_of_an_arm_move_as_its_urdf(tmp_path, suffix):
     np.testing.assert_array_equal(other.limits.position_upper, [2, 1])
 
 
+# Masses.
+
+
+@pytest.mark.parametrize("name", shipped_arms())
+def test_a_scale_of_the_masses_is_one_of_all_forces_and_of_nothing_else(name):
+    """1e-13 of the largest: rounding."""
+    arm, light = load_arm(name), load_arm(name, mass_scale=0.4)
+    heavy, scaled = arm.kinematics(), light.kinematics()
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        q, v = rng.uniform(-1, 1, arm.n), rng.uniform(-1, 1, arm.n)
+        for what in ("p_WE", "J"):
+            np.testing.assert_array_equal(getattr(scaled, what)(q), getattr(heavy, what)(q))
+        for force, expected in (
+            (scaled.M(q), heavy.M(q)),
+            (scaled.bias(q, v), heavy.bias(q, v)),
+            (scaled.gravity(q), heavy.gravity(q)),
+        ):
+            scale = np.abs(expected).max()
+            np.testing.assert_allclose(force, 0.4 * expected, rtol=0, atol=1e-13 * scale)
+
+
+def test_a_scale_of_the_masses_goes_with_the_arm(gripper):
+    """Through other limits, another frame, locked joints; fingers and massless bodies too."""
+    arm = load_arm(gripper, frame="hand", mass_scale=2.0)
+    q, weight = np.array([0.3, -0.7, 0.4]), load_arm(gripper, frame="hand").kinematics()
+    for same in (arm, arm.with_limits(arm.limits), arm.replace(frame="lower", joints=arm.joints)):
+        np.testing.assert_allclose(same.kinematics().gravity(q), 2 * weight.gravity(q), rtol=1e-13)
+    locked = arm.replace(lock={"elbow": 0.4}).kinematics()
+    np.testing.assert_allclose(locked.M(q[:2]), 2 * weight.M(q)[:2, :2], rtol=1e-13)
+
+
+@pytest.mark.parametrize("scale", [0.0, -1.0, inf, "heavy"])
+def test_a_scale_of_the_masses_that_cannot_be_is_refused(scale):
+    assert "mass_scale: must be" in refusal("planar6", mass_scale=scale)
+
+
 # Files that a model needs.
 
 

@@ -9,6 +9,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 from drake_rnn import (
     ContinuousController,
     InvalidInputError,
+    JointDriftFree,
     JointLimits,
     Layout,
     SampledController,
@@ -184,3 +185,53 @@ def test_the_context_holds_everything(make):
     ]
     # The copy's integrator starts anew and may choose other steps.
     np.testing.assert_allclose(states[0], states[1], atol=1e-6)
+
+
+class Ramping(Exploding):
+    """A law whose command goes on between its samples."""
+
+    holds_command = False
+
+    def step(self, t, x, u, period):
+        return x + 1.0
+
+    def commanded_velocity(self, t, x):
+        return x[:N] + t
+
+
+class TestRamps:
+    """Commands that change between samples."""
+
+    def test_the_command_is_that_of_the_time_not_of_the_last_sample(self):
+        """Otherwise Drake would keep what it computed when the state changed last."""
+        simulator, context = wire(SampledController(Ramping(), 0.1))
+        command = simulator.get_system().GetSubsystemByName("controller")
+        command = command.GetOutputPort("commanded_velocity")
+        simulator.AdvanceTo(0.02)
+        for t in (0.02, 0.05, 0.08):
+            simulator.AdvanceTo(t)
+            np.testing.assert_allclose(command.Eval(context), 1.0 + t)
+
+    def test_a_command_that_is_held_does_not_depend_on_time(self):
+        controllers = SampledController(Exploding(), 0.1), SampledController(Ramping(), 0.1)
+        tickets = []
+        for controller in controllers:
+            context = controller.CreateDefaultContext()
+            controller.set_state(context, np.zeros(5))
+            port = controller.GetOutputPort("commanded_velocity")
+            first = port.Eval(context).copy()
+            context.SetTime(3.0)
+            tickets.append(np.array_equal(port.Eval(context), first))
+        assert tickets == [True, False]
+
+
+def test_a_law_with_a_sampled_reading_is_sampled_with_that():
+    limits = JointLimits.unlimited(N).replace(acceleration=1.0)
+    law = JointDriftFree(scheme="naljdf", limits=limits, home=np.zeros(N))
+    controller = SampledController(law, 1e-3)
+    assert controller.law is law.sampled
+    assert ContinuousController(law).law is law
+    assert controller.HasInputPort("p_preview")
+    assert not controller.HasInputPort("p_WE_desired")
+    with pytest.raises(InvalidInputError, match="TwoStep is no differential equation"):
+        ContinuousController(law.sampled)

@@ -26,6 +26,10 @@ KNOWN = [
     "acceleration_norm",
     "position",
     "position_error",
+    "position_error_axes",
+    "velocity_error",
+    "joint_drift",
+    "motion",
 ]
 LEARNED = [*KNOWN, "jacobian", "jacobian_error"]
 

@@ -6,7 +6,14 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
-from drake_rnn import Dither, InvalidInputError, Kinematics, Mirror, PathSource, load_arm
+from drake_rnn import (
+    Dither,
+    InvalidInputError,
+    Kinematics,
+    Mirror,
+    PathSource,
+    load_arm,
+)
 from drake_rnn.paths import Nephroid
 
 PANDA = load_arm("panda")
@@ -90,6 +97,28 @@ def test_a_path_source_is_its_path_from_where_the_arm_starts():
     np.testing.assert_array_equal(got[0], p_WE - [0.1, 0, 0] + p)
     np.testing.assert_array_equal(got[1], v)
     np.testing.assert_array_equal(got[2], a)
+
+
+@pytest.mark.parametrize("task", ["xyz", "xy"])
+def test_a_preview_is_what_will_be_desired_that_much_later(task):
+    """Whichever port is asked first, and at whichever time."""
+    path = Nephroid(size=0.04, period=8.0, plane="xy")
+    source = PathSource(path, np.array([0.3, 0.0, 0.6]), task, preview=0.05)
+    now, later = source.CreateDefaultContext(), source.CreateDefaultContext()
+    for t in (0.0, 1.3, 7.98, 0.4):
+        now.SetTime(t)
+        later.SetTime(t + 0.05)
+        for letter in "avp":
+            desired = source.GetOutputPort(f"{letter}_WE_desired")
+            ahead = source.GetOutputPort(f"{letter}_preview")
+            assert ahead.size() == len(task)
+            np.testing.assert_array_equal(ahead.Eval(now), desired.Eval(later))
+            assert (ahead.Eval(now) != desired.Eval(now)).any()
+
+
+def test_who_does_not_see_ahead_is_offered_no_preview():
+    source = PathSource(Nephroid(size=0.04, period=8.0), np.zeros(3))
+    assert not any(source.HasOutputPort(f"{letter}_preview") for letter in "pva")
 
 
 def test_a_planar_task_has_two_rows():

@@ -9,22 +9,27 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..result import Result
-from .panels import (
-    bounds_are_felt,
-    has_target,
+from .jacobian_panels import plot_least_known, plot_singular_value
+from .joint_panels import (
     plot_acceleration_norm,
     plot_angles,
-    plot_end_effector,
+    plot_drift,
     plot_joint_error,
-    plot_least_known,
     plot_moving_bounds,
-    plot_path,
-    plot_position_error,
+    plot_torques,
     plot_velocities,
 )
 from .registry import draws
 from .space import is_spatial, plot_postures
 from .style import COLOURS, NOTE, PAGE, Style
+from .task_panels import (
+    plot_end_effector,
+    plot_path,
+    plot_position_error,
+    plot_position_error_axes,
+    plot_velocity_error,
+)
+from .traits import bounds_are_felt, has_target, returns
 
 _Panels = list[tuple[set[str], Callable[[Axes, Result], None]]]
 
@@ -53,6 +58,17 @@ _TARGET_PANELS: _Panels = [
     ({"velocity"}, _plot_velocities),
     ({"acceleration_peak"}, plot_acceleration_norm),
 ]
+#: And where the joints are to return; the last but where there are torques.
+_RETURN_PANELS: _Panels = [
+    ({"p_WE", "p_WE_desired"}, plot_path),
+    ({"p_WE", "p_WE_desired"}, plot_position_error_axes),
+    ({"v_WE", "v_WE_desired"}, plot_velocity_error),
+    ({"position"}, plot_drift),
+    ({"acceleration_peak"}, plot_acceleration_norm),
+    ({"torque"}, plot_torques),
+    ({"J"}, plot_singular_value),
+]
+_MOST = 6
 
 #: What the overview names, after what the experiment itself expects.
 _METRICS = (
@@ -83,13 +99,25 @@ _TARGET_METRICS = (
     "singular_value_min",
     "saturated_fraction",
 )
+_RETURN_METRICS = (
+    "position_error_max_m",
+    "velocity_error_max_m_s",
+    "joint_drift_mean_rad",
+    "joint_drift_max_rad",
+    "joint_velocity_max_rad_s",
+    "joint_acceleration_max_rad_s2",
+    "joint_acceleration_demand_max_rad_s2",
+    "saturated_fraction",
+    "limit_violation_max",
+    "singular_value_min",
+)
 
 
 @draws("p_WE", "p_WE_desired")
 def overview(result: Result) -> Figure:
     """One page: path, joints, errors, and the metrics beside what they are expected to be."""
-    every = _TARGET_PANELS if has_target(result) else _PANELS
-    panels = [plot for needs, plot in every if needs <= result.series.keys()]
+    every, names = _contents(result)
+    panels = [plot for needs, plot in every if needs <= result.series.keys()][:_MOST]
     rows = (len(panels) + 1) // 2
     figure = Figure(figsize=(PAGE, 1.75 + 2.3 * rows), layout="constrained")
     parts: Any = figure.subfigures(3, 1, height_ratios=(0.45, 2.3 * rows, 1.3))
@@ -100,8 +128,15 @@ def overview(result: Result) -> Figure:
         in_space = plot is plot_postures and is_spatial(result)
         cell = grid[k // 2, k % 2]
         plot(body.add_subplot(cell, projection="3d" if in_space else None), result)
-    _table(footer, result)
+    _table(footer, result, names)
     return figure
+
+
+def _contents(result: Result) -> tuple[_Panels, tuple[str, ...]]:
+    """Panels and metrics that say what a law is about."""
+    if has_target(result):
+        return _TARGET_PANELS, _TARGET_METRICS
+    return (_RETURN_PANELS, _RETURN_METRICS) if returns(result) else (_PANELS, _METRICS)
 
 
 def _header(part: Any, result: Result) -> None:
@@ -111,10 +146,9 @@ def _header(part: Any, result: Result) -> None:
     part.text(0.5, 0.45, "\n".join(what), va="top", ha="center", fontsize=7.5, wrap=True)
 
 
-def _table(part: Any, result: Result) -> None:
+def _table(part: Any, result: Result, common: tuple[str, ...]) -> None:
     """Metrics in two columns, each beside what the experiment accepts."""
     accept = result.experiment.accept
-    common = _TARGET_METRICS if has_target(result) else _METRICS
     names = [name for name in dict.fromkeys((*accept, *common)) if name in result.metrics]
     rows = max(1, (len(names) + 1) // 2)
     for k, name in enumerate(names):

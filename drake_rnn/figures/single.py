@@ -11,23 +11,17 @@ from matplotlib.lines import Line2D
 
 from ..fields import Array
 from ..result import Result
-from .panels import (
-    apart,
-    bounds_are_felt,
-    first_lap,
-    has_path,
-    has_target,
+from .jacobian_panels import plot_jacobian_error
+from .joint_panels import (
     plot_acceleration_norm,
     plot_angles,
     plot_bounded,
-    plot_end_effector,
-    plot_jacobian_error,
+    plot_drift,
+    plot_drift_left,
     plot_joint_error,
     plot_moving_bounds,
-    plot_path,
-    plot_position_error,
     plot_range,
-    plot_turn,
+    plot_torques,
 )
 from .registry import draws
 from .space import arm_figure, frame_space, plot_postures, plot_stroboscope
@@ -52,6 +46,15 @@ from .style import (
     time_axis,
     unit,
 )
+from .task_panels import (
+    plot_end_effector,
+    plot_path,
+    plot_position_error,
+    plot_position_error_axes,
+    plot_turn,
+    plot_velocity_error,
+)
+from .traits import apart, bounds_are_felt, first_lap, has_path, has_target
 
 
 @draws("p_WE", "p_WE_desired", applies=lambda r: has_path(r) and r.series["p_WE"].shape[1] == 3)
@@ -171,6 +174,41 @@ def position_error(result: Result) -> Figure:
     return figure
 
 
+@draws("p_WE", "p_WE_desired", applies=has_path)
+def position_error_axes(result: Result) -> Figure:
+    """Position error axis by axis."""
+    figure, ax = single()
+    plot_position_error_axes(ax, result)
+    return figure
+
+
+@draws("v_WE", "v_WE_desired", applies=has_path)
+def velocity_error(result: Result) -> Figure:
+    """Velocity error axis by axis, with what the law's theory says that it is."""
+    figure, ax = single()
+    plot_velocity_error(ax, result)
+    return figure
+
+
+@draws("position", applies=has_path)
+def joint_drift(result: Result) -> Figure:
+    """How far each joint is from where it was at first, and what is left of that in the end."""
+    figure = Figure(figsize=(COLUMN, 4.1), layout="constrained")
+    axes = figure.subplots(2, 1, height_ratios=(3, 2))
+    plot_drift(axes[0], result)
+    plot_drift_left(axes[1], result)
+    figure.align_ylabels()
+    return figure
+
+
+@draws("torque")
+def joint_torques(result: Result) -> Figure:
+    """All joints."""
+    figure, ax = single()
+    plot_torques(ax, result)
+    return figure
+
+
 @draws("position", applies=has_target)
 def postures(result: Result) -> Figure:
     """The arm as it starts, as it ends, and as it should."""
@@ -182,16 +220,13 @@ def postures(result: Result) -> Figure:
 @draws("position", "velocity", applies=has_target)
 def stroboscope(result: Result) -> Figure:
     """The arm at equal intervals of time while it moves: dense where it is slow."""
-    figure, ax = arm_figure(result, below=0.5)
-    times = plot_stroboscope(ax, result)
-    if times is not None:
-        place: Style = {"ax": ax, "shrink": 0.7, "aspect": 28}
-        if ax.name == "3d":  # whose labels layouts do not reckon with
-            place = {"cax": ax.inset_axes((0.15, -0.16, 0.7, 0.035))}
-        bar: Any = figure.colorbar(times, orientation="horizontal", **place)
-        bar.set_label("time [s]")
-        bar.outline.set_visible(False)
-    return figure
+    return _flashes(result)
+
+
+@draws("position", "velocity", applies=has_path)
+def motion(result: Result) -> Figure:
+    """The arm at equal intervals of time along its path."""
+    return _flashes(result)
 
 
 @draws("position", applies=has_target)
@@ -261,6 +296,19 @@ def jacobian_error(result: Result) -> Figure:
     """How far J_hat is from J, at large and along the motion."""
     figure, ax = single()
     plot_jacobian_error(ax, result)
+    return figure
+
+
+def _flashes(result: Result) -> Figure:
+    figure, ax = arm_figure(result, below=0.5)
+    times = plot_stroboscope(ax, result)
+    if times is not None:
+        place: Style = {"ax": ax, "shrink": 0.7, "aspect": 28}
+        if ax.name == "3d":  # whose labels layouts do not reckon with
+            place = {"cax": ax.inset_axes((0.15, -0.16, 0.7, 0.035))}
+        bar: Any = figure.colorbar(times, orientation="horizontal", **place)
+        bar.set_label("time [s]")
+        bar.outline.set_visible(False)
     return figure
 
 

@@ -14,19 +14,26 @@ from matplotlib.figure import Figure
 from ..fields import Array
 from ..result import Result
 from .style import COLOURS, COLUMN, DESIRED, Style, finite, largest, legend, single, ticks
+from .traits import first_lap, has_path
 
 _LOOKS: dict[str, Style] = {
     "start": {"color": COLOURS[4], "linewidth": 1.2},
     "end": {"color": COLOURS[5], "linewidth": 2.4},
     "target": {**DESIRED, "markersize": 2.0},
 }
+#: What the end effector traces, above the arm.
+_TRACE: Style = {"color": COLOURS[1], "linewidth": 1.0, "zorder": 4}
 #: Postures of a stroboscopic picture, about.
 _FLASHES = 20
+#: On the way along a path, which is short beside the arm: more would be a smear.
+_FLASHES_ALONG = 10
 #: Share of its largest speed below which the arm counts as resting.
 _AT_REST = 0.02
 #: Of the palest of them.
 _PALEST = 0.25
 _ELEVATION = 20.0
+#: From where a path in a horizontal plane is more than a line.
+_HIGH = 42.0
 #: Views along or across an axis would fold its labels up.
 _AZIMUTHS = [quarter + angle for quarter in (-90, 0, 90, 180) for angle in (35, 55)]
 
@@ -44,13 +51,18 @@ def plot_postures(ax: Axes, result: Result) -> None:
 
 
 def plot_stroboscope(ax: Axes, result: Result) -> ScalarMappable | None:
-    """The arm at equal intervals of time while it moves: dense where it is slow.
+    """The arm at equal intervals of time while it moves, along a path for a lap.
+
+    Dense where it is slow.
 
     Returns:
         What a colour bar shows time by; None if nothing was finite.
     """
-    stride = max(1, ceil(_steps_in_motion(result) / _FLASHES))
-    shown = slice(0, stride * _FLASHES + 1, stride)
+    steps, flashes = _steps_in_motion(result), _FLASHES
+    if has_path(result):
+        steps, flashes = min(steps, int(first_lap(result).sum())), _FLASHES_ALONG
+    stride = max(1, ceil(steps / flashes))
+    shown = slice(0, stride * flashes + 1, stride)
     time, position = result.time[shown], result.series["position"][shown]
     sound = np.isfinite(position).all(axis=1)
     joints = np.array([_skeleton(result, q) for q in position[sound]])
@@ -61,7 +73,13 @@ def plot_stroboscope(ax: Axes, result: Result) -> ScalarMappable | None:
     for points, colour in zip(joints, colours[sound], strict=True):
         _plot_stick(ax, points, color=colour, linewidth=0.9, markersize=2.0)
     _mark_ends(ax, joints[0])
-    _fit(ax, joints)
+    lies_flat = False
+    if has_path(result):
+        tips = [_skeleton(result, q)[-1] for q in finite(result.series["position"][:steps])]
+        traced = np.array(tips)
+        ax.plot(*_shown(ax, traced).T, label="traced", **_TRACE)
+        lies_flat = np.ptp(traced, axis=0).argmin() == 2
+    _fit(ax, joints, _HIGH if lies_flat else _ELEVATION)
     legend(ax)
     half = (time[-1] - time[0]) / max(1, time.size - 1) / 2
     return ScalarMappable(Normalize(time[0] - half, time[-1] + half), ListedColormap(colours))
@@ -80,7 +98,8 @@ def arm_figure(result: Result, below: float = 0.0) -> tuple[Figure, Axes]:
 def is_spatial(result: Result) -> bool:
     """Whether the arm leaves the plane z = const."""
     setup = result.experiment.setup
-    heights = [_skeleton(result, q)[:, 2] for q in (setup.start, _target(result))]
+    postures = [setup.start] if setup.target is None else [setup.start, setup.target]
+    heights = [_skeleton(result, q)[:, 2] for q in postures]
     return bool(np.ptp(heights) > 1e-9)
 
 
@@ -136,9 +155,9 @@ def _shown(ax: Axes, points: Array) -> Array:
     return points if ax.name == "3d" else points[:, :2]
 
 
-def _fit(ax: Any, postures: Array) -> None:
+def _fit(ax: Any, postures: Array, elevation: float = _ELEVATION) -> None:
     if ax.name == "3d":
-        ax.view_init(_ELEVATION, _azimuth(postures))
+        ax.view_init(elevation, _azimuth(postures))
         frame_space(ax, postures.reshape(-1, 3))
         # From some sides it would stand on its head.
         ax.zaxis.set_rotate_label(False)

@@ -201,6 +201,16 @@ def span(values: Array, least: float) -> tuple[float, float]:
     return low - widen, high + widen
 
 
+def prefixed(values: Array, unit: str) -> tuple[str, float]:
+    """The unit in which small values read well, and how many of it one ``unit`` has."""
+    peak = largest(values)
+    return next(
+        (name + unit, scale)
+        for name, scale in (("", 1.0), ("m", 1e3), ("µ", 1e6))
+        if peak * scale >= 0.1 or name == "µ"
+    )
+
+
 def unit(series: str) -> str:
     """Of a series, as it is printed."""
     return UNITS[series].replace("^2", "²").replace("^3", "³")

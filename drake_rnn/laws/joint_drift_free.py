@@ -245,11 +245,8 @@ class JointDriftFree:
         v, omega = self.state.split(x)
         form = self.linear_form(u, u["position"], u["p_WE"])
         demand = form.a_v @ v + form.a_omega @ omega + form.a_0
-        v_dot = self.clipped(demand)
         omega_dot = form.b_v @ v + form.b_omega @ omega + form.b_0
-        if self.scheme == "moaljdf":
-            omega_dot = omega_dot - self.rate * (u["J"] @ (v_dot - demand))
-        return self.state.join(v_dot, omega_dot)
+        return self.state.join(self.clipped(demand), omega_dot)
 
     def clipped(self, demand: Array) -> Array:
         """Accelerations within their bounds, shape (..., n) [rad/s^2]."""

@@ -20,51 +20,35 @@ from typing import Literal
 
 import numpy as np
 
-from ..fields import Array, NonNegative, Positive, Vector, validated
-from ..limits import JointLimits
+from ..fields import Array, NonNegative, Positive, validated
 from .law import Layout, Signals
+from .posture_law import PostureLaw
 from .rise import smooth_rise
 from .rotation_error import rotation_error
-from .target import check_target
 
 
 @validated
-class NullSpaceAdjustment:
+class NullSpaceAdjustment(PostureLaw):
     """A sampled law without memory; its state is the velocity it asks for.
 
+    It holds a point and does not track one: there is no feed-forward in it.
+
     Args:
-        target: Posture to reach, shape (n,) [rad].
-        limits: Position and velocity limits of the joints.
-        rate: Speed of convergence to the target [1/s].
+        target, limits, rate, limit_stiffness, task_size: See `PostureLaw`.
         ramp_time: Time over which the pull towards the target sets in [s].
-        feedback: Of the end effector's displacement [1/s]; times the period it must stay
-            below 1.
+        feedback: Of the end effector's displacement [1/s].
         damping: Of the pseudoinverse [m]; small beside the singular values of J.
-        limit_stiffness: Velocity allowed per radian left to a position limit [1/s].
-        task_size: Rows of J, all of which are held; of 6 the first three are rotation.
     """
 
     kind: Literal["null_space_adjustment"] = "null_space_adjustment"
-    target: Vector
-    limits: JointLimits
-    rate: Positive = 4.0
     ramp_time: Positive = 0.75
     feedback: NonNegative = 50.0
     damping: Positive = 1e-3
-    limit_stiffness: Positive = 20.0
-    task_size: Literal[2, 3, 6] = 3
-
-    def __post_init__(self) -> None:
-        check_target(self.target, self.limits)
 
     @property
-    def holds_command(self) -> bool:
-        return True
-
-    @property
-    def longest_period(self) -> float:
-        """Between two samples, beyond which the feedback overshoots [s]."""
-        return 1.0 / self.feedback if self.feedback else np.inf
+    def rates(self) -> dict[str, float]:
+        """See `PostureLaw.rates`."""
+        return {**super().rates, "feedback": self.feedback}
 
     @cached_property
     def state(self) -> Layout:
@@ -123,7 +107,7 @@ class NullSpaceAdjustment:
         damping = self.damping**2 * np.eye(m)
         free = np.ones(n)
         held = np.zeros(n)
-        while True:
+        for _ in range(n):
             J_free = J * free
             v = held + free * pull
             v = v + J_free.T @ np.linalg.solve(J_free @ J_free.T + damping, task_velocity - J @ v)
@@ -131,7 +115,7 @@ class NullSpaceAdjustment:
             worst = int(np.argmax(excess))
             if excess[worst] <= 0.0:
                 return v
-            if free.sum() <= m:
+            if free.sum() <= m or not np.isfinite(v).all():
                 break
             free[worst] = 0.0
             held[worst] = min(max(v[worst], lower[worst]), upper[worst])

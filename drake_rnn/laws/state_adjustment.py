@@ -50,45 +50,37 @@ from typing import Literal
 
 import numpy as np
 
-from ..fields import Array, Positive, Vector, validated
-from ..limits import JointLimits
+from ..fields import Array, Positive, validated
 from .law import Layout, Signals
+from .posture_law import PostureLaw
 from .rise import sine_rise, smooth_rise
-from .target import check_target
 
 
 @validated
-class StateAdjustment:
+class StateAdjustment(PostureLaw):
     """SA; with a ``rise_time`` MSA, which starts from rest; with a ``ramp_time`` a gentler SA.
 
     Args:
-        target: Posture to reach, shape (n,) [rad].
-        limits: Position and velocity limits of the joints.
-        rate: Speed of convergence to the target [1/s].
+        target, limits, rate, limit_stiffness, task_size: See `PostureLaw`.
         rise_time: Time over which the velocity bounds open [s]; None keeps them open.
         ramp_time: Time over which the pull towards the target sets in, without a jump of
             velocity or acceleration [s]; None for at once. Not in the paper.
         time_constant: Of the network [s]; the end effector's drift is proportional to it.
-        limit_stiffness: Velocity allowed per radian left to a position limit [1/s].
-        task_size: Rows of J, all of which are held; of 6 the first three are rotation.
     """
 
     kind: Literal["state_adjustment"] = "state_adjustment"
-    target: Vector
-    limits: JointLimits
-    rate: Positive = 4.0
     rise_time: Positive | None = None
     ramp_time: Positive | None = None
     time_constant: Positive = 1e-3
-    limit_stiffness: Positive = 20.0
-    task_size: Literal[2, 3, 6] = 3
 
     def __post_init__(self) -> None:
-        check_target(self.target, self.limits)
-
-    @property
-    def holds_command(self) -> bool:
-        return True
+        super().__post_init__()
+        unbounded = ~np.isfinite(self.limits.velocity)
+        if self.rise_time is not None and unbounded.any():
+            raise ValueError(
+                "rise_time: opens the bounds of the velocity, of which joint "
+                f"{int(np.argmax(unbounded)) + 1} has none; give limits.velocity"
+            )
 
     @cached_property
     def state(self) -> Layout:

@@ -134,6 +134,7 @@ class SampledController(_Controller):
         seed: For the law's initial state.
 
     Raises:
+        InvalidInputError: If the period is too long for the law.
         SimulationError: While simulating, when a part of the state is no longer finite.
     """
 
@@ -142,6 +143,8 @@ class SampledController(_Controller):
         if not (period > 0 and isfinite(period)):
             raise InvalidInputError(f"period: must be positive, not {period}")
         self.period = period
+        if (check_period := getattr(self.law, "check_period", None)) is not None:
+            check_period(period)
         state = self.DeclareDiscreteState(np.full(self.law.state.size, np.nan))
         self.DeclareStateOutputPort("state", state)
         self._declare_outputs(self.xd_ticket())

@@ -1,24 +1,20 @@
-"""Panels, of which the figures consist: each draws on axes what it finds in a result."""
+"""Panels of what the joints do; each draws on axes what it finds in a result."""
 
 from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
 from ..fields import Array
 from ..metrics import ARRIVED
-from ..paths import Rest
 from ..result import Result
 from .style import (
     BOUND,
     COLOURS,
     DESIRED,
     NOTE,
-    TRACED,
     Style,
-    finite,
     joint_handles,
     joint_style,
     label,
@@ -26,39 +22,20 @@ from .style import (
     legend,
     log_axis,
     plot_joints,
+    prefixed,
     shade_window,
     span,
-    ticks,
     time_axis,
     unit,
 )
+from .traits import apart, evaluated, law_velocity, returns
 
 #: A bound further away than this many times the curves' peak is named rather than drawn.
 _IN_VIEW = 3.0
 #: Bounds closer to zero than this share of the curves' peak cannot be read from the axis.
 _LEGIBLE = 0.05
-#: The arm's curves are shown apart from the law's if they differ by more than this share.
-_APART = 0.01
-#: Units for small lengths.
-_LENGTHS = (("m", 1.0), ("mm", 1e3), ("µm", 1e6))
 #: How a joint's target is marked.
 _GOAL: Style = {"marker": "D", "markersize": 3.0}
-
-
-def plot_path(ax: Axes, result: Result) -> None:
-    """Desired and traced path in the plane in which the desired one varies most."""
-    p_WE, desired = result.series["p_WE"], result.series["p_WE_desired"]
-    a, b = sorted(np.argsort(np.ptp(finite(desired), axis=0), kind="stable")[-2:].tolist())
-    ax.plot(p_WE[:, a], p_WE[:, b], label="traced", **TRACED)
-    lap = first_lap(result)
-    ax.plot(desired[lap, a], desired[lap, b], label="desired", **DESIRED)
-    ax.plot(p_WE[0, a], p_WE[0, b], "o", color="black", markersize=3.5, label="start")
-    ax.margins(0.06)
-    ax.set_aspect("equal", adjustable="datalim")
-    ticks(ax.xaxis, 6)
-    ticks(ax.yaxis, 6)
-    ax.set(xlabel=f"{'xyz'[a]} [m]", ylabel=f"{'xyz'[b]} [m]")
-    legend(ax)
 
 
 def plot_angles(ax: Axes, result: Result) -> None:
@@ -93,6 +70,11 @@ def plot_acceleration_norm(ax: Axes, result: Result) -> None:
         curves.append(result.series["network_acceleration_peak"][1:])
         ax.plot(time, arm, color=COLOURS[4], label="arm")
     ax.plot(time, curves[-1], color=COLOURS[0], label="law" if len(curves) > 1 else None)
+    if returns(result) and result.series["saturated"].any():
+        # What was asked for and not allowed.
+        demand = np.abs(result.series["acceleration_demand"][1:]).max(axis=1)
+        ax.plot(time, demand, label="asked for", **DESIRED)
+        curves.append(demand)
     known = _known(result.experiment.setup.limits.acceleration)
     # Joints may differ; the norm is between the extremes of their bounds.
     for k, bound in enumerate(np.unique(known[[0, -1]]) if known.size else ()):
@@ -108,49 +90,55 @@ def plot_acceleration_norm(ax: Axes, result: Result) -> None:
     legend(ax)
 
 
-def plot_position_error(ax: Axes, result: Result) -> None:
-    """Its norm, and when it has settled."""
-    tolerance = result.experiment.settling_tolerance_m
-    ax.plot(result.time, result.position_error, color=COLOURS[0])
-    ax.axhline(tolerance, label="settling tolerance", **BOUND)
-    if (settled := result.metrics.get("settling_time_s", 0.0)) > 0:
-        ax.axvline(settled, color="0.25", linestyle=":", label=f"settled at {settled:.2f} s")
+def plot_drift(ax: Axes, result: Result) -> None:
+    """How far each joint is from where it was at first, and how far it ends."""
+    drift, end = joint_drift(result)
+    plot_joints(ax, result.time, drift)
+    for k, final in enumerate(end):
+        last = result.time[evaluated(result)][-1:]
+        ax.plot(last, final, "o", color=joint_style(k)["color"], markersize=3, clip_on=False)
+    shown, scale = prefixed(end, "rad")
+    sizes = scale * np.abs(end)
+    note = f"at the end: mean {sizes.mean():.3g}, largest {sizes.max():.3g} {shown}"
+    place: Style = {"ha": "right", "va": "top", "transform": ax.transAxes}
+    ax.text(0.99, 0.99, note, **place, **NOTE)
+    low, high = span(drift, least=1e-6)
+    ax.set_ylim(low - 0.06 * (high - low), high + 0.16 * (high - low))
     shade_window(ax, result)
-    log_axis(ax, [result.position_error, tolerance * np.array([0.6, 1.6])])
-    if not has_path(result):
-        # It starts from zero, whence a line would run along the axis.
-        ax.set_yscale("log", nonpositive="mask")
-    ax.set_ylabel(label("position error", "p_WE"))
+    ax.set_ylabel(label("joint drift", "position"))
     time_axis(ax, result)
+    legend(ax, joint_handles(end.size))
+
+
+def plot_drift_left(ax: Axes, result: Result) -> None:
+    """How far each joint is in the end from where it was at first."""
+    sizes = np.abs(joint_drift(result)[1])
+    shown, scale = prefixed(sizes, "rad")
+    joints = np.arange(sizes.size) + 1
+    colours = [joint_style(k)["color"] for k in range(sizes.size)]
+    ax.bar(joints, scale * sizes, width=0.6, color=colours)
+    ax.axhline(scale * sizes.mean(), label="mean", **BOUND)
+    ax.set_xticks(joints)
+    ax.grid(visible=False, axis="x")
+    ax.margins(x=0.02)
+    ax.set(xlabel="joint [-]", ylabel=f"drift at the end [{shown}]")
     legend(ax)
 
 
-def plot_end_effector(ax: Axes, result: Result) -> None:
-    """How far it is from its start, and how far the network's multipliers say it is."""
-    p_WE = result.series["p_WE"]
-    moved = p_WE - p_WE[0]
-    length, scale = next(
-        (name, scale) for name, scale in _LENGTHS if largest(moved) * scale >= 0.1 or name == "µm"
-    )
-    norm = np.linalg.norm(moved, axis=1)
-    ax.plot(result.time, scale * norm, color="0.75", linewidth=2.2, label="distance")
-    for name, colour, values in zip("xyz", COLOURS, moved.T, strict=False):
-        ax.plot(result.time, scale * values, color=colour, linewidth=1.4, label=name)
-    if "displacement" in result.series:
-        told = result.series["displacement"] - result.series["displacement"][0]
-        lines = ax.plot(result.time, scale * told, **DESIRED)
-        lines[0].set_label("by the multipliers")
-    ax.set_ylabel(f"end-effector drift [{length}]")
-    time_axis(ax, result)
-    legend(ax)
+def joint_drift(result: Result) -> tuple[Array, Array]:
+    """Joint positions less those at the first sample that counts, and what is left at the last."""
+    position, counted = result.series["position"], evaluated(result)
+    position = np.where(np.isfinite(position), position, np.nan)
+    drift = position - position[counted][0]
+    return drift, drift[counted][-1]
 
 
-def plot_turn(ax: Axes, result: Result) -> None:
-    """How far the end effector is off the orientation that it should keep."""
-    ax.plot(result.time, 1e3 * result.series["orientation_error"], color=COLOURS[0])
-    ax.set_ylim(bottom=0)
-    ax.set_ylabel("orientation error [mrad]")
+def plot_torques(ax: Axes, result: Result) -> None:
+    """All joints."""
+    plot_joints(ax, result.time, result.series["torque"])
+    ax.set_ylabel(label("joint torque", "torque"))
     time_axis(ax, result)
+    legend(ax, joint_handles(result.series["torque"].shape[1]))
 
 
 def plot_joint_error(ax: Axes, result: Result) -> None:
@@ -185,41 +173,6 @@ def plot_moving_bounds(ax: Axes, result: Result) -> None:
     ax.set_ylabel(label("joint velocity", "velocity"))
     time_axis(ax, result)
     legend(ax, [*joint_handles(values.shape[1]), Line2D([], [], label="bounds", **BOUND)])
-
-
-def plot_jacobian_error(ax: Axes, result: Result) -> None:
-    """How far J_hat is from J, at large and along the motion."""
-    difference = result.series["J"] - result.series["J_hat"]
-    v = result.series["network_velocity"]
-    size = np.linalg.norm(difference, axis=(1, 2))
-    speed = np.linalg.norm(v, axis=1)
-    along = np.linalg.norm(np.einsum("kmn,kn->km", difference, v), axis=1)
-    # At rest there is no direction of motion.
-    along = np.divide(along, speed, out=np.full(size.shape, np.nan), where=speed > 1e-6)
-    ax.plot(result.time, along, color=COLOURS[4], linewidth=0.7, label="along the motion")
-    ax.plot(result.time, size, color=COLOURS[0], label="Frobenius norm")
-    shade_window(ax, result)
-    log_axis(ax, [size, along])
-    ax.set_ylabel(label(r"error of $\hat J$", "J"))
-    time_axis(ax, result)
-    legend(ax)
-
-
-def plot_singular_value(ax: Axes, result: Result) -> None:
-    """How far J is from losing rank."""
-    J = result.series["J"]
-    smallest = np.full(J.shape[0], np.nan)
-    sound = np.isfinite(J).all(axis=(1, 2))
-    smallest[sound] = np.linalg.svd(J[sound], compute_uv=False)[:, -1]
-    ax.plot(result.time, smallest, color=COLOURS[0])
-    ax.set_ylim(bottom=0)
-    ax.set_ylabel(label("smallest singular value of $J$", "J"))
-    time_axis(ax, result)
-
-
-def plot_least_known(ax: Axes, result: Result) -> None:
-    """What is least certain of J: its estimate, or else its rank."""
-    (plot_jacobian_error if "J_hat" in result.series else plot_singular_value)(ax, result)
 
 
 def plot_range(ax: Axes, position: Array, bounds: Array) -> None:
@@ -260,7 +213,7 @@ def plot_bounded(ax: Axes, result: Result, name: str, bounds: Array | None, text
     if steps is not None and largest(steps) > 1.5 * peak:
         notes.append(f"up to {largest(steps):.3g} between samples")
     if known.size and (known[0] < _LEGIBLE * peak or in_view.size < known.size):
-        ends = " to ".join(f"±{bound:g}" for bound in np.unique(known[[0, -1]]))
+        ends = " to ".join(f"±{bound:.4g}" for bound in np.unique(known[[0, -1]]))
         notes.append(f"bounds {ends} {unit(name)}")
     if notes:
         place: Style = {"ha": "right", "va": "top", "transform": ax.transAxes}
@@ -283,46 +236,6 @@ def plot_bound_curves(ax: Axes, time: Array, bounds: Array) -> None:
         if k != np.argmax(counts):
             curve = np.where(curve == common, np.nan, curve)
         ax.plot(time, curve, **{**BOUND, **colour})
-
-
-def has_target(result: Result) -> bool:
-    """Whether there is a posture to reach."""
-    return result.experiment.setup.target is not None
-
-
-def has_path(result: Result) -> bool:
-    """Whether the end effector is to go anywhere."""
-    path = result.experiment.setup.path
-    return not isinstance(path, Rest) or bool(path.offset.any())
-
-
-def bounds_are_felt(result: Result) -> bool:
-    """Whether a bound on the velocity that is not what it can be comes near a joint's."""
-    v = law_velocity(result)
-    for sign, name in ((1, "velocity_upper"), (-1, "velocity_lower")):
-        bound = sign * result.series[name]
-        widest = np.fmax.reduce(bound, axis=0)
-        if ((bound < 0.95 * widest) & (sign * v > 0.5 * bound)).any():
-            return True
-    return False
-
-
-def law_velocity(result: Result) -> Array:
-    """What the law asks for; the arm's own velocity may be hidden in noise."""
-    return result.series.get("network_velocity", result.series["velocity"])
-
-
-def first_lap(result: Result) -> NDArray[np.bool_]:
-    """Which samples belong to it: laps drawn over one another would fill the dashes' gaps."""
-    return result.time <= result.experiment.setup.path.period + result.experiment.log_period
-
-
-def apart(result: Result, quantity: str) -> bool:
-    """Whether the arm's joints do something else than the law asks for."""
-    law = result.series.get(f"network_{quantity}")
-    if law is None:
-        return False
-    return largest(result.series[quantity] - law) > _APART * largest(law)
 
 
 def _known(bounds: Array | None) -> Array:

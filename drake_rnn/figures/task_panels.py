@@ -1,0 +1,124 @@
+"""Panels of what the end effector does; each draws on axes what it finds in a result."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from ..fields import Array
+from ..result import Result
+from .style import (
+    BOUND,
+    COLOURS,
+    DESIRED,
+    TRACED,
+    Style,
+    finite,
+    label,
+    legend,
+    log_axis,
+    prefixed,
+    shade_window,
+    ticks,
+    time_axis,
+)
+from .traits import first_lap, has_path
+
+
+def plot_path(ax: Axes, result: Result) -> None:
+    """Desired and traced path in the plane in which the desired one varies most."""
+    p_WE, desired = result.series["p_WE"], result.series["p_WE_desired"]
+    a, b = sorted(np.argsort(np.ptp(finite(desired), axis=0), kind="stable")[-2:].tolist())
+    ax.plot(p_WE[:, a], p_WE[:, b], label="traced", **TRACED)
+    lap = first_lap(result)
+    ax.plot(desired[lap, a], desired[lap, b], label="desired", **DESIRED)
+    ax.plot(p_WE[0, a], p_WE[0, b], "o", color="black", markersize=3.5, label="start")
+    ax.margins(0.06)
+    ax.set_aspect("equal", adjustable="datalim")
+    ticks(ax.xaxis, 6)
+    ticks(ax.yaxis, 6)
+    ax.set(xlabel=f"{'xyz'[a]} [m]", ylabel=f"{'xyz'[b]} [m]")
+    legend(ax)
+
+
+def plot_position_error(ax: Axes, result: Result) -> None:
+    """Its norm, and when it has settled."""
+    tolerance = result.experiment.settling_tolerance_m
+    ax.plot(result.time, result.position_error, color=COLOURS[0])
+    ax.axhline(tolerance, label="settling tolerance", **BOUND)
+    if (settled := result.metrics.get("settling_time_s", 0.0)) > 0:
+        ax.axvline(settled, color="0.25", linestyle=":", label=f"settled at {settled:.2f} s")
+    shade_window(ax, result)
+    log_axis(ax, [result.position_error, tolerance * np.array([0.6, 1.6])])
+    if not has_path(result):
+        # It starts from zero, whence a line would run along the axis.
+        ax.set_yscale("log", nonpositive="mask")
+    ax.set_ylabel(label("position error", "p_WE"))
+    time_axis(ax, result)
+    legend(ax)
+
+
+def plot_position_error_axes(ax: Axes, result: Result) -> None:
+    """Axis by axis, with its norm."""
+    error = result.series["p_WE"] - result.series["p_WE_desired"]
+    _plot_axes(ax, result, error, "position error", "m", norm="norm")
+    shade_window(ax, result)
+    legend(ax)
+
+
+def plot_velocity_error(ax: Axes, result: Result) -> None:
+    """Axis by axis, and in it what the law's theory says that it is."""
+    error = result.series["v_WE"] - result.series["v_WE_desired"]
+    told = result.series.get("velocity_error_predicted")
+    if told is None:
+        _plot_axes(ax, result, error, "velocity error", "m/s")
+    else:
+        scale = _plot_axes(ax, result, error, "velocity error", "m/s", linewidth=2.6, alpha=0.4)
+        inner: Style = {**DESIRED, "linewidth": 1.1}
+        for colour, column in zip(COLOURS, told.T, strict=False):
+            ax.plot(result.time, scale * column, **{**inner, "color": colour})
+        ax.plot([], [], label=r"predicted, $\sigma$", **{**inner, "color": "0.25"})
+    shade_window(ax, result)
+    legend(ax)
+
+
+def plot_end_effector(ax: Axes, result: Result) -> None:
+    """How far it is from its start, and how far the network's multipliers say it is."""
+    moved = result.series["p_WE"] - result.series["p_WE"][0]
+    scale = _plot_axes(ax, result, moved, "end-effector drift", "m", norm="distance")
+    if "displacement" in result.series:
+        told = result.series["displacement"] - result.series["displacement"][0]
+        lines = ax.plot(result.time, scale * told, **DESIRED)
+        lines[0].set_label("by the multipliers")
+    legend(ax)
+
+
+def plot_turn(ax: Axes, result: Result) -> None:
+    """How far the end effector is off the orientation that it should keep."""
+    ax.plot(result.time, 1e3 * result.series["orientation_error"], color=COLOURS[0])
+    ax.set_ylim(bottom=0)
+    ax.set_ylabel("orientation error [mrad]")
+    time_axis(ax, result)
+
+
+def _plot_axes(
+    ax: Axes, result: Result, values: Array, text: str, unit: str, norm: str = "", **style: Any
+) -> float:
+    """Small vectors, shape (k, m), and their norm if it has a name.
+
+    Returns:
+        How many of the unit shown one ``unit`` has.
+    """
+    shown, scale = prefixed(values, unit)
+    if norm:
+        size = scale * np.linalg.norm(values, axis=1)
+        ax.plot(result.time, size, color="0.75", linewidth=2.2, label=norm)
+    for name, colour, column in zip("xyz", COLOURS, values.T, strict=False):
+        ax.plot(
+            result.time, scale * column, label=name, color=colour, **{"linewidth": 1.4, **style}
+        )
+    ax.set_ylabel(f"{text} [{shown}]")
+    time_axis(ax, result)
+    return scale

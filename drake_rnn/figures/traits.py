@@ -1,0 +1,66 @@
+"""What is asked of a result before it is drawn."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..fields import Array
+from ..paths import Rest
+from ..result import Result
+from .style import largest
+
+#: The arm's curves are shown apart from the law's if they differ by more than this share.
+_APART = 0.01
+
+
+def has_target(result: Result) -> bool:
+    """Whether there is a posture to reach."""
+    return result.experiment.setup.target is not None
+
+
+def returns(result: Result) -> bool:
+    """Whether its law commands accelerations, and brings the joints back along a path."""
+    return not {"velocity_error_predicted", "torque"}.isdisjoint(result.series)
+
+
+def has_path(result: Result) -> bool:
+    """Whether the end effector is to go anywhere."""
+    path = result.experiment.setup.path
+    return not isinstance(path, Rest) or bool(path.offset.any())
+
+
+def bounds_are_felt(result: Result) -> bool:
+    """Whether a bound on the velocity that is not what it can be comes near a joint's."""
+    v = law_velocity(result)
+    for sign, name in ((1, "velocity_upper"), (-1, "velocity_lower")):
+        bound = sign * result.series[name]
+        widest = np.fmax.reduce(bound, axis=0)
+        if ((bound < 0.95 * widest) & (sign * v > 0.5 * bound)).any():
+            return True
+    return False
+
+
+def law_velocity(result: Result) -> Array:
+    """What the law asks for; the arm's own velocity may be hidden in noise."""
+    return result.series.get("network_velocity", result.series["velocity"])
+
+
+def first_lap(result: Result) -> NDArray[np.bool_]:
+    """Which samples belong to it: laps drawn over one another would fill the dashes' gaps."""
+    return result.time <= result.experiment.setup.path.period + result.experiment.log_period
+
+
+def evaluated(result: Result) -> NDArray[np.bool_]:
+    """Which samples errors are taken over; all of a run that did not come to its window."""
+    start, end = result.experiment.window or (-np.inf, np.inf)
+    within = (result.time >= start - 1e-9) & (result.time <= end + 1e-9)
+    return within if within.any() else ~within
+
+
+def apart(result: Result, quantity: str) -> bool:
+    """Whether the arm's joints do something else than the law asks for."""
+    law = result.series.get(f"network_{quantity}")
+    if law is None:
+        return False
+    return largest(result.series[quantity] - law) > _APART * largest(law)

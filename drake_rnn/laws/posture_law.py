@@ -1,0 +1,62 @@
+"""What laws that seek a posture while the end effector stays have in common."""
+
+# No postponed annotations: older pydantic looks for inherited ones in the subclass's module.
+from typing import Literal
+
+import numpy as np
+
+from ..errors import InvalidInputError
+from ..fields import Positive, Vector, validated
+from ..limits import JointLimits
+
+
+@validated
+class PostureLaw:
+    """A law with a target posture.
+
+    Args:
+        target: Posture to reach, shape (n,) [rad].
+        limits: Position and velocity limits of the joints.
+        rate: Speed of convergence to the target [1/s].
+        limit_stiffness: Velocity allowed per radian left to a position limit [1/s].
+        task_size: Rows of J, all of which are held; of 6 the first three are rotation.
+    """
+
+    target: Vector
+    limits: JointLimits
+    rate: Positive = 4.0
+    limit_stiffness: Positive = 20.0
+    task_size: Literal[2, 3, 6] = 3
+
+    def __post_init__(self) -> None:
+        if self.target.size != self.limits.size:
+            raise ValueError(
+                f"target: must have {self.limits.size} entries, one a joint, not {self.target.size}"
+            )
+        outside = self.limits.violation(self.target)
+        if outside.any():
+            joint = int(np.argmax(outside))
+            lower = self.limits.position_lower[joint]
+            upper = self.limits.position_upper[joint]
+            raise ValueError(
+                f"target: joint {joint + 1} is at {self.target[joint]:.6g} rad; "
+                f"it may be {lower:.6g} to {upper:.6g}"
+            )
+
+    @property
+    def holds_command(self) -> bool:
+        return True
+
+    @property
+    def rates(self) -> dict[str, float]:
+        """What a period must be shorter than the inverse of, by key [1/s]."""
+        return {"rate": self.rate, "limit_stiffness": self.limit_stiffness}
+
+    def check_period(self, period: float) -> None:
+        """Raise an InvalidInputError if sampling so seldom would overshoot; ``period`` in [s]."""
+        name, rate = max(self.rates.items(), key=lambda item: item[1])
+        if period * rate >= 1.0:
+            raise InvalidInputError(
+                f"period: must be below {1.0 / rate:g} s with law.{name} at {rate:g} /s, "
+                f"not {period:g}"
+            )

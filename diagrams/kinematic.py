@@ -33,7 +33,7 @@ def AddKinematicLoop(
     builder: DiagramBuilder,
     arm: Arm,
     controller: Controller,
-    reference: System,
+    reference: System | None = None,
     *,
     start: Array | None = None,
     task: str = "xyz",
@@ -52,7 +52,7 @@ def AddKinematicLoop(
         arm: The arm.
         controller: A law as a system, not yet in ``builder``.
         reference: Any system in ``builder`` with the desired signals among its output ports,
-            e.g. a `PathSource`.
+            e.g. a `PathSource`; None for a law that asks for none.
         start: Posture to start from, shape (n,) [rad]; by default the arm's home posture.
         task: Rows of the task, a key of `drake_rnn.task.TASKS`.
         dither: Excitation of the joints, if any.
@@ -95,7 +95,7 @@ def AddKinematicLoop(
     _connect(builder, measured, kinematics.GetInputPort("velocity"))
 
     offered = {"position": position, "velocity": shown}
-    systems: list[System] = [kinematics, reference]
+    systems: list[System] = [kinematics] if reference is None else [kinematics, reference]
     if _DYNAMICS & controller.law.inputs.parts.keys():
         dynamics = builder.AddNamedSystem(f"{prefix}dynamics", Dynamics(arm))
         _connect(builder, position, dynamics.GetInputPort("position"))
@@ -107,11 +107,16 @@ def AddKinematicLoop(
         if name not in offered:
             raise InvalidInputError(
                 f"{controller.get_name()}: nothing in this diagram offers {name!r}; "
-                f"there are {', '.join(sorted(offered))}"
+                f"there are {', '.join(sorted(offered))}{_HINTS.get(name, '')}"
             )
         _connect(builder, offered[name], controller.GetInputPort(name))
     return KinematicLoop(controller, kinematics, joint_command, mirror)
 
+
+_HINTS = {
+    "R_WE_desired": "; give the PathSource R_WE",
+    "p_preview": "; give the PathSource a preview of one period",
+}
 
 # What is computed only for a law that asks for it.
 _DYNAMICS = {"M", "bias", "gravity"}
@@ -149,7 +154,8 @@ def start_posture(arm: Arm, start: Array | None, outside: float = 0.0) -> Array:
 def _connect(builder: DiagramBuilder, output: OutputPort, port: InputPort) -> None:
     if output.size() != port.size():
         raise InvalidInputError(
-            f"{_place(port)} has {port.size()} entries, {_place(output)} has {output.size()}"
+            f"{_place(port)} has {port.size()} entries, {_place(output)} has {output.size()}; "
+            "the law's task_size and number of joints must be those of task and arm"
         )
     builder.Connect(output, port)
 

@@ -10,6 +10,7 @@ from .arms import Arm
 from .errors import InvalidInputError
 from .fields import Array
 from .self_motion import SelfMotion
+from .task import TASKS
 
 if TYPE_CHECKING:
     from .experiment import Experiment
@@ -34,6 +35,7 @@ def reachable_target(
             f"{arm.n} joints 0 free dimensions remain"
         )
     closest = motion.towards(target)
+    _require_plane(experiment.task, arm, start, closest)
     short = np.abs(closest - target)
     distance, angle = motion.distance(target), motion.angle(target)
     if distance <= _MISS and angle <= _TURN and short.max() <= _SHORT:
@@ -57,6 +59,18 @@ def reachable_target(
     if experiment.on_unreachable == "refuse":
         raise InvalidInputError(f"{what}; give that, or on_unreachable: project")
     return closest, [f"{what}: taken in its place", *_detours(arm, start, closest)]
+
+
+def _require_plane(task: str, arm: Arm, start: Array, target: Array) -> None:
+    """A planar task must not let the end effector leave its plane without a word."""
+    kinematics = arm.kinematics()
+    moved = np.abs(kinematics.p_WE(target) - kinematics.p_WE(start))
+    moved[list(TASKS[task].axes)] = 0.0
+    if moved.max() > _MISS:
+        raise InvalidInputError(
+            f"task: {task} leaves the end effector free along {'xyz'[int(np.argmax(moved))]}, by "
+            f"{moved.max():.3g} m on the way to law.target; hold it with task: xyz"
+        )
 
 
 def _typed(q: float, lower: float, upper: float) -> str:

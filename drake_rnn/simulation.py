@@ -67,6 +67,8 @@ def simulate(experiment: Experiment, progress: Progress | None = None) -> Result
             simulator.AdvanceTo(stop)
     except SimulationError as error:
         failure = error
+        if experiment.integrator is not None and experiment.integrator.step is not None:
+            failure.args = (f"{error}; try a shorter integrator.step",)
     except KeyboardInterrupt:
         failure = InterruptedRunError("interrupted", root.get_time())
     except (InvalidInputError, RuntimeError) as error:
@@ -235,9 +237,13 @@ def _result(
 
 
 def _samples(time: Array, period: float) -> NDArray[np.intp]:
-    """Numbers of the steps to keep: the first in each period, shape (j,)."""
+    """Numbers of the steps to keep: the first in each period, and the last, shape (j,)."""
     number = np.floor(time / period + 1e-6)
-    return np.flatnonzero(np.diff(number, prepend=-1.0))
+    kept = np.diff(number, prepend=-1.0) != 0
+    # One that ends a rounding error late has been kept as the period's first.
+    if time.size and time[-1] - time[kept][-1] > 1e-6 * period:
+        kept[-1] = True
+    return np.flatnonzero(kept)
 
 
 def _diagnostics(experiment: Experiment, motion: Motion, states: Array, law: Law) -> Signals:

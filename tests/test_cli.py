@@ -219,7 +219,7 @@ def simulated(monkeypatch):
         ((KNOWN, "--set", "law.kappa='[/red]'"), "law.kappa: must be a number, not '[/red]'"),
         ((KNOWN, "--duration", "-1"), "duration: must be greater than 0, not -1"),
         ((KNOWN, "--set", "path.size=2"), "path: out of reach: panda misses the point ("),
-        ((KNOWN, LEARNED, "--set", "law.jacobian=known"), "dither: this law does not learn"),
+        ((KNOWN, LEARNED, "--set", "law.jacobian=known"), f"{LEARNED}: dither: this law does"),
     ],
 )
 def test_bad_input_is_one_sentence_and_nothing_runs(tmp_path, simulated, arguments, message):
@@ -342,3 +342,11 @@ def test_bad_input_to_a_sweep_is_one_sentence_and_nothing_runs(tmp_path, simulat
         result = call("sweep", KNOWN, *options, "--out", tmp_path, *SHORT)
         assert sentence(result).startswith(message)
     assert not simulated
+
+
+def test_a_run_to_a_target_shows_every_joint(tmp_path):
+    changes = ("--duration", "0.05", "--no-playback")
+    result = call("run", "null_space_adjustment", "--out", tmp_path, *changes)
+    assert result.exit_code == 0
+    for text in ("start [rad]", "target [rad]", "|error| [rad]", "iiwa_joint_7", "1.5708"):
+        assert text in result.stdout

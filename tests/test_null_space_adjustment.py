@@ -102,8 +102,25 @@ def test_at_a_singular_posture_its_velocities_stay_small():
 
 
 def test_feedback_limits_the_period():
-    assert make(feedback=50.0).longest_period == pytest.approx(0.02)
-    assert make(feedback=0.0).longest_period == np.inf
+    make(feedback=50.0).check_period(0.019)
+    with pytest.raises(InvalidInputError, match=r"below 0.02 s with law.feedback at 50 /s"):
+        make(feedback=50.0).check_period(0.02)
+
+
+def test_so_do_its_rate_and_the_stiffness_of_its_limits():
+    with pytest.raises(InvalidInputError, match=r"below 0.05 s with law.limit_stiffness"):
+        make(feedback=0.0).check_period(0.05)
+    with pytest.raises(InvalidInputError, match=r"below 0.001 s with law.rate at 1000 /s"):
+        make(rate=1000.0).check_period(0.01)
+
+
+@pytest.mark.parametrize("name", ["position", "J", "p_WE"])
+def test_what_is_not_finite_comes_back_as_such(name):
+    """It is for the controller to say so; no loop may wait for it."""
+    u = {"position": np.zeros(N), "J": jacobian(0), "p_WE": np.zeros(3)}
+    u["p_WE_desired"] = np.zeros(3)
+    u[name] = np.full(u[name].shape, np.nan)
+    assert not np.isfinite(make().step(1.0, np.zeros(N), u, 1e-3)).all()
 
 
 def test_outside_its_limits_a_joint_is_brought_back_as_the_pull_sets_in():

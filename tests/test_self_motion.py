@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drake_rnn import InvalidInputError, JointLimits, SelfMotion, load_arm, load_experiment
-from drake_rnn.self_motion import rotation_vector
 
 # Each with a self-motion, whole or in part of what the end effector does.
 CASES = [("panda", "xyz"), ("panda", "pose"), ("iiwa14", "xyz"), ("ur5", "xyz"), ("planar6", "xy")]
@@ -291,19 +290,6 @@ def test_a_turn_about_the_end_effectors_own_axis_is_one_of_the_pose_alone():
     assert home("panda", "xyz").distance(q) < 1e-12
     assert home("panda", "xyz").angle(q) == 0.0
     assert home("panda", "pose").angle(q) == pytest.approx(0.3, abs=1e-12)
-
-
-@given(numbers(-1, 1))
-def test_a_rotation_vector_is_the_way_from_one_orientation_to_the_other(numbers):
-    """Rodrigues' formula makes the rotation again."""
-    kinematics = arm("panda").kinematics()
-    R = kinematics.R_WE(arm("panda").home)
-    vector = numbers[:3] * 3.0 / max(1.0, np.linalg.norm(numbers[:3]))
-    angle = np.linalg.norm(vector)
-    x, y, z = vector / max(angle, 1e-300)
-    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    turned = (np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K) @ R
-    np.testing.assert_allclose(rotation_vector(R, turned), vector, atol=1e-9)
 
 
 # Refusals.

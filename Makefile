@@ -10,10 +10,10 @@ demo: $(VENV)/installed
 	$(BIN)/drake-rnn run slc_nephroid --out out
 
 test: $(VENV)/installed-dev
-	MPLBACKEND=Agg $(BIN)/python -m pytest -n $(WORKERS) -m "not long"
+	MPLBACKEND=Agg $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal -m "not long"
 
 long: $(VENV)/installed-dev
-	MPLBACKEND=Agg $(BIN)/python -m pytest -n $(WORKERS) -m long
+	MPLBACKEND=Agg $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal -m long
 
 bench: $(VENV)/installed-dev
 	$(BIN)/python benchmarks/bench.py

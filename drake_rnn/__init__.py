@@ -11,6 +11,8 @@ from .laws import (
     Law,
     Layout,
     NullSpaceAdjustment,
+    Pseudoinverse,
+    Recursive,
     SimultaneousLearning,
     StateAdjustment,
 )
@@ -54,6 +56,8 @@ __all__ = [
     "NullSpaceAdjustment",
     "Path",
     "PathSource",
+    "Pseudoinverse",
+    "Recursive",
     "Result",
     "SampledController",
     "SelfMotion",

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from .fields import Array
 from .laws.law import Signals
-from .limits import JointLimits
+from .limits import DERIVATIVE_UNITS, JointLimits
 
 #: The names of all metrics.
 METRICS = [
@@ -36,6 +36,9 @@ METRICS = [
     "network_acceleration_max_rad_s2",
     "limit_ratio_1_max",
     "limit_ratio_2_max",
+    "limit_ratio_3_max",
+    "limit_ratio_4_max",
+    "limit_ratio_5_max",
     "limit_violation_max",
     "jacobian_error_median",
     "jacobian_error_max",
@@ -46,6 +49,10 @@ METRICS = [
     "wall_time_s",
     "control_step_us",
 ]
+
+HIGHER = ("jerk", "snap", "crackle")
+# Between the velocities of which those are differences [s].
+_DIFFERENCE = 0.01
 
 # Joint error below which the arm has arrived at its target [rad].
 ARRIVED = 0.01
@@ -239,8 +246,11 @@ def _joints(motion: Motion, limits: JointLimits) -> dict[str, float]:
         if not np.allclose(motion.network_velocity, motion.velocity, rtol=1e-9, atol=1e-12):
             network = np.abs(motion.network_acceleration())
             metrics["network_acceleration_max_rad_s2"] = network.max()
+    for name, values in _higher_derivatives(motion, limits).items():
+        derivatives.append((name, values))
     excess = [-margin.min()]
-    for order, (name, values) in enumerate(derivatives, start=1):
+    for name, values in derivatives:
+        order = 1 + list(DERIVATIVE_UNITS).index(name)
         bound = getattr(limits, name)
         if bound is not None and np.isfinite(bound).any():
             excess.append((values - bound).max())
@@ -248,6 +258,26 @@ def _joints(motion: Motion, limits: JointLimits) -> dict[str, float]:
     if np.isfinite(excess).any():
         metrics["limit_violation_max"] = max(0.0, float(np.max(excess)))
     return metrics
+
+
+def _higher_derivatives(motion: Motion, limits: JointLimits) -> dict[str, Array]:
+    """Jerk, snap and crackle in magnitude, where they are bounded.
+
+    From differences of the velocity over 10 ms: over a thousandth of a second, the rounding of
+    positions would make up all of the fifth derivative.
+    """
+    wanted = [name for name in HIGHER if getattr(limits, name) is not None]
+    if not wanted or motion.time[-1] - motion.time[0] < 6 * _DIFFERENCE:
+        return {}
+    time = np.arange(motion.time[0], motion.time[-1] + 1e-9, _DIFFERENCE)
+    # The step that ends at a time, or the first after it.
+    at = np.minimum(np.searchsorted(motion.time, time - 1e-9), motion.time.size - 1)
+    velocity = motion.velocity[at]
+    return {
+        name: np.abs(np.diff(velocity, n=order, axis=0)) / _DIFFERENCE**order
+        for order, name in enumerate(HIGHER, start=2)
+        if name in wanted
+    }
 
 
 def _jacobian(motion: Motion, J_hat: Array, window: tuple[float, float] | None) -> dict[str, float]:

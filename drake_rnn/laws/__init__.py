@@ -3,6 +3,8 @@
 from .joint_drift_free import JointDriftFree
 from .law import ContinuousLaw, Law, Layout, Signals
 from .null_space_adjustment import NullSpaceAdjustment
+from .pseudoinverse import Pseudoinverse
+from .recursive import Recursive
 from .simultaneous_learning import SimultaneousLearning
 from .state_adjustment import StateAdjustment
 
@@ -10,6 +12,8 @@ from .state_adjustment import StateAdjustment
 LAWS: dict[str, type[Law]] = {
     "joint_drift_free": JointDriftFree,
     "null_space_adjustment": NullSpaceAdjustment,
+    "pseudoinverse": Pseudoinverse,
+    "recursive": Recursive,
     "simultaneous_learning": SimultaneousLearning,
     "state_adjustment": StateAdjustment,
 }
@@ -21,6 +25,8 @@ __all__ = [
     "Law",
     "Layout",
     "NullSpaceAdjustment",
+    "Pseudoinverse",
+    "Recursive",
     "Signals",
     "SimultaneousLearning",
     "StateAdjustment",

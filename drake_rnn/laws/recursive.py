@@ -1,0 +1,157 @@
+r"""The recursive network: bounds on the joints' derivatives up to the fifth, level by level.
+
+Source:
+    "Recursive recurrent neural network: a novel model for manipulator control with different
+    levels of physical constraints", CAAI Transactions on Intelligence Technology (2022). The
+    conventional RNN is (2), the recursive one (8) with (10).
+
+With the levels x_1 = v, x_2, ... and the targets
+
+.. math::
+    w_1 = P_1(-k_1 J^T (p - p_d)), \qquad w_{i+1} = P_{i+1}(-k_{i+1} (x_i - w_i)),
+
+``printed`` integrates the chain x_1' = x_2, ..., x_{n-1}' = w_n, whose top is the n-th derivative
+of the joint positions; ``filters`` lets every level follow its own target,
+:math:`\epsilon_i \dot x_i = w_i - x_i`, and moves the arm with the first.
+
+=========  =================  ================================================
+paper      here               meaning
+=========  =================  ================================================
+theta      position           joint positions q
+x_1        v                  joint velocities (state)
+x_2 ..     levels             of the chain, or displayed signals (state)
+r, r_d     p_WE, .._desired   end effector's position, and what it should be
+k_i        gains              of the levels [1/(m^2 s), 1/s, ...]
+epsilon_i  time_constants     of the filters [s]
+kappa      limit_stiffness    how hard a position limit brakes [1/s]
+=========  =================  ================================================
+
+Corrected: the constant epsilon of each level is given in the paper's parameters and stands in none
+of its equations; ``filters`` is the reading in which it has a meaning, and which its figures fit.
+
+Not in the paper: of the printed law only the bound of the top level is structural. The others
+bound the targets w_i, not the levels x_i, and each level is a relay of a high gain: from n = 3 on
+the chain swings in a limit cycle. In ``filters`` the signals x_2 .. x_n stay within their bounds
+because they are filtered from clipped targets, but they are no derivatives of the joint angles.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from math import factorial
+from typing import Literal
+
+import numpy as np
+
+from ..fields import Array, Positive, Vector, validated
+from ..limits import DERIVATIVE_UNITS, JointLimits
+from .law import Layout, Signals
+
+_ORDERS = tuple(DERIVATIVE_UNITS)
+
+
+@validated
+class Recursive:
+    """The recursive network of n = 1 to 5 levels, printed or as filters.
+
+    Args:
+        limits: Of the joint positions, and of their derivatives up to the n-th.
+        gains: Of the n levels.
+        reading: ``printed``, or ``filters``.
+        time_constants: Of the n filters [s].
+        limit_stiffness: Velocity allowed per radian left to a position limit [1/s].
+        task_size: Rows of J.
+    """
+
+    kind: Literal["recursive"] = "recursive"
+    limits: JointLimits
+    gains: Vector
+    reading: Literal["printed", "filters"] = "printed"
+    time_constants: Vector | None = None
+    limit_stiffness: Positive = 1.0
+    task_size: Literal[2, 3] = 3
+
+    def __post_init__(self) -> None:
+        n = self.gains.size
+        if not 1 <= n <= len(_ORDERS):
+            raise ValueError(f"gains: must be 1 to {len(_ORDERS)} numbers, not {n}")
+        if not (self.gains > 0).all():
+            raise ValueError(f"gains: must be positive, not {self.gains.tolist()}")
+        if (self.reading == "filters") != (self.time_constants is not None):
+            raise ValueError("time_constants: belong to reading: filters, one a level")
+        if self.time_constants is not None and (
+            self.time_constants.size != n or not (self.time_constants > 0).all()
+        ):
+            raise ValueError(
+                f"time_constants: must be {n} positive numbers, not {self.time_constants.tolist()}"
+            )
+        for name in _ORDERS[:n]:
+            self.limits.require(name, f"{n} gains")
+
+    @property
+    def holds_command(self) -> bool:
+        return True
+
+    @cached_property
+    def state(self) -> Layout:
+        joints, n = self.limits.size, self.gains.size
+        levels = max(1, n - 1) if self.reading == "printed" else n
+        return Layout(v=(joints,), **({"levels": (levels - 1, joints)} if levels > 1 else {}))
+
+    @cached_property
+    def inputs(self) -> Layout:
+        joints, m = self.limits.size, self.task_size
+        return Layout(position=(joints,), p_WE=(m,), p_WE_desired=(m,), J=(m, joints))
+
+    @cached_property
+    def observables(self) -> Layout:
+        return Layout(saturated=(1,))
+
+    @cached_property
+    def _bounds(self) -> list[Array]:
+        return [self.limits.require(name, "its level") for name in _ORDERS[: self.gains.size]]
+
+    def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
+        return np.zeros(self.state.size)
+
+    def targets(self, x: Array, u: Signals) -> Array:
+        """w_1 to w_n, (8), shape (..., n, joints)."""
+        levels = x.reshape(*x.shape[:-1], -1, self.limits.size)
+        error = u["p_WE"] - u["p_WE_desired"]
+        lower, upper = self.limits.velocity_box(u["position"], self.limit_stiffness)
+        sought = -self.gains[0] * np.einsum("...mn,...m->...n", u["J"], error)
+        found = [np.minimum(np.maximum(sought, lower), upper)]
+        for i in range(1, self.gains.size):
+            sought = -self.gains[i] * (levels[..., i - 1, :] - found[-1])
+            found.append(np.clip(sought, -self._bounds[i], self._bounds[i]))
+        return np.stack(found, axis=-2)
+
+    def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
+        """Targets held over the period; the chain or the filters exactly."""
+        targets = self.targets(x, u)
+        if self.time_constants is not None:
+            left = np.exp(-period / self.time_constants)[:, np.newaxis]
+            return (targets + left * (x.reshape(targets.shape) - targets)).ravel()
+        if self.gains.size == 1:
+            return targets[0]
+        chain = np.vstack((x.reshape(-1, self.limits.size), targets[-1]))
+        return (self._powers(period, len(chain)) @ chain)[:-1].ravel()
+
+    @staticmethod
+    def _powers(period: float, size: int) -> Array:
+        """What a chain of integrators comes to in a period, shape (size, size)."""
+        return np.array(
+            [
+                [period ** (k - i) / factorial(k - i) if k >= i else 0.0 for k in range(size)]
+                for i in range(size)
+            ]
+        )
+
+    def commanded_velocity(self, t: float, x: Array) -> Array:
+        return x[: self.limits.size]
+
+    def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
+        targets = self.targets(x, u)
+        top = np.abs(targets[..., -1, :])
+        bound = self._bounds[-1]
+        return {"saturated": (top >= bound * (1 - 1e-9)).any(axis=-1, keepdims=True).astype(float)}

@@ -106,6 +106,28 @@ def run(
         raise typer.Exit(FAILED)
 
 
+@app.command("fastest")
+def run_fastest(
+    experiment: Annotated[str, typer.Argument(help="A shipped name or a YAML file.")],
+    out_folder: Out = Path("out"),
+    changes: Set = None,
+    playback: Annotated[bool, typer.Option(help="Write playback.html.")] = True,
+) -> None:
+    """Run a path as fast as the limits on all derivatives admit."""
+    from .fastest import fastest
+
+    with _errors():
+        loaded = _load(experiment, changes, None, None)
+        folder = out_folder / f"{loaded.name}_fastest"
+        _require_writable(folder)
+        found = fastest(loaded, lambda text: err.print(escape(text)))
+        _write(found.result, folder, playback)
+    out.print(
+        f"shortest duration {found.result.metrics['shortest_duration_s']:.4g} s, "
+        f"{found.stretch:.4g} times what was asked for; bound by the {found.binding}"
+    )
+
+
 @app.command()
 def sweep(
     experiment: Annotated[str, typer.Argument(help="A shipped name or a YAML file.")],

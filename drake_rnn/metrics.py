@@ -23,6 +23,7 @@ METRICS = [
     "joint_error_max_rad",
     "joint_settling_time_s",
     "invariant_error_max_m",
+    "shortest_duration_s",
     "joint_drift_max_rad",
     "joint_drift_mean_rad",
     "end_effector_drift_max_m",

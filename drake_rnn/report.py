@@ -12,6 +12,7 @@ from rich.table import Table
 
 from .documents import construct
 from .experiment import Acceptance, Experiment, read_experiment, shipped_experiments
+from .limits import DERIVATIVE_UNITS
 from .result import Result
 from .sweep import Row
 
@@ -132,7 +133,7 @@ def _bounds(experiment: Experiment) -> dict[str, Acceptance]:
     if np.isfinite(limits.position_upper - limits.position_lower).any():
         bounds["joint_limit_margin_min_rad"] = Acceptance(at_least=0.0)
     # A secant around the bound carries rounding errors.
-    for order, name in enumerate(("velocity", "acceleration"), start=1):
+    for order, name in enumerate(DERIVATIVE_UNITS, start=1):
         if getattr(limits, name) is not None:
             bounds[f"limit_ratio_{order}_max"] = Acceptance(at_most=1.0 + 1e-9)
     return bounds

@@ -126,7 +126,7 @@ def traits_table() -> None:
         "level",
         "repetitive motion",
         "error compensation",
-        "joint limits",
+        "acceleration limit",
         "joint drift",
         "error decoupling",
         "tracking error",

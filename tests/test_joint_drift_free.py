@@ -5,7 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drake_rnn import InvalidInputError, JointDriftFree, JointLimits, load_experiment, simulate
+from drake_rnn import (
+    ContinuousController,
+    InvalidInputError,
+    JointDriftFree,
+    JointLimits,
+    load_experiment,
+    simulate,
+)
 
 N, M = 6, 3
 SCHEMES = ["man", "galjdf", "naljdf", "moaljdf_printed", "moaljdf"]
@@ -16,7 +23,10 @@ schemes = st.sampled_from(SCHEMES)
 
 def make(**fields):
     defaults = {"scheme": "naljdf", "limits": LIMITS, "home": np.linspace(-0.5, 0.5, N)}
-    return JointDriftFree(**{**defaults, **fields})
+    fields = {**defaults, **fields}
+    if "moaljdf" not in fields["scheme"]:
+        fields.pop("alpha", None)
+    return JointDriftFree(**fields)
 
 
 def random_gains(rng):
@@ -51,7 +61,7 @@ def projection(law, J):
 
 def rates(law, v, omega, u):
     """The docstring's equations, without the bounds."""
-    J, h, zeta = u["J"], u["bias"] - u["gravity"], 1 - law.alpha
+    J, h, zeta = u["J"], u["bias"] - u["gravity"], 1 - (law.alpha or 1.0)
     c, d, slip = errors(law, v, u)
     slip = slip + law.composite_gain * (u["p_WE"] - u["p_WE_desired"])
     along, lam = -law.velocity_gain * J.T @ slip, law.return_weight
@@ -106,9 +116,9 @@ def assert_near(actual, expected, relative=1e-9):
         ({"rate": 0.0}, "rate: must be greater than 0"),
         ({"damping": 0.0}, "damping: must be greater than 0"),
         ({"return_weight": -1.0}, "return_weight: must be greater than or equal to 0"),
-        ({"velocity_gain": -1.0}, "velocity_gain: must be greater than or equal to 0"),
-        ({"alpha": 0.0}, "alpha: must be greater than 0, not 0.0"),
-        ({"alpha": 1.5}, "alpha: must be less than or equal to 1, not 1.5"),
+        ({"velocity_gain": 0.0}, "velocity_gain: must be greater than 0"),
+        ({"scheme": "moaljdf", "alpha": 0.0}, "alpha: must be greater than 0, not 0.0"),
+        ({"scheme": "moaljdf", "alpha": 1.5}, "alpha: must be less than or equal to 1"),
         ({"home": np.zeros(5)}, "home: must have 6 entries, one a joint, not 5"),
         ({"home": np.full(N, np.nan)}, "home: must be one list of numbers, none of them NaN"),
         ({"scheme": "galdjf"}, "scheme: "),
@@ -176,7 +186,7 @@ class TestEquations:
         rng = np.random.default_rng(seed)
         u, x = world(rng), rng.standard_normal(N + M)
         moving, man, greedy = (
-            make(scheme=scheme, damping=damping, velocity_gain=0.0)
+            make(scheme=scheme, damping=damping, velocity_gain=1e-12)
             for scheme in ("naljdf", "man", "galjdf")
         )
 
@@ -376,8 +386,24 @@ class TestCaveats:
 
     def test_a_demand_that_is_not_a_number_any_more_is_no_obstacle(self):
         """Metrics leave out what is not finite."""
-        (said,) = make().caveats({"saturated_fraction": 1.0})
-        assert "up to inf" in said
+        said = make().caveats({"saturated_fraction": 1.0})
+        assert "up to inf" in said[0]
+
+
+def test_a_weight_of_torque_is_refused_by_a_scheme_without():
+    with pytest.raises(InvalidInputError, match="alpha: weighs the torque, which scheme: galjdf"):
+        JointDriftFree(scheme="galjdf", limits=LIMITS, home=np.zeros(N), alpha=0.5)
+
+
+def test_bounds_kept_from_sample_to_sample_cannot_be_integrated():
+    with pytest.raises(InvalidInputError, match=r"law\.bounds: all is kept from sample to sample"):
+        ContinuousController(make(bounds="all"))
+
+
+def test_bounds_broken_unknown_to_the_law_are_told_of():
+    (said,) = make().caveats({"limit_violation_max": 0.1})
+    assert "law.bounds: all" in said
+    assert make(bounds="all").caveats({"limit_violation_max": 0.1}) == []
 
 
 # Whole runs that are hard.

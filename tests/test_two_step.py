@@ -6,7 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from drake_rnn import ContinuousController, JointDriftFree, JointLimits, SampledController
+from drake_rnn import (
+    ContinuousController,
+    InvalidInputError,
+    JointDriftFree,
+    JointLimits,
+    SampledController,
+)
 
 N, M = 5, 3
 SCHEMES = ["man", "galjdf", "naljdf", "moaljdf_printed", "moaljdf"]
@@ -279,7 +285,7 @@ class TestController:
         assert SampledController(law, 2e-3).law is law.sampled
         assert law.sampled is law.sampled
         assert ContinuousController(law).law is law
-        with pytest.raises(NotImplementedError, match=r"law\.sampled"):
+        with pytest.raises(InvalidInputError, match=r"law\.sampled"):
             law.step(0.0, np.zeros(law.state.size), {}, 1e-3)
 
     def test_before_it_is_initialized_it_commands_rest(self):

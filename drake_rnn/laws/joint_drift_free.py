@@ -68,6 +68,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from ..errors import InvalidInputError
 from ..fields import Array, NonNegative, Positive, Vector, validated
 from ..limits import JointLimits
 from .law import Layout, Signals
@@ -108,7 +109,7 @@ class JointDriftFree:
         velocity_gain: Of the gradient of the velocity error [1/(m^2 s)].
         composite_gain: Of the position error beside the velocity error [1/s].
         rate: Of omega [1/(m^2 s)].
-        alpha: Weight of kinematics in MOALJDF; 1 - alpha is that of the torque.
+        alpha: Weight of kinematics in MOALJDF, 0.995 by default; 1 - alpha is the torque's.
         damping: Of the pseudoinverse [m].
         bounds: ``acceleration``, clipped as in the paper; or ``all``, which a sampled law
             keeps by braking in time.
@@ -125,10 +126,10 @@ class JointDriftFree:
     task_beta: Positive = 1.0
     task_gamma: Positive = 1.0
     position_gain: NonNegative = 250.0
-    velocity_gain: NonNegative = 1e5
+    velocity_gain: Positive = 1e5
     composite_gain: NonNegative = 0.0
     rate: Positive = 1000.0
-    alpha: Annotated[float, Field(strict=True, gt=0, le=1)] = 0.995
+    alpha: Annotated[float, Field(strict=True, gt=0, le=1)] | None = None
     damping: Positive = 1e-4
     bounds: Literal["acceleration", "all"] = "acceleration"
 
@@ -138,6 +139,20 @@ class JointDriftFree:
                 f"home: must have {self.limits.size} entries, one a joint, not {self.home.size}"
             )
         self.limits.require("acceleration", f"scheme: {self.scheme}")
+        if self.alpha is not None and not self.weighs_torque:
+            raise ValueError(f"alpha: weighs the torque, which scheme: {self.scheme} does not")
+
+    def check_integrated(self) -> None:
+        """Raise an InvalidInputError if it cannot be integrated as a differential equation."""
+        if self.bounds == "all":
+            raise InvalidInputError(
+                "law.bounds: all is kept from sample to sample; give a period in place of the "
+                "integrator, or take bounds: acceleration"
+            )
+
+    @cached_property
+    def _kinematic_weight(self) -> float:
+        return 0.995 if self.alpha is None else self.alpha
 
     @property
     def weighs_torque(self) -> bool:
@@ -193,7 +208,7 @@ class JointDriftFree:
             ahead: Time [s] after which q and p_WE have gone on with the v that is sought.
         """
         J = u["J"]
-        n, m = self.home.size, self.task_size
+        n, m, alpha = self.home.size, self.task_size, self._kinematic_weight
         gram = J.dot(J.T)
         feedback = self.task_beta * self.task_gamma
         slip = self.task_beta + self.task_gamma
@@ -211,7 +226,10 @@ class JointDriftFree:
             drift_v = weight * (self.return_beta + self.return_gamma + stiffness * ahead)
             drift_0 = weight * stiffness * (q - self.home)
             if self.weighs_torque:
-                drift_v, drift_0 = self.alpha * drift_v, self.alpha * drift_0
+                drift_v, drift_0 = (
+                    alpha * drift_v,
+                    alpha * drift_0,
+                )
             if self.scheme in ("naljdf", "moaljdf"):
                 # I - J^+ J is symmetric: J^+ J = J^T S.
                 S = np.linalg.solve(gram + self._damping_matrix, J)
@@ -220,10 +238,10 @@ class JointDriftFree:
             a_v -= drift_v * self._identity
             a_0 = a_0 - drift_0
         if self.weighs_torque:
-            M, zeta = u["M"], 1.0 - self.alpha
-            kept = self.alpha if self.scheme == "moaljdf" else 1.0
+            M, zeta = u["M"], 1.0 - alpha
+            kept = alpha if self.scheme == "moaljdf" else 1.0
             if self.scheme == "moaljdf_printed":
-                a_omega = self.alpha * a_omega
+                a_omega = alpha * a_omega
             a_0 = a_0 - zeta * (M @ (u["bias"] - u["gravity"]))
             terms = np.column_stack((a_v, a_omega, a_0))
             solved = np.linalg.solve(kept * self._identity + zeta * (M @ M), terms)
@@ -272,9 +290,20 @@ class JointDriftFree:
         if saturated > 0.0:
             demand = metrics.get("joint_acceleration_demand_max_rad_s2", np.inf)
             found.append(
-                f"law: accelerations were cut to their bounds in {100 * saturated:.2g} % of the "
-                f"steps (up to {demand:.3g} rad/s^2 was asked for); it is not told, and the "
+                f"law: accelerations were cut to their bounds in {100 * saturated:.3g} % of the "
+                f"steps (up to {demand:.3g} rad/s^2 was asked for); omega is not told, and the "
                 "theorems do not hold of such a run"
+            )
+        if saturated > 0.5:
+            found.append(
+                "law: an explicit integrator whose step is too long for velocity_gain looks "
+                "like this, too; sample the law with a period, or take radau3"
+            )
+        broken = metrics.get("limit_violation_max", 0.0)
+        if broken > 1e-9 and self.bounds == "acceleration":
+            found.append(
+                f"law: bounds that it knows nothing of were broken by {broken:.3g}; sampled with "
+                "law.bounds: all it keeps them"
             )
         singular = metrics.get("singular_value_min", np.inf)
         if singular < 0.1:
@@ -289,7 +318,9 @@ class JointDriftFree:
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
         """Refused: it would be unstable. `sampled` has the step that works."""
-        raise NotImplementedError("sample law.sampled, as SampledController does")
+        raise InvalidInputError(
+            "JointDriftFree: has no step of its own; take law.sampled, as SampledController does"
+        )
 
     def commanded_velocity(self, t: float, x: Array) -> Array:
         return x[: self.home.size]
@@ -331,4 +362,4 @@ class JointDriftFree:
             towards = towards + self.return_weight * np.einsum("...mn,...n->...m", J, c)
         gram = J @ np.swapaxes(J, -1, -2) + self._damping_matrix
         sigma = np.linalg.solve(gram, towards[..., np.newaxis])[..., 0]
-        return np.asarray(-sigma / max(self.velocity_gain, 1e-300) - self.composite_gain * error)
+        return np.asarray(-sigma / self.velocity_gain - self.composite_gain * error)

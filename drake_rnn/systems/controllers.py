@@ -187,6 +187,8 @@ class ContinuousController(_Controller):
 
     def __init__(self, law: ContinuousLaw, seed: int = 0) -> None:
         super().__init__(law, seed)
+        if (check_integrated := getattr(law, "check_integrated", None)) is not None:
+            check_integrated()
         if not hasattr(law, "derivatives"):
             raise InvalidInputError(
                 f"{type(law).__name__} is no differential equation; sample it with a period"

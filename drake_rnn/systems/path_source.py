@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from numbers import Real
 from typing import Any
 
 import numpy as np
 from pydrake.systems.framework import Context, LeafSystem
 
+from ..errors import InvalidInputError
 from ..fields import Array
 from ..paths import Path
 from ..task import named_task
@@ -35,7 +37,10 @@ class PathSource(LeafSystem):
         preview: float | None = None,
     ) -> None:
         super().__init__()
+        if preview is not None and not (isinstance(preview, Real) and 0.0 <= preview < np.inf):
+            raise InvalidInputError(f"preview: must be a time of 0 or more, not {preview!r}")
         self.path = path
+        self.preview = preview
         self.start = path.start_point(p_WE)
         self._axes = list(named_task(task).axes)
         self._declare(("p_WE_desired", "v_WE_desired", "a_WE_desired"), 0.0)

@@ -45,7 +45,6 @@ def test_the_end_effector_stays_on_its_path(found):
 
 def test_derivatives_scale_with_powers_of_the_stretch(found):
     """For a law that stays on its path; two per cent for differences over 10 ms."""
-
     path = {**found[0].experiment.document()["path"]}
     slow = simulate(circle(path={**path, "period": 24.0}, duration=24)).metrics
     slower = simulate(circle(path={**path, "period": 36.0}, duration=36)).metrics

@@ -21,6 +21,7 @@ bench: $(VENV)/installed-dev
 tables: $(VENV)/installed
 	$(BIN)/python benchmarks/state_adjustment_tables.py
 	$(BIN)/python benchmarks/joint_drift_free_tables.py
+	$(BIN)/python benchmarks/recursive_tables.py
 
 check: $(VENV)/installed-dev
 	$(BIN)/ruff check .

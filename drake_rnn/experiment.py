@@ -14,12 +14,14 @@ from pydrake.systems.analysis import GetIntegrationSchemes
 
 from .complaints import nearest, plain
 from .diagrams import EXPERIMENTS
+from .diagrams.kinematic import Feedback
 from .documents import construct, parse_yaml, read_yaml, to_yaml
 from .errors import InvalidInputError
 from .experiment_setup import Setup, make_setup
 from .fields import Finite, NonNegative, Positive, Seed, Vector, validated
 from .metrics import METRICS
 from .systems.dither import DitherSettings
+from .systems.moving_average import FilterSettings
 
 
 @validated
@@ -97,6 +99,10 @@ class Experiment:
         limits: Bounds that override the arm's, by the names of
             `drake_rnn.limits.JointLimits`, a number standing for all joints; or none.
         dither: Excitation of the joints.
+        filter: What the law's command goes through, so that the arm keeps the bounds of
+            ``limits`` up to the highest order given.
+        feedback: Which arm the law sees: the one that the filtered command moves,
+            ``commanded``, or ``unfiltered``, a virtual one that its own command moves.
         seed: Of everything drawn at random.
         duration: Of the run [s].
         window: Times between which errors are evaluated [s]; the whole run by default.
@@ -119,6 +125,8 @@ class Experiment:
     on_unreachable: Literal["refuse", "project"] = "refuse"
     limits: dict[str, Any] | Literal["none"] = Field(default_factory=dict)
     dither: DitherSettings | None = None
+    filter: FilterSettings | None = None
+    feedback: Feedback = "commanded"
     seed: Seed = 0
     duration: Positive
     window: tuple[NonNegative, Positive] | None = None
@@ -160,7 +168,7 @@ class Experiment:
                 continue
             if name == "accept":
                 value = {key: _given(bound) for key, bound in value.items()}
-            elif name in {"integrator", "dither"}:
+            elif name in {"integrator", "dither", "filter"}:
                 value = _given(value)
             document[name] = plain(value)
         return document

@@ -10,7 +10,7 @@ import numpy as np
 
 from .arms import Arm, load_arm
 from .complaints import nearest
-from .diagrams.kinematic import start_posture
+from .diagrams.kinematic import check_filter, start_posture
 from .documents import construct
 from .errors import InvalidInputError
 from .fields import Array
@@ -19,6 +19,7 @@ from .laws.posture_law import PostureLaw
 from .limits import JointLimits
 from .paths import PATHS, Path, Rest
 from .reachable_target import reachable_target
+from .systems.moving_average import averaging_delay, averaging_windows
 from .task import TASKS
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ class Setup:
         p_WE_start: Where the end effector is then, shape (3,) [m].
         R_WE_start: Its orientation, shape (3, 3).
         target: Posture that the law seeks, shape (n,) [rad], or None.
+        path_delay: How long ago the point was desired that the arm is to be at now [s].
         warnings: What the user should know of how they were made.
     """
 
@@ -52,6 +54,7 @@ class Setup:
     p_WE_start: Array
     R_WE_start: Array
     target: Array | None
+    path_delay: float
     warnings: tuple[str, ...]
 
 
@@ -88,6 +91,8 @@ def make_setup(experiment: Experiment) -> Setup:
     if experiment.period is not None and hasattr(law, "check_period"):
         law.check_period(experiment.period)
     warnings = [*_widened(_arm(experiment.arm), limits), *_outside(arm, start)]
+    path_delay, doubts = _filter(experiment, limits, law)
+    warnings += doubts
     target = None
     if isinstance(law, PostureLaw):
         target, changes = reachable_target(experiment, arm, start, law.target)
@@ -103,8 +108,56 @@ def make_setup(experiment: Experiment) -> Setup:
         p_WE_start=kinematics.p_WE(start),
         R_WE_start=kinematics.R_WE(start),
         target=target,
+        path_delay=path_delay,
         warnings=tuple(warnings),
     )
+
+
+# The field of a law that feeds the position error back, which a delay in its loop limits [1/s].
+_GAINS = {"simultaneous_learning": "kappa", "pseudoinverse": "feedback"}
+
+
+def _filter(experiment: Experiment, limits: JointLimits, law: Law) -> tuple[float, list[str]]:
+    """The delay at which the arm follows its path [s], and what is doubtful about the filter."""
+    settings, feedback = experiment.filter, experiment.feedback
+    check_filter(settings is not None, feedback, experiment.dither)
+    if settings is None:
+        return 0.0, []
+    if experiment.period is None:
+        raise InvalidInputError("filter: is sampled like the law; give a period, no integrator")
+    delay = averaging_delay(averaging_windows(limits, experiment.period), experiment.period)
+    if delay >= experiment.duration:
+        raise InvalidInputError(
+            f"filter: these limits make its delay {delay:.4g} s; the duration must be more than "
+            f"that, not {experiment.duration:g}"
+        )
+    if feedback == "unfiltered":
+        if settings.delay_desired:
+            raise InvalidInputError("filter.delay_desired: only with feedback: commanded")
+        return delay, []
+    if settings.precompensate:
+        raise InvalidInputError("filter.precompensate: only with feedback: unfiltered")
+    if settings.delay_desired and not {"p_WE_desired", "v_WE_desired"} <= law.inputs.parts.keys():
+        raise InvalidInputError(
+            "filter.delay_desired: only for a law that sees p_WE_desired and v_WE_desired"
+        )
+    kind, doubts = experiment.law["kind"], []
+    if kind not in _GAINS:
+        doubts.append(
+            f"filter: delays the law's loop by {delay:.4g} s; nothing is known of whether "
+            f"{kind} stays stable with it: see feedback: unfiltered"
+        )
+    elif (gain := float(getattr(law, _GAINS[kind]))) * delay >= 1.0:
+        raise InvalidInputError(
+            f"law.{_GAINS[kind]}: must be below {1.0 / delay:.4g} /s with the filter's delay of "
+            f"{delay:.4g} s in its loop, not {gain:g}; or give feedback: unfiltered"
+        )
+    if getattr(law, "acceleration_bound", "none") != "none" and not settings.delay_desired:
+        doubts.append(
+            "law.acceleration_bound: slows the law's loop beside the filter, which holds the "
+            "bound; both together may lose the path: see acceleration_bound: none"
+        )
+    return delay * settings.delay_desired, doubts
 
 
 def _path(experiment: Experiment, seeks_posture: bool) -> Path:

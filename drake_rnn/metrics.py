@@ -16,6 +16,7 @@ METRICS = [
     "position_error_max_m",
     "position_error_component_max_m",
     "position_error_rms_m",
+    "path_delay_s",
     "velocity_error_max_m_s",
     "velocity_error_component_max_m_s",
     "settling_time_s",

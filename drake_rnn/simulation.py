@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
 
 from .diagrams.kinematic import AddKinematicLoop, KinematicLoop
 from .errors import InterruptedRunError, InvalidInputError, SimulationError
@@ -17,12 +18,16 @@ from .experiment import Experiment
 from .experiment_setup import OUTSIDE
 from .fields import Array
 from .laws.law import ContinuousLaw, Law, Signals
+from .laws.receding_horizon import RecedingHorizon
 from .laws.rotation_error import rotation_error
 from .metrics import Motion, law_metrics, motion_metrics
 from .reach import check_reach
 from .recorder import Recorder
 from .result import Result
 from .systems.controllers import ContinuousController, SampledController
+from .systems.delayed_path_source import DelayedPathSource
+from .systems.joint_reference import JointReference, followed_path
+from .systems.moving_average import MovingAverage
 from .systems.path_source import PathSource
 from .task import TASKS
 
@@ -113,6 +118,25 @@ def build_diagram(experiment: Experiment, law: Law | None = None) -> tuple[Diagr
         preview=experiment.period if "p_preview" in controller.law.inputs else None,
     )
     builder.AddNamedSystem("path", source)
+    settings = experiment.filter
+    moving_average = None
+    signals: dict[str, OutputPort] = {}
+    if isinstance(law, RecedingHorizon):
+        until = experiment.duration + law.horizon * law.interval
+        positions_at = followed_path(setup.path, setup.arm, setup.start, until, experiment.task)
+        ahead = JointReference(positions_at, setup.arm.n, law.interval, law.horizon)
+        builder.AddNamedSystem("joint_reference", ahead)
+        signals["position_preview"] = ahead.GetOutputPort("position_preview")
+    if settings is not None and experiment.period is not None:
+        moving_average = MovingAverage(
+            setup.limits, experiment.period, precompensate=settings.precompensate
+        )
+        if settings.delay_desired:
+            past = DelayedPathSource(
+                setup.path_delay, setup.path, setup.p_WE_start, experiment.task
+            )
+            builder.AddNamedSystem("delayed_path", past)
+            signals["p_WE_desired"] = past.GetOutputPort("p_WE_desired")
     loop = AddKinematicLoop(
         builder,
         setup.arm,
@@ -121,6 +145,9 @@ def build_diagram(experiment: Experiment, law: Law | None = None) -> tuple[Diagr
         start=setup.start,
         task=experiment.task,
         dither=experiment.dither,
+        filter=moving_average,
+        feedback=experiment.feedback,
+        signals=signals,
         seed=experiment.seed,
         outside=OUTSIDE,  # the setup has refused those that may not
     )
@@ -136,6 +163,9 @@ def add_recorder(simulator: Simulator, loop: KinematicLoop) -> Recorder:
         "velocity": loop.arm.GetOutputPort("velocity"),
         "state": loop.controller.GetOutputPort("state"),
     }
+    if loop.virtual_arm is not None:
+        for name in ("position", "velocity"):
+            ports[f"virtual_{name}"] = loop.virtual_arm.GetOutputPort(name)
     recorder = Recorder(simulator.get_context(), ports)
     simulator.set_monitor(recorder)
     return recorder
@@ -148,7 +178,8 @@ def simulator_config(experiment: Experiment) -> SimulatorConfig:
     if settings is None:
         # One step a sample is exact: Euler's for a command that is held, Heun's for a ramp.
         law = getattr(experiment.setup.law, "sampled", experiment.setup.law)
-        config.integration_scheme = "explicit_euler" if law.holds_command else "runge_kutta2"
+        curved = getattr(law, "integration_scheme", "runge_kutta2")
+        config.integration_scheme = "explicit_euler" if law.holds_command else curved
         config.max_step_size = experiment.period
         config.use_error_control = False
         return config
@@ -199,11 +230,22 @@ def _result(
     law: Law,
 ) -> Result:
     motion = _motion(experiment, recorder, law)
-    metrics = motion_metrics(
-        motion, experiment.setup.limits, experiment.window, experiment.settling_tolerance_m
-    )
-    observed = _diagnostics(experiment, motion, recorder.series("state"), law)
-    metrics |= law_metrics(motion, observed)
+    delay = experiment.setup.path_delay
+    evaluation = (experiment.setup.limits, experiment.window, experiment.settling_tolerance_m)
+    metrics = motion_metrics(motion, *evaluation)
+    seen = motion
+    if delay > 0.0:
+        metrics["path_delay_s"] = delay
+        seen = _seen(experiment, recorder, law, motion)
+    if seen.J is not motion.J and seen.J_hat is not None:
+        # What was learned is the Jacobian of the arm that the law saw.
+        metrics |= {
+            name: value
+            for name, value in motion_metrics(seen, *evaluation).items()
+            if name.startswith("jacobian_")
+        }
+    observed = _diagnostics(experiment, seen, recorder.series("state"), law)
+    metrics |= law_metrics(seen, observed)
     caveats = getattr(experiment.setup.law, "caveats", None)
     if caveats is not None:
         warnings = [*warnings, *caveats(metrics)]
@@ -279,17 +321,36 @@ def _further(experiment: Experiment, motion: Motion, names: Iterable[str]) -> Si
     }
 
 
-def _motion(experiment: Experiment, recorder: Recorder, law: Law) -> Motion:
+def _seen(experiment: Experiment, recorder: Recorder, law: Law, motion: Motion) -> Motion:
+    """The motion as the law saw it, where a path is followed with a delay."""
+    if experiment.feedback == "unfiltered":
+        return _motion(experiment, recorder, law, virtual=True)
+    axes = list(TASKS[experiment.task].axes)
+    evaluate = experiment.setup.path.evaluate
+    v_WE_desired = np.array([evaluate(t)[1][axes] for t in recorder.time.tolist()])
+    return replace(motion, v_WE_desired=v_WE_desired)
+
+
+def _motion(
+    experiment: Experiment, recorder: Recorder, law: Law, *, virtual: bool = False
+) -> Motion:
     """The recorded steps, and what follows from them: path and kinematics are functions.
 
     Asking their ports while running would cost more than the law itself.
+
+    Args:
+        experiment: What has run.
+        recorder: What it recorded.
+        law: Its law.
+        virtual: Whether of the virtual arm, which the path's delay does not concern.
     """
     setup = experiment.setup
     task = TASKS[experiment.task]
     axes = list(task.axes)
     kinematics = setup.arm.kinematics()
     origin = setup.path.start_point(setup.p_WE_start)
-    position, velocity = recorder.series("position"), recorder.series("velocity")
+    prefix, delay = ("virtual_", 0.0) if virtual else ("", setup.path_delay)
+    position, velocity = (recorder.series(prefix + name) for name in ("position", "velocity"))
     steps = position.shape[0]
     p_WE, p_WE_desired, v_WE_desired = (np.empty((steps, len(axes))) for _ in range(3))
     J = np.empty((steps, task.size, position.shape[1]))
@@ -297,7 +358,7 @@ def _motion(experiment: Experiment, recorder: Recorder, law: Law) -> Motion:
     for k, (t, q) in enumerate(zip(recorder.time, position, strict=True)):
         p_WE[k] = kinematics.p_WE(q)[axes]
         J[k] = task.J(kinematics, q)
-        p, v, _ = setup.path.evaluate(float(t))
+        p, v, _ = setup.path.evaluate(float(t) - delay)
         p_WE_desired[k] = (origin + p)[axes]
         v_WE_desired[k] = v[axes]
         if turned is not None:
@@ -324,7 +385,7 @@ def _motion(experiment: Experiment, recorder: Recorder, law: Law) -> Motion:
 def _tick(experiment: Experiment) -> float | None:
     """Time for which the arm's velocity is held [s]; None if it changes all the time."""
     dither = experiment.dither
-    if dither is None or dither.model != "actuated":
+    if dither is None or dither.model != "actuated" or experiment.filter is not None:
         return experiment.period
     return dither.hold if experiment.period is None else min(dither.hold, experiment.period)
 

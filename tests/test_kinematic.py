@@ -12,6 +12,7 @@ from drake_rnn import (
     InvalidInputError,
     NullSpaceAdjustment,
     PathSource,
+    Pseudoinverse,
     SampledController,
     SelfMotion,
     SimultaneousLearning,
@@ -211,3 +212,22 @@ def test_two_arms_share_a_diagram():
         AddKinematicLoop(builder, PANDA, SampledController(law(), 1e-3), path, prefix=f"{name}_")
     names = {system.get_name() for system in builder.Build().GetSystems()}
     assert {"left_controller", "right_arm", "path"} <= names
+
+
+@pytest.mark.parametrize("preview", [0.0, 2e-3])
+def test_a_law_that_sees_ahead_must_see_one_period_ahead(preview):
+    arm = load_arm("panda")
+    law = Pseudoinverse(limits=arm.limits)
+    path = PathSource(
+        Circle(size=0.05, period=4.0), arm.kinematics().p_WE(arm.home), preview=preview
+    )
+    builder = DiagramBuilder()
+    builder.AddNamedSystem("path", path)
+    with pytest.raises(InvalidInputError, match=r"preview: must be the controller's period, 0.001"):
+        AddKinematicLoop(builder, arm, SampledController(law, 1e-3), path)
+
+
+@pytest.mark.parametrize("preview", [-1.0, float("nan"), float("inf"), "x"])
+def test_a_preview_that_is_no_time_is_refused(preview):
+    with pytest.raises(InvalidInputError, match="preview: must be a time of 0 or more"):
+        PathSource(Circle(size=0.05, period=4.0), np.zeros(3), preview=preview)

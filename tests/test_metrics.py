@@ -195,6 +195,72 @@ def test_without_limits_there_are_no_metrics_of_limits():
     assert not {name for name in found if "limit" in name}
 
 
+# Derivatives beyond the acceleration.
+
+HIGHER = {"jerk": 0.5, "snap": 0.25, "crackle": 2.0}
+STEP = 0.01  # between the velocities of which the metrics take differences [s]
+
+
+def swing(amplitude=0.3, rate=2.0, period=1e-3, until=2 * pi):
+    """Of the first joint; the second one swings the other way and half as far."""
+    time = np.arange(0, until, period)
+    velocity = amplitude * rate * np.cos(rate * time)
+    return motion(time, velocity=columns(velocity, -velocity / 2))
+
+
+def bounded(**bounds):
+    limits = {"velocity": 10.0, **bounds}
+    return FREE.replace(**limits)
+
+
+@pytest.mark.parametrize("period", [1e-4, 1e-3, 2e-3, 5e-3])
+def test_a_sine_has_the_jerk_snap_and_crackle_of_differences_over_10_ms(period):
+    """Of order i: A w (2 sin(w d / 2) / d)^(i - 1); 1e-4 for the crest between two samples."""
+    rate, amplitude = 2.0, 0.3
+    found = metrics(swing(amplitude, rate, period), bounded(**HIGHER))
+    for order, (name, bound) in enumerate(HIGHER.items(), start=3):
+        exact = amplitude * rate * (2 * np.sin(rate * STEP / 2) / STEP) ** (order - 1)
+        assert found[f"limit_ratio_{order}_max"] == pytest.approx(exact / bound, rel=1e-4), name
+        # Which in turn is the derivative but for (w d)^2 / 24 of it for each order.
+        assert exact == pytest.approx(amplitude * rate**order, rel=order * (rate * STEP) ** 2 / 20)
+    assert found["limit_violation_max"] == pytest.approx(0.3 * 2**5 - 2.0, rel=1e-3)
+
+
+def test_each_joint_has_its_own_bound():
+    found = metrics(swing(), bounded(jerk=[10.0, 0.1]))
+    assert found["limit_ratio_3_max"] == pytest.approx(0.3 * 8 / 2 / 0.1, rel=1e-3)
+
+
+@pytest.mark.parametrize("missing", HIGHER)
+def test_without_a_bound_there_is_no_ratio(missing):
+    kept = {name: bound for name, bound in HIGHER.items() if name != missing}
+    absent = f"limit_ratio_{3 + list(HIGHER).index(missing)}_max"
+    expected = {f"limit_ratio_{k}_max" for k in (1, 3, 4, 5)} - {absent}
+    for limits in (bounded(**kept), bounded(**kept, **{missing: inf})):
+        found = metrics(swing(), limits)
+        assert {name for name in found if name.startswith("limit_ratio")} == expected
+
+
+def test_of_a_run_too_short_for_differences_there_is_none():
+    found = metrics(swing(until=0.055), bounded(**HIGHER))
+    assert "limit_ratio_1_max" in found
+    assert not {f"limit_ratio_{k}_max" for k in (3, 4, 5)} & found.keys()
+
+
+def test_a_polynomial_has_exactly_its_derivatives():
+    """Velocity t^4 / 24 over 2 s: jerk 2 and snap 2 at the end but for the last 10 ms, crackle 1.
+
+    1e-4: rounding of a velocity of 0.7 rad/s by 1e-16, divided by (10 ms)^4.
+    """
+    time = np.linspace(0, 2, 2001)
+    found = metrics(
+        motion(time, velocity=columns(time**4 / 24)), bounded(jerk=1, snap=1, crackle=1)
+    )
+    assert found["limit_ratio_5_max"] == pytest.approx(1.0, rel=1e-4)
+    assert found["limit_ratio_4_max"] == pytest.approx(2.0 - 1.5 * STEP, rel=1e-6)
+    assert found["limit_ratio_3_max"] == pytest.approx((2.0 - STEP) ** 2 / 2, rel=1e-4)
+
+
 # The law.
 
 

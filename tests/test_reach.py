@@ -46,7 +46,14 @@ def rods(tmp_path):
     return circle
 
 
-@pytest.mark.parametrize("name", [n for n in shipped_experiments() if "adjustment" not in n])
+def has_a_smooth_path(name):
+    """Not those with a target, and not squares whose corners are taken at speed."""
+    raw = {"recursive_square", "recursive_square_printed", "pinv_square", "rnn_square"}
+    raw |= {"horizon_square"}
+    return "adjustment" not in name and name not in raw
+
+
+@pytest.mark.parametrize("name", [*filter(has_a_smooth_path, shipped_experiments())])
 def test_the_paths_of_shipped_experiments_come_close_to_nothing(name):
     assert check_reach(load_experiment(name)) == []
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..fields import Array
+from ..limits import DERIVATIVE_UNITS
 from ..paths import Rest
 from ..result import Result
 from .style import largest
@@ -30,6 +31,18 @@ def has_path(result: Result) -> bool:
     return not isinstance(path, Rest) or bool(path.offset.any())
 
 
+def bounds_jerk(result: Result) -> bool:
+    """Whether the experiment itself bounds derivatives beyond the acceleration."""
+    declared = result.experiment.limits
+    enough = result.time.size > len(DERIVATIVE_UNITS)
+    return enough and isinstance(declared, dict) and declared.get("jerk") is not None
+
+
+def shows_signals(result: Result) -> bool:
+    """Whether its law has signals that stand for derivatives and are none."""
+    return getattr(result.experiment.setup.law, "reading", None) == "filters"
+
+
 def bounds_are_felt(result: Result) -> bool:
     """Whether a bound on the velocity that is not what it can be comes near a joint's."""
     v = law_velocity(result)
@@ -48,7 +61,9 @@ def law_velocity(result: Result) -> Array:
 
 def first_lap(result: Result) -> NDArray[np.bool_]:
     """Which samples belong to it: laps drawn over one another would fill the dashes' gaps."""
-    return result.time <= result.experiment.setup.path.period + result.experiment.log_period
+    setup = result.experiment.setup
+    lap = setup.path.period + setup.path_delay
+    return result.time <= lap + result.experiment.log_period
 
 
 def evaluated(result: Result) -> NDArray[np.bool_]:

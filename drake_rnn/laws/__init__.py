@@ -4,6 +4,7 @@ from .joint_drift_free import JointDriftFree
 from .law import ContinuousLaw, Law, Layout, Signals
 from .null_space_adjustment import NullSpaceAdjustment
 from .pseudoinverse import Pseudoinverse
+from .receding_horizon import RecedingHorizon
 from .recursive import Recursive
 from .simultaneous_learning import SimultaneousLearning
 from .state_adjustment import StateAdjustment
@@ -13,6 +14,7 @@ LAWS: dict[str, type[Law]] = {
     "joint_drift_free": JointDriftFree,
     "null_space_adjustment": NullSpaceAdjustment,
     "pseudoinverse": Pseudoinverse,
+    "receding_horizon": RecedingHorizon,
     "recursive": Recursive,
     "simultaneous_learning": SimultaneousLearning,
     "state_adjustment": StateAdjustment,
@@ -26,6 +28,7 @@ __all__ = [
     "Layout",
     "NullSpaceAdjustment",
     "Pseudoinverse",
+    "RecedingHorizon",
     "Recursive",
     "Signals",
     "SimultaneousLearning",

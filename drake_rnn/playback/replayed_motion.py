@@ -55,5 +55,5 @@ def replayed_motion(result: Result) -> ReplayedMotion:
         position=position,
         traced=np.array([kinematics.p_WE(q) for q in position]),
         desired=desired,
-        lap=desired[time <= setup.path.period * (1.0 + 1e-9)],
+        lap=desired[time <= (setup.path.period + setup.path_delay) * (1.0 + 1e-9)],
     )

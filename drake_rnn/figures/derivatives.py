@@ -1,0 +1,41 @@
+"""The figures of laws whose derivatives are bounded beyond the acceleration."""
+
+from __future__ import annotations
+
+from matplotlib.figure import Figure
+
+from ..limits import DERIVATIVE_UNITS
+from ..result import Result
+from .derivative_panels import derivatives_of_motion, stacked
+from .registry import draws
+from .traits import bounds_jerk, shows_signals
+
+
+@draws("position", "velocity", applies=bounds_jerk)
+def derivatives(result: Result) -> Figure:
+    """Angle to crackle of the arm's own motion, with bounds.
+
+    The ratio to a bound is the metrics': the acceleration's over every step, not over 10 ms.
+    """
+    ratios = {
+        order: result.metrics[name]
+        for order in range(1, len(DERIVATIVE_UNITS) + 1)
+        if (name := f"limit_ratio_{order}_max") in result.metrics
+    }
+    texts = ["angle", *DERIVATIVE_UNITS]
+    return stacked(result, derivatives_of_motion(result), texts, ratios)
+
+
+@draws("position", "velocity", "levels", applies=lambda r: bounds_jerk(r) and shows_signals(r))
+def displayed_signals(result: Result) -> Figure:
+    """What the law's filters hold in place of the derivatives, with the same bounds.
+
+    Only the first is what its panel says; see `derivatives` for what the arm does.
+    """
+    v = result.series.get("network_velocity", result.series["velocity"])
+    levels = result.series["levels"]
+    signals = [result.series["position"], v, *(levels[:, k] for k in range(levels.shape[1]))]
+    names = [f"signal {order}" for order in range(2, len(signals))]
+    return stacked(
+        result, [(result.time, values) for values in signals], ["angle", "velocity", *names]
+    )

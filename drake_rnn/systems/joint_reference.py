@@ -1,0 +1,121 @@
+"""Where the joints ought to be, some time ahead."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import isfinite
+from typing import Any
+
+import numpy as np
+from pydrake.systems.framework import Context, LeafSystem
+
+from ..arms import Arm
+from ..errors import InvalidInputError
+from ..fields import Array
+from ..laws.pseudoinverse import Pseudoinverse
+from ..paths import Path
+from ..task import named_task
+
+#: Joint positions, shape (k, n) [rad], at times, shape (k,) [s].
+PositionsAt = Callable[[Array], Array]
+
+
+class JointReference(LeafSystem):
+    """Desired joint positions ahead of time, as ``position_preview``, shape (count, n), flat.
+
+    At time t they are those at t + interval, t + 2 interval, ... t + count interval.
+
+    Args:
+        positions_at: The desired joint positions as a function of time.
+        n: Number of joints.
+        interval: Between two of them [s].
+        count: How many.
+
+    Raises:
+        InvalidInputError: If the interval is not positive, there is nothing to show, or
+            ``positions_at`` is not of that shape.
+    """
+
+    def __init__(self, positions_at: PositionsAt, n: int, interval: float, count: int) -> None:
+        super().__init__()
+        if not (interval > 0 and isfinite(interval)):
+            raise InvalidInputError(f"interval: must be positive, not {interval}")
+        if count < 1:
+            raise InvalidInputError(f"count: must be at least 1, not {count}")
+        ahead: Array = interval * np.arange(1.0, count + 1.0)
+        shape = positions_at(ahead).shape
+        if shape != (count, n):
+            raise InvalidInputError(
+                f"positions_at: must give shape {(count, n)} for {count} times, not {shape}"
+            )
+
+        def preview(context: Context, output: Any) -> None:
+            output.set_value(positions_at(context.get_time() + ahead).ravel())
+
+        self.DeclareVectorOutputPort("position_preview", count * n, preview, {self.time_ticket()})
+
+
+def held_posture(q: Array) -> PositionsAt:
+    """A posture that is desired at all times, shape (n,) [rad]."""
+    posture = np.array(q, dtype=float)
+    return lambda times: np.broadcast_to(posture, (times.size, posture.size))
+
+
+def followed_path(
+    path: Path,
+    arm: Arm,
+    start: Array,
+    until: float,
+    task: str = "xyz",
+    step: float = 1e-3,
+) -> PositionsAt:
+    """The joint positions with which the pseudoinverse follows a path from a posture.
+
+    It is run beforehand, as a `Pseudoinverse` sampled every ``step``; between these samples
+    positions are linear in time, before and after them they stay.
+
+    Args:
+        path: The path.
+        arm: The arm.
+        start: Posture at t = 0, shape (n,) [rad].
+        until: Time at which it ends [s].
+        task: A key of `drake_rnn.task.TASKS`, without orientation.
+        step: Between two samples [s].
+
+    Raises:
+        InvalidInputError: If there is no such task, or it asks for an orientation.
+    """
+    followed = named_task(task)
+    if followed.with_orientation:
+        raise InvalidInputError(f"task: a reference for the joints knows xyz and xy, not {task!r}")
+    law = Pseudoinverse(limits=arm.limits, task_size=3 if followed.size == 3 else 2)
+    law.check_period(step)
+    kinematics = arm.kinematics()
+    q = np.array(start, dtype=float)
+    origin = path.start_point(kinematics.p_WE(q))
+
+    def desired(t: float) -> Array:
+        return followed.position(origin + path.evaluate(t)[0])
+
+    times = step * np.arange(int(np.ceil(until / step)) + 1)
+    positions = np.empty((times.size, q.size))
+    x, ahead = law.initial_state(np.random.default_rng(0), {}), desired(0.0)
+    for k, t in enumerate(times.tolist()):
+        positions[k] = q
+        now, ahead = ahead, desired(t + step)
+        seen = {
+            "p_WE": followed.position(kinematics.p_WE(q)),
+            "p_WE_desired": now,
+            "p_preview": ahead,
+            "J": followed.J(kinematics, q),
+        }
+        x = law.step(t, x, seen, step)
+        q = q + step * law.commanded_velocity(t, x)
+
+    def positions_at(at: Array) -> Array:
+        where = np.clip(np.asarray(at) / step, 0.0, times.size - 1.0)
+        before = np.minimum(where.astype(np.intp), times.size - 2)
+        share = (where - before)[:, np.newaxis]
+        return np.asarray((1.0 - share) * positions[before] + share * positions[before + 1])
+
+    return positions_at

@@ -129,6 +129,8 @@ def AddKinematicLoop(
     for system in systems:
         offered |= {port.get_name(): port for port in _outputs(system)}
     offered |= signals or {}
+    if "position_preview" in controller.law.inputs and "position_preview" in offered:
+        _require_same_interval(controller, offered["position_preview"].get_system())
     _require_one_period_ahead(controller, reference)
     for name in controller.law.inputs.parts:
         if name not in offered:
@@ -173,6 +175,13 @@ def _require_one_period_ahead(controller: Controller, reference: System | None) 
     ahead, period = getattr(reference, "preview", None), getattr(controller, "period", None)
     if "p_preview" in controller.law.inputs and None not in (ahead, period) and ahead != period:
         raise InvalidInputError(f"preview: must be the controller's period, {period}, not {ahead}")
+
+
+def _require_same_interval(controller: Controller, reference: System) -> None:
+    asked = getattr(controller.law, "interval", None)
+    given = getattr(reference, "interval", None)
+    if None not in (asked, given) and asked != given:
+        raise InvalidInputError(f"interval: must be the law's, {asked}, not {given}")
 
 
 _HINTS = {

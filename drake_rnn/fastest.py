@@ -19,6 +19,10 @@ _ORDERS = range(1, 1 + len(DERIVATIVE_UNITS))
 _NEAR, _ADMISSIBLE = 0.99, 1.0
 _AIM = 0.998
 _TRIES = 8
+# What a run counts as whose law had to cut what it asked for.
+_CUT = 1.05
+# Laws that stay on their path unless they are cut.
+_SCALING = ("pseudoinverse", "recursive", "joint_drift_free")
 #: Stretches beyond this are taken for a path that comes near a singularity.
 LONGEST_STRETCH = 5.0
 
@@ -49,16 +53,17 @@ def fastest(experiment: Experiment, told: Callable[[str], None] | None = None) -
     largest ratio lies between 0.99 and 1.
 
     Args:
-        experiment: With a path; its time law becomes "ramps" unless it is smooth already, for
-            one lap.
+        experiment: With a path on which the arm starts; its time law becomes "ramps", for one
+            lap.
         told: Told what was tried.
 
     Raises:
         InvalidInputError: If there is nothing to stretch, nothing that bounds it, or position
             limits or a singularity make it impossible at any speed.
     """
-    document = _smooth(experiment)
+    document = _smooth(experiment, told)
     _require_bounds(experiment)
+    _require_that_it_scales(experiment)
     stretch = 1.0
     asked = float(document["path"]["period"])
     for _ in range(_TRIES):
@@ -67,6 +72,9 @@ def fastest(experiment: Experiment, told: Callable[[str], None] | None = None) -
         ratios = _ratios(result)
         _require_position_limits(result)
         largest = max(ratios.values())
+        if result.metrics.get("saturated_fraction", 0.0) > 0.0:
+            # It keeps its bounds by leaving its path.
+            largest, ratios[1] = max(largest, _CUT), max(ratios.get(1, 0.0), _CUT)
         if told is not None:
             told(f"{asked * stretch:.4g} s: largest ratio {largest:.4g} ({_binding(ratios)})")
         if _NEAR <= largest <= _ADMISSIBLE:
@@ -77,19 +85,35 @@ def fastest(experiment: Experiment, told: Callable[[str], None] | None = None) -
             raise InvalidInputError(_too_slow(result, stretch, asked))
     raise InvalidInputError(
         f"path: no duration found at which {experiment.law['kind']} just keeps its bounds; at "
-        f"{asked * stretch:.4g} s the largest ratio is {largest:.4g}: its motion does not follow "
-        "the path closely enough to scale with it"
+        f"{float(tried.duration):.4g} s the largest ratio is {largest:.4g}: its motion does not "
+        "follow the path closely enough to scale with it"
     )
 
 
-def _smooth(experiment: Experiment) -> dict[str, Any]:
+def _require_that_it_scales(experiment: Experiment) -> None:
+    kind = experiment.law["kind"]
+    if kind not in _SCALING:
+        raise InvalidInputError(
+            f"law.kind: may be {', '.join(_SCALING)} for a path to be stretched, not {kind}, which "
+            "keeps its bounds by leaving the path"
+        )
+    if experiment.filter is not None:
+        raise InvalidInputError(
+            "filter: keeps the bounds at any speed, by leaving the path; leave it out"
+        )
+    if experiment.setup.path.offset.any():
+        raise InvalidInputError("path.offset: must be zero, for the arm to start on its path")
+
+
+def _smooth(experiment: Experiment, told: Callable[[str], None] | None) -> dict[str, Any]:
     document = experiment.document()
     path = document.get("path")
     if path is None or path["kind"] == "rest":
         raise InvalidInputError("path: there is none to run through faster")
-    if path.get("timing") != "ramps":
-        path["timing"] = "ramps"
-    path["laps"] = 1
+    if (path.get("timing"), path.get("laps")) != ("ramps", 1) and told is not None:
+        told("path: one lap from rest to rest, timing: ramps")
+    path |= {"timing": "ramps", "laps": 1}
+    document["expect"] = "on its path, as fast as the limits admit"
     document.pop("window", None)
     document.pop("accept", None)
     document["name"] = f"{experiment.name}_fastest"

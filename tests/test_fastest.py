@@ -60,7 +60,8 @@ def test_running_it_again_gives_the_same(found):
 
 def test_it_says_what_was_tried(found):
     assert len(found[1]) >= 2
-    assert "30 s: largest ratio" in found[1][0]
+    assert "timing: ramps" in found[1][0]
+    assert "30 s: largest ratio" in found[1][1]
 
 
 @pytest.mark.parametrize(
@@ -85,3 +86,17 @@ def test_what_no_speed_cures_is_refused_with_figures(changes, message):
 def test_without_a_path_there_is_nothing_to_stretch():
     with pytest.raises(InvalidInputError, match="path: there is none"):
         fastest(load_experiment("null_space_adjustment"))
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "message"),
+    [
+        ("horizon_circle", {}, "law.kind: may be pseudoinverse, recursive, joint_drift_free"),
+        ("chain_circle", {}, "filter: keeps the bounds at any speed"),
+        ("stretched_circle", {"path.offset": [0.01, 0, 0]}, "path.offset: must be zero"),
+    ],
+)
+def test_what_keeps_its_bounds_by_leaving_the_path_is_refused(name, changes, message):
+    """It would be certified at any speed."""
+    with pytest.raises(InvalidInputError, match=message):
+        fastest(load_experiment(name, changes))

@@ -40,6 +40,7 @@ class JointReference(LeafSystem):
         super().__init__()
         if not (interval > 0 and isfinite(interval)):
             raise InvalidInputError(f"interval: must be positive, not {interval}")
+        self.interval = interval
         if count < 1:
             raise InvalidInputError(f"count: must be at least 1, not {count}")
         ahead: Array = interval * np.arange(1.0, count + 1.0)

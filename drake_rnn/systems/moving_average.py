@@ -35,6 +35,8 @@ from ..fields import validated
 from ..laws.law import Layout
 from ..limits import DERIVATIVE_UNITS, JointLimits
 
+# More would take longer than the run.
+_MOST_SAMPLES = 1e6
 # By how much of a sample a window may fall short of its time: rounding of quotients.
 _SLACK = 1e-9
 
@@ -79,6 +81,12 @@ def averaging_windows(limits: JointLimits, period: float) -> NDArray[np.intp]:
             )
     with np.errstate(invalid="ignore"):
         samples = np.ceil(2.0 * bounds[:-1] / (bounds[1:] * period) - _SLACK)
+    longest = np.nan_to_num(samples, nan=1.0).sum(axis=0).max()
+    if longest > _MOST_SAMPLES:
+        raise InvalidInputError(
+            f"filter: its windows may hold {_MOST_SAMPLES:g} samples, not {longest:.3g} of "
+            f"{period:g} s; take a longer period"
+        )
     # Above a joint's last bound there is nothing to hold: inf / inf.
     windows = np.maximum(1, np.nan_to_num(samples, nan=1.0)).astype(np.intp)
     late = windows.sum(axis=0)

@@ -128,6 +128,7 @@ def test_printed_with_more_it_swings_and_breaks_what_is_below_its_top(shape, n, 
     assert ratios(found)[n - 1] <= 1 + 1e-4
 
 
+@pytest.mark.long
 def test_no_period_mends_the_printed_law():
     for period in (2e-3, 5e-4):
         found = run("recursive_circle_printed", duration=8.0, period=period)

@@ -12,6 +12,7 @@ import numpy as np
 
 from drake_rnn import Result, load_experiment, simulate
 from drake_rnn.experiment import shipped_experiments
+from markdown_table import head, row
 
 LAMBDAS = [0.1, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0, 50.0, 100.0]
 # MPE [m], MVE [m/s] and JD [rad] of the paper's Table I, lambda by lambda.
@@ -64,18 +65,6 @@ COMPENSATED = 0.5
 DECOUPLED = 2.0
 # The acceleration's bound, as a share of what the motion would need: low enough to be felt.
 TIGHT = 0.8
-
-
-def row(*cells: object) -> None:
-    """Print one row of a table."""
-    print("|", " | ".join(str(cell) for cell in cells), "|")
-
-
-def head(*cells: str) -> None:
-    """Print the first rows of a table."""
-    print()
-    row(*cells)
-    print("|" + "---|" * len(cells))
 
 
 @cache
@@ -178,8 +167,7 @@ def answer(holds: bool) -> str:
 if __name__ == "__main__":
     shipped = shipped_experiments()
     lambda_table("clover")
-    if {"galjdf_table1", "naljdf_table1"} <= {*shipped}:
-        lambda_table("table1")
+    lambda_table("table1")
     laws = [name for name in shipped if "aljdf_" in name or name.startswith("man_")]
     experiments_table(laws)
     traits_table()

@@ -13,6 +13,7 @@ from pathlib import Path
 from drake_rnn import Result, load_experiment, simulate
 from drake_rnn.figures.comparison import comparison_figure
 from drake_rnn.limits import DERIVATIVE_UNITS
+from markdown_table import head, row
 
 SHAPES = ("circle", "square")
 LAWS = ("recursive_{}_printed", "recursive_{}", "rnn_{}", "pinv_{}", "rnn_{}_smooth")
@@ -25,18 +26,6 @@ COMPARED = {
     "pseudoinverse, smooth and stretched": "stretched_{}",
 }
 FEWER = (1, 2, 3, 4)
-
-
-def row(*cells: object) -> None:
-    """Print one row of a table."""
-    print("|", " | ".join(str(cell) for cell in cells), "|")
-
-
-def head(*cells: str) -> None:
-    """Print the first rows of a table."""
-    print()
-    row(*cells)
-    print("|" + "---|" * len(cells))
 
 
 def figures(result: Result) -> list[str]:

@@ -5,6 +5,7 @@ manipulators", IEEE Access 8 (2020); its Table 3 is empty in the text at hand.
 """
 
 from drake_rnn import Result, load_experiment, simulate
+from markdown_table import head, row
 
 CASES = {
     "1 (r 4, T 3)": "modified_state_adjustment",
@@ -46,18 +47,6 @@ LAWS = {
         "period": 1e-3,
     },
 }
-
-
-def row(*cells: object) -> None:
-    """Print one row of a table."""
-    print("|", " | ".join(str(cell) for cell in cells), "|")
-
-
-def head(*cells: str) -> None:
-    """Print the first rows of a table."""
-    print()
-    row(*cells)
-    print("|" + "---|" * len(cells))
 
 
 def joint_tables(results: dict[str, Result]) -> None:

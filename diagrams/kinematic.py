@@ -224,15 +224,8 @@ def start_posture(arm: Arm, start: Array | None, outside: float = 0.0) -> Array:
         raise InvalidInputError(f"start: must be {arm.n} numbers, not {start!r}") from None
     if start.shape != (arm.n,):
         raise InvalidInputError(f"start: has {start.size} entries for {arm.n} joints")
-    excess = arm.limits.violation(start)
-    if not np.isfinite(start).all() or (excess > outside).any():
-        worst = int(np.argmax(excess))
-        lower = arm.limits.position_lower[worst] - outside
-        upper = arm.limits.position_upper[worst] + outside
-        raise InvalidInputError(
-            f"start: {arm.joints[worst]} is at {start[worst]:.6g} rad; "
-            f"it may be {lower:.6g} to {upper:.6g}"
-        )
+    if not np.isfinite(start).all() or (arm.limits.violation(start) > outside).any():
+        raise InvalidInputError(f"start: {arm.limits.complaint(start, outside, arm.joints)}")
     return start
 
 

@@ -159,3 +159,16 @@ class JointLimits:
     def violation(self, q: Array) -> Array:
         """How far ``q``, shape (..., n), lies outside its position limits [rad]; 0 inside."""
         return np.maximum(np.maximum(self.position_lower - q, q - self.position_upper), 0.0)
+
+    def complaint(self, q: Array, outside: float = 0.0, names: Sequence[str] | None = None) -> str:
+        """Where the joint farthest beyond its position limits is, and where it may be.
+
+        Args:
+            q: Joint positions, shape (n,) [rad].
+            outside: How far beyond the limits they may be [rad].
+            names: Of the joints; by default their numbers.
+        """
+        worst = int(np.argmax(self.violation(q)))
+        name = f"joint {worst + 1}" if names is None else names[worst]
+        lower, upper = self.position_lower[worst] - outside, self.position_upper[worst] + outside
+        return f"{name} is at {q[worst]:.6g} rad; it may be {lower:.6g} to {upper:.6g}"

@@ -5,16 +5,15 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
-from matplotlib.text import Text
 from PIL import Image
 
 from drake_rnn.errors import InvalidInputError
-from drake_rnn.experiment import load_experiment, make_experiment
-from drake_rnn.figures import FIGURES, drawable, write_figures
+from drake_rnn.experiment import load_experiment
+from drake_rnn.figures import drawable, write_figures
 from drake_rnn.figures.style import COLOURS, save
 from drake_rnn.simulation import simulate
+from figure_helpers import assert_no_text_is_cut_off, changed, curves, dashed_levels, draw, panel
 
 KNOWN = [
     "overview",
@@ -43,27 +42,6 @@ def known():
 def learned():
     changes = {"duration": 0.2, "window": [0.1, 0.2]}
     return simulate(load_experiment("slc_nephroid", changes))
-
-
-def changed(result, **changes):
-    """The same series under another experiment."""
-    document = result.experiment.document()
-    for key, value in changes.items():
-        document[key] = value
-    return replace(result, experiment=make_experiment(document))
-
-
-def draw(result, name):
-    return FIGURES[name].draw(result)
-
-
-def dashed(ax):
-    """Levels of the horizontal dashed lines."""
-    return sorted(
-        line.get_ydata()[0]
-        for line in ax.lines
-        if line.get_linestyle() == "--" and np.ptp(line.get_ydata()) == 0
-    )
 
 
 def test_every_figure_is_written_as_a_small_png(learned, tmp_path):
@@ -114,21 +92,12 @@ def test_every_panel_has_labels_with_units(learned, name):
 
 @pytest.mark.parametrize("name", [name for name in LEARNED if name != "overview"])
 def test_no_text_is_cut_off(learned, name):
-    figure = draw(learned, name)
-    figure.canvas = FigureCanvasAgg(figure)
-    figure.canvas.draw()
-    page = figure.bbox
-    for text in figure.findobj(Text):
-        if text.get_visible() and text.get_text() and text.axes is not None:
-            box = text.get_window_extent()
-            inside = min(box.x0, box.y0) > -1 and box.x1 < page.x1 + 1 and box.y1 < page.y1 + 1
-            # Ticks out of view are texts, too.
-            assert inside or not text.get_text().endswith("]"), f"{name}: {text.get_text()}"
+    assert_no_text_is_cut_off(draw(learned, name))
 
 
 def test_units_are_those_of_the_series(known):
-    assert draw(known, "joint_velocities").get_axes()[0].get_ylabel() == "joint velocity [rad/s]"
-    label = draw(known, "joint_accelerations").get_axes()[0].get_ylabel()
+    assert panel(known, "joint_velocities").get_ylabel() == "joint velocity [rad/s]"
+    label = panel(known, "joint_accelerations").get_ylabel()
     assert label == "joint acceleration [rad/s²]"
     assert {ax.get_ylabel() for ax in draw(known, "position").get_axes()} == {
         "x [m]",
@@ -138,30 +107,29 @@ def test_units_are_those_of_the_series(known):
 
 
 def test_curves_are_the_series(known):
-    lines = draw(known, "joint_velocities").get_axes()[0].lines[:7]
-    drawn = np.stack([line.get_ydata() for line in lines], axis=1)
-    np.testing.assert_array_equal(drawn, known.series["velocity"])
-    assert len({line.get_color() for line in lines}) == 7
-    error = draw(known, "position_error").get_axes()[0].lines[0].get_ydata()
+    ax = panel(known, "joint_velocities")
+    np.testing.assert_array_equal(curves(ax), known.series["velocity"])
+    assert len({line.get_color() for line in ax.lines[:7]}) == 7
+    error = panel(known, "position_error").lines[0].get_ydata()
     np.testing.assert_array_equal(error, known.position_error)
     for k, ax in enumerate(draw(known, "joint_angles").get_axes()[:7]):
         np.testing.assert_array_equal(ax.lines[0].get_ydata(), known.series["position"][:, k])
 
 
 def test_bounds_are_drawn_with_both_signs(known):
-    ax = draw(known, "joint_velocities").get_axes()[0]
-    assert dashed(ax) == [-0.5, 0.5]
+    ax = panel(known, "joint_velocities")
+    assert dashed_levels(ax) == [-0.5, 0.5]
     low, high = ax.get_ylim()
     assert low < -0.5 < 0.5 < high
-    assert dashed(draw(known, "joint_accelerations").get_axes()[0]) == [-1.0, 1.0]
-    assert dashed(draw(known, "acceleration_norm").get_axes()[0]) == [1.0]
-    assert dashed(draw(known, "position_error").get_axes()[0]) == [1e-3]
+    assert dashed_levels(panel(known, "joint_accelerations")) == [-1.0, 1.0]
+    assert dashed_levels(panel(known, "acceleration_norm")) == [1.0]
+    assert dashed_levels(panel(known, "position_error")) == [1e-3]
 
 
 def test_a_bound_far_away_is_named_and_does_not_flatten_the_curves(known):
     far = changed(known, limits={"velocity": 50.0, "acceleration": 1.0})
-    ax = draw(far, "joint_velocities").get_axes()[0]
-    assert dashed(ax) == []
+    ax = panel(far, "joint_velocities")
+    assert dashed_levels(ax) == []
     assert ax.get_ylim()[1] < 1.0
     assert [text.get_text() for text in ax.texts] == ["bounds ±50 rad/s"]
 
@@ -174,17 +142,17 @@ def test_a_position_bound_is_drawn_where_it_is_near(known):
     bounds[1] = float(upper)
     near = changed(known, limits={"velocity": 0.5, "acceleration": 1.0, "position_upper": bounds})
     panels = draw(near, "joint_angles").get_axes()
-    assert dashed(panels[1]) == [pytest.approx(upper)]
-    assert all(dashed(panels[k]) == [] for k in (0, 2, 3))
+    assert dashed_levels(panels[1]) == [pytest.approx(upper)]
+    assert all(dashed_levels(panels[k]) == [] for k in (0, 2, 3))
     assert panels[0].get_title(loc="right").startswith("bounds −2.9")
 
 
 def test_bounds_per_joint(known):
     own = [1.2, 1.6, 1.4, 1.4, 1.5, 1.8, 1.0]
     each = changed(known, limits={"velocity": 0.5, "acceleration": own})
-    levels = dashed(draw(each, "joint_accelerations").get_axes()[0])
+    levels = dashed_levels(panel(each, "joint_accelerations"))
     assert levels == sorted(sign * bound for sign, bound in product((1, -1), set(own)))
-    assert dashed(draw(each, "acceleration_norm").get_axes()[0]) == [1.0, 1.8]
+    assert dashed_levels(panel(each, "acceleration_norm")) == [1.0, 1.8]
 
 
 def test_without_limits(known):
@@ -194,7 +162,7 @@ def test_without_limits(known):
     assert sorted(drawable(unlimited)) == sorted(KNOWN)
     draw(unlimited, "overview")
     for name in ("joint_velocities", "joint_accelerations", "acceleration_norm"):
-        assert dashed(draw(unlimited, name).get_axes()[0]) == []
+        assert dashed_levels(panel(unlimited, name)) == []
     # Without bounds there is no range to show either.
     assert len(draw(unlimited, "joint_angles").get_axes()) == 7
 
@@ -204,7 +172,7 @@ def test_some_infinite_bounds(known):
     velocity = [0.5] * 6 + [np.inf]
     limits = {"velocity": velocity, "acceleration": 1.0, "position_lower": lower}
     some = changed(known, limits=limits)
-    assert dashed(draw(some, "joint_velocities").get_axes()[0]) == [-0.5, 0.5]
+    assert dashed_levels(panel(some, "joint_velocities")) == [-0.5, 0.5]
     panels = draw(some, "joint_angles").get_axes()
     assert panels[0].get_title(loc="right") == "bounds none, 2.9"
     assert list(panels[7].get_yticks()) == [2, 3, 4, 5, 6, 7]
@@ -213,7 +181,7 @@ def test_some_infinite_bounds(known):
 def test_noise_is_shown_apart_from_what_the_law_asks_for(learned):
     labels = [ax.get_ylabel() for ax in draw(learned, "joint_accelerations").get_axes()]
     assert labels == ["acceleration, law [rad/s²]", "acceleration, arm [rad/s²]"]
-    ax = draw(learned, "acceleration_norm").get_axes()[0]
+    ax = panel(learned, "acceleration_norm")
     assert ax.get_yscale() == "log"
     legend = [text.get_text() for text in ax.get_legend().get_texts()]
     assert legend == ["arm", "law", "bound"]
@@ -224,13 +192,12 @@ def test_jacobian_and_its_estimate_have_the_same_range(learned):
     panels = draw(learned, "jacobian").get_axes()
     assert len(panels) == 6
     assert len({ax.get_ylim() for ax in panels}) == 1
-    drawn = np.stack([line.get_ydata() for line in panels[1].lines[:7]], axis=1)
-    np.testing.assert_array_equal(drawn, learned.series["J_hat"][:, 0])
+    np.testing.assert_array_equal(curves(panels[1]), learned.series["J_hat"][:, 0])
 
 
 def test_window_is_shaded(known, learned):
     def shades(result):
-        return list(draw(result, "position_error").get_axes()[0].patches)
+        return list(panel(result, "position_error").patches)
 
     assert shades(known) == []
     (shade,) = shades(learned)

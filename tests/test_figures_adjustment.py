@@ -4,16 +4,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
-from matplotlib.text import Text
 
 from drake_rnn.arms import load_arm
 from drake_rnn.experiment import load_experiment, make_experiment
-from drake_rnn.figures import FIGURES, drawable, write_figures
+from drake_rnn.figures import drawable, write_figures
 from drake_rnn.figures.style import COLOURS
 from drake_rnn.self_motion import SelfMotion
 from drake_rnn.simulation import simulate
+from figure_helpers import (
+    assert_no_text_is_cut_off,
+    changed,
+    curves,
+    draw,
+    is_dashed,
+    panel,
+    skeleton,
+)
 
 OLD = [
     "overview",
@@ -62,25 +69,9 @@ def pose():
     return adjusted("panda", "pose", 0.2)
 
 
-def draw(result, name):
-    return FIGURES[name].draw(result)
-
-
-def panel(result, name):
-    return draw(result, name).get_axes()[0]
-
-
 def labelled(ax, name):
     (line,) = [line for line in ax.lines if line.get_label() == name]
     return line
-
-
-def is_dashed(line):
-    return line.get_linestyle() == "--"
-
-
-def skeleton(result, q):
-    return result.experiment.setup.arm.kinematics().skeleton(q)
 
 
 def test_figures_of_a_target_are_drawn_only_if_there_is_one(modified, null_space, untargeted):
@@ -93,8 +84,7 @@ def test_figures_of_a_target_are_drawn_only_if_there_is_one(modified, null_space
 def test_a_point_to_go_to_is_a_path_and_one_to_stay_at_is_none(untargeted):
     for offset, is_path in (([0.1, 0.0, 0.0], True), ([0.0, 0.0, 0.0], False)):
         path = {"kind": "rest", "offset": offset}
-        document = {**untargeted.experiment.document(), "path": path}
-        resting = replace(untargeted, experiment=make_experiment(document))
+        resting = changed(untargeted, path=path)
         paths = {"path_3d", "path_plane"} if is_path else set()
         assert {*drawable(resting)} & {"path_3d", "path_plane"} == paths
 
@@ -103,16 +93,9 @@ def test_a_point_to_go_to_is_a_path_and_one_to_stay_at_is_none(untargeted):
 def test_panels_have_units_and_no_text_is_cut_off(modified, planar, name):
     for result in (modified, planar):
         figure = draw(result, name)
-        figure.canvas = FigureCanvasAgg(figure)
-        figure.canvas.draw()
+        assert_no_text_is_cut_off(figure)
         for ax in figure.get_axes():
             assert ax.get_xlabel().endswith("]")
-        for text in figure.findobj(Text):
-            if text.get_visible() and text.get_text().endswith("]"):
-                box = text.get_window_extent()
-                assert min(box.x0, box.y0) > -1
-                assert box.x1 < figure.bbox.x1 + 1
-                assert box.y1 < figure.bbox.y1 + 1
 
 
 def test_postures_are_those_of_start_end_and_target(modified):
@@ -205,8 +188,7 @@ def test_every_joint_has_its_target(modified):
 def test_joint_error_is_the_distance_to_the_target(modified):
     ax = panel(modified, "joint_error")
     off = np.abs(modified.series["position"] - modified.experiment.setup.target)
-    drawn = np.stack([line.get_ydata() for line in ax.lines[:7]], axis=1)
-    np.testing.assert_allclose(drawn, off, atol=1e-15)
+    np.testing.assert_allclose(curves(ax), off, atol=1e-15)
     assert ax.get_yscale() == "log"
     bound, settled = ax.lines[7:]
     assert set(bound.get_ydata()) == {0.01}
@@ -217,10 +199,7 @@ def test_joint_error_is_the_distance_to_the_target(modified):
 
 def test_moving_bounds_are_the_series_and_drawn_once(modified):
     ax = panel(modified, "moving_bounds")
-    np.testing.assert_array_equal(
-        np.stack([line.get_ydata() for line in ax.lines[:7]], axis=1),
-        modified.series["network_velocity"],
-    )
+    np.testing.assert_array_equal(curves(ax), modified.series["network_velocity"])
     lower, own, upper = [line for line in ax.lines if is_dashed(line)]
     np.testing.assert_array_equal(upper.get_ydata(), modified.series["velocity_upper"][:, 0])
     np.testing.assert_array_equal(lower.get_ydata(), modified.series["velocity_lower"][:, 0])

@@ -5,16 +5,22 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
-from matplotlib.text import Text
 
 from drake_rnn.experiment import load_experiment
-from drake_rnn.figures import FIGURES, drawable, write_figures
+from drake_rnn.figures import drawable, write_figures
 from drake_rnn.figures.style import COLOURS
 from drake_rnn.figures.sweep import sweep_figure
 from drake_rnn.simulation import simulate
 from drake_rnn.sweep import Row
+from figure_helpers import (
+    assert_no_text_is_cut_off,
+    curves,
+    draw,
+    is_dashed,
+    panel,
+    skeleton,
+)
 
 NEW = ["position_error_axes", "velocity_error", "joint_drift", "motion"]
 
@@ -39,28 +45,8 @@ def windowed():
     return simulate(load_experiment("slc_nephroid_known", {"duration": 2.0, "window": [1, 2]}))
 
 
-def draw(result, name):
-    return FIGURES[name].draw(result)
-
-
-def panel(result, name):
-    return draw(result, name).get_axes()[0]
-
-
-def curves(ax, count):
-    return np.stack([line.get_ydata() for line in ax.lines[:count]], axis=1)
-
-
-def is_dashed(line):
-    return line.get_linestyle() == "--"
-
-
 def errors(result, name):
     return result.series[name] - result.series[f"{name}_desired"]
-
-
-def skeleton(result, q):
-    return result.experiment.setup.arm.kinematics().skeleton(q)
 
 
 def test_which_figures_there_are(galjdf, moaljdf, windowed):
@@ -77,16 +63,9 @@ def test_panels_have_units_and_no_text_is_cut_off(galjdf, moaljdf, name):
         if name not in drawable(result):
             continue
         figure = draw(result, name)
-        figure.canvas = FigureCanvasAgg(figure)
-        figure.canvas.draw()
+        assert_no_text_is_cut_off(figure)
         for ax in figure.get_axes():
             assert ax.get_xlabel().endswith("]")
-        for text in figure.findobj(Text):
-            if text.get_visible() and text.get_text().endswith("]"):
-                box = text.get_window_extent()
-                assert min(box.x0, box.y0) > -1
-                assert box.x1 < figure.bbox.x1 + 1
-                assert box.y1 < figure.bbox.y1 + 1
 
 
 def test_position_error_axis_by_axis_in_the_unit_that_fits(galjdf, naljdf):

@@ -4,16 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.text import Text
 from PIL import Image
 
-from drake_rnn.experiment import load_experiment, make_experiment
-from drake_rnn.figures import FIGURES, drawable
+from drake_rnn.experiment import load_experiment
+from drake_rnn.figures import drawable
 from drake_rnn.figures.comparison import comparison_figure, shares_of_bounds
 from drake_rnn.figures.derivative_panels import derivatives_of_motion
 from drake_rnn.figures.style import save
 from drake_rnn.simulation import simulate
+from figure_helpers import assert_no_text_is_cut_off, changed, curves, dashed_levels, draw
 
 NEW = ["derivatives", "displayed_signals"]
 UNITS = ["rad", "rad/s", "rad/s²", "rad/s³", "rad/s⁴", "rad/s⁵"]
@@ -41,23 +40,8 @@ def smooth():
     return run("stretched_circle", duration=6.5)
 
 
-def changed(result, **changes):
-    document = result.experiment.document() | changes
-    return replace(result, experiment=make_experiment(document))
-
-
 def panels(result, name="derivatives"):
-    return FIGURES[name].draw(result).get_axes()
-
-
-def curves(ax, count=7):
-    return np.stack([line.get_ydata() for line in ax.lines[:count]], axis=1)
-
-
-def levels(ax):
-    """Of the horizontal dashed lines."""
-    dashed = [line.get_ydata() for line in ax.lines if line.get_linestyle() == "--"]
-    return sorted(values[0] for values in dashed if np.ptp(values) == 0)
+    return draw(result, name).get_axes()
 
 
 def test_which_figures_there_are(filters, printed, smooth):
@@ -79,18 +63,11 @@ def test_they_are_drawn_only_where_jerk_is_bounded(filters, smooth):
 
 @pytest.mark.parametrize("name", NEW)
 def test_six_panels_with_units_and_no_text_is_cut_off(filters, name):
-    figure = FIGURES[name].draw(filters)
-    figure.canvas = FigureCanvasAgg(figure)
-    figure.canvas.draw()
+    figure = draw(filters, name)
+    assert_no_text_is_cut_off(figure, ("]", "bound"))
     labels = [ax.get_ylabel() for ax in figure.get_axes()]
     assert [label.split("[")[1] for label in labels] == [f"{unit}]" for unit in UNITS]
     assert figure.get_axes()[-1].get_xlabel() == "time [s]"
-    for text in figure.findobj(Text):
-        if text.get_visible() and text.get_text().endswith(("]", "bound")):
-            box = text.get_window_extent()
-            assert min(box.x0, box.y0) > -1
-            assert box.x1 < figure.bbox.x1 + 1
-            assert box.y1 < figure.bbox.y1 + 1
 
 
 def test_derivatives_are_the_arms_and_as_large_as_the_metrics_say(filters, printed, smooth):
@@ -132,7 +109,7 @@ def test_differences_are_over_10_ms_however_often_samples_are_stored(log_period,
 def test_bounds_are_in_view_however_far_the_curves_go(filters, printed, smooth):
     for result in (filters, printed, smooth):
         for ax, bound in zip(panels(result)[1:], BOUNDS, strict=True):
-            assert levels(ax) == [-bound, bound]
+            assert dashed_levels(ax) == [-bound, bound]
             low, high = ax.get_ylim()
             peak = np.abs(curves(ax)).max()
             assert low == -high
@@ -142,13 +119,13 @@ def test_bounds_are_in_view_however_far_the_curves_go(filters, printed, smooth):
             assert box[1] - box[0] > 0.05 * (box[3] - box[2])
     assert panels(filters)[5].get_yscale() == "symlog"
     assert panels(smooth)[5].get_yscale() == "linear"
-    assert levels(panels(filters)[0]) == [-2.0, 2.0]
+    assert dashed_levels(panels(filters)[0]) == [-2.0, 2.0]
 
 
 def test_a_bound_that_would_flatten_the_curves_is_only_told(smooth):
     far = changed(smooth, limits={"velocity": 0.2, "acceleration": 0.1, "jerk": 1e3})
     ax = panels(far)[3]
-    assert levels(ax) == []
+    assert dashed_levels(ax) == []
     assert ax.get_ylim()[1] < 0.1
     assert ax.get_title(loc="right").endswith(" × bound")
 
@@ -177,14 +154,14 @@ def test_bounds_of_some_orders_and_of_each_joint(smooth):
     own = [0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.06]
     some = changed(smooth, limits={"velocity": 0.2, "acceleration": None, "jerk": own})
     axes = panels(some)
-    assert levels(axes[2]) == levels(axes[4]) == []
+    assert dashed_levels(axes[2]) == dashed_levels(axes[4]) == []
     assert axes[4].get_title(loc="right") == ""
-    assert levels(axes[3]) == sorted(sign * bound for sign in (1, -1) for bound in {*own})
+    assert dashed_levels(axes[3]) == sorted(sign * bound for sign in (1, -1) for bound in {*own})
 
 
 def draw_new(result, folder):
     for name in NEW:
-        save(FIGURES[name].draw(result), folder / f"{name}.png")
+        save(draw(result, name), folder / f"{name}.png")
 
 
 def test_numbers_that_are_none(filters, tmp_path):
@@ -227,7 +204,7 @@ def test_the_comparison(filters, printed, smooth, tmp_path, monkeypatch):
     assert [ax.get_ylabel() for ax in axes[1:, 0]] == [f"{name} / bound [-]" for name in NAMES]
     np.testing.assert_array_equal(axes[0, 0].lines[1].get_ydata(), smooth.position_error)
     for ax in axes[1:].ravel():
-        assert levels(ax) == [1.0]
+        assert dashed_levels(ax) == [1.0]
         low, high = ax.get_ylim()
         assert low < 1.0 < high
     legend = [text.get_text() for text in drawn[0].legends[0].get_texts()]

@@ -60,12 +60,12 @@ def fallbacks(law, x):
 # What it does.
 
 
-@pytest.mark.parametrize(("shape", "settles"), [("circle", 12.0), ("square", 14.0)])
+@pytest.mark.parametrize(("shape", "settles"), [("circle", 9.25), ("square", 11.54)])
 def test_a_step_of_one_radian_settles_within_all_bounds(shape, settles):
     law = make(shape, 2)
     q, ratios, x = run(law, begin(law, [0.0, 0.5]), lambda t: np.array([1.0, -0.5]), 16.0)
     late = np.flatnonzero((np.abs(q - [1.0, -0.5]) > 0.01).any(axis=1))[-1]
-    assert (late + 1) * PERIOD < settles
+    assert (late + 1) * PERIOD == pytest.approx(settles, abs=0.02)
     assert ratios.max() <= 1.0
     assert ratios.max() > 0.99  # no slower than it must be
     assert np.abs(q).max() <= 2.0
@@ -125,7 +125,7 @@ def test_a_plan_is_as_good_as_clarabels():
     plan = law.state.part(x, "plan")
     before = np.concatenate((plan[1:], plan[-1:]))
     desired = np.linspace(0.3, 0.2, law.horizon)[:, np.newaxis]
-    found, solved = law._solver.improve(before, desired)
+    found, solved = law._program.improve(before, desired)
     assert solved.all()
 
     knots = np.array([1.0, 26.0, 66.0, 26.0, 1.0]) / 120.0
@@ -273,7 +273,7 @@ def test_without_a_plan_that_holds_the_bounds_the_old_one_is_followed(change, so
     law = make("circle")
     _, _, x = run(law, begin(law, [0.0]), lambda t: np.array([1.0]), 3.0)
     end = law.state.part(x, "plan")[-1].copy()
-    law.__dict__["_solver"] = _Broken(change, solved)
+    law.__dict__["_program"] = _Broken(change, solved)
     q, ratios, x = run(law, x, lambda t: np.array([1.0]), 9.0, since=3.0)
     assert fallbacks(law, x) == 90
     assert ratios.max() <= 1.0

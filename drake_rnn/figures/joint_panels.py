@@ -28,7 +28,7 @@ from .style import (
     time_axis,
     unit,
 )
-from .traits import apart, evaluated, law_velocity, returns
+from .traits import apart, commands_acceleration, evaluated, law_velocity
 
 #: A bound further away than this many times the curves' peak is named rather than drawn.
 _IN_VIEW = 3.0
@@ -70,7 +70,7 @@ def plot_acceleration_norm(ax: Axes, result: Result) -> None:
         curves.append(result.series["network_acceleration_peak"][1:])
         ax.plot(time, arm, color=COLOURS[4], label="arm")
     ax.plot(time, curves[-1], color=COLOURS[0], label="law" if len(curves) > 1 else None)
-    if returns(result) and result.series["saturated"].any():
+    if commands_acceleration(result) and result.series["saturated"].any():
         # What was asked for and not allowed.
         demand = np.abs(result.series["acceleration_demand"][1:]).max(axis=1)
         ax.plot(time, demand, label="asked for", **DESIRED)

@@ -29,7 +29,7 @@ from .task_panels import (
     plot_position_error_axes,
     plot_velocity_error,
 )
-from .traits import bounds_are_felt, has_target, returns
+from .traits import bounds_are_felt, commands_acceleration, has_target
 
 _Panels = list[tuple[set[str], Callable[[Axes, Result], None]]]
 
@@ -136,7 +136,9 @@ def _contents(result: Result) -> tuple[_Panels, tuple[str, ...]]:
     """Panels and metrics that say what a law is about."""
     if has_target(result):
         return _TARGET_PANELS, _TARGET_METRICS
-    return (_RETURN_PANELS, _RETURN_METRICS) if returns(result) else (_PANELS, _METRICS)
+    if commands_acceleration(result):
+        return _RETURN_PANELS, _RETURN_METRICS
+    return _PANELS, _METRICS
 
 
 def _header(part: Any, result: Result) -> None:

@@ -20,8 +20,8 @@ def has_target(result: Result) -> bool:
     return result.experiment.setup.target is not None
 
 
-def returns(result: Result) -> bool:
-    """Whether its law commands accelerations, and brings the joints back along a path."""
+def commands_acceleration(result: Result) -> bool:
+    """Whether its law commands accelerations, as those that bring the joints back do."""
     return not {"velocity_error_predicted", "torque"}.isdisjoint(result.series)
 
 

@@ -260,16 +260,27 @@ class JointDriftFree:
 
     def derivatives(self, t: float, x: Array, u: Signals) -> Array:
         """Right-hand side of (19), (29) or (43)."""
+        demand, omega_dot = self._rates(x, u)
+        return self.state.join(self.clipped(demand), omega_dot)
+
+    def _rates(self, x: Array, u: Signals) -> tuple[Array, Array]:
+        """The accelerations asked for, and omega's rate, at one instant."""
         v, omega = self.state.split(x)
         form = self.linear_form(u, u["position"], u["p_WE"])
         demand = form.a_v @ v + form.a_omega @ omega + form.a_0
-        omega_dot = form.b_v @ v + form.b_omega @ omega + form.b_0
-        return self.state.join(self.clipped(demand), omega_dot)
+        return demand, form.b_v @ v + form.b_omega @ omega + form.b_0
 
     def clipped(self, demand: Array) -> Array:
         """Accelerations within their bounds, shape (..., n) [rad/s^2]."""
         bound = self._bound
         return np.minimum(np.maximum(demand, -bound), bound)
+
+    def bounded(self, demand: Array, q: Array, v: Array, period: float) -> Array:
+        """Accelerations within the bounds that ``bounds`` names, held for a period [rad/s^2]."""
+        if self.bounds == "acceleration":
+            return self.clipped(demand)
+        lower, upper = self.limits.acceleration_box(q, v, period)
+        return np.minimum(np.maximum(demand, lower), upper)
 
     @cached_property
     def _damping_matrix(self) -> Array:
@@ -326,19 +337,14 @@ class JointDriftFree:
         return x[: self.home.size]
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
-        v, omega = self.state.split(x)
-        if v.ndim == 1:
-            form = self.linear_form(u, u["position"], u["p_WE"])
-            demand = form.a_v @ v + form.a_omega @ omega + form.a_0
+        v = self.state.part(x, "v")
+        if x.ndim == 1:
+            demand, _ = self._rates(x, u)
         else:
-            demand = np.array(
-                [
-                    self.diagnostics(0.0, row, {name: value[k] for name, value in u.items()})[
-                        "acceleration_demand"
-                    ]
-                    for k, row in enumerate(x)
-                ]
-            ).reshape(v.shape)
+            instants = ({name: value[k] for name, value in u.items()} for k in range(len(x)))
+            each = [self._rates(row, then)[0] for row, then in zip(x, instants, strict=True)]
+            # Of no instant at all, too.
+            demand = np.array(each).reshape(v.shape)
         return self.observed(demand, self.clipped(demand), v, u)
 
     def observed(self, demand: Array, v_dot: Array, v: Array, u: Signals) -> Signals:

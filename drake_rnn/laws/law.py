@@ -54,6 +54,18 @@ class Law(Protocol):
     """Neural dynamics of one scheme. A law holds its gains and never changes.
 
     Its state owns the joint velocities it asks for, as the part ``v``.
+
+    Beyond what stands here a law may have, and others look whether it has:
+
+    - ``derivatives(t, x, u)``: see `ContinuousLaw`; a law without is sampled, never integrated.
+    - ``sampled``: the law, of another state and other inputs, that is sampled in its stead.
+    - ``check_period(period)``: raises an InvalidInputError if it cannot be sampled so, ``period``
+      in [s]; asked before a run, and of ``sampled`` by the controller.
+    - ``check_integrated()``: raises one if, with these arguments, it cannot be integrated.
+    - ``integration_scheme``: Drake's, one step of which a sample integrates the command that
+      ``holds_command`` says is not held; without it ``runge_kutta2``, exact for a ramp.
+    - ``interval``: between two of its plans [s], which must be that of the reference it is shown.
+    - ``caveats(metrics)``: the warnings that a run's metrics give cause for, a list of sentences.
     """
 
     @property

@@ -3,11 +3,9 @@
 # No postponed annotations: older pydantic looks for inherited ones in the subclass's module.
 from typing import Literal
 
-import numpy as np
-
-from ..errors import InvalidInputError
 from ..fields import Positive, Vector, validated
 from ..limits import JointLimits
+from .sampling_rate import check_sampling_rate
 
 
 @validated
@@ -33,15 +31,8 @@ class PostureLaw:
             raise ValueError(
                 f"target: must have {self.limits.size} entries, one a joint, not {self.target.size}"
             )
-        outside = self.limits.violation(self.target)
-        if outside.any():
-            joint = int(np.argmax(outside))
-            lower = self.limits.position_lower[joint]
-            upper = self.limits.position_upper[joint]
-            raise ValueError(
-                f"target: joint {joint + 1} is at {self.target[joint]:.6g} rad; "
-                f"it may be {lower:.6g} to {upper:.6g}"
-            )
+        if self.limits.violation(self.target).any():
+            raise ValueError(f"target: {self.limits.complaint(self.target)}")
 
     @property
     def holds_command(self) -> bool:
@@ -54,9 +45,4 @@ class PostureLaw:
 
     def check_period(self, period: float) -> None:
         """Raise an InvalidInputError if sampling so seldom would overshoot; ``period`` in [s]."""
-        name, rate = max(self.rates.items(), key=lambda item: item[1])
-        if period * rate >= 1.0:
-            raise InvalidInputError(
-                f"period: must be below {1.0 / rate:g} s with law.{name} at {rate:g} /s, "
-                f"not {period:g}"
-            )
+        check_sampling_rate(period, self.rates)

@@ -15,10 +15,10 @@ from typing import Literal
 
 import numpy as np
 
-from ..errors import InvalidInputError
 from ..fields import Array, NonNegative, Positive, validated
 from ..limits import JointLimits
 from .law import Layout, Signals
+from .sampling_rate import check_sampling_rate
 
 
 @validated
@@ -60,11 +60,7 @@ class Pseudoinverse:
 
     def check_period(self, period: float) -> None:
         """Raise an InvalidInputError if the feedback would overshoot; ``period`` in [s]."""
-        if period * self.feedback >= 1.0:
-            raise InvalidInputError(
-                f"period: must be below {1.0 / self.feedback:g} s with law.feedback at "
-                f"{self.feedback:g} /s, not {period:g}"
-            )
+        check_sampling_rate(period, {"feedback": self.feedback})
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
         return np.zeros(self.state.size)

@@ -110,7 +110,7 @@ class TwoStep:
         known = np.concatenate((form.a_0 + known_v, form.b_0 + known_omega))
         sought = np.linalg.solve(A, -known)
         demand = (sought[:n] - v) / h
-        slope = self._within_bounds(demand, q, v, h)
+        slope = law.bounded(demand, q, v, h)
         ramp = (v + h * slope, sought[n:], v, slope, demand, (t,))
         return np.concatenate((*ramp, omega, J.ravel(), Jdot_v))
 
@@ -131,9 +131,3 @@ class TwoStep:
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         v, demand, slope = (self.state.part(x, name) for name in ("v", "demand", "slope"))
         return self.law.observed(demand, slope, v, u)
-
-    def _within_bounds(self, demand: Array, q: Array, v: Array, period: float) -> Array:
-        if self.law.bounds == "acceleration":
-            return self.law.clipped(demand)
-        lower, upper = self.law.limits.acceleration_box(q, v, period)
-        return np.minimum(np.maximum(demand, lower), upper)

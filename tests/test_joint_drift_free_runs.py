@@ -127,28 +127,28 @@ class TestTheorem2:
     def test_a_start_offset_hardly_decays_in_ten_seconds(self):
         late = self.errors()
         assert (np.diff(late) < 0).all()
-        assert late[-1] > 0.5 * self.OFFSET
+        assert late[-1] > 0.76 * self.OFFSET
 
     def test_it_decays_the_slower_the_larger_the_velocity_gain(self):
         """Rate ~ delta beta gamma / (rho sigma^2 + ...): ten times the gain, a tenth of it."""
         decay = [
             -np.log(self.errors(**{"law.velocity_gain": g})[0] / self.OFFSET) for g in (1e5, 1e6)
         ]
-        assert decay[0] / decay[1] == pytest.approx(10, rel=0.3)
+        assert decay[0] / decay[1] == pytest.approx(10, rel=0.22)
 
     def test_the_composite_error_removes_it(self):
-        assert self.errors(**{"law.composite_gain": 20})[-1] < 1e-7
+        assert self.errors(**{"law.composite_gain": 20})[-1] < 1.6e-9
 
 
 def test_the_composite_error_cures_galjdf():
     changes = {"law.return_weight": 10, "law.composite_gain": 20, "accept": None}
-    assert run("galjdf_clover", **changes).metrics["position_error_max_m"] <= 3e-5
+    assert run("galjdf_clover", **changes).metrics["position_error_max_m"] <= 2e-5
 
 
 def test_faster_roots_return_the_joints():
     """The slow root of the null space is -beta gamma / (beta + gamma): half a turn of a lap."""
     changes = {"law.return_weight": 1, "law.return_beta": 4, "law.return_gamma": 4, "accept": None}
-    assert run("naljdf_clover", **changes).metrics["joint_drift_mean_rad"] <= 1e-5
+    assert run("naljdf_clover", **changes).metrics["joint_drift_mean_rad"] <= 7e-6
 
 
 class TestMoaljdf:
@@ -169,9 +169,10 @@ class TestMoaljdf:
         effort, drift = {}, {}
         for alpha in (1.0, 0.995, 0.9):
             result = run("moaljdf_parallelogram", accept=None, **{"law.alpha": alpha})
-            effort[alpha] = np.sqrt(np.mean(result.series["torque"] ** 2))
+            effort[alpha] = np.sqrt(np.mean(np.sum(result.series["torque"] ** 2, axis=1)))
             drift[alpha] = result.metrics["joint_drift_mean_rad"]
         assert effort[1.0] < effort[0.995] < effort[0.9]
+        assert effort == pytest.approx({1.0: 134.4, 0.995: 135.7, 0.9: 138.3}, rel=2e-3)
         # And it costs the return of the joints.
         assert drift[0.995] > 10 * drift[1.0]
 
@@ -179,11 +180,13 @@ class TestMoaljdf:
 class TestReference:
     """Joint angles, not only the task error, against a tight integration."""
 
-    @pytest.mark.parametrize("name", ["naljdf_clover", "galjdf_clover", "moaljdf_parallelogram"])
-    def test_the_joints_end_where_the_differential_equation_has_them(self, name):
+    @pytest.mark.parametrize(
+        ("name", "bound"),
+        [("naljdf_clover", 5e-8), ("galjdf_clover", 5e-8), ("moaljdf_parallelogram", 1.5e-5)],
+    )
+    def test_the_joints_end_where_the_differential_equation_has_them(self, name, bound):
         result = run(name)
         exact = integrate(result.experiment)
-        bound = 1e-6 if "clover" in name else 1e-4
         np.testing.assert_allclose(result.series["position"][-1], exact, atol=bound)
 
     def test_the_step_is_of_second_order(self):
@@ -211,7 +214,7 @@ class TestReference:
             context = loop.arm.GetMyContextFromRoot(simulator.get_context())
             q = loop.arm.GetOutputPort("position").Eval(context)
             worst = max(worst, np.linalg.norm(kinematics.p_WE(q) - start - path.evaluate(t)[0]))
-        assert worst > 5e-5
+        assert worst > 8.4e-5
 
 
 def integrate(experiment):

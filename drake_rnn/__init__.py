@@ -3,6 +3,7 @@
 from importlib.metadata import version
 
 from .arms import Arm, ArmDescription, load_arm, shipped_arms
+from .environments import ContactModel, ElasticSurface, ModelSurface, Plate, TipMaterial
 from .errors import DrakeRnnError, InvalidInputError, SimulationError
 from .experiment import Experiment, load_experiment, make_experiment, shipped_experiments
 from .laws import (
@@ -10,6 +11,7 @@ from .laws import (
     JointDriftFree,
     Law,
     Layout,
+    MotionForce,
     NullSpaceAdjustment,
     Pseudoinverse,
     RecedingHorizon,
@@ -17,6 +19,8 @@ from .laws import (
     SimultaneousLearning,
     StateAdjustment,
 )
+from .laws.contact_loss import ContactLoss
+from .laws.online_stiffness import OnlineStiffness
 from .limits import JointLimits
 from .paths import PATHS, Path
 from .reach import check_reach
@@ -28,11 +32,15 @@ from .systems import (
     Dither,
     DitherSettings,
     Dynamics,
+    ForceProfile,
     Kinematics,
     Mirror,
     MovingAverage,
     PathSource,
+    PlantArm,
+    PlantSettings,
     SampledController,
+    SensorSettings,
 )
 
 __version__ = version("drake-rnn")
@@ -41,13 +49,17 @@ __all__ = [
     "PATHS",
     "Arm",
     "ArmDescription",
+    "ContactLoss",
+    "ContactModel",
     "ContinuousController",
     "ContinuousLaw",
     "Dither",
     "DitherSettings",
     "DrakeRnnError",
     "Dynamics",
+    "ElasticSurface",
     "Experiment",
+    "ForceProfile",
     "InvalidInputError",
     "JointDriftFree",
     "JointLimits",
@@ -55,19 +67,27 @@ __all__ = [
     "Law",
     "Layout",
     "Mirror",
+    "ModelSurface",
+    "MotionForce",
     "MovingAverage",
     "NullSpaceAdjustment",
+    "OnlineStiffness",
     "Path",
     "PathSource",
+    "PlantArm",
+    "PlantSettings",
+    "Plate",
     "Pseudoinverse",
     "RecedingHorizon",
     "Recursive",
     "Result",
     "SampledController",
     "SelfMotion",
+    "SensorSettings",
     "SimulationError",
     "SimultaneousLearning",
     "StateAdjustment",
+    "TipMaterial",
     "build_diagram",
     "check_reach",
     "load_arm",

@@ -14,14 +14,17 @@ from pydrake.systems.analysis import GetIntegrationSchemes
 
 from .complaints import nearest, plain
 from .diagrams import EXPERIMENTS
-from .diagrams.kinematic import Feedback
+from .diagrams.loop import Feedback
 from .documents import construct, parse_yaml, read_yaml, to_yaml
 from .errors import InvalidInputError
 from .experiment_setup import Setup, make_setup
 from .fields import Finite, NonNegative, Positive, Seed, Vector, validated
 from .metrics import METRICS
+from .systems.contact_reference import ForceProfile
 from .systems.dither import DitherSettings
+from .systems.force_sensor import SensorSettings
 from .systems.moving_average import FilterSettings
+from .systems.plant_arm import PlantSettings
 
 
 @validated
@@ -90,7 +93,13 @@ class Experiment:
         path: ``kind`` and the fields of a path; not for a law that seeks a target posture
             while the end effector stays.
         law: ``kind`` and those fields of a law that neither arm nor task determine.
-        level: ``kinematic``: the arm is where it is commanded to be.
+        level: ``kinematic``: the arm is where it is commanded to be. ``dynamic``: it has mass,
+            motors and contact.
+        plant: At the dynamic level, how the arm is simulated and driven.
+        environment: ``kind`` and the fields of what the tool presses against, see
+            `drake_rnn.environments`.
+        force: To press with.
+        sensor: Of that force; one that says what is, by default.
         period: Of the controller [s]; or
         integrator: Drake's, for a law's continuous reading.
         start: Posture to start from, shape (n,) [rad]; the arm's home by default.
@@ -102,7 +111,8 @@ class Experiment:
         filter: What the law's command goes through, so that the arm keeps the bounds of
             ``limits`` up to the highest order given.
         feedback: Which arm the law sees: the one that the filtered command moves,
-            ``commanded``, or ``unfiltered``, a virtual one that its own command moves.
+            ``commanded``; or ``unfiltered``, a virtual one that its own command moves; or at
+            the dynamic level the true one, ``measured``.
         seed: Of everything drawn at random.
         duration: Of the run [s].
         window: Times between which errors are evaluated [s]; the whole run by default.
@@ -118,7 +128,11 @@ class Experiment:
     task: Literal["xyz", "xy", "pose"] = "xyz"
     path: dict[str, Any] | None = None
     law: dict[str, Any]
-    level: Literal["kinematic"] = "kinematic"
+    level: Literal["kinematic", "dynamic"] = "kinematic"
+    plant: PlantSettings | None = None
+    environment: dict[str, Any] | None = None
+    force: ForceProfile | None = None
+    sensor: SensorSettings | None = None
     period: Positive | None = None
     integrator: IntegratorSettings | None = None
     start: Vector | None = None
@@ -168,7 +182,7 @@ class Experiment:
                 continue
             if name == "accept":
                 value = {key: _given(bound) for key, bound in value.items()}
-            elif name in {"integrator", "dither", "filter"}:
+            elif name in {"integrator", "dither", "filter", "plant", "force", "sensor"}:
                 value = _given(value)
             document[name] = plain(value)
         return document
@@ -295,8 +309,9 @@ def _cut_short(document: dict[str, Any], changes: Mapping[str, Any]) -> None:
 
 def _resolve_files(document: dict[str, Any], folder: File) -> None:
     arm, path = _section(document, "arm"), _section(document, "path")
-    packages = _section(arm, "packages")
-    for section, key in ((arm, "model"), (path, "file"), *((packages, key) for key in packages)):
+    packages, environment = _section(arm, "packages"), _section(document, "environment")
+    files = ((arm, "model"), (path, "file"), (environment, "model"))
+    for section, key in (*files, *((packages, key) for key in packages)):
         value = section.get(key)
         # A shipped arm's name may also be that of a folder.
         found = File.is_dir if section is packages else File.is_file

@@ -10,8 +10,10 @@ import numpy as np
 
 from .arms import Arm, load_arm
 from .complaints import nearest
-from .diagrams.kinematic import check_filter, start_posture
+from .diagrams.contact import Contact
+from .diagrams.loop import check_filter, start_posture
 from .documents import construct
+from .environments import ENVIRONMENTS, ContactModel, ElasticSurface, Surface
 from .errors import InvalidInputError
 from .fields import Array
 from .laws import LAWS, Law
@@ -42,6 +44,8 @@ class Setup:
         p_WE_start: Where the end effector is then, shape (3,) [m].
         R_WE_start: Its orientation, shape (3, 3).
         target: Posture that the law seeks, shape (n,) [rad], or None.
+        holds_orientation: Whether the end effector is to keep the orientation of the start.
+        contact: What the tool presses against, or None.
         path_delay: How long ago the point was desired that the arm is to be at now [s].
         warnings: What the user should know of how they were made.
     """
@@ -54,6 +58,8 @@ class Setup:
     p_WE_start: Array
     R_WE_start: Array
     target: Array | None
+    holds_orientation: bool
+    contact: Contact | None
     path_delay: float
     warnings: tuple[str, ...]
 
@@ -64,9 +70,9 @@ def make_setup(experiment: Experiment) -> Setup:
     Raises:
         InvalidInputError: Naming the key, its value and what it may be.
     """
-    arm = _arm(experiment.arm)
-    limits = _limits(arm, experiment.limits)
-    arm = arm.with_limits(limits)
+    published = _arm(experiment.arm)
+    limits = _limits(published, experiment.limits)
+    arm = published.with_limits(limits)
     law_class: Any = _kind(experiment.law, LAWS, "law")
     fields = law_class.__dataclass_fields__
     seeks_posture = issubclass(law_class, PostureLaw)
@@ -86,11 +92,15 @@ def make_setup(experiment: Experiment) -> Setup:
         raise InvalidInputError(
             f"integrator: {experiment.law['kind']} is no differential equation; give a period"
         )
+    if experiment.feedback == "measured" and experiment.level == "kinematic":
+        raise InvalidInputError(
+            "feedback: measured is for level: dynamic; here the arm is where it is commanded to be"
+        )
     if experiment.dither is not None and "velocity" not in law.inputs:
         raise InvalidInputError("dither: this law does not learn; it has nothing to excite")
     if experiment.period is not None and hasattr(law, "check_period"):
         law.check_period(experiment.period)
-    warnings = [*_widened(_arm(experiment.arm), limits), *_outside(arm, start)]
+    warnings = [*_widened(published, limits), *_outside(arm, start)]
     path_delay, doubts = _filter(experiment, limits, law)
     warnings += doubts
     target = None
@@ -108,9 +118,39 @@ def make_setup(experiment: Experiment) -> Setup:
         p_WE_start=kinematics.p_WE(start),
         R_WE_start=kinematics.R_WE(start),
         target=target,
+        holds_orientation=TASKS[experiment.task].with_orientation or "R_WE_desired" in law.inputs,
+        contact=_contact(experiment, law),
         path_delay=path_delay,
         warnings=tuple(warnings),
     )
+
+
+def _contact(experiment: Experiment, law: Law) -> Contact | None:
+    document = experiment.environment
+    if experiment.level == "kinematic" and experiment.plant is not None:
+        raise InvalidInputError("plant: only at level: dynamic")
+    if experiment.level == "dynamic" and experiment.period is None:
+        raise InvalidInputError("period: must be given at level: dynamic, no integrator")
+    if document is None:
+        if "normal_WE" in law.inputs:
+            raise InvalidInputError("environment: must be given; this law presses on a surface")
+        for name in ("force", "sensor"):
+            if getattr(experiment, name) is not None:
+                raise InvalidInputError(f"{name}: only with an environment")
+        return None
+    kind = _kind(document, ENVIRONMENTS, "environment")
+    able = _SURFACES[experiment.level]
+    if not issubclass(kind, able):
+        names = ", ".join(name for name, known in ENVIRONMENTS.items() if issubclass(known, able))
+        raise InvalidInputError(
+            f"environment.kind: may be {names} at level: {experiment.level}, not {document['kind']}"
+        )
+    if experiment.force is None:
+        raise InvalidInputError("force: must be given with an environment")
+    if experiment.sensor is not None and experiment.period is None:
+        raise InvalidInputError("sensor: is sampled like the law; give a period, no integrator")
+    surface: Surface = construct(kind, _rest(document), "environment")
+    return Contact(surface, experiment.force, experiment.sensor)
 
 
 # The field of a law that feeds the position error back, which a delay in its loop limits [1/s].
@@ -208,6 +248,8 @@ def _outside(arm: Arm, start: Array) -> list[str]:
         if excess > 0
     ]
 
+
+_SURFACES: dict[str, type[Surface]] = {"kinematic": ElasticSurface, "dynamic": ContactModel}
 
 # Where the fields of a law come from that a document does not give.
 _ORIGINS = {"limits": "arm and limits", "home": "start", "task_size": "task"}

@@ -21,6 +21,14 @@ METRICS = [
     "velocity_error_component_max_m_s",
     "settling_time_s",
     "orientation_error_max_rad",
+    "orientation_rank_min",
+    "force_error_mean_N",
+    "force_error_rms_N",
+    "force_error_max_N",
+    "normal_force_peak_N",
+    "lateral_error_max_m",
+    "contact_lost_fraction",
+    "contact_lost_time_s",
     "joint_error_max_rad",
     "joint_settling_time_s",
     "invariant_error_max_m",
@@ -52,15 +60,33 @@ METRICS = [
     "control_step_us",
 ]
 
-HIGHER = ("jerk", "snap", "crackle")
+_HIGHER = ("jerk", "snap", "crackle")
 # Between the velocities of which those are differences [s].
 _DIFFERENCE = 0.01
+
+# A gap in the contact that is longer than this is a loss of it [s].
+_LOST = 0.05
 
 # Joint error below which the arm has arrived at its target [rad].
 ARRIVED = 0.01
 
 #: Metrics of the machine rather than of the run; they differ from one run to the next.
 TIMING_METRICS = ("real_time_factor", "wall_time_s", "control_step_us")
+
+
+@dataclass(frozen=True)
+class Pressing:
+    """What a tool and a surface did to each other, step by step; k steps.
+
+    Attributes:
+        normal: Of the surface, outwards, of length 1, shape (3,).
+        force: That presses, along the normal, shape (k,) [N].
+        desired: What was asked, shape (k,) [N].
+    """
+
+    normal: Array
+    force: Array
+    desired: Array
 
 
 @dataclass(frozen=True)
@@ -78,6 +104,8 @@ class Motion:
         target: Posture that was to be reached, shape (n,) [rad]; None if there was none.
         orientation_error: Angle off the orientation that was to be held, shape (k,) [rad];
             None if none was.
+        pressing: The contact with a surface; None without one. Then errors of the position are
+            those along the surface.
         tick, network_tick: Time for which the arm's and the law's velocities are held [s];
             None where they change at every step.
     """
@@ -94,8 +122,16 @@ class Motion:
     J_hat: Array | None
     target: Array | None = None
     orientation_error: Array | None = None
+    pressing: Pressing | None = None
     tick: float | None = None
     network_tick: float | None = None
+
+    def aside(self, vectors: Array) -> Array:
+        """What of ``vectors``, shape (k, m), counts as an error: on a surface, what lies in it."""
+        if self.pressing is None:
+            return vectors
+        n = self.pressing.normal
+        return vectors - np.outer(vectors @ n, n)
 
     def joint_acceleration(self) -> Array:
         """Secant of the arm's velocity over the tick of each step, shape (k - 1, n) [rad/s^2]."""
@@ -131,6 +167,8 @@ def motion_metrics(
         metrics |= _drift(motion, window)
         metrics |= _joints(motion, limits)
         metrics |= _posture(motion, window)
+        if motion.pressing is not None:
+            metrics |= _contact(motion, motion.pressing, window)
         if motion.J_hat is not None:
             metrics |= _jacobian(motion, motion.J_hat, window)
     return {name: float(value) for name, value in metrics.items() if np.isfinite(value)}
@@ -151,6 +189,8 @@ def law_metrics(motion: Motion, observed: Signals) -> dict[str, float]:
     if "acceleration_demand" in observed:
         demand = np.abs(observed["acceleration_demand"])
         metrics["joint_acceleration_demand_max_rad_s2"] = demand.max()
+    if "orientation_rank" in observed:
+        metrics["orientation_rank_min"] = observed["orientation_rank"].min()
     if "displacement" in observed:
         with np.errstate(over="ignore", invalid="ignore"):
             moved = motion.p_WE - motion.p_WE[0]
@@ -171,10 +211,10 @@ def _errors(
 ) -> dict[str, float]:
     metrics = {}
     within = _within(motion, window)
-    error = motion.p_WE - motion.p_WE_desired
+    error = motion.aside(motion.p_WE - motion.p_WE_desired)
     norm = np.linalg.norm(error, axis=1)
     if within.any():
-        slip = motion.v_WE - motion.v_WE_desired
+        slip = motion.aside(motion.v_WE - motion.v_WE_desired)
         metrics = {
             "position_error_max_m": norm[within].max(),
             "position_error_component_max_m": np.abs(error[within]).max(),
@@ -213,6 +253,32 @@ def _posture(motion: Motion, window: tuple[float, float] | None) -> dict[str, fl
     settled = _settled(motion.time, error, ARRIVED)
     if settled is not None:
         metrics["joint_settling_time_s"] = settled
+    return metrics
+
+
+def _contact(
+    motion: Motion, pressing: Pressing, window: tuple[float, float] | None
+) -> dict[str, float]:
+    metrics = {"normal_force_peak_N": pressing.force.max()}
+    touching = pressing.force > 0.0
+    if (within := _within(motion, window)).any():
+        error = (pressing.force - pressing.desired)[within]
+        lateral = motion.aside(motion.p_WE - motion.p_WE_desired)[within]
+        metrics |= {
+            "force_error_mean_N": error.mean(),
+            "force_error_rms_N": np.sqrt(np.mean(error**2)),
+            "force_error_max_N": np.abs(error).max(),
+            "lateral_error_max_m": np.linalg.norm(lateral, axis=1).max(),
+            "contact_lost_fraction": np.mean(~touching[within]),
+        }
+    made = int(np.argmax(touching))
+    if touching.any():
+        # The time since the tool last touched, from the first touch on.
+        time = motion.time[made:]
+        last = np.maximum.accumulate(np.where(touching[made:], time, -np.inf))
+        gap = time - last
+        if (gap > _LOST).any():
+            metrics["contact_lost_time_s"] = last[int(np.argmax(gap > _LOST))]
     return metrics
 
 
@@ -268,7 +334,7 @@ def _higher_derivatives(motion: Motion, limits: JointLimits) -> dict[str, Array]
     From differences of the velocity over 10 ms: over a thousandth of a second, the rounding of
     positions would make up all of the fifth derivative.
     """
-    wanted = [name for name in HIGHER if getattr(limits, name) is not None]
+    wanted = [name for name in _HIGHER if getattr(limits, name) is not None]
     if not wanted or motion.time[-1] - motion.time[0] < 6 * _DIFFERENCE:
         return {}
     time = np.arange(motion.time[0], motion.time[-1] + 1e-9, _DIFFERENCE)
@@ -277,7 +343,7 @@ def _higher_derivatives(motion: Motion, limits: JointLimits) -> dict[str, Array]
     velocity = motion.velocity[at]
     return {
         name: np.abs(np.diff(velocity, n=order, axis=0)) / _DIFFERENCE**order
-        for order, name in enumerate(HIGHER, start=2)
+        for order, name in enumerate(_HIGHER, start=2)
         if name in wanted
     }
 

@@ -38,6 +38,10 @@ UNITS = {
     "acceleration_demand": "rad/s^2",
     "velocity_error_predicted": "m/s",
     "torque": "N m",
+    "normal_force": "N",
+    "normal_force_desired": "N",
+    "normal_force_measured": "N",
+    "contact_force": "N",
 }
 
 
@@ -64,8 +68,11 @@ class Result:
 
     @property
     def position_error(self) -> Array:
-        """Norm of the position error, shape (k,) [m]."""
+        """Norm of the position error, shape (k,) [m]; on a surface, of what lies in it."""
         error = self.series["p_WE"] - self.series["p_WE_desired"]
+        if (contact := self.experiment.setup.contact) is not None:
+            n = contact.surface.normal_W
+            error = error - np.outer(error @ n, n)
         return np.asarray(np.linalg.norm(error, axis=1))
 
     def save(self, folder: str | Path) -> Path:

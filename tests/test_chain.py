@@ -207,7 +207,11 @@ def test_written_and_read_it_is_the_same(name):
 BAD = [
     (CIRCLE, {"filter": None}, "feedback: unfiltered is for a loop with a filter; give one"),
     (CIRCLE, {"feedback": "commanded"}, "filter.precompensate: only with feedback: unfiltered"),
-    (CIRCLE, {"feedback": "none"}, "feedback: must be 'commanded' or 'unfiltered', not 'none'"),
+    (
+        CIRCLE,
+        {"feedback": "none"},
+        "feedback: must be 'commanded', 'measured' or 'unfiltered', not 'none'",
+    ),
     (CIRCLE, {"filter.kind": "mean"}, "filter.kind: must be 'moving_average', not 'mean'"),
     (CIRCLE, {"filter.windw": 1}, "filter.windw: no such key"),
     (CIRCLE, {"filter.delay_desired": True}, "filter.delay_desired: only with feedback: comm"),
@@ -258,7 +262,7 @@ def test_python_users_are_refused_the_same():
     law = Pseudoinverse(limits=arm.limits, feed_forward=False)
     for options, message in (
         ({"feedback": "unfiltered"}, "feedback: unfiltered"),
-        ({"feedback": "no"}, "feedback: may be commanded or unfiltered, not 'no'"),
+        ({"feedback": "no"}, "feedback: may be commanded, measured, unfiltered, not 'no'"),
         (
             {
                 "filter": MovingAverage(arm.limits, 1e-3),

@@ -2,6 +2,7 @@
 
 from .joint_drift_free import JointDriftFree
 from .law import ContinuousLaw, Law, Layout, Signals
+from .motion_force import MotionForce
 from .null_space_adjustment import NullSpaceAdjustment
 from .pseudoinverse import Pseudoinverse
 from .receding_horizon import RecedingHorizon
@@ -12,6 +13,7 @@ from .state_adjustment import StateAdjustment
 #: The laws an experiment may name, by their ``kind``.
 LAWS: dict[str, type[Law]] = {
     "joint_drift_free": JointDriftFree,
+    "motion_force": MotionForce,
     "null_space_adjustment": NullSpaceAdjustment,
     "pseudoinverse": Pseudoinverse,
     "receding_horizon": RecedingHorizon,
@@ -26,6 +28,7 @@ __all__ = [
     "JointDriftFree",
     "Law",
     "Layout",
+    "MotionForce",
     "NullSpaceAdjustment",
     "Pseudoinverse",
     "RecedingHorizon",

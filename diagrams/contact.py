@@ -1,0 +1,45 @@
+"""What the tool of an arm presses against, how hard, and how that is measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from drake_rnn.arms import Arm
+from drake_rnn.environments import ContactModel, Surface
+from drake_rnn.fields import Array
+from drake_rnn.systems.contact_reference import ForceProfile
+from drake_rnn.systems.force_sensor import SensorSettings
+from drake_rnn.tool import standoff
+
+
+@dataclass(frozen=True)
+class Contact:
+    """A surface and a force.
+
+    Attributes:
+        surface: For a kinematic loop an `ElasticSurface`, for a dynamic one a `ContactModel`.
+        force: To press with.
+        sensor: Of the force; None for one that says what is.
+    """
+
+    surface: Surface
+    force: ForceProfile
+    sensor: SensorSettings | None = None
+
+    @property
+    def watched(self) -> bool:
+        """Whether a force that never changes is that of a broken sensor."""
+        return isinstance(self.surface, ContactModel) or self.sensor is not None
+
+    def place(self, arm: Arm, start: Array) -> Array:
+        """The point of the surface below the tool at the start, shape (3,) [m].
+
+        Raises:
+            InvalidInputError: If the arm's frame has no tool, or how far it reaches is not known.
+        """
+        n = self.surface.normal_W
+        reach = 0.0
+        if isinstance(self.surface, ContactModel):
+            given = self.surface.standoff
+            reach = standoff(arm, start, n) if given is None else given
+        return arm.kinematics().p_WE(start) - (self.surface.gap + reach) * n

@@ -1,0 +1,24 @@
+"""What a tool is pressed against: as a spring, or as bodies in contact."""
+
+from .contact_model import ContactModel, TipMaterial
+from .elastic_surface import ElasticSurface
+from .model_surface import ModelSurface
+from .plate import Plate
+from .surface import Surface
+
+#: Environments by their ``kind``.
+ENVIRONMENTS: dict[str, type[Surface]] = {
+    "elastic_surface": ElasticSurface,
+    "plate": Plate,
+    "model": ModelSurface,
+}
+
+__all__ = [
+    "ENVIRONMENTS",
+    "ContactModel",
+    "ElasticSurface",
+    "ModelSurface",
+    "Plate",
+    "Surface",
+    "TipMaterial",
+]

@@ -1,0 +1,63 @@
+"""A surface of the user's own."""
+
+# No postponed annotations: see `surface`.
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+
+from ..errors import InvalidInputError
+from ..fields import Array, Point, validated
+from .contact_model import ContactModel
+
+
+def _zeros() -> Array:
+    zeros = np.zeros(3)
+    zeros.setflags(write=False)
+    return zeros
+
+
+@validated
+class ModelSurface(ContactModel):
+    """A model file, placed so that its origin lies on the surface below the tool.
+
+    Args:
+        normal, gap, believed_normal: See `Surface`.
+        standoff, tip, friction: See `ContactModel`.
+        model: URDF, SDF or MJCF file. Its first body is welded to the world, so the file must
+            leave it free; its collision geometry needs hydroelastic properties.
+        rotation: Roll, pitch and yaw of the model in the base frame [rad].
+        offset: Of the model's origin, in the base frame [m].
+    """
+
+    kind: Literal["model"] = "model"
+    model: str
+    rotation: Point = Field(default_factory=_zeros)
+    offset: Point = Field(default_factory=_zeros)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not Path(self.model).is_file():
+            raise ValueError(f"model: no file {self.model!r}")
+
+    def add_to(self, plant: MultibodyPlant, p_WS: Array) -> None:
+        """See `ContactModel.add_to`.
+
+        Raises:
+            InvalidInputError: If the model cannot be read.
+        """
+        parser = Parser(plant)
+        parser.SetAutoRenaming(True)
+        try:
+            (instance, *_) = parser.AddModels(self.model)
+            base = plant.get_body(plant.GetBodyIndices(instance)[0])
+            X_WM = RigidTransform(RollPitchYaw(*self.rotation), p_WS + self.offset)
+            plant.WeldFrames(plant.world_frame(), base.body_frame(), X_WM)
+        except RuntimeError as error:
+            raise InvalidInputError(
+                f"environment.model: {self.model}: {' '.join(str(error).split())}"
+            ) from None

@@ -1,0 +1,383 @@
+r"""Data-driven motion-force control: follow a path on a surface and press against it.
+
+Source:
+    "Data-driven motion-force control scheme for redundant manipulators: a kinematic
+    perspective". RNN (19) knows the Jacobian, (21) and (22) learn it.
+
+At every instant the network seeks
+
+.. math::
+    \min_v \tfrac12 v^T v \quad \text{s.t.} \quad A J v = W, \quad H v = w_d, \quad
+    \underline{v}(q) \le v \le \overline{v}(q)
+
+by the projected primal-dual dynamics
+
+.. math::
+    \delta \dot v = -v + P(-J^T A^T \lambda_1 - H^T \lambda_2), \qquad
+    \delta \dot\lambda_1 = A J v - W, \qquad \delta \dot\lambda_2 = H v - w_d,
+
+where A takes a velocity of the tip apart into what presses, along the surface's normal n, and
+what moves along the surface: P_n = n n^T and P_t = I - P_n, and
+
+.. math:: W = A\,[P_t (\dot p_d + k (p_d - p)) + k\, e\, n], \qquad e = (F - F_d) / \eta
+
+is what is asked of it. ``jacobian: learned`` puts a learned J in the place of J.
+
+========  =======================  ==========================================
+paper     here                     meaning
+========  =======================  ==========================================
+q         position                 joint positions
+q-dot     v                        joint velocities (state)
+lambda_1  multipliers              of the position's rows (state)
+lambda_2  orientation_multipliers  of the orientation's rows (state)
+J-tilde   J_hat                    learned Jacobian of the position (state)
+R         R_WE                     orientation, the tool's axes as columns
+f_b, f_d  normal_force(_desired)   pressing force, >= 0 [N]
+eta       stiffness                of the surface [N/m]
+delta     time_constant            of the network [s]
+k         gain                     of position and force [1/s]
+rho       rho                      of the learning [rad^2/s]
+alpha     limit_stiffness          how hard a position limit brakes [1/s]
+-         normal_WE                outward normal n of the surface
+========  =======================  ==========================================
+
+Corrected:
+    (8) turns with R where its own columns ask for R^T; n is the surface's normal. (3) swaps
+    its bounds, (28a) repeats lambda_1. (21a) and (22a) use the true J^T in a scheme for an
+    unknown structure: ``jacobian: printed`` does so too; ``learned`` uses the learned one.
+    w = [b2, b3, c2, c3] (11) has rank 1 instead of 3 for a tool that points straight down:
+    ``orientation: printed`` drifts there. ``rotation`` takes the angular velocity instead,
+    H = J_omega, with feedback of the rotation error.
+
+Not in the paper:
+    Dividing the force's rows by eta, so that A = [P_n; P_t], and merging the two multipliers
+    of each direction, which the joints cannot tell apart: ``form: normalised`` has three
+    multipliers for the paper's six and can be sampled at 1 kHz. The network's fastest mode
+    rings at eta |J| / (2 pi delta), several kHz for ``form: literal``, which takes substeps of
+    20 us. It also divides what is left of the force error by eta^2, at the price of them.
+    The paper knows F only as eta times what its own kinematics says the tip has sunk in,
+    ``force_feedback: assumed``; ``measured`` takes what a sensor says, and eta is then a gain:
+    integral control of the force, at the rate k K / eta of a contact of stiffness K.
+    `OnlineStiffness` learns it, ``approach_speed`` bounds how fast the tip is lowered, and
+    `ContactLoss` says what to do without contact.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from math import ceil, sqrt
+from typing import Literal
+
+import numpy as np
+
+from ..errors import InvalidInputError
+from ..fields import Array, NonNegative, Positive, validated
+from ..limits import JointLimits
+from .contact_loss import LOST, ContactLoss
+from .law import Layout, Signals
+from .learning import gradient, rank_one_update
+from .online_stiffness import OnlineStiffness
+from .rotation_error import rotation_error
+from .sampling_rate import check_sampling_rate
+
+# Runge and Kutta's fourth-order method is stable for steps up to 2.8 over the fastest mode.
+_STEPS_PER_MODE = 1.0
+
+
+@validated
+class MotionForce:
+    """RNN (19), (21) or (22), and what a real contact asks for beside it.
+
+    Args:
+        limits: Of positions and velocities.
+        jacobian: ``known``; ``learned``; or ``printed``: learned, but for J^T in (22a).
+        J_hat_initial: Of a learned Jacobian: ``zero``, or the true one, ``exact``.
+        rho: How slowly it is learned [rad^2/s].
+        gain: Of position and force error [1/s].
+        orientation: ``rotation``, or the paper's ``printed``.
+        orientation_gain: Of the rotation error [1/s]; not used by ``printed``.
+        form: ``normalised``, or the paper's ``literal``.
+        force_feedback: ``measured``, or the paper's ``assumed``.
+        stiffness: Of the surface [N/m], assumed, or learned.
+        approach_speed: Largest speed along the normal that is asked for [m/s]; None for any.
+        contact_loss: What to do without contact; None: go on.
+        time_constant: Of the network [s].
+        limit_stiffness: How hard a joint brakes before its position limit [1/s].
+    """
+
+    kind: Literal["motion_force"] = "motion_force"
+    limits: JointLimits
+    jacobian: Literal["known", "learned", "printed"] = "known"
+    J_hat_initial: Literal["zero", "exact"] = "zero"
+    rho: Positive = 1e-6
+    gain: Positive = 10.0
+    orientation: Literal["rotation", "printed"] = "rotation"
+    orientation_gain: NonNegative = 10.0
+    form: Literal["normalised", "literal"] = "normalised"
+    force_feedback: Literal["measured", "assumed"] = "measured"
+    stiffness: Positive | OnlineStiffness = 100.0
+    approach_speed: Positive | None = None
+    contact_loss: ContactLoss | None = None
+    time_constant: Positive = 1e-3
+    limit_stiffness: Positive = 10.0
+
+    def __post_init__(self) -> None:
+        if self.force_feedback == "assumed":
+            for name, given in (
+                ("stiffness", isinstance(self.stiffness, OnlineStiffness)),
+                ("contact_loss", self.contact_loss is not None),
+            ):
+                if given:
+                    raise ValueError(
+                        f"{name}: needs force_feedback: measured; assumed sees no force"
+                    )
+        if self.form == "literal" and isinstance(self.stiffness, OnlineStiffness):
+            raise ValueError("stiffness: must be a number for form: literal, which scales with it")
+
+    @property
+    def _learns(self) -> bool:
+        return self.jacobian != "known"
+
+    @cached_property
+    def state(self) -> Layout:
+        n = self.limits.size
+        parts: dict[str, tuple[int, ...]] = {
+            "v": (n,),
+            "multipliers": (6,) if self.form == "literal" else (3,),
+            "orientation_multipliers": (4,) if self.orientation == "printed" else (3,),
+        }
+        if self._learns:
+            parts["J_hat"] = (3, n)
+        if isinstance(self.stiffness, OnlineStiffness):
+            parts["stiffness"] = (OnlineStiffness.size,)
+        if self.contact_loss is not None:
+            parts["contact"] = (ContactLoss.size,)
+        return Layout(**parts)
+
+    @cached_property
+    def inputs(self) -> Layout:
+        n = self.limits.size
+        parts: dict[str, tuple[int, ...]] = {
+            "position": (n,),
+            "p_WE": (3,),
+            "R_WE": (3, 3),
+            "J_omega": (3, n),
+            "p_WE_desired": (3,),
+            "v_WE_desired": (3,),
+            "R_WE_desired": (3, 3),
+            "normal_WE": (3,),
+            "normal_force_desired": (1,),
+        }
+        if self.jacobian != "learned":
+            parts["J"] = (3, n)
+        if self._learns:
+            parts |= {"velocity": (n,), "v_WE": (3,)}
+        if self.force_feedback == "measured":
+            parts["normal_force"] = (1,)
+        return Layout(**parts)
+
+    @cached_property
+    def observables(self) -> Layout:
+        n = self.limits.size
+        parts = {"velocity_lower": (n,), "velocity_upper": (n,), "saturated": (1,)}
+        if self.orientation == "printed":
+            parts["orientation_rank"] = (1,)
+        return Layout(**parts)
+
+    @property
+    def holds_command(self) -> bool:
+        return True
+
+    def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
+        parts = {name: np.zeros(shape) for name, (_, shape) in self.state.parts.items()}
+        if self._learns and self.J_hat_initial == "exact":
+            if "J" not in u:
+                raise InvalidInputError(
+                    "law.J_hat_initial: exact needs the arm's J, which this law does not see; "
+                    "set the initial state yourself"
+                )
+            parts["J_hat"] = np.asarray(u["J"])
+        if isinstance(self.stiffness, OnlineStiffness):
+            parts["stiffness"] = self.stiffness.start()
+        if self.contact_loss is not None:
+            parts["contact"] = self.contact_loss.start()
+        return self.state.join(*parts.values())
+
+    def check_integrated(self) -> None:
+        """Raise an InvalidInputError if this is no differential equation."""
+        for name in ("stiffness", "contact"):
+            if name in self.state:
+                raise InvalidInputError(
+                    f"law: learning the stiffness and contact_loss are sampled ({name}); "
+                    "give a period, no integrator"
+                )
+
+    def check_period(self, period: float) -> None:
+        """Raise an InvalidInputError if the feedback overshoots when sampled so rarely."""
+        rates = {name: getattr(self, name) for name in ("gain", "orientation_gain")}
+        check_sampling_rate(period, rates)
+
+    def derivatives(self, t: float, x: Array, u: Signals) -> Array:
+        """Right-hand side of (19), (21) or (22)."""
+        v, multipliers, orientation_multipliers, *learned = self.state.split(x)
+        J_hat = learned[0] if learned else u["J"]
+        dual = np.concatenate((multipliers, orientation_multipliers))
+        v_dot, dual_dot = self._network(v, dual, *self._terms(x, u, J_hat))
+        rates = [v_dot, dual_dot]
+        if learned:
+            rates.append(gradient(J_hat, u["velocity"], u["v_WE"], self.rho))
+        return self.state.join(*rates)
+
+    def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
+        """Learning exactly, with its inputs held; then the network by a Runge-Kutta method."""
+        x = self._learn(x, u, period)
+        J_hat = self.state.part(x, "J_hat") if self._learns else u["J"]
+        terms = self._terms(x, u, J_hat)
+        rows = terms[1].ravel()
+        fastest = max(1.0, sqrt(rows.dot(rows))) / self.time_constant
+        substeps = ceil(period * fastest / _STEPS_PER_MODE - 1e-9)
+        h = period / substeps
+        n, end = self.limits.size, self._dual_end
+        v, dual = x[:n], x[n:end]
+        for _ in range(substeps):
+            a1, b1 = self._network(v, dual, *terms)
+            a2, b2 = self._network(v + h / 2 * a1, dual + h / 2 * b1, *terms)
+            a3, b3 = self._network(v + h / 2 * a2, dual + h / 2 * b2, *terms)
+            a4, b4 = self._network(v + h * a3, dual + h * b3, *terms)
+            v = v + h / 6 * (a1 + 2 * (a2 + a3) + a4)
+            dual = dual + h / 6 * (b1 + 2 * (b2 + b3) + b4)
+        return np.concatenate((v, dual, x[end:]))
+
+    def commanded_velocity(self, t: float, x: Array) -> Array:
+        return x[: self.limits.size]
+
+    def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
+        J = u["J"] if self.jacobian != "learned" else self.state.part(x, "J_hat")
+        dual = x[..., self.limits.size : self._dual_end]
+        _, columns = self._rows(J, J, u)
+        sought = -np.einsum("...m,...mn->...n", dual, columns)
+        lower, upper = self.limits.velocity_box(u["position"], self.limit_stiffness)
+        outside = ((sought < lower) | (sought > upper)).any(axis=-1, keepdims=True)
+        told = {
+            "velocity_lower": lower,
+            "velocity_upper": upper,
+            "saturated": outside.astype(float),
+        }
+        if self.orientation == "printed":
+            singular = np.linalg.svd(self._orientation_rows(u), compute_uv=False)
+            told["orientation_rank"] = (singular > 0.02).sum(axis=-1, keepdims=True).astype(float)
+        return told
+
+    def caveats(self, metrics: dict[str, float]) -> list[str]:
+        """What a user should know of how a run went."""
+        rank = metrics.get("orientation_rank_min", 3.0)
+        if rank >= 3.0:
+            return []
+        return [
+            f"law.orientation: the rows of w have rank {rank:.0f} where a rotation has 3: the "
+            "orientation is not held; see orientation: rotation"
+        ]
+
+    @cached_property
+    def _dual_end(self) -> int:
+        return self.state.parts["orientation_multipliers"][0].stop
+
+    def _learn(self, x: Array, u: Signals, period: float) -> Array:
+        """The state with what a sample teaches: Jacobian, stiffness, contact."""
+        names = [name for name in ("J_hat", "stiffness", "contact") if name in self.state]
+        if not names:
+            return x
+        x = x.copy()
+        if self._learns:
+            J_hat = self.state.part(x, "J_hat")
+            J_hat[:] = rank_one_update(J_hat, u["velocity"], u["v_WE"], self.rho, period)
+        if isinstance(self.stiffness, OnlineStiffness):
+            known = self.state.part(x, "stiffness")
+            depth = -float(u["normal_WE"].dot(u["p_WE"]))
+            known[:] = self.stiffness.update(known, float(u["normal_force"][0]), depth)
+        if self.contact_loss is not None:
+            contact = self.state.part(x, "contact")
+            force, desired = float(u["normal_force"][0]), float(u["normal_force_desired"][0])
+            contact[:] = self.contact_loss.update(contact, force, desired, period)
+        return x
+
+    def _terms(
+        self, x: Array, u: Signals, J_hat: Array
+    ) -> tuple[Array, Array, Array, Array, Array]:
+        """What does not change within a sample: rows, their transposes, aims, lower, upper."""
+        J_drive = J_hat if self.jacobian == "learned" else u["J"]
+        rows, drive = self._rows(J_hat, J_drive, u)
+        wanted = self._tip_velocity(x, u)
+        if self.form == "literal":
+            wanted = self._split(u) @ wanted
+        turn = np.zeros(4)
+        if self.orientation == "rotation":
+            turn = self.orientation_gain * rotation_error(u["R_WE"], u["R_WE_desired"])
+        lower, upper = self.limits.velocity_box(u["position"], self.limit_stiffness)
+        return drive, rows, np.concatenate((wanted, turn)), lower, upper
+
+    def _rows(self, J_sense: Array, J_drive: Array, u: Signals) -> tuple[Array, Array]:
+        """[A J; H] with the Jacobian that is believed, and with that which drives the joints."""
+        H = self._orientation_rows(u)
+        A = self._split(u) if self.form == "literal" else None
+
+        def stacked(J: Array) -> Array:
+            return np.concatenate((J if A is None else A @ J, H), axis=-2)
+
+        rows = stacked(J_sense)
+        return rows, rows if J_drive is J_sense else stacked(J_drive)
+
+    def _orientation_rows(self, u: Signals) -> Array:
+        J_omega = u["J_omega"]
+        if self.orientation == "rotation":
+            return J_omega
+        # The columns b and c of R turn with the angular velocity: b' = omega x b.
+        turned = [
+            np.cross(J_omega, u["R_WE"][..., :, axis, np.newaxis], axis=-2)[..., 1:, :]
+            for axis in (1, 2)
+        ]
+        return np.concatenate(turned, axis=-2)
+
+    def _split(self, u: Signals) -> Array:
+        """A of (9), shape (..., 6, 3)."""
+        n = u["normal_WE"]
+        P_n = n[..., :, np.newaxis] * n[..., np.newaxis, :]
+        stiffness = self.stiffness
+        assert not isinstance(stiffness, OnlineStiffness)  # refused when made
+        return np.concatenate((stiffness * P_n, np.eye(3) - P_n), axis=-2)
+
+    def _tip_velocity(self, x: Array, u: Signals) -> Array:
+        """What is asked of the tip, shape (3,) [m/s]."""
+        n = u["normal_WE"]
+        if self.contact_loss is not None:
+            contact = self.state.part(x, "contact")
+            if contact[0] == LOST:
+                return self.contact_loss.retreat(contact) * n
+        along = u["v_WE_desired"] + self.gain * (u["p_WE_desired"] - u["p_WE"])
+        desired = float(u["normal_force_desired"][0])
+        if self.force_feedback == "assumed":
+            assert not isinstance(self.stiffness, OnlineStiffness)  # refused when made
+            rise = float(n.dot(along)) - self.gain * desired / self.stiffness
+        elif isinstance(self.stiffness, OnlineStiffness):
+            force, known = float(u["normal_force"][0]), self.state.part(x, "stiffness")
+            rise = self.gain * self.stiffness.depth_error(known, force, desired)
+        else:
+            rise = self.gain * (float(u["normal_force"][0]) - desired) / self.stiffness
+        if self.approach_speed is not None:
+            rise = min(max(rise, -self.approach_speed), self.approach_speed)
+        return along + (rise - float(n.dot(along))) * n
+
+    def _network(
+        self,
+        v: Array,
+        dual: Array,
+        drive: Array,
+        rows: Array,
+        aims: Array,
+        lower: Array,
+        upper: Array,
+    ) -> tuple[Array, Array]:
+        """Time derivatives of v and of all multipliers."""
+        # np.clip costs three times as much for arrays of this size.
+        sought = np.minimum(np.maximum(-dual.dot(drive), lower), upper)
+        return (sought - v) / self.time_constant, (rows.dot(v) - aims) / self.time_constant

@@ -1,0 +1,51 @@
+"""The force on a tool, as the simulated contact knows it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.geometry import GeometryId
+from pydrake.multibody.plant import ContactResults
+from pydrake.multibody.tree import BodyIndex
+from pydrake.systems.framework import Context, LeafSystem
+
+
+class ContactForce(LeafSystem):
+    """The sum of all contact forces on a tool: what no sensor sees, to compare sensors with.
+
+    The input is ``contact_results``, of a plant; the output ``contact_force``, shape (3,) [N],
+    in the world frame.
+
+    Args:
+        body: Index of the tool's body.
+        geometries: Its collision geometries.
+    """
+
+    def __init__(self, body: BodyIndex, geometries: Iterable[GeometryId]) -> None:
+        super().__init__()
+        own = set(geometries)
+        results = self.DeclareAbstractInputPort("contact_results", Value[ContactResults]())
+
+        def contact_force(context: Context, output: Any) -> None:
+            contacts = results.Eval(context)
+            total = np.zeros(3)
+            for k in range(contacts.num_hydroelastic_contacts()):
+                patch = contacts.hydroelastic_contact_info(k)
+                surface = patch.contact_surface()
+                # The force is that on the body of the surface's first geometry.
+                if surface.id_M() in own:
+                    total += patch.F_Ac_W().translational()
+                elif surface.id_N() in own:
+                    total -= patch.F_Ac_W().translational()
+            for k in range(contacts.num_point_pair_contacts()):
+                pair = contacts.point_pair_contact_info(k)
+                if pair.bodyB_index() == body:
+                    total += pair.contact_force()
+                elif pair.bodyA_index() == body:
+                    total -= pair.contact_force()
+            output.set_value(total)
+
+        self.DeclareVectorOutputPort("contact_force", 3, contact_force)

@@ -1,0 +1,21 @@
+"""What of a force presses."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydrake.systems.framework import Context, LeafSystem
+
+
+class NormalForce(LeafSystem):
+    """The part of ``force`` along ``normal_WE``, both of shape (3,): ``normal_force``, (1,) [N]."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        force = self.DeclareVectorInputPort("force", 3)
+        normal = self.DeclareVectorInputPort("normal_WE", 3)
+
+        def normal_force(context: Context, output: Any) -> None:
+            output.set_value([normal.Eval(context).dot(force.Eval(context))])
+
+        self.DeclareVectorOutputPort("normal_force", 1, normal_force)

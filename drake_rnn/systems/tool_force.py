@@ -1,0 +1,47 @@
+"""The force on a tool, as a sensor at its joint feels it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.multibody.math import SpatialForce
+from pydrake.systems.framework import Context, LeafSystem
+
+from ..arms import Arm
+from ..fields import Array
+
+
+class ToolForce(LeafSystem):
+    """What a force-torque sensor between arm and tool says, the tool's weight taken off.
+
+    Inputs are ``reaction_forces``, of a plant's joints, and ``position`` of the arm's joints,
+    shape (n,) [rad]. The output ``tool_force``, shape (3,) [N], is the force that the
+    surroundings exert on the tool, in the world frame; it includes what accelerates the tool.
+
+    Args:
+        arm: The arm; its frame may be any.
+        body: Name of the tool's body.
+        joint: Index of the joint that holds it, among the reaction forces.
+        mass: Of what that joint holds [kg].
+    """
+
+    def __init__(self, arm: Arm, body: str, joint: int, mass: float) -> None:
+        super().__init__()
+        kinematics = arm.replace(frame=body, joints=list(arm.joints)).kinematics()
+        weight: Array = mass * arm.gravity
+        forces = self.DeclareAbstractInputPort("reaction_forces", Value[list[SpatialForce]]())
+        position = self.DeclareVectorInputPort("position", arm.n)
+
+        def tool_force(context: Context, output: Any) -> None:
+            # The joint's own force on the tool, in the tool's frame.
+            held = forces.Eval(context)[joint].translational()
+            if not held.any():
+                # A plant that has not made its first step has felt nothing yet.
+                output.set_value(np.zeros(3))
+                return
+            R_WB = kinematics.R_WE(position.Eval(context))
+            output.set_value(-(R_WB @ held) - weight)
+
+        self.DeclareVectorOutputPort("tool_force", 3, tool_force)

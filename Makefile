@@ -22,6 +22,7 @@ tables: $(VENV)/installed
 	$(BIN)/python benchmarks/state_adjustment_tables.py
 	$(BIN)/python benchmarks/joint_drift_free_tables.py
 	$(BIN)/python benchmarks/recursive_tables.py
+	$(BIN)/python benchmarks/motion_force_tables.py
 
 check: $(VENV)/installed-dev
 	$(BIN)/ruff check .

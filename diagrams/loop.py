@@ -157,9 +157,9 @@ def add_loop(
     forces: dict[str, OutputPort] = {}
     if contact is not None:
         forces |= felt(last.kinematics)
-        told = _add_contact(builder, contact, forces["tool_force"], period, seed, prefix)
-        offered |= told
-        offered |= signals or {}
+        normal = (signals or {}).get("normal_WE")
+        told = _add_contact(builder, contact, forces["tool_force"], normal, period, seed, prefix)
+        offered |= told | dict(signals or {})
         forces["normal_force"] = offered["normal_force"]
         if watch is not None:
             _connect(builder, offered["normal_force"], watch.get_input_port())
@@ -205,14 +205,16 @@ def _add_contact(
     builder: DiagramBuilder,
     contact: Contact,
     tool_force: OutputPort,
+    normal_WE: OutputPort | None,
     period: float | None,
     seed: int,
     prefix: str,
 ) -> dict[str, OutputPort]:
-    """What the law may know of the contact, by name."""
+    """What the law may know of the contact, by name; its normal may be another's."""
     reference = ContactReference(contact.surface.believed_normal_W, contact.force)
     builder.AddNamedSystem(f"{prefix}contact_reference", reference)
-    normal_WE = reference.GetOutputPort("normal_WE")
+    if normal_WE is None:
+        normal_WE = reference.GetOutputPort("normal_WE")
     pressing = builder.AddNamedSystem(f"{prefix}normal_force", NormalForce())
     _connect(builder, tool_force, pressing.GetInputPort("force"))
     _connect(builder, normal_WE, pressing.GetInputPort("normal_WE"))

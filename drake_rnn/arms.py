@@ -112,6 +112,14 @@ class Arm:
         """Number of controlled joints."""
         return len(self.joints)
 
+    @cached_property
+    def effort(self) -> Array:
+        """Largest torque of each joint's motor, shape (n,) [Nm]; infinite where none is known."""
+        plant = self.plant()
+        motors = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
+        known = {motor.joint().name(): motor.effort_limit() for motor in motors}
+        return np.array([known.get(name, np.inf) for name in self.joints])
+
     def replace(self, **changes: Any) -> Arm:
         """The same arm with other fields of its description, e.g. ``frame="tip"``.
 

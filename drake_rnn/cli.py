@@ -132,9 +132,13 @@ def run_fastest(
 def sweep(
     experiment: Annotated[str, typer.Argument(help="A shipped name or a YAML file.")],
     over: Annotated[
-        list[str],
-        typer.Option("--over", metavar="KEY=v1,v2,...", help="Values; repeat for the product."),
-    ],
+        list[str] | None,
+        typer.Option(
+            "--over",
+            metavar="KEY=v1,v2,...",
+            help="Values; repeat for the product; those of the document by default.",
+        ),
+    ] = None,
     out_folder: Out = Path("out"),
     changes: Set = None,
     seed: Seed = None,
@@ -142,15 +146,20 @@ def sweep(
     jobs: Annotated[int, typer.Option(min=1, help="Runs at a time.")] = 1,
 ) -> None:
     """Run an experiment at many values: a table, a CSV and a picture."""
+    from .figures.learning import learning_figure
     from .figures.sweep import sweep_figure
     from .sweep import Row, parse_axis, write_csv
     from .sweep import sweep as run_sweep
 
     with _errors():
-        keys = [parse_axis(text)[0] for text in over]
+        named = [parse_axis(text) for text in over or []]
+        keys = [key for key, _ in named]
         if twice := [key for key in keys if keys.count(key) > 1]:
             raise InvalidInputError(f"--over: {twice[0]!r} stands twice; give all its values once")
-        axes = dict(parse_axis(text) for text in over)
+        axes = dict(named) or _load(experiment, changes, seed, duration).over
+        if not axes:
+            raise InvalidInputError(f"--over: must be given; {experiment} names no values itself")
+        keys = list(axes)
         folder = out_folder / f"sweep_{Path(experiment).stem}_{'_'.join(keys)}"
         _require_writable(folder)
 
@@ -160,11 +169,15 @@ def sweep(
 
         rows = run_sweep(experiment, axes, _changes(changes, seed, duration), jobs, done)
         write_csv(folder / "sweep.csv", keys, rows)
-        picture = sweep_figure(keys, rows, varying_metrics(rows), folder / "sweep.png")
+        pictures = [
+            sweep_figure(keys, rows, varying_metrics(rows), folder / "sweep.png"),
+            learning_figure(keys, rows, folder / "learning.png"),
+        ]
     out.print(sweep_table(keys, rows))
     out.print(escape(f"table    {folder / 'sweep.csv'}"), soft_wrap=True)
-    if picture is not None:
-        out.print(escape(f"picture  {picture}"), soft_wrap=True)
+    for picture in pictures:
+        if picture is not None:
+            out.print(escape(f"picture  {picture}"), soft_wrap=True)
     if any(row.failure for row in rows):
         raise typer.Exit(FAILED)
 

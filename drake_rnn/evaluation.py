@@ -55,6 +55,8 @@ def evaluate(
     caveats = getattr(experiment.setup.law, "caveats", None)
     if caveats is not None:
         warnings = [*warnings, *caveats(metrics)]
+    if motion.pressing is not None and not motion.pressing.force.any():
+        warnings = [*warnings, "contact: never made"]
     if "contact_lost_time_s" in metrics:
         lost = metrics["contact_lost_time_s"]
         warnings = [*warnings, f"contact: lost at t = {lost:.4g} s{_reaction(law)}"]

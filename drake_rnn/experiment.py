@@ -119,6 +119,7 @@ class Experiment:
         settling_tolerance_m: Position error below which the arm has settled [m].
         log_period: Between two samples of the stored series [s]; metrics see every step.
         accept: What the metrics are expected to be, by name.
+        over: Values by dotted key that a sweep runs it at, unless it is told others.
     """
 
     name: str = ""
@@ -147,6 +148,7 @@ class Experiment:
     settling_tolerance_m: Positive = 1e-3
     log_period: Positive = 0.01
     accept: dict[str, Acceptance] = Field(default_factory=dict)
+    over: dict[str, list[Any]] = Field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if re.search(r"[/\\\x00-\x1f]|^\.+$", self.name):

@@ -191,6 +191,9 @@ def law_metrics(motion: Motion, observed: Signals) -> dict[str, float]:
         metrics["joint_acceleration_demand_max_rad_s2"] = demand.max()
     if "orientation_rank" in observed:
         metrics["orientation_rank_min"] = observed["orientation_rank"].min()
+    if "contact_lost" in observed and observed["contact_lost"].any():
+        # What the law takes for a loss counts, though a trace of contact be left.
+        metrics["contact_lost_time_s"] = motion.time[np.argmax(observed["contact_lost"][:, 0])]
     if "displacement" in observed:
         with np.errstate(over="ignore", invalid="ignore"):
             moved = motion.p_WE - motion.p_WE[0]

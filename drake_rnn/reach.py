@@ -10,11 +10,14 @@ from .arm_kinematics import ArmKinematics
 from .errors import InvalidInputError
 from .experiment import Experiment
 from .fields import Array
+from .laws.rotation_error import rotation_error
 from .task import TASKS
 
 _SAMPLES = 400
 _MISS = 1e-3
 _DAMPING = 1e-6
+# Makes a length of a rotation [m].
+_LEVER = 0.2
 
 
 @dataclass(frozen=True)
@@ -24,7 +27,8 @@ class Reach:
     Attributes:
         time: Shape (k,) [s].
         position: Joint positions, shape (k, n) [rad].
-        miss: Distance from the path, shape (k,) [m].
+        miss: Distance from the path, shape (k,) [m]; where the orientation is held, with how
+            far off that is [rad] times a lever of 0.2 m.
         singular_value: Smallest singular value of J, shape (k,).
         velocity: J^+ v_WE_desired, shape (k, n) [rad/s].
         acceleration: Its rate, shape (k, n) [rad/s^2].
@@ -44,7 +48,7 @@ def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
     """Follow the experiment's path by inverse kinematics, over its duration or one lap."""
     setup = experiment.setup
     rows = list(TASKS[experiment.task].axes)
-    kinematics = setup.arm.kinematics()
+    aim = _Aim(setup.arm.kinematics(), rows, setup.R_WE_start if setup.holds_orientation else None)
     origin = setup.path.start_point(setup.p_WE_start)
     time = np.linspace(0.0, min(setup.path.period, experiment.duration), samples)
     q = setup.start.copy()
@@ -55,15 +59,16 @@ def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
         target = (origin + p)[rows]
         # Once the path is lost, how far it leads away is all there is to know.
         if max(miss, default=0.0) > _MISS:
-            q = _descend(kinematics, rows, q, target, 20)
+            q = _descend(aim, q, target, 20)
         else:
-            q = _towards(kinematics, rows, q, target)
-        J = kinematics.J(q)[rows]
+            q = _towards(aim, q, target)
+        J = aim.J(q)
         position.append(q)
         desired.append(target)
-        miss.append(_miss(kinematics, rows, q, target))
+        miss.append(_miss(aim, q, target))
         singular.append(np.linalg.svd(J, compute_uv=False)[-1])
-        velocity.append(_damped_inverse(J) @ v[rows])
+        asked = np.concatenate((np.zeros(J.shape[0] - len(rows)), v[rows]))
+        velocity.append(_damped_inverse(J) @ asked)
     return Reach(
         time=time,
         position=np.array(position),
@@ -82,7 +87,8 @@ def check_reach(experiment: Experiment) -> list[str]:
     meets may be avoided, so they are warned of and not refused.
 
     Raises:
-        InvalidInputError: If inverse kinematics misses the path by more than 1 mm.
+        InvalidInputError: If inverse kinematics misses the path by more than 1 mm, or motors
+            would have to be stronger than they are to press as asked.
     """
     setup = experiment.setup
     if setup.target is not None:
@@ -98,6 +104,7 @@ def check_reach(experiment: Experiment) -> list[str]:
             f"t = {reach.time[first]:.4g} s, by {reach.miss[first] * 1e3:.3g} mm; "
             f"the farthest miss is {reach.miss[worst]:.3g} m at t = {reach.time[worst]:.4g} s"
         )
+    _require_torque(experiment, reach)
     warnings = list(setup.warnings)
     limits = setup.limits
     margin = np.minimum(
@@ -131,6 +138,24 @@ def check_reach(experiment: Experiment) -> list[str]:
     return warnings
 
 
+def _require_torque(experiment: Experiment, reach: Reach) -> None:
+    """At rest, at each point of the path, motors must hold gravity and the pressing force."""
+    setup = experiment.setup
+    if setup.contact is None or experiment.level != "dynamic":
+        return
+    kinematics, effort = setup.arm.kinematics(), setup.arm.effort
+    pushed = setup.contact.force.value * setup.contact.surface.normal_W
+    for t, q in zip(reach.time, reach.position, strict=True):
+        torque = np.abs(kinematics.gravity(q) + kinematics.J(q).T @ pushed)
+        weakest = int(np.argmax(torque - effort))
+        if torque[weakest] > effort[weakest]:
+            raise InvalidInputError(
+                f"force.value: {setup.contact.force.value:g} N asks {setup.arm.joints[weakest]} "
+                f"for {torque[weakest]:.4g} Nm near t = {t:.3g} s; its motor has "
+                f"{effort[weakest]:g} Nm"
+            )
+
+
 def _require_within_task(experiment: Experiment) -> None:
     """A planar task must not drop a part of its path without a word."""
     dropped = [axis for axis in range(3) if axis not in TASKS[experiment.task].axes]
@@ -143,37 +168,59 @@ def _require_within_task(experiment: Experiment) -> None:
         )
 
 
-def _towards(kinematics: ArmKinematics, rows: list[int], q: Array, target: Array) -> Array:
+@dataclass(frozen=True)
+class _Aim:
+    """What of E's pose is to be reached: some axes of its position, and perhaps ``R_WE``."""
+
+    kinematics: ArmKinematics
+    rows: list[int]
+    R_WE: Array | None
+
+    def error(self, q: Array, target: Array) -> Array:
+        """What is left, the rotation first, as far as a lever would show it [m]."""
+        left = target - self.kinematics.p_WE(q)[self.rows]
+        if self.R_WE is None:
+            return np.asarray(left)
+        turn = rotation_error(self.kinematics.R_WE(q), self.R_WE)
+        return np.concatenate((_LEVER * turn, left))
+
+    def J(self, q: Array) -> Array:
+        """Its Jacobian."""
+        J = self.kinematics.J(q)[self.rows]
+        if self.R_WE is None:
+            return np.asarray(J)
+        return np.vstack((_LEVER * self.kinematics.J_omega(q), J))
+
+
+def _towards(aim: _Aim, q: Array, target: Array) -> Array:
     """The posture next to ``q`` that reaches ``target``, or comes as near as it can."""
-    best = _descend(kinematics, rows, q, target)
-    if _miss(kinematics, rows, best, target) > _MISS:
+    best = _descend(aim, q, target)
+    if _miss(aim, best, target) > _MISS:
         # J may be singular in just the direction asked for, as an outstretched arm's is: try
         # postures a little aside.
         aside = 0.1 * np.cos(np.arange(1, q.size + 1))
-        found = [best, *(_descend(kinematics, rows, q + step, target) for step in (aside, -aside))]
-        best = min(found, key=lambda posture: _miss(kinematics, rows, posture, target))
+        found = [best, *(_descend(aim, q + step, target) for step in (aside, -aside))]
+        best = min(found, key=lambda posture: _miss(aim, posture, target))
     return best
 
 
-def _miss(kinematics: ArmKinematics, rows: list[int], q: Array, target: Array) -> float:
-    return float(np.linalg.norm(target - kinematics.p_WE(q)[rows]))
+def _miss(aim: _Aim, q: Array, target: Array) -> float:
+    return float(np.linalg.norm(aim.error(q, target)))
 
 
-def _descend(
-    kinematics: ArmKinematics, rows: list[int], q: Array, target: Array, steps: int = 200
-) -> Array:
+def _descend(aim: _Aim, q: Array, target: Array, steps: int = 200) -> Array:
     """Levenberg's method, its steps cut to 0.2 rad so that it does not leave the branch."""
     damping = _DAMPING
-    error = target - kinematics.p_WE(q)[rows]
+    error = aim.error(q, target)
     for _ in range(steps):
         if error @ error < 1e-20 or damping > 1e6:
             break
-        step = _damped_inverse(kinematics.J(q)[rows], damping) @ error
+        step = _damped_inverse(aim.J(q), damping) @ error
         longest = float(np.abs(step).max())
         if longest < 1e-9:
             break
         tried = q + step * min(1.0, 0.2 / longest)
-        remaining = target - kinematics.p_WE(tried)[rows]
+        remaining = aim.error(tried, target)
         if remaining @ remaining < error @ error:
             q, error, damping = tried, remaining, max(_DAMPING, damping / 10)
         else:

@@ -11,10 +11,14 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from .documents import parse_yaml
 from .errors import DrakeRnnError, InterruptedRunError, InvalidInputError, SimulationError
 from .experiment import load_experiment
+from .fields import Array
 from .reach import check_reach
+from .result import Result
 from .simulation import simulate
 
 
@@ -26,11 +30,13 @@ class Row:
         values: Of the swept keys, in their order.
         metrics: Of the run; up to where it failed, if it did.
         failure: Why it failed, or None.
+        learning: Time [s] and the Frobenius norm of J - J_hat then; None without a J_hat.
     """
 
     values: tuple[Any, ...]
     metrics: dict[str, float]
     failure: str | None = None
+    learning: tuple[Array, Array] | None = None
 
 
 def parse_axis(text: str) -> tuple[str, list[Any]]:
@@ -96,7 +102,8 @@ def _run_all(jobs: list[Any], processes: int) -> Iterator[Row]:
 def _run(job: tuple[str | Path, dict[str, Any], tuple[Any, ...]]) -> Row:
     experiment, changed, values = job
     try:
-        return Row(values, simulate(load_experiment(experiment, changed)).metrics)
+        result = simulate(load_experiment(experiment, changed))
+        return Row(values, result.metrics, learning=_learning(result))
     except InterruptedRunError:
         raise
     except SimulationError as error:
@@ -104,6 +111,13 @@ def _run(job: tuple[str | Path, dict[str, Any], tuple[Any, ...]]) -> Row:
         return Row(values, metrics, str(error))
     except DrakeRnnError as error:
         return Row(values, {}, str(error))
+
+
+def _learning(result: Result) -> tuple[Array, Array] | None:
+    if "J_hat" not in result.series:
+        return None
+    difference = result.series["J"] - result.series["J_hat"]
+    return result.time, np.asarray(np.linalg.norm(difference, axis=(1, 2)))
 
 
 def write_csv(file: Path, keys: Sequence[str], rows: Sequence[Row]) -> None:

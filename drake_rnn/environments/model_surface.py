@@ -48,13 +48,19 @@ class ModelSurface(ContactModel):
         """See `ContactModel.add_to`.
 
         Raises:
-            InvalidInputError: If the model cannot be read.
+            InvalidInputError: If the model cannot be read, or is not one that can be welded.
         """
         parser = Parser(plant)
         parser.SetAutoRenaming(True)
         try:
-            (instance, *_) = parser.AddModels(self.model)
-            base = plant.get_body(plant.GetBodyIndices(instance)[0])
+            instances = parser.AddModels(self.model)
+            bodies = [body for instance in instances for body in plant.GetBodyIndices(instance)]
+            if len(instances) != 1 or not bodies:
+                raise InvalidInputError(
+                    f"environment.model: {self.model} holds {len(instances)} models with "
+                    f"{len(bodies)} bodies of their own; it must hold one, with a body to weld"
+                )
+            base = plant.get_body(bodies[0])
             X_WM = RigidTransform(RollPitchYaw(*self.rotation), p_WS + self.offset)
             plant.WeldFrames(plant.world_frame(), base.body_frame(), X_WM)
         except RuntimeError as error:

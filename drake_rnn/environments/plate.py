@@ -52,7 +52,7 @@ class Plate(ContactModel):
         sideways = self.offset - n.dot(self.offset) * n
         R = RotationMatrix.MakeFromOneVector(n, 2)
         # Edges along the base's axes where the plate is level.
-        if abs(n[2]) > 0.999:
+        if abs(n[2]) > 1.0 - 1e-12:
             R = RotationMatrix() if n[2] > 0.0 else RotationMatrix.MakeXRotation(np.pi)
         return RigidTransform(R, p_WS + sideways - self.thickness / 2.0 * n)
 

@@ -33,6 +33,12 @@ class Surface:
             vector = getattr(self, name)
             if vector is not None and not np.linalg.norm(vector) > 0.0:
                 raise ValueError(f"{name}: must point somewhere, not be {vector.tolist()}")
+        if not self.believed_normal_W.dot(self.normal_W) > 0.0:
+            # Who presses the other way sees no force, and presses on.
+            raise ValueError(
+                "believed_normal: must be less than a right angle from the normal, "
+                f"{self.normal.tolist()}, not {np.asarray(self.believed_normal).tolist()}"
+            )
 
     @property
     def normal_W(self) -> Array:

@@ -21,6 +21,7 @@ from .style import (
     largest,
     legend,
     log_axis,
+    noisy,
     plot_joints,
     prefixed,
     shade_window,
@@ -28,10 +29,12 @@ from .style import (
     time_axis,
     unit,
 )
-from .traits import apart, commands_acceleration, evaluated, law_velocity
+from .traits import apart, commands_acceleration, evaluated, law_velocity, presses
 
 #: A bound further away than this many times the curves' peak is named rather than drawn.
 _IN_VIEW = 3.0
+#: The same of a tool that is pressed: slow, and what it does at a turn is to be seen.
+_IN_VIEW_PRESSING = 2.0
 #: Bounds closer to zero than this share of the curves' peak cannot be read from the axis.
 _LEGIBLE = 0.05
 #: How a joint's target is marked.
@@ -198,9 +201,10 @@ def plot_range(ax: Axes, position: Array, bounds: Array) -> None:
 def plot_bounded(ax: Axes, result: Result, name: str, bounds: Array | None, text: str) -> None:
     """Curves of all joints, with their bounds of either sign."""
     values = result.series[name]
-    plot_joints(ax, result.time, values, linewidth=0.5 if _noisy(values) else 1.0)
+    plot_joints(ax, result.time, values, linewidth=0.5 if noisy(values) else 1.0)
     peak, known = largest(values), _known(bounds)
-    in_view = known[(known <= _IN_VIEW * peak) & (known > 0.2 * _LEGIBLE * peak)]
+    far = _IN_VIEW_PRESSING if presses(result) else _IN_VIEW
+    in_view = known[(known <= far * peak) & (known > 0.2 * _LEGIBLE * peak)]
     for bound in in_view:
         holders = np.flatnonzero(bounds == bound)
         own = {"color": joint_style(int(holders[0]))["color"]} if holders.size == 1 else {}
@@ -241,9 +245,3 @@ def plot_bound_curves(ax: Axes, time: Array, bounds: Array) -> None:
 def _known(bounds: Array | None) -> Array:
     """The values that finite bounds have, rising."""
     return np.empty(0) if bounds is None else np.unique(bounds[np.isfinite(bounds)])
-
-
-def _noisy(values: Array) -> bool:
-    """Whether curves go to and fro from sample to sample, and so would hide one another."""
-    steps = np.diff(values, axis=0)
-    return bool(np.nansum(np.abs(np.diff(steps, axis=0))) > 0.5 * np.nansum(np.abs(steps)))

@@ -9,7 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..result import Result
-from .jacobian_panels import plot_least_known, plot_singular_value
+from .force_panels import plot_force, plot_force_error
+from .jacobian_panels import plot_jacobian_error, plot_least_known, plot_singular_value
 from .joint_panels import (
     plot_acceleration_norm,
     plot_angles,
@@ -22,14 +23,16 @@ from .joint_panels import (
 from .registry import draws
 from .space import is_spatial, plot_postures
 from .style import COLOURS, NOTE, PAGE, Style
+from .surface import plot_on_surface
 from .task_panels import (
     plot_end_effector,
+    plot_orientation_error,
     plot_path,
     plot_position_error,
     plot_position_error_axes,
     plot_velocity_error,
 )
-from .traits import bounds_are_felt, commands_acceleration, has_target
+from .traits import bounds_are_felt, commands_acceleration, has_target, presses
 
 _Panels = list[tuple[set[str], Callable[[Axes, Result], None]]]
 
@@ -67,6 +70,16 @@ _RETURN_PANELS: _Panels = [
     ({"acceleration_peak"}, plot_acceleration_norm),
     ({"torque"}, plot_torques),
     ({"J"}, plot_singular_value),
+]
+#: And where a tool is pressed against a surface; the last where there is room.
+_PRESSING_PANELS: _Panels = [
+    ({"p_WE", "p_WE_desired", "normal_force", "normal_force_desired"}, plot_on_surface),
+    ({"normal_force", "normal_force_desired", "normal_force_measured"}, plot_force),
+    ({"p_WE", "p_WE_desired"}, plot_position_error),
+    ({"orientation_error"}, plot_orientation_error),
+    ({"velocity"}, plot_velocities),
+    ({"J", "J_hat", "network_velocity"}, plot_jacobian_error),
+    ({"normal_force", "normal_force_desired", "normal_force_measured"}, plot_force_error),
 ]
 _MOST = 6
 
@@ -111,6 +124,22 @@ _RETURN_METRICS = (
     "limit_violation_max",
     "singular_value_min",
 )
+_PRESSING_METRICS = (
+    "force_error_mean_N",
+    "force_error_rms_N",
+    "force_error_max_N",
+    "normal_force_peak_N",
+    "lateral_error_max_m",
+    "orientation_error_max_rad",
+    "contact_lost_fraction",
+    "contact_lost_time_s",
+    "joint_velocity_max_rad_s",
+    "joint_acceleration_max_rad_s2",
+    "joint_limit_margin_min_rad",
+    "jacobian_error_median",
+    "singular_value_min",
+    "saturated_fraction",
+)
 
 
 @draws("p_WE", "p_WE_desired")
@@ -127,6 +156,9 @@ def overview(result: Result) -> Figure:
     for k, plot in enumerate(panels):
         in_space = plot is plot_postures and is_spatial(result)
         cell = grid[k // 2, k % 2]
+        if plot is plot_on_surface:
+            # Its colour bar takes its own room, not that of the panels below.
+            cell = cell.subgridspec(1, 1)[0, 0]
         plot(body.add_subplot(cell, projection="3d" if in_space else None), result)
     _table(footer, result, names)
     return figure
@@ -136,6 +168,8 @@ def _contents(result: Result) -> tuple[_Panels, tuple[str, ...]]:
     """Panels and metrics that say what a law is about."""
     if has_target(result):
         return _TARGET_PANELS, _TARGET_METRICS
+    if presses(result):
+        return _PRESSING_PANELS, _PRESSING_METRICS
     if commands_acceleration(result):
         return _RETURN_PANELS, _RETURN_METRICS
     return _PANELS, _METRICS

@@ -54,7 +54,7 @@ from .task_panels import (
     plot_turn,
     plot_velocity_error,
 )
-from .traits import apart, bounds_are_felt, first_lap, has_path, has_target
+from .traits import apart, bounds_are_felt, first_lap, has_path, has_target, presses
 
 
 @draws("p_WE", "p_WE_desired", applies=lambda r: has_path(r) and r.series["p_WE"].shape[1] == 3)
@@ -71,7 +71,7 @@ def path_3d(result: Result) -> Figure:
     return figure
 
 
-@draws("p_WE", "p_WE_desired", applies=has_path)
+@draws("p_WE", "p_WE_desired", applies=lambda r: has_path(r) and not presses(r))
 def path_plane(result: Result) -> Figure:
     """Desired and traced path in the plane in which it varies most."""
     figure, ax = single(height=3.0)

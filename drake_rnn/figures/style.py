@@ -193,6 +193,12 @@ def largest(values: Array) -> float:
     return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
 
 
+def noisy(values: Array) -> bool:
+    """Whether curves go to and fro from sample to sample, and so would hide one another."""
+    steps = np.diff(values, axis=0)
+    return bool(np.nansum(np.abs(np.diff(steps, axis=0))) > 0.5 * np.nansum(np.abs(steps)))
+
+
 def span(values: Array, least: float) -> tuple[float, float]:
     """From the least to the greatest value, or ``least`` about their middle if that is more."""
     sound = values[np.isfinite(values)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,18 +14,26 @@ from .style import (
     BOUND,
     COLOURS,
     DESIRED,
+    NOTE,
     TRACED,
     Style,
     finite,
     label,
+    largest,
     legend,
     log_axis,
+    noisy,
     prefixed,
     shade_window,
+    span,
     ticks,
     time_axis,
 )
-from .traits import first_lap, has_path
+from .surface import surface_axes
+from .traits import evaluated, first_lap, has_path, presses
+
+#: Errors outside the window that are this many times those within are named, not shown.
+_OUTSIZE = 4.0
 
 
 def plot_path(ax: Axes, result: Result) -> None:
@@ -55,7 +64,7 @@ def plot_position_error(ax: Axes, result: Result) -> None:
     if not has_path(result):
         # It starts from zero, whence a line would run along the axis.
         ax.set_yscale("log", nonpositive="mask")
-    ax.set_ylabel(label("position error", "p_WE"))
+    ax.set_ylabel(label(_along(result, "position error"), "p_WE"))
     time_axis(ax, result)
     legend(ax)
 
@@ -63,7 +72,7 @@ def plot_position_error(ax: Axes, result: Result) -> None:
 def plot_position_error_axes(ax: Axes, result: Result) -> None:
     """Axis by axis, with its norm."""
     error = result.series["p_WE"] - result.series["p_WE_desired"]
-    _plot_axes(ax, result, error, "position error", "m", norm="norm")
+    _plot_error(ax, result, error, "position error", "m", norm="norm")
     shade_window(ax, result)
     legend(ax)
 
@@ -73,7 +82,7 @@ def plot_velocity_error(ax: Axes, result: Result) -> None:
     error = result.series["v_WE"] - result.series["v_WE_desired"]
     told = result.series.get("velocity_error_predicted")
     if told is None:
-        _plot_axes(ax, result, error, "velocity error", "m/s")
+        _plot_error(ax, result, error, "velocity error", "m/s")
     else:
         scale = _plot_axes(ax, result, error, "velocity error", "m/s", linewidth=2.6, alpha=0.4)
         inner: Style = {**DESIRED, "linewidth": 1.1}
@@ -103,8 +112,59 @@ def plot_turn(ax: Axes, result: Result) -> None:
     time_axis(ax, result)
 
 
+def plot_orientation_error(ax: Axes, result: Result) -> None:
+    """How far a tool is off the orientation that it should keep, readable where it counts."""
+    error = result.series["orientation_error"]
+    shown, scale = prefixed(error, "rad")
+    ax.plot(result.time, scale * error, color=COLOURS[0], linewidth=0.6 if noisy(error) else 1.0)
+    shade_window(ax, result)
+    ax.set_ylim(0, 1.06 * scale * largest(error) or None)
+    _keep_window_in_view(ax, result, scale * error)
+    ax.set_ylabel(f"orientation error [{shown}]")
+    time_axis(ax, result)
+    legend(ax)
+
+
+def _plot_error(
+    ax: Axes, result: Result, error: Array, text: str, unit: str, norm: str = ""
+) -> None:
+    """Axis by axis; on a surface, of its own axes, as across it the force is what counts."""
+    if not presses(result):
+        _plot_axes(ax, result, error, text, unit, norm)
+        return
+    axes, names = surface_axes(result)
+    error = error @ axes.T
+    style: Style = {"linewidth": 0.6} if noisy(error) else {}
+    scale = _plot_axes(ax, result, error, _along(result, text), unit, norm, names, **style)
+    _keep_window_in_view(ax, result, scale * error)
+
+
+def _along(result: Result, text: str) -> str:
+    return f"{text}\nalong the surface" if presses(result) else text
+
+
+def _keep_window_in_view(ax: Axes, result: Result, values: Array) -> None:
+    """What would flatten it, as a first touch may, is written above the curves."""
+    inner = values[evaluated(result)]
+    peak = largest(values)
+    if not peak > _OUTSIZE * largest(inner) > 0.0:
+        return
+    low, high = span(np.append(inner.ravel(), 0.0), least=0.0)
+    room = high - low
+    ax.set_ylim(low - 0.3 * room if low < 0.0 else 0.0, high + 0.4 * room)
+    place: Style = {"ha": "right", "va": "top", "transform": ax.transAxes}
+    ax.text(0.99, 0.99, f"up to {peak:.3g} outside the window", **place, **NOTE)
+
+
 def _plot_axes(
-    ax: Axes, result: Result, values: Array, text: str, unit: str, norm: str = "", **style: Any
+    ax: Axes,
+    result: Result,
+    values: Array,
+    text: str,
+    unit: str,
+    norm: str = "",
+    names: Sequence[str] = "xyz",
+    **style: Any,
 ) -> float:
     """Small vectors, shape (k, m), and their norm if it has a name.
 
@@ -115,7 +175,7 @@ def _plot_axes(
     if norm:
         size = scale * np.linalg.norm(values, axis=1)
         ax.plot(result.time, size, color="0.75", linewidth=2.2, label=norm)
-    for name, colour, column in zip("xyz", COLOURS, values.T, strict=False):
+    for name, colour, column in zip(names, COLOURS, values.T, strict=False):
         ax.plot(
             result.time, scale * column, label=name, color=colour, **{"linewidth": 1.4, **style}
         )

@@ -31,6 +31,11 @@ def has_path(result: Result) -> bool:
     return not isinstance(path, Rest) or bool(path.offset.any())
 
 
+def presses(result: Result) -> bool:
+    """Whether a tool is pressed against a surface."""
+    return result.experiment.setup.contact is not None
+
+
 def bounds_jerk(result: Result) -> bool:
     """Whether the experiment itself bounds derivatives beyond the acceleration."""
     declared = result.experiment.limits

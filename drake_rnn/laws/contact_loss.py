@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
+from pydantic import Field
 
 from ..fields import Array, NonNegative, Positive, validated
 
@@ -19,13 +20,15 @@ class ContactLoss:
         reaction: ``hold``: the end effector stays where it is; ``retreat``: it moves off the
             surface first.
         threshold: Share of the desired force below which there is no contact.
+        floor: Force that counts as none, however little is desired [N]; above a sensor's noise.
         patience: Time without one after which it is lost [s].
         retreat_speed: Along the normal [m/s].
         retreat_distance: How far [m].
     """
 
     reaction: Literal["hold", "retreat"] = "hold"
-    threshold: Positive = 0.05
+    threshold: Annotated[float, Field(strict=True, gt=0, lt=1)] = 0.05
+    floor: NonNegative = 0.05
     patience: NonNegative = 0.05
     retreat_speed: Positive = 0.02
     retreat_distance: NonNegative = 0.02
@@ -40,7 +43,7 @@ class ContactLoss:
     def update(self, state: Array, force: float, desired: float, period: float) -> Array:
         """The state one period later, shape (3,)."""
         phase, missing, retreated = state.tolist()
-        touching = force > self.threshold * desired
+        touching = force > max(self.threshold * desired, self.floor)
         if phase == LOST:
             return np.array([LOST, missing, retreated + period * self.retreat(state)])
         if touching:

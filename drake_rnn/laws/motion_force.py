@@ -182,6 +182,8 @@ class MotionForce:
         parts = {"velocity_lower": (n,), "velocity_upper": (n,), "saturated": (1,)}
         if self.orientation == "printed":
             parts["orientation_rank"] = (1,)
+        if self.contact_loss is not None:
+            parts["contact_lost"] = (1,)
         return Layout(**parts)
 
     @property
@@ -218,15 +220,19 @@ class MotionForce:
         check_sampling_rate(period, rates)
 
     def derivatives(self, t: float, x: Array, u: Signals) -> Array:
-        """Right-hand side of (19), (21) or (22)."""
-        v, multipliers, orientation_multipliers, *learned = self.state.split(x)
-        J_hat = learned[0] if learned else u["J"]
-        dual = np.concatenate((multipliers, orientation_multipliers))
-        v_dot, dual_dot = self._network(v, dual, *self._terms(x, u, J_hat))
-        rates = [v_dot, dual_dot]
-        if learned:
-            rates.append(gradient(J_hat, u["velocity"], u["v_WE"], self.rho))
-        return self.state.join(*rates)
+        """Right-hand side of (19), (21) or (22).
+
+        Raises:
+            InvalidInputError: If a part of the state is sampled.
+        """
+        self.check_integrated()
+        n, end = self.limits.size, self._dual_end
+        J_hat = self.state.part(x, "J_hat") if self._learns else u["J"]
+        v_dot, dual_dot = self._network(x[:n], x[n:end], *self._terms(x, u, J_hat))
+        if not self._learns:
+            return np.concatenate((v_dot, dual_dot))
+        rate = gradient(J_hat, u["velocity"], u["v_WE"], self.rho)
+        return np.concatenate((v_dot, dual_dot, rate.ravel()))
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
         """Learning exactly, with its inputs held; then the network by a Runge-Kutta method."""
@@ -266,6 +272,9 @@ class MotionForce:
         if self.orientation == "printed":
             singular = np.linalg.svd(self._orientation_rows(u), compute_uv=False)
             told["orientation_rank"] = (singular > 0.02).sum(axis=-1, keepdims=True).astype(float)
+        if self.contact_loss is not None:
+            phase = self.state.part(x, "contact")[..., :1]
+            told["contact_lost"] = (phase == LOST).astype(float)
         return told
 
     def caveats(self, metrics: dict[str, float]) -> list[str]:
@@ -294,7 +303,8 @@ class MotionForce:
         if isinstance(self.stiffness, OnlineStiffness):
             known = self.state.part(x, "stiffness")
             depth = -float(u["normal_WE"].dot(u["p_WE"]))
-            known[:] = self.stiffness.update(known, float(u["normal_force"][0]), depth)
+            force, desired = float(u["normal_force"][0]), float(u["normal_force_desired"][0])
+            known[:] = self.stiffness.update(known, force, desired, depth)
         if self.contact_loss is not None:
             contact = self.state.part(x, "contact")
             force, desired = float(u["normal_force"][0]), float(u["normal_force_desired"][0])

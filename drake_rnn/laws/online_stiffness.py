@@ -18,6 +18,9 @@ from pydantic import Field
 
 from ..fields import Array, Positive, validated
 
+# In place of the last sample's root, which is positive, where there was none.
+_NONE = -1.0
+
 
 @validated
 class OnlineStiffness:
@@ -31,6 +34,8 @@ class OnlineStiffness:
         exponent: p.
         forgetting: Weight of what is known against what is new, at each of its steps.
         step: Change of depth that makes a new sample [m].
+        learn_above: Share of the desired force from which on it learns: first touch is softer
+            than what follows, more so than F^(1/p) tells.
     """
 
     initial: Positive = 1e4
@@ -39,9 +44,10 @@ class OnlineStiffness:
     exponent: Annotated[float, Field(strict=True, ge=1, le=3)] = 2.0
     forgetting: Annotated[float, Field(strict=True, gt=0, le=1)] = 0.9
     step: Positive = 2e-6
+    learn_above: Annotated[float, Field(strict=True, ge=0, lt=1)] = 0.2
 
     #: Entries of its state: slope [N^(1/p)/m], its covariance, and the last sample's root of
-    #: the force [N^(1/p)] and depth [m].
+    #: the force [N^(1/p)], -1 without contact, and depth [m].
     size = 4
 
     @property
@@ -51,21 +57,22 @@ class OnlineStiffness:
 
     def start(self) -> Array:
         """Its first state, shape (4,)."""
-        return np.array([self._initial_slope, 1.0, np.nan, np.nan])
+        return np.array([self._initial_slope, 1.0, _NONE, 0.0])
 
-    def update(self, state: Array, force: float, depth: float) -> Array:
+    def update(self, state: Array, force: float, desired: float, depth: float) -> Array:
         """The state once more is known, shape (4,).
 
         Args:
             state: Shape (4,).
             force: Measured [N]; without contact nothing is learned.
+            desired: Force asked for [N].
             depth: How far the tip has moved into the surface, from anywhere [m].
         """
         slope, covariance, last_root, last_depth = state.tolist()
-        if force <= 0.0:
-            return np.array([slope, covariance, np.nan, np.nan])
+        if force <= self.learn_above * desired:
+            return np.array([slope, covariance, _NONE, 0.0])
         root = force ** (1.0 / self.exponent)
-        if np.isnan(last_root):
+        if last_root == _NONE:
             return np.array([slope, covariance, root, depth])
         if abs(depth - last_depth) < self.step:
             return state

@@ -17,12 +17,16 @@ class ForceProfile:
     Args:
         value: [N].
         rise_time: In which it rises from ``initial``, smoothly [s]; None for at once.
-        initial: [N].
+        initial: Goes with a rise_time [N].
     """
 
     value: Positive
     rise_time: Positive | None = None
     initial: NonNegative = 0.0
+
+    def __post_init__(self) -> None:
+        if self.initial > 0.0 and self.rise_time is None:
+            raise ValueError(f"initial: goes with rise_time; without, {self.initial:g} is not used")
 
     def at(self, t: float) -> float:
         """The force asked for at time ``t`` [N]."""

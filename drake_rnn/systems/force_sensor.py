@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
+from ..errors import InvalidInputError
 from ..fields import NonNegative, Positive, validated
 
 _BLOCK = 1024
@@ -19,7 +20,7 @@ class SensorSettings:
 
     Args:
         noise: Standard deviation of normal noise at each sample [N].
-        delay: Of each sample, beyond the one that sampling takes [s].
+        delay: Of each sample, beyond the one that sampling takes; a multiple of the period [s].
         low_pass: Corner frequency of a first-order filter behind the noise [Hz]; None for none.
         failure: How it breaks at ``fails_at``: ``nan``, or ``frozen`` at what it last said.
         fails_at: When [s].
@@ -43,6 +44,9 @@ class ForceSensor(LeafSystem):
         settings: What it does to it.
         period: Between two samples [s].
         seed: Of the noise.
+
+    Raises:
+        InvalidInputError: If the delay is no multiple of the period.
     """
 
     def __init__(self, settings: SensorSettings, period: float, seed: int = 0) -> None:
@@ -52,6 +56,11 @@ class ForceSensor(LeafSystem):
         self._seed = seed
         self._block = (-1, np.zeros(0))
         late = round(settings.delay / period)
+        if abs(late * period - settings.delay) > 1e-6 * period:
+            raise InvalidInputError(
+                f"sensor.delay: must be a multiple of the period, {period:g} s, not "
+                f"{settings.delay:g}"
+            )
         # What low_pass leaves after one period of what was.
         corner = settings.low_pass
         self._kept = 0.0 if corner is None else math.exp(-2.0 * math.pi * corner * period)

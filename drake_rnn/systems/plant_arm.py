@@ -12,7 +12,7 @@ from pydrake.multibody.plant import (
     MultibodyPlant,
     MultibodyPlantConfig,
 )
-from pydrake.multibody.tree import ModelInstanceIndex, PdControllerGains
+from pydrake.multibody.tree import JointActuator, ModelInstanceIndex, PdControllerGains
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import MatrixGain, Multiplexer
 
@@ -50,7 +50,8 @@ class PlantArm(Diagram):
     """A `Mirror` with mass: a discrete MultibodyPlant whose motors follow what is commanded.
 
     Each motor is a position and velocity loop, with the torque that gravity asks for fed
-    forward; torques end at the model's effort limits. Inputs are ``position_commanded`` and
+    forward; torques end at the effort limits of the model's actuators, and a joint to which it
+    gives none gets one without a limit. Inputs are ``position_commanded`` and
     ``velocity_commanded``, outputs ``position`` and ``velocity``, of shape (n,)
     [rad, rad/s]; and with an environment ``tool_force`` and ``contact_force``, of shape (3,)
     [N] in the world frame: what the surroundings exert on the tool, as a force-torque sensor
@@ -118,12 +119,13 @@ class PlantArm(Diagram):
         builder.BuildInto(self)
 
     def _drive(self, builder: DiagramBuilder, arm: Arm, instance: ModelInstanceIndex) -> None:
-        """Motors, in the model's order of joints, and what they do, in the arm's."""
+        """Motors, in the model's order of actuators, and what they do, in the arm's of joints."""
         plant, n = self.plant, arm.n
         starts = [plant.GetJointByName(name, instance).velocity_start() for name in arm.joints]
-        rank = np.argsort(np.argsort(starts))
-        select = np.zeros((n, n))  # plant's order from the arm's
-        select[rank, np.arange(n)] = 1.0
+        # The plant's state is ordered by joints, what drives it by actuators.
+        select = np.eye(n)[np.argsort(starts)]
+        motors = [motor.joint().name() for motor in _motors(plant, instance)]
+        to_motors = np.eye(n)[[arm.joints.index(name) for name in motors]]
         nothing = np.zeros((n, n))
 
         state = plant.get_state_output_port(instance)
@@ -135,7 +137,7 @@ class PlantArm(Diagram):
             builder.Connect(state, block.get_input_port())
             builder.ExportOutput(block.get_output_port(), name)
         joined = builder.AddNamedSystem("commanded", Multiplexer([n, n]))
-        order = np.block([[select, nothing], [nothing, select]])
+        order = np.block([[to_motors, nothing], [nothing, to_motors]])
         commanded = builder.AddNamedSystem("motor_order", MatrixGain(order))
         builder.ExportInput(joined.get_input_port(0), "position_commanded")
         builder.ExportInput(joined.get_input_port(1), "velocity_commanded")
@@ -149,7 +151,7 @@ class PlantArm(Diagram):
             builder.GetSubsystemByName("velocity").get_output_port(),
             dynamics.GetInputPort("velocity"),
         )
-        against = builder.AddNamedSystem("against_gravity", MatrixGain(-select))
+        against = builder.AddNamedSystem("against_gravity", MatrixGain(-to_motors))
         builder.Connect(dynamics.GetOutputPort("gravity"), against.get_input_port())
         builder.Connect(against.get_output_port(), plant.get_actuation_input_port(instance))
 
@@ -168,12 +170,16 @@ class PlantArm(Diagram):
         builder.ExportOutput(contact.get_output_port(), "contact_force")
 
 
+def _motors(plant: MultibodyPlant, instance: ModelInstanceIndex) -> list[JointActuator]:
+    """Of one arm; before a plant is finalized it does not know them by instance."""
+    every = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
+    return [motor for motor in every if motor.model_instance() == instance]
+
+
 def _add_motors(
     plant: MultibodyPlant, arm: Arm, instance: ModelInstanceIndex, settings: PlantSettings
 ) -> None:
-    # Of this arm alone; before a plant is finalized it does not know them by instance.
-    every = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
-    motors = {m.joint().name(): m for m in every if m.model_instance() == instance}
+    motors = {motor.joint().name(): motor for motor in _motors(plant, instance)}
     for name in arm.joints:
         joint = plant.GetJointByName(name, instance)
         motor = motors.get(name) or plant.AddJointActuator(f"{name}_motor", joint)

@@ -1,0 +1,148 @@
+"""The README's tables of motion-force control, as Markdown.
+
+The paper is "Data-driven motion-force control scheme for redundant manipulators: a kinematic
+perspective".
+"""
+
+import numpy as np
+
+from drake_rnn import Result, SimulationError, load_experiment, make_experiment, simulate
+from drake_rnn.experiment import read_experiment
+from markdown_table import head, row
+
+KINEMATIC = (
+    "motion_force_tricuspid",
+    "motion_force_tricuspid_literal",
+    "motion_force_tricuspid_w",
+    "motion_force_tricuspid_learned",
+    "motion_force_tricuspid_printed",
+    "motion_force_cat",
+)
+CONTACT = (
+    "contact_circle",
+    "contact_circle_1N",
+    "contact_circle_20N",
+    "contact_deltoid",
+    "contact_deltoid_fast",
+    "contact_inclined",
+    "contact_panda_light",
+    "contact_soft_pad",
+    "contact_cat",
+    "contact_noisy",
+    "contact_wrong_normal",
+    "contact_open_loop",
+)
+ELSEWHERE = ("slc_nephroid", "null_space_adjustment", "naljdf_clover")
+FORCES, GAPS = (1.0, 5.0, 20.0), (0.0, 5e-3)
+# What is believed of the stiffness, and how the force is asked for.
+STARTS = {
+    "learned, prior 10 kN/m at 5 N": {},
+    "the same, prior 10 times too stiff": {"law.stiffness.initial": 1e5},
+    "the same, prior 3 times too soft": {"law.stiffness.initial": 3e3},
+    "the same, prior 10 times too soft": {"law.stiffness.initial": 1e3},
+    "the same, force risen in 1 s": {"law.stiffness.initial": 1e3, "force.rise_time": 1.0},
+    "learned as a spring (exponent 1)": {"law.stiffness.exponent": 1},
+    "8 kN/m": {"law.stiffness": 8000},
+}
+ERRORS = ("mean", "rms", "max")
+
+
+def figure(result: Result, name: str) -> str:
+    """A metric to two digits; empty where it does not apply."""
+    return f"{result.metrics[name]:.2g}" if name in result.metrics else ""
+
+
+def runs_table(names: tuple[str, ...]) -> None:
+    """Each experiment's errors in its window."""
+    jacobian = "J_hat: error, largest"
+    columns = ("mean [N]", "rms [N]", "largest [N]", "aside [m]", "turned [rad]", jacobian)
+    head("`drake-rnn run ...`", *columns, "joint velocity, largest [rad/s]", "bounds broken by")
+    for name in names:
+        result = simulate(load_experiment(name))
+        metrics = (
+            *(f"force_error_{error}_N" for error in ERRORS),
+            "lateral_error_max_m",
+            "orientation_error_max_rad",
+            "jacobian_error_max",
+            "joint_velocity_max_rad_s",
+            "limit_violation_max",
+        )
+        row(f"`{name}`", *(figure(result, metric) for metric in metrics))
+
+
+def start_up_table() -> None:
+    """The largest force on the way to the desired one, in units of it."""
+    places = [(force, gap) for gap in GAPS for force in FORCES]
+    head("stiffness", *(f"{force:g} N, from {gap * 1e3:g} mm" for force, gap in places))
+    for label, changes in STARTS.items():
+        cells = []
+        for force, gap in places:
+            document = {**changes, "force.value": force, "environment.gap": gap}
+            document |= {"duration": 4, "window": [3, 4], "accept": None}
+            cells.append(start_up(document, force))
+        row(label, *cells)
+
+
+def start_up(changes: dict[str, object], force: float) -> str:
+    """Peak over the desired force, and when 95 % of it are reached for good."""
+    try:
+        result = simulate(make_experiment(read_experiment("contact_approach", changes)))
+    except SimulationError as error:
+        return f"stops at {error.time:.2g} s"
+    low = np.flatnonzero(result.series["normal_force"] < 0.95 * force)
+    settled = result.time[low[-1]] if low.size else 0.0
+    reached = f"{settled:.1f} s" if settled < 3.9 else "later than 4 s"
+    return f"{result.metrics['normal_force_peak_N'] / force:.2f} ({reached})"
+
+
+def learning_rates_table() -> None:
+    """The paper's Fig. 2 in numbers."""
+    head("rho", "J_hat: error, largest", "median", "along the motion", "force, largest [N]")
+    for rho in load_experiment("motion_force_learning_rates").over["law.rho"]:
+        result = simulate(load_experiment("motion_force_learning_rates", {"law.rho": rho}))
+        names = ("jacobian_error_max", "jacobian_error_median", "jacobian_error_excited_median")
+        row(f"{rho:g}", *(figure(result, name) for name in (*names, "force_error_max_N")))
+
+
+def features_table() -> None:
+    """Table I: what a law is wired to and keeps; of others, what the paper says of them.
+
+    The table itself is missing from the text at hand: its last rows are what its section says.
+    """
+    columns = ("force", "knows J", "learns J", "holds the orientation", "joint limits", "level")
+    head("controller", *columns)
+    for name in ("motion_force_tricuspid", "motion_force_tricuspid_learned", "contact_soft_pad"):
+        result = simulate(load_experiment(name, {"duration": 2, "window": None, "accept": None}))
+        law = result.experiment.setup.law
+        turned = result.metrics["orientation_error_max_rad"]
+        row(
+            f"`{name}`",
+            "measured" if "normal_force" in law.inputs else "assumed",
+            "yes" if "J" in law.inputs else "no (position), yes (rotation)",
+            "yes" if "J_hat" in law.state else "no",
+            f"to {turned:.1g} rad",
+            "kept" if result.metrics["limit_violation_max"] == 0.0 else "broken",
+            result.experiment.level,
+        )
+    row("[9], [18], [19] in the paper", "yes", "yes", "no", "", "", "")
+    row("[8] in the paper", "yes", "", "yes", "", "", "dynamic")
+
+
+def elsewhere_table() -> None:
+    """Laws made for the kinematic level, round an arm with full dynamics."""
+    head("law", "arm", "error, kinematic [m]", "error, dynamic [m]", "speed, largest [rad/s]")
+    for name in ELSEWHERE:
+        dynamic = simulate(load_experiment(f"{name}_dynamic"))
+        kinematic = simulate(load_experiment("slc_nephroid_known" if "slc" in name else name))
+        errors = (figure(run, "position_error_max_m") for run in (kinematic, dynamic))
+        arm = dynamic.experiment.setup.arm.name
+        row(f"`{name}_dynamic`", arm, *errors, figure(dynamic, "joint_velocity_max_rad_s"))
+
+
+if __name__ == "__main__":
+    runs_table(KINEMATIC)
+    learning_rates_table()
+    runs_table(CONTACT)
+    start_up_table()
+    elsewhere_table()
+    features_table()

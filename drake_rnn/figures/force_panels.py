@@ -1,0 +1,146 @@
+"""Panels of the force with which a tool presses; each draws on axes what it finds in a result."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from ..fields import Array
+from ..result import Result
+from .style import (
+    COLOURS,
+    DESIRED,
+    NOTE,
+    Style,
+    largest,
+    legend,
+    log_axis,
+    prefixed,
+    shade_window,
+    span,
+    time_axis,
+)
+from .surface import NEAR
+from .traits import evaluated
+
+_BAND: Style = {"color": COLOURS[2], "alpha": 0.25, "linewidth": 0}
+_MEASURED: Style = {"color": "0.75", "linewidth": 0.5}
+#: What a sensor says is shown if it is mostly off by more than this share of the largest force.
+_APART = 0.01
+#: Fewer samples have no spectrum.
+_FEWEST = 16
+#: Decades below the peak after which a spectrum is rounding [-].
+_DECADES = 6
+
+
+def plot_force(ax: Axes, result: Result, until: float | None = None) -> None:
+    """With what is desired, and behind it what a sensor makes of it; all of it or ``until`` [s]."""
+    shown = slice(None)
+    if until is not None:
+        shown = slice(0, max(2, int(np.searchsorted(result.time, until, side="right"))))
+    time = result.time[shown]
+    is_, ought, measured = (
+        result.series[f"normal_force{name}"][shown] for name in ("", "_desired", "_measured")
+    )
+    unit, scale = prefixed(ought, "N")
+    levels = [scale * is_, (1 + NEAR) * scale * ought, np.zeros(1)]
+    low, high = ((1 + sign * NEAR) * scale * ought for sign in (-1, 1))
+    ax.fill_between(time, low, high, label=f"±{100 * NEAR:g} %", **_BAND)
+    ax.plot(time, scale * ought, label="desired", **DESIRED)
+    (curve,) = ax.plot(time, scale * is_, color=COLOURS[0], label="force")
+    if _root_mean_square(measured - is_) > _APART * largest(is_):
+        curve.set_label("true")
+        ax.plot(time, scale * measured, label="measured", zorder=1, **_MEASURED)
+        levels.append(scale * measured)
+    shade_window(ax, result)
+    lost = result.metrics.get("contact_lost_time_s")
+    if lost is not None and lost <= time[-1]:
+        ax.axvline(lost, color="0.25", linestyle=":", label="contact lost")
+    least, most = span(np.concatenate(levels), least=1e-9)
+    room = 0.06 * (most - least)
+    # Without contact, forces are zero up to rounding.
+    ax.set_ylim(least - room if least < -0.01 * room else 0.0, most + room)
+    ax.set_ylabel(f"normal force [{unit}]")
+    time_axis(ax, result)
+    ax.set_xlim(time[0], time[-1])
+    legend(ax)
+
+
+def plot_force_error(ax: Axes, result: Result) -> None:
+    """Where it counts, with its metrics, which are of every step.
+
+    What a sensor makes of it lies behind, unless there would be little else to see.
+    """
+    within = evaluated(result)
+    time, error = result.time[within], _force_error(result)
+    unit, scale = prefixed(error, "N")
+    ax.plot(time, scale * error, color=COLOURS[0], label="true")
+    misread = (result.series["normal_force_measured"] - result.series["normal_force"])[within]
+    if _APART * largest(error) < _root_mean_square(misread) < largest(error):
+        ax.plot(time, scale * (error + misread), label="measured", zorder=1, **_MEASURED)
+        legend(ax)
+    ax.axhline(0.0, **DESIRED)
+    low, high = span(np.concatenate([line.get_ydata() for line in ax.lines]), least=1e-9)
+    names = {"mean": "mean", "rms": "rms", "max": "largest"}
+    found = {
+        text: scale * result.metrics[f"force_error_{name}_N"]
+        for name, text in names.items()
+        if f"force_error_{name}_N" in result.metrics
+    }
+    if found:
+        note = ", ".join(f"{text} {value:.3g}" for text, value in found.items())
+        place: Style = {"ha": "right", "va": "top", "transform": ax.transAxes}
+        ax.text(0.99, 0.99, f"{note} {unit}".replace("-", "−"), **place, **NOTE)
+    ax.set_ylim(low - 0.06 * (high - low), high + 0.18 * (high - low))
+    ax.set_ylabel(f"force error [{unit}]")
+    time_axis(ax, result)
+    ax.set_xlim(time[0], time[-1])
+
+
+def plot_force_spectrum(ax: Axes, result: Result) -> None:
+    """Of the force error without its mean; a sine is as high as its amplitude.
+
+    What is faster than half the samples' rate is folded into what is shown.
+    """
+    frequency, amplitude = force_spectrum(result)
+    ax.plot(frequency, amplitude, color=COLOURS[0], linewidth=0.8)
+    rate = 1.0 / result.experiment.log_period
+    if frequency.size:
+        ax.set_xlim(frequency[0], rate / 2)
+    ax.set_xscale("log")
+    log_axis(ax, [amplitude])
+    if (peak := largest(amplitude)) > 0:
+        ax.set_ylim(bottom=max(ax.get_ylim()[0], peak / 10**_DECADES))
+    note = f"samples at {rate:.4g} Hz"
+    ax.text(0.99, 0.99, note, ha="right", va="top", transform=ax.transAxes, **NOTE)
+    ax.set(xlabel="frequency [Hz]", ylabel="amplitude of the force error [N]")
+
+
+def force_spectrum(result: Result) -> tuple[Array, Array]:
+    """Frequencies [Hz] and amplitudes [N] of the force error, with a Hann window.
+
+    Empty of too few samples, or of some that are not finite.
+    """
+    period = result.experiment.log_period
+    # The last sample is the run's end, wherever that is.
+    even = np.diff(result.time[evaluated(result)], prepend=-np.inf) > 0.5 * period
+    error = _force_error(result)[even]
+    if error.size < _FEWEST or not np.isfinite(error).all():
+        return np.empty(0), np.empty(0)
+    taper = np.hanning(error.size + 1)[:-1]
+    amplitude = 2.0 / taper.sum() * np.abs(np.fft.rfft(taper * (error - error.mean())))
+    frequency = np.fft.rfftfreq(error.size, period)
+    # The highest of an even number of samples has no phase.
+    inner = (frequency > 0.0) & (frequency < 0.5 / period * (1 - 1e-9))
+    return np.asarray(frequency[inner]), np.asarray(amplitude[inner])
+
+
+def _root_mean_square(values: Array) -> float:
+    sound = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(sound**2))) if sound.size else 0.0
+
+
+def _force_error(result: Result) -> Array:
+    within = evaluated(result)
+    error = result.series["normal_force"] - result.series["normal_force_desired"]
+    return np.asarray(error[within])

@@ -1,0 +1,56 @@
+"""The figures of a tool that is pressed against a surface."""
+
+from __future__ import annotations
+
+from matplotlib.figure import Figure
+
+from ..result import Result
+from .force_panels import plot_force, plot_force_error, plot_force_spectrum
+from .registry import draws
+from .style import COLUMN, single
+from .surface import plot_on_surface
+from .task_panels import plot_orientation_error
+from .traits import presses
+
+
+@draws("normal_force", "normal_force_desired", "normal_force_measured", applies=presses)
+def normal_force(result: Result) -> Figure:
+    """The force and what is desired, and below how it settles before the window."""
+    window = result.experiment.window
+    settling = window is not None and result.time[1] <= window[0]
+    panels = 1 + settling
+    figure = Figure(figsize=(COLUMN, 0.5 + 1.9 * panels), layout="constrained")
+    axes = figure.subplots(panels, 1, squeeze=False).ravel()
+    plot_force(axes[0], result)
+    if window is not None and settling:
+        plot_force(axes[1], result, until=window[0])
+        axes[1].get_legend().remove()
+    figure.align_ylabels()
+    return figure
+
+
+@draws("normal_force", "normal_force_desired", "normal_force_measured", applies=presses)
+def force_error(result: Result) -> Figure:
+    """The force error where it counts, and its spectrum."""
+    figure = Figure(figsize=(COLUMN, 4.3), layout="constrained")
+    axes = figure.subplots(2, 1)
+    plot_force_error(axes[0], result)
+    plot_force_spectrum(axes[1], result)
+    figure.align_ylabels()
+    return figure
+
+
+@draws("p_WE", "p_WE_desired", "normal_force", "normal_force_desired", applies=presses)
+def path_on_surface(result: Result) -> Figure:
+    """What is drawn on the surface, from above, coloured by the force."""
+    figure, ax = single(height=3.0)
+    plot_on_surface(ax, result)
+    return figure
+
+
+@draws("orientation_error", applies=presses)
+def orientation_error(result: Result) -> Figure:
+    """How far the tool is off the orientation that it should keep."""
+    figure, ax = single()
+    plot_orientation_error(ax, result)
+    return figure

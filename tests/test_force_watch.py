@@ -1,0 +1,56 @@
+"""What stops a run whose force sensor is broken."""
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import BasicVector, DiagramBuilder, LeafSystem
+
+from drake_rnn import SimulationError
+from drake_rnn.systems import ForceWatch
+
+
+class Said(LeafSystem):
+    """A force as a function of time."""
+
+    def __init__(self, force):
+        super().__init__()
+        self.DeclareVectorOutputPort(
+            "force",
+            BasicVector(1),
+            lambda context, output: output.set_value([force(context.get_time())]),
+        )
+
+
+def watch(force, until=0.5, **settings):
+    builder = DiagramBuilder()
+    source = builder.AddSystem(Said(force))
+    watched = builder.AddNamedSystem("watch", ForceWatch(1e-3, **settings))
+    builder.Connect(source.get_output_port(), watched.get_input_port())
+    Simulator(builder.Build()).AdvanceTo(until)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_a_force_that_is_no_number_stops_the_run_at_that_sample(value):
+    with pytest.raises(SimulationError, match=rf"watch: the force sensor says {value}") as caught:
+        watch(lambda t: value if t > 0.2005 else 1.0 + t)
+    assert caught.value.time == pytest.approx(0.201)
+
+
+def test_a_force_that_is_stuck_stops_the_run_after_its_patience():
+    """It sticks at 0.2 s; a sample later than 50 ms after that."""
+    message = r"stuck at 1\.2 N since t = 0\.2 s"
+    with pytest.raises(SimulationError, match=message) as caught:
+        watch(lambda t: 1.0 + min(t, 0.2), patience=0.05)
+    assert caught.value.time == pytest.approx(0.251, abs=1.5e-3)
+
+
+def test_zero_force_is_no_sensor_that_is_stuck():
+    watch(lambda t: 0.0)
+
+
+def test_a_force_that_moves_by_its_last_bit_is_alive():
+    watch(lambda t: 1.0 + 1e-15 * (round(t * 1e3) % 2))
+
+
+def test_a_force_that_rests_for_less_than_the_patience_is_alive():
+    watch(lambda t: 1.0 + t // 0.05, patience=0.06)

@@ -26,16 +26,6 @@ class Contact:
     force: ForceProfile
     sensor: SensorSettings | None = None
 
-    @property
-    def watched(self) -> bool:
-        """Whether a force that never changes is that of a broken sensor.
-
-        That of a spring comes to rest to the last bit, unless the sensor adds noise.
-        """
-        sensor = self.sensor
-        alive = sensor is not None and (sensor.noise > 0.0 or sensor.failure is not None)
-        return isinstance(self.surface, ContactModel) or alive
-
     def place(self, arm: Arm, start: Array) -> Array:
         """The point of the surface below the tool at the start, shape (3,) [m].
 

@@ -13,7 +13,8 @@ from drake_rnn.fields import Array
 from drake_rnn.systems.dither import DitherSettings
 from drake_rnn.systems.kinematics import Kinematics
 from drake_rnn.systems.moving_average import MovingAverage
-from drake_rnn.systems.plant_arm import PlantArm, PlantSettings
+from drake_rnn.systems.plant import PlantSettings
+from drake_rnn.systems.plant_arm import PlantArm
 
 from .contact import Contact
 from .loop import Controller, Feedback, Loop, Wiring, add_loop, start_posture
@@ -81,10 +82,12 @@ def AddDynamicLoop(
             )
         environment = surface
         p_WS = contact.place(arm, start)
-    body = PlantArm(arm, start, environment, p_WS, plant)
+    # The law is shown, and the sensor turned by, the same posture.
+    shared = arm.kinematics()
+    body = PlantArm(arm, start, environment, p_WS, plant, shared)
 
     def felt(kinematics: Kinematics) -> Mapping[str, OutputPort]:
         return {name: body.GetOutputPort(name) for name in ("contact_force", "tool_force")}
 
     wiring = Wiring(start, task, dither, filter, feedback, contact, signals, seed, prefix)
-    return add_loop(builder, arm, controller, reference, body, felt, wiring)
+    return add_loop(builder, arm, controller, reference, body, felt, wiring, shared)

@@ -7,8 +7,9 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, OutputPort, System
-from pydrake.systems.primitives import Adder, Integrator
+from pydrake.systems.primitives import Adder, Integrator, MatrixGain
 
+from drake_rnn.arm_kinematics import ArmKinematics
 from drake_rnn.arms import Arm
 from drake_rnn.errors import InvalidInputError
 from drake_rnn.fields import Array
@@ -68,6 +69,7 @@ def add_loop(
     body: Diagram,
     felt: Callable[[Kinematics], Mapping[str, OutputPort]],
     wiring: Wiring,
+    kinematics: ArmKinematics | None = None,
 ) -> Loop:
     """Add a controller, an arm round it, and join both to a reference.
 
@@ -80,6 +82,7 @@ def add_loop(
         felt: Called once the arm is in ``builder``, with its kinematics: the ports
             ``contact_force`` and ``tool_force``, if there is any contact.
         wiring: All else.
+        kinematics: Of the arm, where ``body`` makes use of it too.
 
     Raises:
         InvalidInputError: If the law wants what nothing here offers, or in another size, or the
@@ -95,13 +98,13 @@ def add_loop(
     virtual = feedback == "unfiltered"
     # Before the controller, whose own complaint would name the sensor's last of all.
     watch = None
-    if contact is not None and contact.watched and period is not None:
-        watch = builder.AddNamedSystem(f"{prefix}force_watch", ForceWatch(period))
+    if contact is not None and period is not None:
+        watch = builder.AddNamedSystem(f"{prefix}force_watch", ForceWatch(arm.n, 10.0 * period))
     builder.AddNamedSystem(f"{prefix}controller", controller)
     if virtual:
-        seen = _add_body(builder, arm, start, task, Mirror(arm.n), f"{prefix}virtual_")
+        seen = _add_body(builder, arm, start, task, Mirror(arm.n), f"{prefix}virtual_", None)
     else:
-        seen = _add_body(builder, arm, start, task, body, prefix)
+        seen = _add_body(builder, arm, start, task, body, prefix, kinematics)
 
     asked = controller.GetOutputPort("commanded_velocity")
     if filter is not None:
@@ -148,7 +151,7 @@ def add_loop(
     last = seen
     if virtual and filter is not None:
         _connect(builder, moved, filter.get_input_port())
-        last = _add_body(builder, arm, start, task, body, prefix)
+        last = _add_body(builder, arm, start, task, body, prefix, kinematics)
         _move(builder, last, filter.get_output_port())
         _connect(
             builder, last.joint_command.get_output_port(), last.kinematics.GetInputPort("position")
@@ -162,7 +165,8 @@ def add_loop(
         offered |= told | dict(signals or {})
         forces["normal_force"] = offered["normal_force"]
         if watch is not None:
-            _connect(builder, offered["normal_force"], watch.get_input_port())
+            _connect(builder, offered["normal_force"], watch.GetInputPort("normal_force"))
+            _connect(builder, last.arm.GetOutputPort("position"), watch.GetInputPort("position"))
     offered |= signals or {}
     if "position_preview" in controller.law.inputs and "position_preview" in offered:
         _require_same_interval(controller, offered["position_preview"].get_system())
@@ -184,10 +188,16 @@ class _Body(NamedTuple):
 
 
 def _add_body(
-    builder: DiagramBuilder, arm: Arm, start: Array, task: str, body: Diagram, prefix: str
+    builder: DiagramBuilder,
+    arm: Arm,
+    start: Array,
+    task: str,
+    body: Diagram,
+    prefix: str,
+    kinematics: ArmKinematics | None,
 ) -> _Body:
     return _Body(
-        builder.AddNamedSystem(f"{prefix}kinematics", Kinematics(arm, task)),
+        builder.AddNamedSystem(f"{prefix}kinematics", Kinematics(arm, task, kinematics)),
         builder.AddNamedSystem(f"{prefix}joint_command", Integrator(start)),
         builder.AddNamedSystem(f"{prefix}arm", body),
     )
@@ -213,11 +223,16 @@ def _add_contact(
     """What the law may know of the contact, by name; its normal may be another's."""
     reference = ContactReference(contact.surface.believed_normal_W, contact.force)
     builder.AddNamedSystem(f"{prefix}contact_reference", reference)
+    pressing: System
     if normal_WE is None:
         normal_WE = reference.GetOutputPort("normal_WE")
-    pressing = builder.AddNamedSystem(f"{prefix}normal_force", NormalForce())
-    _connect(builder, tool_force, pressing.GetInputPort("force"))
-    _connect(builder, normal_WE, pressing.GetInputPort("normal_WE"))
+        # A constant one is left to Drake, which is faster.
+        row = contact.surface.believed_normal_W[np.newaxis, :]
+        pressing = builder.AddNamedSystem(f"{prefix}normal_force", MatrixGain(row))
+    else:
+        pressing = builder.AddNamedSystem(f"{prefix}normal_force", NormalForce())
+        _connect(builder, normal_WE, pressing.GetInputPort("normal_WE"))
+    _connect(builder, tool_force, pressing.get_input_port(0))
     normal_force = pressing.get_output_port()
     if contact.sensor is not None:
         if period is None:

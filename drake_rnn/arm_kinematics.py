@@ -50,6 +50,7 @@ class ArmKinematics:
         self._bodies = _chain(plant, self._frame)
         self._is_whole = np.array_equal(self._indices, np.arange(positions.size))
         self._at_q = b""
+        self._J_spatial: Array | None = None  # at that posture, once it is asked for
         if mass_scale != 1.0:
             _scale_masses(plant, self._context, mass_scale)
 
@@ -69,6 +70,7 @@ class ArmKinematics:
             self._positions[self._indices] = q
             self._plant.SetPositions(self._context, self._positions)
         self._at_q = key
+        self._J_spatial = None
 
     def _set_velocity(self, v: Array) -> None:
         v = np.asarray(v, dtype=float)
@@ -107,6 +109,8 @@ class ArmKinematics:
     def J(self, q: Array) -> Array:
         """Jacobian of E's origin, shape (3, n): v_WE = J v."""
         self._set(q)
+        if self._J_spatial is not None:
+            return self._J_spatial[3:]
         J = self._plant.CalcJacobianTranslationalVelocity(
             self._context, JacobianWrtVariable.kV, self._frame, _ORIGIN, self._world, self._world
         )
@@ -115,10 +119,18 @@ class ArmKinematics:
     def J_omega(self, q: Array) -> Array:
         """Jacobian of E's angular velocity, shape (3, n)."""
         self._set(q)
-        J = self._plant.CalcJacobianAngularVelocity(
-            self._context, JacobianWrtVariable.kV, self._frame, self._world, self._world
-        )
-        return self._columns(J)
+        if self._J_spatial is None:
+            # Who asks for this one mostly asks for J as well.
+            J = self._plant.CalcJacobianSpatialVelocity(
+                self._context,
+                JacobianWrtVariable.kV,
+                self._frame,
+                _ORIGIN,
+                self._world,
+                self._world,
+            )
+            self._J_spatial = self._columns(J)
+        return self._J_spatial[:3]
 
     def Jdot_v(self, q: Array, v: Array) -> Array:
         """What of E's acceleration is not due to joint accelerations, shape (3,) [m/s^2]."""

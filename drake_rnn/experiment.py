@@ -24,7 +24,7 @@ from .systems.contact_reference import ForceProfile
 from .systems.dither import DitherSettings
 from .systems.force_sensor import SensorSettings
 from .systems.moving_average import FilterSettings
-from .systems.plant_arm import PlantSettings
+from .systems.plant import PlantSettings
 
 
 @validated

@@ -32,6 +32,9 @@ Progress = Callable[[float], None]
 
 _LONGEST_STEP = 0.01
 
+# What the tool feels: what is, and what the law is told of it.
+_FORCES = ("contact_force", "normal_force")
+
 # What builds the loop at each level, and which further keys of an experiment it takes.
 _LEVELS: dict[str, tuple[Callable[..., Loop], tuple[str, ...]]] = {
     "kinematic": (AddKinematicLoop, ()),
@@ -168,8 +171,8 @@ def add_recorder(simulator: Simulator, loop: Loop) -> Recorder:
         "position": loop.arm.GetOutputPort("position"),
         "velocity": loop.arm.GetOutputPort("velocity"),
         "state": loop.controller.GetOutputPort("state"),
-        **loop.forces,
     }
+    ports |= {name: loop.forces[name] for name in _FORCES if name in loop.forces}
     if loop.virtual_arm is not None:
         for name in ("position", "velocity"):
             ports[f"virtual_{name}"] = loop.virtual_arm.GetOutputPort(name)

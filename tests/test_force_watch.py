@@ -10,22 +10,24 @@ from drake_rnn.systems import ForceWatch
 
 
 class Said(LeafSystem):
-    """A force as a function of time."""
+    """A number as a function of time."""
 
-    def __init__(self, force):
+    def __init__(self, said):
         super().__init__()
         self.DeclareVectorOutputPort(
-            "force",
+            "said",
             BasicVector(1),
-            lambda context, output: output.set_value([force(context.get_time())]),
+            lambda context, output: output.set_value([said(context.get_time())]),
         )
 
 
-def watch(force, until=0.5, **settings):
+def watch(force, until=0.5, position=lambda t: t, **settings):
+    """Look at a force every 1 ms, on an arm of one joint that moves unless told otherwise."""
     builder = DiagramBuilder()
-    source = builder.AddSystem(Said(force))
-    watched = builder.AddNamedSystem("watch", ForceWatch(1e-3, **settings))
-    builder.Connect(source.get_output_port(), watched.get_input_port())
+    watched = builder.AddNamedSystem("watch", ForceWatch(1, 1e-3, **settings))
+    for name, said in (("normal_force", force), ("position", position)):
+        source = builder.AddSystem(Said(said))
+        builder.Connect(source.get_output_port(), watched.GetInputPort(name))
     Simulator(builder.Build()).AdvanceTo(until)
 
 
@@ -54,3 +56,9 @@ def test_a_force_that_moves_by_its_last_bit_is_alive():
 
 def test_a_force_that_rests_for_less_than_the_patience_is_alive():
     watch(lambda t: 1.0 + t // 0.05, patience=0.06)
+
+
+def test_the_force_on_an_arm_at_rest_may_rest_too():
+    watch(lambda t: 1.2, position=lambda t: 0.5)
+    with pytest.raises(SimulationError, match="stuck"):
+        watch(lambda t: 1.2, position=lambda t: 0.5 + 1e-7 * t)

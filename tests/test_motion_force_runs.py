@@ -3,6 +3,8 @@
 Bounds are those the documents expect, or 1.3 times what is measured where they are tighter.
 """
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -106,17 +108,18 @@ class TestKinematic:
 
     @pytest.mark.long
     def test_theorem_1_holds_down_to_a_floor_that_rho_sets(self):
-        """J moves, so J_hat lags: its error falls with rho, but not to zero, and not hundredfold.
+        """J moves, so J_hat lags: about ten times less a decade of rho, and never zero.
 
-        Ratios of 8.1 and 6.8 a decade are measured.
+        The paper's Fig. 2 has a factor of 100 from 1e-5 to 1e-6. Measured, of the largest error:
+        38 (at 1e-4 it is still on its way at 2 s) and 7.3; of the median: 10.6 and 9.1.
         """
-        errors = [
-            metrics("motion_force_learning_rates", law__rho=rho)["jacobian_error_max"]
-            for rho in (1e-4, 1e-5, 1e-6)
-        ]
-        assert 4.0 < errors[0] / errors[1] < 12.0
-        assert 4.0 < errors[1] / errors[2] < 12.0
-        assert 3e-4 < errors[2] < 1e-3
+        runs = [metrics("motion_force_learning_rates", law__rho=r) for r in (1e-4, 1e-5, 1e-6)]
+        for slow, fast in pairwise(runs):
+            assert slow["jacobian_error_max"] > 4 * fast["jacobian_error_max"]
+            ratio = slow["jacobian_error_median"] / fast["jacobian_error_median"]
+            assert ratio == pytest.approx(10.0, rel=0.15)
+        assert runs[1]["jacobian_error_max"] < 10 * runs[2]["jacobian_error_max"]
+        assert 1.2e-4 < runs[2]["jacobian_error_median"] < runs[2]["jacobian_error_max"] < 7e-4
 
     @pytest.mark.long
     def test_small_task_errors_do_not_prove_the_learning(self):
@@ -183,8 +186,8 @@ class TestContact:
     @pytest.mark.parametrize(
         ("failure", "message"),
         [
-            ("nan", r"force_watch: the force sensor says nan \(at t = 1.001 s\)"),
-            ("frozen", r"force sensor is stuck at 4\..* N since t = 1 s \(at t = 1.1 s\)"),
+            ("nan", r"not finite any more; so are its inputs normal_force \(at t = 1.001 s\)"),
+            ("frozen", r"sensor is stuck at 4\..* N since t = 1 s, while the arm moves \(at t = 1.1 s\)"),
         ],
     )
     def test_a_broken_sensor_stops_the_run_and_keeps_what_there_was(self, failure, message):
@@ -201,9 +204,9 @@ class TestContact:
         after = result.time > result.metrics["contact_lost_time_s"] + 2.0
         height = result.series["p_WE"][after, 2]
         assert np.ptp(height) < 1e-5
-        touched = result.series["p_WE"][np.searchsorted(result.time, 7.0), 2]
-        risen = height[-1] - touched
-        assert risen == pytest.approx(0.02 if reaction == "retreat" else 0.0, abs=2e-3)
+        lost = np.searchsorted(result.time, result.metrics["contact_lost_time_s"])
+        risen = height[-1] - result.series["p_WE"][lost, 2]
+        assert risen == pytest.approx(0.02 if reaction == "retreat" else 0.0, abs=1e-3)
 
     def test_a_force_that_is_too_small_never_makes_contact(self):
         result = run("contact_circle_1N", duration=0.5, force__value=1e-3, environment__gap=1e-3)

@@ -80,8 +80,8 @@ from .online_stiffness import OnlineStiffness
 from .rotation_error import rotation_error
 from .sampling_rate import check_sampling_rate
 
-# Runge and Kutta's fourth-order method is stable for steps up to 2.8 over the fastest mode.
-_STEPS_PER_MODE = 1.0
+# Radians of the fastest mode in a step of Runge and Kutta's fourth-order method, stable to 2.8.
+_PER_STEP = 2.2
 
 
 @validated
@@ -226,33 +226,35 @@ class MotionForce:
             InvalidInputError: If a part of the state is sampled.
         """
         self.check_integrated()
-        n, end = self.limits.size, self._dual_end
         J_hat = self.state.part(x, "J_hat") if self._learns else u["J"]
-        v_dot, dual_dot = self._network(x[:n], x[n:end], *self._terms(x, u, J_hat))
+        z_dot = self._network(x[: self._dual_end], *self._terms(x, u, J_hat))
         if not self._learns:
-            return np.concatenate((v_dot, dual_dot))
+            return z_dot
         rate = gradient(J_hat, u["velocity"], u["v_WE"], self.rho)
-        return np.concatenate((v_dot, dual_dot, rate.ravel()))
+        return np.concatenate((z_dot, rate.ravel()))
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
         """Learning exactly, with its inputs held; then the network by a Runge-Kutta method."""
         x = self._learn(x, u, period)
         J_hat = self.state.part(x, "J_hat") if self._learns else u["J"]
         terms = self._terms(x, u, J_hat)
-        rows = terms[1].ravel()
-        fastest = max(1.0, sqrt(rows.dot(rows))) / self.time_constant
-        substeps = ceil(period * fastest / _STEPS_PER_MODE - 1e-9)
+        # The largest row sum of W W^T bounds its largest eigenvalue, and that the fastest mode.
+        rows = terms[1]
+        square = float(np.abs(rows.dot(rows.T)).sum(axis=0).max())
+        fastest = sqrt(max(1.0, square)) / self.time_constant
+        substeps = ceil(period * fastest / _PER_STEP - 1e-9)
         h = period / substeps
-        n, end = self.limits.size, self._dual_end
-        v, dual = x[:n], x[n:end]
+        z, rate = x[: self._dual_end], self._network
         for _ in range(substeps):
-            a1, b1 = self._network(v, dual, *terms)
-            a2, b2 = self._network(v + h / 2 * a1, dual + h / 2 * b1, *terms)
-            a3, b3 = self._network(v + h / 2 * a2, dual + h / 2 * b2, *terms)
-            a4, b4 = self._network(v + h * a3, dual + h * b3, *terms)
-            v = v + h / 6 * (a1 + 2 * (a2 + a3) + a4)
-            dual = dual + h / 6 * (b1 + 2 * (b2 + b3) + b4)
-        return np.concatenate((v, dual, x[end:]))
+            k1 = rate(z, *terms)
+            k2 = rate(z + h / 2 * k1, *terms)
+            k3 = rate(z + h / 2 * k2, *terms)
+            k4 = rate(z + h * k3, *terms)
+            k2 += k3
+            z = z + h / 6 * (k1 + 2 * k2 + k4)
+        if z.size == x.size:
+            return np.asarray(z)
+        return np.concatenate((z, x[z.size :]))
 
     def commanded_velocity(self, t: float, x: Array) -> Array:
         return x[: self.limits.size]
@@ -379,15 +381,19 @@ class MotionForce:
 
     def _network(
         self,
-        v: Array,
-        dual: Array,
+        z: Array,
         drive: Array,
         rows: Array,
         aims: Array,
         lower: Array,
         upper: Array,
-    ) -> tuple[Array, Array]:
-        """Time derivatives of v and of all multipliers."""
+    ) -> Array:
+        """Time derivative of v and all multipliers, which are ``z``."""
+        n = lower.size
+        rate = np.empty(z.size)
         # np.clip costs three times as much for arrays of this size.
-        sought = np.minimum(np.maximum(-dual.dot(drive), lower), upper)
-        return (sought - v) / self.time_constant, (rows.dot(v) - aims) / self.time_constant
+        np.minimum(np.maximum(-z[n:].dot(drive), lower), upper, out=rate[:n])
+        rate[:n] -= z[:n]
+        np.subtract(rows.dot(z[:n]), aims, out=rate[n:])
+        rate /= self.time_constant
+        return rate

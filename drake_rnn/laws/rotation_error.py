@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import atan2, sqrt
+
 import numpy as np
 
 from ..fields import Array
@@ -15,13 +17,16 @@ def rotation_error(R_WE: Array, R_WE_desired: Array) -> Array:
         R_WE_desired: What it should be, shape (3, 3).
     """
     E = R_WE_desired @ R_WE.T
+    # In plain numbers: it is asked for at every sample, and NumPy's overhead would be most of it.
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = E.tolist()
     # The antisymmetric part has the axis times the sine, the trace the cosine.
-    sine = 0.5 * np.array([E[2, 1] - E[1, 2], E[0, 2] - E[2, 0], E[1, 0] - E[0, 1]])
-    length, cosine = float(np.linalg.norm(sine)), 0.5 * (float(np.trace(E)) - 1.0)
+    x, y, z = 0.5 * (zy - yz), 0.5 * (xz - zx), 0.5 * (yx - xy)
+    length, cosine = sqrt(x * x + y * y + z * z), 0.5 * (xx + yy + zz - 1.0)
     if length > 1e-6:
-        return sine * (np.arctan2(length, cosine) / length)
+        angle = atan2(length, cosine) / length
+        return np.array((angle * x, angle * y, angle * z))
     if cosine > 0.0:
-        return sine
+        return np.array((x, y, z))
     # Half a turn: the axis is that of the symmetric part.
     axis = (E + np.eye(3))[:, int(np.argmax(np.diag(E)))]
     return np.asarray(np.pi * axis / np.linalg.norm(axis))

@@ -12,12 +12,18 @@ from pydrake.math import RigidTransform
 
 from ..fields import Array
 from .drawn_arm import DrawnArm
+from .pressing import Pressing
 from .replayed_motion import ReplayedMotion
 
 _FIELD_OF_VIEW = math.radians(30.0)
 _ASPECT = 1.5
 _MARGIN = 1.08
 POSTURES = 24
+# A drawing fills about so much of the view's height.
+_DRAWING_SHARE = 0.2
+_NEAREST = 0.3
+# Sine of the best angle to look down at, and along, a surface.
+_STEEPNESS = 0.6
 
 
 @dataclass(frozen=True)
@@ -109,6 +115,38 @@ def view_direction(motion: ReplayedMotion, boxes: Boxes) -> Array:
 
     asides = (48.0, -48.0, 70.0, -70.0, 110.0, -110.0, 135.0, -135.0)
     return _towards(ahead + math.radians(min(asides, key=cost)), elevation)
+
+
+def view_onto(pressing: Pressing, boxes: Boxes) -> Array:
+    """From where to look at a surface: steeply enough to read what is drawn on it.
+
+    The arm may hide some of it, the side of the tool be seen.
+    """
+    drawn = pressing.lap[:: max(1, len(pressing.lap) // 50)]
+    centre = drawn.mean(axis=0)
+    ahead = math.atan2(centre[1], centre[0])
+
+    def cost(direction: Array) -> float:
+        steep = float(direction @ pressing.normal)
+        level = abs(float(direction[2]) - _STEEPNESS)
+        return 2.0 * boxes.hidden(drawn, direction) + abs(steep - _STEEPNESS) + 0.5 * level
+
+    directions = (
+        _towards(ahead + math.radians(aside), math.radians(elevation))
+        for aside in (40, -40, 55, -55, 70, -70, 90, -90, 110, -110, 135, -135, 180, 0)
+        for elevation in (36, 28, 20, 44, 52)
+    )
+    return min(directions, key=cost)
+
+
+def near(pressing: Pressing, points: Array) -> Array:
+    """Those of ``points``, shape (k, 3) [m], that can be seen while a drawing can be read."""
+    drawn = pressing.lap
+    middle = (drawn.min(axis=0) + drawn.max(axis=0)) / 2.0
+    extent = 2.0 * float(np.linalg.norm(drawn - middle, axis=1).max())
+    reach = max(extent / _DRAWING_SHARE / 2.0, _NEAREST)
+    close = points[np.linalg.norm(points - middle, axis=1) < reach]
+    return np.concatenate((close, drawn))
 
 
 def _view_of_change(boxes: Boxes, point: Array, ahead: float) -> Array:

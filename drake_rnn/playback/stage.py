@@ -10,6 +10,7 @@ from pydrake.geometry import Box, Meshcat, Rgba
 # Okabe and Ito's colours, which people with colour blindness tell apart.
 DESIRED_COLOUR = (0.0, 0.447, 0.698)
 TRACED_COLOUR = (0.835, 0.369, 0.0)
+FORCE_COLOUR = (0.0, 0.62, 0.451)
 GHOST_OPACITY = 0.5
 
 
@@ -37,13 +38,21 @@ def set_stage(meshcat: Meshcat, floor: float, size: float) -> None:
     meshcat.SetProperty(sun, "shadow.normalBias", 0.01)
 
 
-def with_caption(page: str, title: str, with_ghost: bool) -> str:
-    """The page with its name, what the colours mean, and the time."""
+def with_caption(page: str, title: str, with_ghost: bool, force: str | None = None) -> str:
+    """The page with its name, what the colours mean, and the time.
+
+    Args:
+        page: As Meshcat makes it.
+        title: Of the run.
+        with_ghost: Whether there is a target posture to name.
+        force: How long an arrow is for which force, if there is one.
+    """
     page = page.replace("<title>Drake MeshCat</title>", f"<title>{escape(title)}</title>")
     body, end = page.rsplit("</body>", 1)
     caption = _CAPTION.format(
         title=escape(title),
         ghost=_GHOST if with_ghost else "",
+        force="" if force is None else _FORCE.format(escape(force)),
         desired=_css(DESIRED_COLOUR),
         traced=_css(TRACED_COLOUR),
     )
@@ -56,11 +65,13 @@ def _css(colour: tuple[float, float, float]) -> str:
 
 _GHOST = f"""
     <span style="color: {_css(DESIRED_COLOUR)}; opacity: {GHOST_OPACITY}">&#9679;</span> target"""
+_FORCE = f"""
+    <span style="color: {_css(FORCE_COLOUR)}">&#8593;</span> {{}}"""
 _CAPTION = """
   <div id="caption">
     <b>{title}</b>
     <span style="color: {desired}">&#9679;</span> desired{ghost}
-    <span style="color: {traced}">&#9679;</span> traced
+    <span style="color: {traced}">&#9679;</span> traced{force}
     <span id="clock"></span>
   </div>
   <style>

@@ -14,7 +14,8 @@ from .mirror import Mirror
 from .moving_average import FilterSettings, MovingAverage
 from .normal_force import NormalForce
 from .path_source import PathSource
-from .plant_arm import PlantArm, PlantSettings
+from .plant import PlantSettings
+from .plant_arm import PlantArm
 from .spring_contact import SpringContact
 from .tool_force import ToolForce
 

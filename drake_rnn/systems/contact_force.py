@@ -48,4 +48,4 @@ class ContactForce(LeafSystem):
                     total -= pair.contact_force()
             output.set_value(total)
 
-        self.DeclareVectorOutputPort("contact_force", 3, contact_force)
+        self.DeclareVectorOutputPort("contact_force", 3, contact_force, {results.ticket()})

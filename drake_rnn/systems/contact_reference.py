@@ -53,6 +53,6 @@ class ContactReference(LeafSystem):
             output.set_value([force.at(context.get_time())])
 
         self.DeclareVectorOutputPort("normal_WE", 3, normal_WE, {self.nothing_ticket()})
-        self.DeclareVectorOutputPort(
-            "normal_force_desired", 1, normal_force_desired, {self.time_ticket()}
-        )
+        # What never changes is computed once.
+        varies = self.nothing_ticket() if force.rise_time is None else self.time_ticket()
+        self.DeclareVectorOutputPort("normal_force_desired", 1, normal_force_desired, {varies})

@@ -9,38 +9,45 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from ..errors import SimulationError
 
+# An arm that has moved by less [rad] may well feel the same force.
+_AT_REST = 1e-9
+
 
 class ForceWatch(LeafSystem):
     """Watches ``normal_force``, shape (1,) [N], and has no outputs.
 
+    A force that stays the same to the last bit, and is not zero, while the joints, the input
+    ``position`` of shape (n,) [rad], move, is that of a sensor that is stuck.
+
     Args:
+        size: Number of joints.
         period: Between two looks [s].
-        patience: A force that is not zero and the same to the last bit for so long is that of
-            a sensor that is stuck [s].
+        patience: How long it may be stuck [s].
 
     Raises:
         SimulationError: While simulating, if the force is not a number or stuck.
     """
 
-    def __init__(self, period: float, patience: float = 0.1) -> None:
+    def __init__(self, size: int, period: float, patience: float = 0.1) -> None:
         super().__init__()
-        self._period = period
         self._patience = patience
         self._measured = self.DeclareVectorInputPort("normal_force", 1)
-        # What was seen last [N], and since when [s].
-        self.DeclareDiscreteState(np.zeros(2))
+        self._position = self.DeclareVectorInputPort("position", size)
+        # What was seen last [N], since when [s], and where the joints were then [rad].
+        self.DeclareDiscreteState(np.zeros(2 + size))
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
         t, force = context.get_time(), float(self._measured.Eval(context)[0])
         if not math.isfinite(force):
             raise SimulationError(f"{self.get_name()}: the force sensor says {force}", t)
-        last, since = context.get_discrete_state_vector().CopyToVector().tolist()
-        if force != last or force == 0.0:
-            state.set_value(np.array([force, t]))
-        elif t - since > self._patience:
+        x = context.get_discrete_state_vector().CopyToVector()
+        q = self._position.Eval(context)
+        if force != x[0] or force == 0.0:
+            state.set_value(np.concatenate(((force, t), q)))
+        elif t - x[1] > self._patience and np.abs(q - x[2:]).max() > _AT_REST:
             raise SimulationError(
                 f"{self.get_name()}: the force sensor is stuck at {force:.6g} N since "
-                f"t = {since:.4g} s",
+                f"t = {x[1]:.4g} s, while the arm moves",
                 t,
             )

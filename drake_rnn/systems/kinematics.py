@@ -6,6 +6,7 @@ from typing import Any
 
 from pydrake.systems.framework import Context, LeafSystem
 
+from ..arm_kinematics import ArmKinematics
 from ..arms import Arm
 from ..task import named_task
 
@@ -21,14 +22,18 @@ class Kinematics(LeafSystem):
     Args:
         arm: The arm.
         task: A key of `drake_rnn.task.TASKS`.
+        kinematics: Of the arm, to share what it computes with others who ask at the same
+            posture; by default its own.
     """
 
-    def __init__(self, arm: Arm, task: str = "xyz") -> None:
+    def __init__(
+        self, arm: Arm, task: str = "xyz", kinematics: ArmKinematics | None = None
+    ) -> None:
         super().__init__()
         self.arm = arm
         about = named_task(task)
         chosen, m, n = about.position, len(about.axes), arm.n
-        arm_kinematics = arm.kinematics()
+        arm_kinematics = arm.kinematics() if kinematics is None else kinematics
         self._position = self.DeclareVectorInputPort("position", n)
         self._velocity = self.DeclareVectorInputPort("velocity", n)
         at_q = {self._position.ticket()}

@@ -18,4 +18,5 @@ class NormalForce(LeafSystem):
         def normal_force(context: Context, output: Any) -> None:
             output.set_value([normal.Eval(context).dot(force.Eval(context))])
 
-        self.DeclareVectorOutputPort("normal_force", 1, normal_force)
+        seen = {force.ticket(), normal.ticket()}
+        self.DeclareVectorOutputPort("normal_force", 1, normal_force, seen)

@@ -2,48 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
-
 import numpy as np
-from pydrake.geometry import ProximityProperties, RoleAssign, SceneGraph
-from pydrake.multibody.plant import (
-    AddMultibodyPlant,
-    CoulombFriction,
-    MultibodyPlant,
-    MultibodyPlantConfig,
-)
-from pydrake.multibody.tree import JointActuator, ModelInstanceIndex, PdControllerGains
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.systems.controllers import InverseDynamics
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import MatrixGain, Multiplexer
 
+from ..arm_kinematics import ArmKinematics
 from ..arms import Arm
 from ..environments.contact_model import ContactModel
-from ..errors import InvalidInputError
-from ..fields import Array, NonNegative, Positive, validated
-from ..tool import Tool, find_tool
+from ..fields import Array
+from ..tool import Tool
 from .contact_force import ContactForce
-from .dynamics import Dynamics
+from .plant import PlantSettings, add_plant, motors_of
 from .tool_force import ToolForce
-
-
-@validated
-class PlantSettings:
-    """How an arm with full dynamics is simulated and driven.
-
-    Args:
-        time_step: Of Drake's discrete plant [s].
-        contact_approximation: Drake's; ``sap`` pushes sliding bodies apart by its default
-            relaxation time.
-        stiffness: Of each motor's position loop [Nm/rad].
-        damping: Of each motor's velocity loop [Nm s/rad].
-        reflected_inertia: Of each motor's rotor, seen from the joint [kg m^2].
-    """
-
-    time_step: Positive = 1e-3
-    contact_approximation: Literal["lagged", "similar", "sap"] = "lagged"
-    stiffness: Positive = 2000.0
-    damping: NonNegative = 60.0
-    reflected_inertia: NonNegative = 0.0
 
 
 class PlantArm(Diagram):
@@ -63,6 +36,7 @@ class PlantArm(Diagram):
         environment: What the tool touches.
         p_WS: The point of its surface below the tool at the start, shape (3,) [m].
         settings: How it is simulated.
+        kinematics: See `ToolForce`.
 
     Attributes:
         plant: The plant.
@@ -80,42 +54,15 @@ class PlantArm(Diagram):
         environment: ContactModel | None = None,
         p_WS: Array | None = None,
         settings: PlantSettings | None = None,
+        kinematics: ArmKinematics | None = None,
     ) -> None:
         super().__init__()
-        settings = PlantSettings() if settings is None else settings
-        if arm.description.mass_scale != 1.0:
-            raise InvalidInputError(
-                "arm.mass_scale: only for an arm at the kinematic level, not "
-                f"{arm.description.mass_scale:g}"
-            )
         builder = DiagramBuilder()
-        config = MultibodyPlantConfig(
-            time_step=settings.time_step,
-            discrete_contact_approximation=settings.contact_approximation,
-        )
-        self.plant, self.scene_graph = AddMultibodyPlant(config, builder)
-        plant = self.plant
-        instance = arm.add_to(plant)
-        plant.mutable_gravity_field().set_gravity_vector(arm.gravity)
-        _add_motors(plant, arm, instance, settings)
-        tool = None
-        if environment is not None:
-            if p_WS is None:
-                raise InvalidInputError("p_WS: must be given with an environment")
-            tool = find_tool(plant, plant.GetFrameByName(arm.frame, instance))
-            _set_material(plant, self.scene_graph, tool, environment)
-            environment.add_to(plant, p_WS)
-        plant.Finalize()
-        moving = plant.num_positions(instance)
-        if moving != arm.n or plant.num_velocities(instance) != arm.n:
-            raise InvalidInputError(
-                f"arm: {moving} joints of {arm.name} move and {arm.n} are controlled; at the "
-                "dynamic level fix the others in the model"
-            )
-        plant.SetDefaultPositions(instance, arm.posture(arm.plant(), start))
-        self._drive(builder, arm, instance)
-        if tool is not None:
-            self._feel(builder, arm, tool)
+        added = add_plant(builder, arm, start, environment, p_WS, settings)
+        self.plant, self.scene_graph = added.plant, added.scene_graph
+        self._drive(builder, arm, added.instance)
+        if added.tool is not None:
+            self._feel(builder, arm, added.tool, kinematics)
         builder.BuildInto(self)
 
     def _drive(self, builder: DiagramBuilder, arm: Arm, instance: ModelInstanceIndex) -> None:
@@ -124,7 +71,7 @@ class PlantArm(Diagram):
         starts = [plant.GetJointByName(name, instance).velocity_start() for name in arm.joints]
         # The plant's state is ordered by joints, what drives it by actuators.
         select = np.eye(n)[np.argsort(starts)]
-        motors = [motor.joint().name() for motor in _motors(plant, instance)]
+        motors = [motor.joint().name() for motor in motors_of(plant, instance)]
         to_motors = np.eye(n)[[arm.joints.index(name) for name in motors]]
         nothing = np.zeros((n, n))
 
@@ -144,20 +91,23 @@ class PlantArm(Diagram):
         builder.Connect(joined.get_output_port(), commanded.get_input_port())
         builder.Connect(commanded.get_output_port(), plant.get_desired_state_input_port(instance))
 
-        dynamics = builder.AddNamedSystem("gravity", Dynamics(arm))
-        self._position = builder.GetSubsystemByName("position").get_output_port()
-        builder.Connect(self._position, dynamics.GetInputPort("position"))
-        builder.Connect(
-            builder.GetSubsystemByName("velocity").get_output_port(),
-            dynamics.GetInputPort("velocity"),
-        )
-        against = builder.AddNamedSystem("against_gravity", MatrixGain(-to_motors))
-        builder.Connect(dynamics.GetOutputPort("gravity"), against.get_input_port())
+        # As the arm's model knows it, without the load of what is touched.
+        model = arm.plant()
+        gravity = InverseDynamics(model, InverseDynamics.InverseDynamicsMode.kGravityCompensation)
+        self._model = model  # which Drake only points to
+        builder.AddNamedSystem("gravity", gravity)
+        builder.Connect(state, gravity.get_input_port_estimated_state())
+        against = builder.AddNamedSystem("against_gravity", MatrixGain(to_motors @ select.T))
+        builder.Connect(gravity.get_output_port(), against.get_input_port())
         builder.Connect(against.get_output_port(), plant.get_actuation_input_port(instance))
+        self._position = builder.GetSubsystemByName("position").get_output_port()
 
-    def _feel(self, builder: DiagramBuilder, arm: Arm, tool: Tool) -> None:
+    def _feel(
+        self, builder: DiagramBuilder, arm: Arm, tool: Tool, kinematics: ArmKinematics | None
+    ) -> None:
         plant = self.plant
-        sensor = ToolForce(arm, tool.body.name(), _reaction_index(plant, tool), tool.mass)
+        index = _reaction_index(plant, tool)
+        sensor = ToolForce(arm, tool.body.name(), index, tool.mass, kinematics)
         builder.AddNamedSystem("tool_force", sensor)
         builder.Connect(
             plant.get_reaction_forces_output_port(), sensor.GetInputPort("reaction_forces")
@@ -168,49 +118,6 @@ class PlantArm(Diagram):
         builder.AddNamedSystem("contact_force", contact)
         builder.Connect(plant.get_contact_results_output_port(), contact.get_input_port())
         builder.ExportOutput(contact.get_output_port(), "contact_force")
-
-
-def _motors(plant: MultibodyPlant, instance: ModelInstanceIndex) -> list[JointActuator]:
-    """Of one arm; before a plant is finalized it does not know them by instance."""
-    every = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
-    return [motor for motor in every if motor.model_instance() == instance]
-
-
-def _add_motors(
-    plant: MultibodyPlant, arm: Arm, instance: ModelInstanceIndex, settings: PlantSettings
-) -> None:
-    motors = {motor.joint().name(): motor for motor in _motors(plant, instance)}
-    for name in arm.joints:
-        joint = plant.GetJointByName(name, instance)
-        motor = motors.get(name) or plant.AddJointActuator(f"{name}_motor", joint)
-        motor.set_controller_gains(PdControllerGains(p=settings.stiffness, d=settings.damping))
-        if settings.reflected_inertia > 0.0:
-            motor.set_default_gear_ratio(1.0)
-            motor.set_default_rotor_inertia(settings.reflected_inertia)
-
-
-def _set_material(
-    plant: MultibodyPlant, scene_graph: SceneGraph, tool: Tool, environment: ContactModel
-) -> None:
-    """The tool's material, but for what the environment leaves as it is."""
-    material = environment.tip
-    changes: dict[tuple[str, str], Any] = {}
-    if material is not None:
-        changes = {
-            ("hydroelastic", "hydroelastic_modulus"): material.hydroelastic_modulus,
-            ("hydroelastic", "resolution_hint"): material.mesh_resolution,
-            ("material", "hunt_crossley_dissipation"): material.dissipation,
-        }
-    if environment.friction is not None:
-        friction = CoulombFriction(environment.friction, environment.friction)
-        changes["material", "coulomb_friction"] = friction
-    inspector = scene_graph.model_inspector()
-    for geometry in tool.geometries:
-        properties = ProximityProperties(inspector.GetProximityProperties(geometry))
-        for (group, name), value in changes.items():
-            if value is not None:
-                properties.UpdateProperty(group, name, value)
-        scene_graph.AssignRole(plant.get_source_id(), geometry, properties, RoleAssign.kReplace)
 
 
 def _reaction_index(plant: MultibodyPlant, tool: Tool) -> int:

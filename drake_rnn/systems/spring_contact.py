@@ -32,4 +32,4 @@ class SpringContact(LeafSystem):
             depth = height - float(n.dot(p_WE.Eval(context)))
             output.set_value(stiffness * depth * n if depth > 0.0 else np.zeros(3))
 
-        self.DeclareVectorOutputPort("contact_force", 3, contact_force)
+        self.DeclareVectorOutputPort("contact_force", 3, contact_force, {p_WE.ticket()})

@@ -9,6 +9,7 @@ from pydrake.common.value import Value
 from pydrake.multibody.math import SpatialForce
 from pydrake.systems.framework import Context, LeafSystem
 
+from ..arm_kinematics import ArmKinematics
 from ..arms import Arm
 from ..fields import Array
 
@@ -21,15 +22,27 @@ class ToolForce(LeafSystem):
     surroundings exert on the tool, in the world frame; it includes what accelerates the tool.
 
     Args:
-        arm: The arm; its frame may be any.
+        arm: The arm; the tool moves with its frame E.
         body: Name of the tool's body.
         joint: Index of the joint that holds it, among the reaction forces.
         mass: Of what that joint holds [kg].
+        kinematics: Of the arm, to share what it computes with others who ask at the same
+            posture; by default its own.
     """
 
-    def __init__(self, arm: Arm, body: str, joint: int, mass: float) -> None:
+    def __init__(
+        self,
+        arm: Arm,
+        body: str,
+        joint: int,
+        mass: float,
+        kinematics: ArmKinematics | None = None,
+    ) -> None:
         super().__init__()
-        kinematics = arm.replace(frame=body, joints=list(arm.joints)).kinematics()
+        R_WE = (arm.kinematics() if kinematics is None else kinematics).R_WE
+        at_zero = np.zeros(arm.n)
+        tool = arm.replace(frame=body, joints=list(arm.joints)).kinematics()
+        R_EB = R_WE(at_zero).T @ tool.R_WE(at_zero)
         weight: Array = mass * arm.gravity
         forces = self.DeclareAbstractInputPort("reaction_forces", Value[list[SpatialForce]]())
         position = self.DeclareVectorInputPort("position", arm.n)
@@ -41,7 +54,7 @@ class ToolForce(LeafSystem):
                 # A plant that has not made its first step has felt nothing yet.
                 output.set_value(np.zeros(3))
                 return
-            R_WB = kinematics.R_WE(position.Eval(context))
-            output.set_value(-(R_WB @ held) - weight)
+            output.set_value(-R_WE(position.Eval(context)).dot(R_EB.dot(held)) - weight)
 
-        self.DeclareVectorOutputPort("tool_force", 3, tool_force)
+        seen = {forces.ticket(), position.ticket()}
+        self.DeclareVectorOutputPort("tool_force", 3, tool_force, seen)

@@ -1,0 +1,124 @@
+"""What the controller, logs and recording cost beside the plant alone, in the same contact.
+
+The bare plant has the same motors, told the same by Drake's own trajectory sources, so that it
+makes the same motion in the same contact. All figures of a row are taken in turn, in one run; of
+each the smallest counts, as the one least disturbed.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import TrajectorySource
+from pydrake.trajectories import PiecewisePolynomial
+from rich.console import Console
+from rich.table import Table
+
+from drake_rnn import load_experiment, shipped_experiments
+from drake_rnn.experiment import Experiment
+from drake_rnn.recorder import Recorder
+from drake_rnn.simulation import add_recorder, build_diagram, simulator_config
+from drake_rnn.systems.plant import add_plant, motors_of
+
+#: Everything takes at most so many times the wall time of the bare plant.
+TARGET = 2.0
+DURATION = 2.0
+
+
+def whole(experiment: Experiment, *, recorded: bool) -> float:
+    """Wall time of the experiment's diagram [s]."""
+    diagram, loop = build_diagram(experiment)
+    simulator = Simulator(diagram)
+    ApplySimulatorConfig(simulator_config(experiment), simulator)
+    if recorded:
+        add_recorder(simulator, loop)
+    simulator.Initialize()
+    began = time.perf_counter()
+    simulator.AdvanceTo(experiment.duration)
+    return time.perf_counter() - began
+
+
+def commands(experiment: Experiment) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times [s], and what the motors are told then: desired state and torque, a row each."""
+    diagram, loop = build_diagram(experiment)
+    simulator = Simulator(diagram)
+    ApplySimulatorConfig(simulator_config(experiment), simulator)
+    ports = {
+        "q": loop.joint_command.get_output_port(),
+        "v": loop.controller.GetOutputPort("commanded_velocity"),
+        "position": loop.arm.GetOutputPort("position"),
+    }
+    recorder = Recorder(simulator.get_context(), ports)
+    simulator.set_monitor(recorder)
+    simulator.AdvanceTo(experiment.duration)
+    kinematics = experiment.setup.arm.kinematics()
+    torque = np.array([-kinematics.gravity(q) for q in recorder.series("position")])
+    state = np.hstack((recorder.series("q"), recorder.series("v")))
+    once = np.flatnonzero(np.diff(recorder.time, prepend=-1.0) > 1e-9)
+    return recorder.time[once], state[once], torque[once]
+
+
+def bare(
+    experiment: Experiment, told: tuple[np.ndarray, np.ndarray, np.ndarray]
+) -> tuple[float, float]:
+    """Wall time of the plant alone [s], and the force that it ends with [N]."""
+    setup = experiment.setup
+    arm, contact = setup.arm, setup.contact
+    p_WS = contact.place(arm, setup.start)
+    builder = DiagramBuilder()
+    added = add_plant(builder, arm, setup.start, contact.surface, p_WS, experiment.plant)
+    motors = [motor.joint().name() for motor in motors_of(added.plant, added.instance)]
+    order = [arm.joints.index(name) for name in motors]
+    times, state, torque = told
+    twice = [*order, *(k + arm.n for k in order)]
+    for values, port in (
+        (state[:, twice], added.plant.get_desired_state_input_port(added.instance)),
+        (torque[:, order], added.plant.get_actuation_input_port(added.instance)),
+    ):
+        held = PiecewisePolynomial.ZeroOrderHold(times, values.T)
+        builder.Connect(builder.AddSystem(TrajectorySource(held)).get_output_port(), port)
+    simulator = Simulator(builder.Build())
+    simulator.Initialize()
+    began = time.perf_counter()
+    simulator.AdvanceTo(experiment.duration)
+    taken = time.perf_counter() - began
+    context = added.plant.GetMyContextFromRoot(simulator.get_context())
+    results = added.plant.get_contact_results_output_port().Eval(context)
+    patches = map(results.hydroelastic_contact_info, range(results.num_hydroelastic_contacts()))
+    force = sum(abs(patch.F_Ac_W().translational() @ contact.surface.normal_W) for patch in patches)
+    return taken, force
+
+
+def contact_table(rounds: int = 3) -> Table:
+    """A row each for all shipped experiments in contact."""
+    table = Table(title=f"wall time of {DURATION:g} s in contact [s]")
+    columns = ("bare plant", "+ diagram and law", "+ recorder", "ratio", "at most")
+    for column in ("experiment", *columns, "real_time_factor", "end force, bare [N]"):
+        table.add_column(column, justify="right")
+    changes = {"duration": DURATION, "window": None, "accept": None}
+    for name in (n for n in shipped_experiments() if n.startswith("contact_")):
+        experiment = load_experiment(name, changes)
+        told = commands(experiment)
+        costs = []
+        for _ in range(rounds):
+            alone, force = bare(experiment, told)
+            costs.append((alone, *(whole(experiment, recorded=flag) for flag in (False, True))))
+        alone, unseen, seen = (min(column) for column in zip(*costs, strict=True))
+        table.add_row(
+            name,
+            f"{alone:.2f}",
+            f"{unseen - alone:.2f}",
+            f"{seen - unseen:.2f}",
+            f"{seen / alone:.2f}",
+            f"{TARGET:g}",
+            f"{DURATION / seen:.2f}",
+            f"{force:.3g}",
+        )
+    return table
+
+
+if __name__ == "__main__":
+    Console(width=160).print(contact_table())

@@ -1,0 +1,147 @@
+"""A discrete plant with an arm, its motors, and what its tool touches."""
+
+from __future__ import annotations
+
+from typing import Any, Literal, NamedTuple
+
+from pydrake.geometry import ProximityProperties, RoleAssign, SceneGraph
+from pydrake.multibody.plant import (
+    AddMultibodyPlant,
+    CoulombFriction,
+    MultibodyPlant,
+    MultibodyPlantConfig,
+)
+from pydrake.multibody.tree import JointActuator, ModelInstanceIndex, PdControllerGains
+from pydrake.systems.framework import DiagramBuilder
+
+from ..arms import Arm
+from ..environments.contact_model import ContactModel
+from ..errors import InvalidInputError
+from ..fields import Array, NonNegative, Positive, validated
+from ..tool import Tool, find_tool
+
+
+@validated
+class PlantSettings:
+    """How an arm with full dynamics is simulated and driven.
+
+    Args:
+        time_step: Of Drake's discrete plant [s].
+        contact_approximation: Drake's; ``sap`` pushes sliding bodies apart by its default
+            relaxation time.
+        stiffness: Of each motor's position loop [Nm/rad].
+        damping: Of each motor's velocity loop [Nm s/rad].
+        reflected_inertia: Of each motor's rotor, seen from the joint [kg m^2].
+    """
+
+    time_step: Positive = 1e-3
+    contact_approximation: Literal["lagged", "similar", "sap"] = "lagged"
+    stiffness: Positive = 2000.0
+    damping: NonNegative = 60.0
+    reflected_inertia: NonNegative = 0.0
+
+
+class AddedPlant(NamedTuple):
+    """What `add_plant` has added."""
+
+    plant: MultibodyPlant
+    scene_graph: SceneGraph
+    instance: ModelInstanceIndex
+    tool: Tool | None
+
+
+def add_plant(
+    builder: DiagramBuilder,
+    arm: Arm,
+    start: Array,
+    environment: ContactModel | None = None,
+    p_WS: Array | None = None,
+    settings: PlantSettings | None = None,
+) -> AddedPlant:
+    """Add a finalized plant, its motors' inputs not yet connected.
+
+    Args:
+        builder: Takes the plant and its SceneGraph.
+        arm: The arm; all joints of its model that move must be controlled.
+        start: Posture to start from, shape (n,) [rad].
+        environment: What the tool touches.
+        p_WS: The point of its surface below the tool at the start, shape (3,) [m].
+        settings: How it is simulated.
+
+    Raises:
+        InvalidInputError: If the arm has other joints that move, a scaled mass or, for an
+            environment, no tool; or the environment's model cannot be read.
+    """
+    settings = PlantSettings() if settings is None else settings
+    if arm.description.mass_scale != 1.0:
+        raise InvalidInputError(
+            "arm.mass_scale: only for an arm at the kinematic level, not "
+            f"{arm.description.mass_scale:g}"
+        )
+    config = MultibodyPlantConfig(
+        time_step=settings.time_step,
+        discrete_contact_approximation=settings.contact_approximation,
+    )
+    plant, scene_graph = AddMultibodyPlant(config, builder)
+    instance = arm.add_to(plant)
+    plant.mutable_gravity_field().set_gravity_vector(arm.gravity)
+    _add_motors(plant, arm, instance, settings)
+    tool = None
+    if environment is not None:
+        if p_WS is None:
+            raise InvalidInputError("p_WS: must be given with an environment")
+        tool = find_tool(plant, plant.GetFrameByName(arm.frame, instance))
+        _set_material(plant, scene_graph, tool, environment)
+        environment.add_to(plant, p_WS)
+    plant.Finalize()
+    moving = plant.num_positions(instance)
+    if moving != arm.n or plant.num_velocities(instance) != arm.n:
+        raise InvalidInputError(
+            f"arm: {moving} joints of {arm.name} move and {arm.n} are controlled; at the "
+            "dynamic level fix the others in the model"
+        )
+    plant.SetDefaultPositions(instance, arm.posture(arm.plant(), start))
+    return AddedPlant(plant, scene_graph, instance, tool)
+
+
+def motors_of(plant: MultibodyPlant, instance: ModelInstanceIndex) -> list[JointActuator]:
+    """Of one arm; before a plant is finalized it does not know them by instance."""
+    every = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
+    return [motor for motor in every if motor.model_instance() == instance]
+
+
+def _add_motors(
+    plant: MultibodyPlant, arm: Arm, instance: ModelInstanceIndex, settings: PlantSettings
+) -> None:
+    motors = {motor.joint().name(): motor for motor in motors_of(plant, instance)}
+    for name in arm.joints:
+        joint = plant.GetJointByName(name, instance)
+        motor = motors.get(name) or plant.AddJointActuator(f"{name}_motor", joint)
+        motor.set_controller_gains(PdControllerGains(p=settings.stiffness, d=settings.damping))
+        if settings.reflected_inertia > 0.0:
+            motor.set_default_gear_ratio(1.0)
+            motor.set_default_rotor_inertia(settings.reflected_inertia)
+
+
+def _set_material(
+    plant: MultibodyPlant, scene_graph: SceneGraph, tool: Tool, environment: ContactModel
+) -> None:
+    """The tool's material, but for what the environment leaves as it is."""
+    material = environment.tip
+    changes: dict[tuple[str, str], Any] = {}
+    if material is not None:
+        changes = {
+            ("hydroelastic", "hydroelastic_modulus"): material.hydroelastic_modulus,
+            ("hydroelastic", "resolution_hint"): material.mesh_resolution,
+            ("material", "hunt_crossley_dissipation"): material.dissipation,
+        }
+    if environment.friction is not None:
+        friction = CoulombFriction(environment.friction, environment.friction)
+        changes["material", "coulomb_friction"] = friction
+    inspector = scene_graph.model_inspector()
+    for geometry in tool.geometries:
+        properties = ProximityProperties(inspector.GetProximityProperties(geometry))
+        for (group, name), value in changes.items():
+            if value is not None:
+                properties.UpdateProperty(group, name, value)
+        scene_graph.AssignRole(plant.get_source_id(), geometry, properties, RoleAssign.kReplace)

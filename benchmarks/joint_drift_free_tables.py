@@ -1,4 +1,4 @@
-"""The README's tables of joint-drift-free motion, as Markdown: `make tables` prints them.
+"""The tables of joint-drift-free motion, as Markdown: `make tables` prints them.
 
 The paper is Jin, Xie, Liu, Ke, Li, Yang, "Novel joint-drift-free scheme at acceleration level for
 robotic redundancy resolution with tracking error theoretically eliminated", IEEE/ASME

@@ -1,4 +1,4 @@
-"""The README's tables of motion-force control, as Markdown.
+"""The tables of motion-force control, as Markdown.
 
 The paper is "Data-driven motion-force control scheme for redundant manipulators: a kinematic
 perspective".

@@ -1,4 +1,4 @@
-"""The README's tables of the recursive network and its baselines, as Markdown, and their picture.
+"""The tables of the recursive network and its baselines, as Markdown, and their picture.
 
 `python benchmarks/recursive_tables.py [folder]` prints the tables and writes
 `recursive_comparison.png` to the folder, by default `out`.

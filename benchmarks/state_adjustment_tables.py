@@ -1,4 +1,4 @@
-"""The README's tables of state adjustment, as Markdown: `make tables` prints them.
+"""The tables of state adjustment, as Markdown: `make tables` prints them.
 
 The paper is Jin, He, Huang, Wang, "Recurrent neural network for state adjustment of redundant
 manipulators", IEEE Access 8 (2020); its Table 3 is empty in the text at hand.

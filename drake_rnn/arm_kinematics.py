@@ -50,7 +50,9 @@ class ArmKinematics:
         self._bodies = _chain(plant, self._frame)
         self._is_whole = np.array_equal(self._indices, np.arange(positions.size))
         self._at_q = b""
-        self._J_spatial: Array | None = None  # at that posture, once it is asked for
+        # At that posture, once they are asked for: X_WE and the spatial Jacobian.
+        self._X_WE: Array | None = None
+        self._J_spatial: Array | None = None
         if mass_scale != 1.0:
             _scale_masses(plant, self._context, mass_scale)
 
@@ -70,7 +72,7 @@ class ArmKinematics:
             self._positions[self._indices] = q
             self._plant.SetPositions(self._context, self._positions)
         self._at_q = key
-        self._J_spatial = None
+        self._X_WE = self._J_spatial = None
 
     def _set_velocity(self, v: Array) -> None:
         v = np.asarray(v, dtype=float)
@@ -85,15 +87,20 @@ class ArmKinematics:
         velocities[self._velocity_indices] = v
         self._plant.SetVelocities(self._context, velocities)
 
+    def _pose(self, q: Array) -> Array:
+        """[R_WE, p_WE], shape (3, 4)."""
+        self._set(q)
+        if self._X_WE is None:
+            X_WE = self._frame.CalcPoseInWorld(self._context)
+            self._X_WE = np.asarray(X_WE.GetAsMatrix34())
+        return self._X_WE
+
     def _columns(self, J: Array) -> Array:
         return J if self._is_whole else J[:, self._velocity_indices]
 
     def p_WE(self, q: Array) -> Array:
         """Position of E's origin, shape (3,) [m]."""
-        self._set(q)
-        return self._plant.CalcPointsPositions(
-            self._context, self._frame, _ORIGIN, self._world
-        ).ravel()
+        return self._pose(q)[:, 3].copy()
 
     def skeleton(self, q: Array) -> Array:
         """Origins of the frames of all bodies from the base to E, and E's, shape (k, 3) [m]."""
@@ -103,14 +110,13 @@ class ArmKinematics:
 
     def R_WE(self, q: Array) -> Array:
         """Orientation of E, shape (3, 3)."""
-        self._set(q)
-        return np.asarray(self._frame.CalcPoseInWorld(self._context).rotation().matrix())
+        return self._pose(q)[:, :3].copy()
 
     def J(self, q: Array) -> Array:
         """Jacobian of E's origin, shape (3, n): v_WE = J v."""
         self._set(q)
         if self._J_spatial is not None:
-            return self._J_spatial[3:]
+            return self._J_spatial[3:].copy()
         J = self._plant.CalcJacobianTranslationalVelocity(
             self._context, JacobianWrtVariable.kV, self._frame, _ORIGIN, self._world, self._world
         )
@@ -130,7 +136,7 @@ class ArmKinematics:
                 self._world,
             )
             self._J_spatial = self._columns(J)
-        return self._J_spatial[:3]
+        return self._J_spatial[:3].copy()
 
     def Jdot_v(self, q: Array, v: Array) -> Array:
         """What of E's acceleration is not due to joint accelerations, shape (3,) [m/s^2]."""

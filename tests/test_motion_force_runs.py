@@ -11,8 +11,9 @@ import pytest
 from drake_rnn import InvalidInputError, SimulationError, load_experiment, simulate
 from drake_rnn.metrics import TIMING_METRICS
 
-QUICK = ["motion_force_tricuspid", "motion_force_tricuspid_w", "motion_force_cat"]
+QUICK = ["motion_force_tricuspid", "motion_force_cat"]
 LONG = [
+    "motion_force_tricuspid_w",
     "motion_force_tricuspid_learned",
     "motion_force_tricuspid_literal",
     "contact_approach",
@@ -70,6 +71,7 @@ class TestKinematic:
         for name in first.metrics.keys() - set(TIMING_METRICS):
             assert first.metrics[name] == second.metrics[name], name
 
+    @pytest.mark.long
     def test_position_errors_fall_as_the_gain_rises(self):
         """Feedback of 1/s leaves ten times the lateral error of 10/s."""
         slow, fast = (
@@ -78,6 +80,7 @@ class TestKinematic:
         )
         assert slow / fast == pytest.approx(10.0, rel=0.3)
 
+    @pytest.mark.long
     def test_a_velocity_bound_costs_the_path_but_holds(self):
         """At +-0.05 rad/s joints saturate; the bound holds, and is broken without it."""
         bounded = metrics("motion_force_tricuspid", limits__velocity=0.05)
@@ -87,13 +90,13 @@ class TestKinematic:
         assert free["joint_velocity_max_rad_s"] > 0.09
         assert bounded["lateral_error_max_m"] > 10 * free["lateral_error_max_m"]
 
+    @pytest.mark.long
     def test_rows_of_w_at_tool_down_do_not_hold_the_orientation(self):
         """Rank 1 where a rotation has 3: 0.061 rad of drift, and the run says so."""
         printed = run("motion_force_tricuspid_w")
         assert printed.metrics["orientation_rank_min"] == 1.0
         assert printed.metrics["orientation_error_max_rad"] == pytest.approx(0.0609, rel=0.02)
         assert any("rank 1" in warning for warning in printed.warnings)
-        assert metrics("motion_force_tricuspid")["orientation_error_max_rad"] < 2.1e-5
 
     def test_without_excitation_nothing_is_learned_and_nothing_moves(self):
         """RNN (21), the paper's dilemma: from J_hat = 0, at rest, it stays there."""
@@ -166,8 +169,17 @@ class TestContact:
         assert slow["force_error_mean_N"] < -2.0
         assert slow["normal_force_peak_N"] < 5.0
 
-    @pytest.mark.parametrize("gap", [0.0, 5e-3])
-    @pytest.mark.parametrize("force", [1.0, 5.0, 20.0])
+    @pytest.mark.parametrize(
+        ("force", "gap"),
+        [
+            (1.0, 0.0),
+            (20.0, 5e-3),
+            pytest.param(5.0, 0.0, marks=pytest.mark.long),
+            pytest.param(20.0, 0.0, marks=pytest.mark.long),
+            pytest.param(1.0, 5e-3, marks=pytest.mark.long),
+            pytest.param(5.0, 5e-3, marks=pytest.mark.long),
+        ],
+    )
     def test_start_up_with_a_learned_stiffness_does_not_overshoot(self, force, gap):
         """One setting for all: from contact, and from 5 mm above. Measured: less than f_d."""
         changes = {"force.value": force, "environment.gap": gap, "duration": 3, "window": [2, 3]}
@@ -175,6 +187,7 @@ class TestContact:
         assert result.metrics["normal_force_peak_N"] < 1.02 * force
         assert abs(result.metrics["force_error_mean_N"]) < 0.02 * force
 
+    @pytest.mark.long
     def test_a_ramp_makes_up_for_a_prior_ten_times_too_soft(self):
         soft = {"law.stiffness": {"initial": 1e3, "initial_force": 5}, "environment.gap": 0.0}
         changes = {**soft, "duration": 3, "accept": None, "window": None}
@@ -187,7 +200,7 @@ class TestContact:
         ("failure", "message"),
         [
             ("nan", r"not finite any more; so are its inputs normal_force \(at t = 1.001 s\)"),
-            ("frozen", r"sensor is stuck at 4\..* N since t = 1 s, while the arm moves \(at t = 1.1 s\)"),
+            ("frozen", r"stuck at 4\..* N since t = 1 s, while the arm moves \(at t = 1.1 s\)"),
         ],
     )
     def test_a_broken_sensor_stops_the_run_and_keeps_what_there_was(self, failure, message):
@@ -218,6 +231,7 @@ class TestContact:
         with pytest.raises(InvalidInputError, match=r"2000 N asks iiwa_joint_2 for .* has 320 Nm"):
             simulate(experiment)
 
+    @pytest.mark.long
     def test_a_wrong_normal_costs_force(self):
         """5 degrees off: moving along the wrong plane presses and lifts the tip."""
         right = metrics("contact_circle", duration=6, window=[2, 6])
@@ -226,6 +240,7 @@ class TestContact:
         assert wrong["force_error_max_N"] < 1.4
         assert wrong["contact_lost_fraction"] == 0.0
 
+    @pytest.mark.long
     def test_noise_delay_and_a_low_pass_are_borne(self):
         found = metrics("contact_noisy", duration=6, window=[2, 6])
         assert found["force_error_max_N"] < 0.15
@@ -247,6 +262,7 @@ class TestOtherLawsWithFullDynamics:
         assert found["end_effector_drift_max_m"] == pytest.approx(1.95e-3, rel=0.05)
         assert found["end_effector_drift_end_m"] < 1.3e-7
 
+    @pytest.mark.long
     def test_an_acceleration_law_keeps_its_drift(self):
         """The motors' lag costs 0.26 mm, not the return of the joints."""
         found = metrics("naljdf_clover_dynamic")

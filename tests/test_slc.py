@@ -1,7 +1,7 @@
 """Liu et al.'s experiments: whole runs of the diagram, against measured figures.
 
 The figures are those of a plain-array implementation of the same equations, with margins
-for seeds and for the discretisation: see the README's table.
+for seeds and for the discretisation: see docs/simultaneous_learning.md.
 """
 
 import numpy as np
@@ -108,7 +108,7 @@ def test_the_four_ring_returns_to_its_start(name):
 
 
 class TestAsPrinted:
-    """Negative: v_WE = J v while the law sees v - n. See the README for why it fails."""
+    """Negative: v_WE = J v while the law sees v - n. See docs/simultaneous_learning.md."""
 
     def test_it_does_not_follow_the_path(self):
         assert metrics("slc_nephroid_printed")["position_error_max_m"] > 50e-3

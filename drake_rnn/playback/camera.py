@@ -98,7 +98,7 @@ def view_direction(motion: ReplayedMotion, boxes: Boxes) -> Array:
     """
     experiment = motion.result.experiment
     if experiment.task == "xy":
-        return _towards(-math.pi / 2.0, math.radians(76.0))
+        return towards(-math.pi / 2.0, math.radians(76.0))
     lap = motion.lap[:: max(1, len(motion.lap) // 50)]
     centre = lap.mean(axis=0)
     ahead = math.atan2(centre[1], centre[0])
@@ -109,12 +109,12 @@ def view_direction(motion: ReplayedMotion, boxes: Boxes) -> Array:
     elevation = math.radians(16.0 + 16.0 * abs(normal[2]))
 
     def cost(aside: float) -> float:
-        direction = _towards(ahead + math.radians(aside), elevation)
+        direction = towards(ahead + math.radians(aside), elevation)
         face_on = min(abs(float(normal @ direction)), 0.7)
         return boxes.hidden(lap, direction) - face_on + 0.003 * abs(abs(aside) - 48.0)
 
     asides = (48.0, -48.0, 70.0, -70.0, 110.0, -110.0, 135.0, -135.0)
-    return _towards(ahead + math.radians(min(asides, key=cost)), elevation)
+    return towards(ahead + math.radians(min(asides, key=cost)), elevation)
 
 
 def view_onto(pressing: Pressing, boxes: Boxes) -> Array:
@@ -132,7 +132,7 @@ def view_onto(pressing: Pressing, boxes: Boxes) -> Array:
         return 2.0 * boxes.hidden(drawn, direction) + abs(steep - _STEEPNESS) + 0.5 * level
 
     directions = (
-        _towards(ahead + math.radians(aside), math.radians(elevation))
+        towards(ahead + math.radians(aside), math.radians(elevation))
         for aside in (40, -40, 55, -55, 70, -70, 90, -90, 110, -110, 135, -135, 180, 0)
         for elevation in (36, 28, 20, 44, 52)
     )
@@ -161,10 +161,11 @@ def _view_of_change(boxes: Boxes, point: Array, ahead: float) -> Array:
         return covered + 0.3 * boxes.hidden(point + 0.04 * size * direction, direction)
 
     asides = np.radians(np.arange(-150.0, 151.0, 15.0))
-    return min((_towards(ahead + aside, math.radians(20.0)) for aside in asides), key=cost)
+    return min((towards(ahead + aside, math.radians(20.0)) for aside in asides), key=cost)
 
 
-def _towards(azimuth: float, elevation: float) -> Array:
+def towards(azimuth: float, elevation: float) -> Array:
+    """A unit vector from the scene to a camera at these angles [rad], shape (3,)."""
     level = math.cos(elevation)
     return np.array([level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)])
 

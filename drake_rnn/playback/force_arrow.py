@@ -19,13 +19,12 @@ LENGTH = 0.1
 _LONGEST = 0.3
 _SHAFT, _HEAD, _HEAD_LENGTH = 0.0028, 0.0075, 0.026
 _SIDES = 24
-# Along the tool it would lie inside: it counts as nearer by some centimetres, in steps of the
-# depth buffer.
+# It lies along the tool, mostly inside of it: drawn last of all, over whatever is in front.
 _IN_FRONT = {
     "castShadow": False,
-    "material.polygonOffset": True,
-    "material.polygonOffsetFactor": 0.0,
-    "material.polygonOffsetUnits": -9000.0,
+    "material.depthTest": False,
+    "material.transparent": True,
+    "renderOrder": 2.0,
 }
 # Share of the desired force that makes an arrow too short to be seen.
 _NONE = 1e-3
@@ -42,7 +41,12 @@ def newtons(pressing: Pressing) -> float:
     return max(pressing.desired_force, _round_up(held * LENGTH / _LONGEST))
 
 
-def set_arrow(meshcat: Meshcat) -> None:
+def arrow_legend(pressing: Pressing) -> str:
+    """How long an arrow is for which force."""
+    return f"force, {newtons(pressing):g} N = {100.0 * LENGTH:g} cm"
+
+
+def draw_arrow(meshcat: Meshcat) -> None:
     """The arrow at "/force", of the usual length, along z."""
     vertices, faces = _arrow()
     meshcat.SetTriangleMesh("/force", vertices, faces, Rgba(*FORCE_COLOUR))

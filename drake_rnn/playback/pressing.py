@@ -8,16 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.math import RotationMatrix
 
-from ..environments import ModelSurface, Surface
+from ..environments import Surface
 from ..fields import Array
+from .on_surface import on_surface, within_edges
 from .replayed_motion import ReplayedMotion
 
 # A pen's line lies this far above the surface, the trace above what was desired [m]: enough
 # for a browser to tell them apart.
 _DESIRED_ABOVE = 4e-4
 _TRACED_ABOVE = 8e-4
-# A model need not be flat, so its trace follows the tool, which sinks in by less than this [m].
-_SUNK = 1e-3
 
 
 @dataclass(frozen=True)
@@ -27,7 +26,6 @@ class Pressing:
     Attributes:
         surface: What is pressed on.
         p_WS: The point of it below the tool at the start, shape (3,) [m].
-        standoff: From E's origin to the point of contact, against the normal [m].
         desired_force: To press with once it has risen [N].
         force: On the tool, shape (k, 3) [N].
         contact: Where the tool is nearest to the surface, shape (k, 3) [m].
@@ -38,7 +36,6 @@ class Pressing:
 
     surface: Surface
     p_WS: Array
-    standoff: float
     desired_force: float
     force: Array
     contact: Array
@@ -74,20 +71,17 @@ def pressing_of(motion: ReplayedMotion) -> Pressing | None:
     p_WS = setup.contact.place(setup.arm, setup.start)
     standoff = float(n @ (setup.p_WE_start - p_WS)) - surface.gap
 
-    def above(points: Array, height: float) -> Array:
-        return points - np.outer((points - p_WS) @ n - height, n)
-
-    lowest = motion.traced - standoff * n
-    flat = not isinstance(surface, ModelSurface)
+    below = on_surface(motion.traced - standoff * n, surface, p_WS)
+    touched = within_edges(below, surface, p_WS)
+    desired = on_surface(motion.desired, surface, p_WS) + _DESIRED_ABOVE * n
     return Pressing(
         surface=surface,
         p_WS=p_WS,
-        standoff=standoff,
         desired_force=setup.contact.force.value,
         # A run that diverged may have postures without a force.
         force=np.nan_to_num(motion.result.series["contact_force"][: len(motion.time)]),
-        contact=above(lowest, 0.0) if flat else lowest,
-        lap=above(motion.lap, _DESIRED_ABOVE),
-        desired=above(motion.desired, _DESIRED_ABOVE),
-        trace=above(lowest, _TRACED_ABOVE) if flat else lowest + (_SUNK + _TRACED_ABOVE) * n,
+        contact=touched,
+        lap=desired[: len(motion.lap)],
+        desired=desired,
+        trace=touched + _TRACED_ABOVE * n,
     )

@@ -31,6 +31,10 @@ class ReplayedMotion:
         """Whether the path is a point that stays."""
         return bool(np.ptp(self.lap, axis=0).max() < _STILL)
 
+    def at(self, time: Array, values: Array) -> Array:
+        """Linearly interpolated columns of ``values``, shape (k, m), at other times, shape (f,)."""
+        return np.column_stack([np.interp(time, self.time, column) for column in values.T])
+
 
 def replayed_motion(result: Result) -> ReplayedMotion:
     """A run's motion until its last finite posture.

@@ -65,7 +65,9 @@ def _css(colour: tuple[float, float, float]) -> str:
 
 _GHOST = f"""
     <span style="color: {_css(DESIRED_COLOUR)}; opacity: {GHOST_OPACITY}">&#9679;</span> target"""
+# The camera is near: the arm may lie behind the words.
 _FORCE = f"""
+    <style>#caption {{{{ background: rgba(255, 255, 255, 0.8); padding: 0.1em 0.6em; }}}}</style>
     <span style="color: {_css(FORCE_COLOUR)}">&#8593;</span> {{}}"""
 _CAPTION = """
   <div id="caption">

@@ -101,7 +101,9 @@ def test_the_invariant_is_lost_by_eulers_method():
     assert 1e-6 < lost["invariant_error_max_m"] < 1e-5
 
 
-@pytest.mark.parametrize("name", ["state_adjustment", "modified_state_adjustment"])
+@pytest.mark.parametrize(
+    "name", ["state_adjustment", pytest.param("modified_state_adjustment", marks=pytest.mark.long)]
+)
 def test_the_joints_are_where_a_tight_integration_has_them(runs, name):
     """Fixed steps, for error control steps over the kinks of the bounds: 9e-7 rad at 1e-9."""
     tight = run(name, integrator={"scheme": "runge_kutta5", "step": 1e-4}).series["position"]

@@ -58,7 +58,10 @@ def connections(experiment):
 # The experiments.
 
 
-@pytest.mark.parametrize(("name", "error", "delay"), [(CIRCLE, 5e-3, 4.499), (SQUARE, 2e-3, 2.716)])
+@pytest.mark.parametrize(
+    ("name", "error", "delay"),
+    [(CIRCLE, 5e-3, 4.499), pytest.param(SQUARE, 2e-3, 2.716, marks=pytest.mark.long)],
+)
 def test_the_arm_follows_its_path_late_and_keeps_all_bounds(name, error, delay):
     """Half the windows, of 4, 2, 1 and 2 s: 4.5 s; and of 1.33, 1.5, 1 and 1.6 s: 2.72 s.
 

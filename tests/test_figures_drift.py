@@ -207,6 +207,7 @@ def test_overview(galjdf, moaljdf, windowed):
     assert labels(windowed)[1:3] == ["position error [m]", "joint angle [rad]"]
 
 
+@pytest.mark.long
 def test_numbers_that_are_none(galjdf, moaljdf, tmp_path):
     for result in (galjdf, moaljdf):
         series = {name: values.copy() for name, values in result.series.items()}

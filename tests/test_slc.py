@@ -10,9 +10,8 @@ import pytest
 from drake_rnn import load_experiment, simulate
 from drake_rnn.metrics import TIMING_METRICS
 
-SHORT_SEEDS = [0, 1, 2]
 # Each takes half a minute; `make test` has ten.
-LONG_SEEDS = [pytest.param(seed, marks=pytest.mark.long) for seed in range(3, 20)]
+SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(1, 20))]
 
 
 def metrics(name, **changes):
@@ -63,7 +62,7 @@ def test_without_the_pull_home_the_joints_drift():
     assert metrics("slc_nephroid_known", **{"law.return_gain": 0})["joint_drift_max_rad"] > 0.05
 
 
-@pytest.mark.parametrize("seed", SHORT_SEEDS + LONG_SEEDS)
+@pytest.mark.parametrize("seed", SEEDS)
 def test_it_tracks_while_it_learns_from_random(seed):
     got = metrics("slc_nephroid", seed=seed)
     assert got["position_error_max_m"] <= 1.0e-3
@@ -77,7 +76,7 @@ def test_it_tracks_while_it_learns_from_random(seed):
     assert got["joint_acceleration_max_rad_s2"] > 1000
 
 
-@pytest.mark.parametrize("seed", SHORT_SEEDS + LONG_SEEDS)
+@pytest.mark.parametrize("seed", SEEDS)
 def test_bounding_the_feedback_allows_a_larger_gain(seed):
     got = metrics("slc_nephroid_fast", seed=seed)
     assert got["position_error_max_m"] <= 0.35e-3
@@ -99,7 +98,9 @@ def test_an_acceleration_is_that_of_a_tick_however_the_noise_is_held():
     assert got["joint_acceleration_max_rad_s2"] <= 1 + 1e-9
 
 
-@pytest.mark.parametrize("name", ["slc_four_ring", "slc_four_ring_per_joint"])
+@pytest.mark.parametrize(
+    "name", ["slc_four_ring", pytest.param("slc_four_ring_per_joint", marks=pytest.mark.long)]
+)
 def test_the_four_ring_returns_to_its_start(name):
     result = simulate(load_experiment(name))
     assert result.metrics["position_error_max_m"] <= 0.5e-3
@@ -113,10 +114,12 @@ class TestAsPrinted:
     def test_it_does_not_follow_the_path(self):
         assert metrics("slc_nephroid_printed")["position_error_max_m"] > 50e-3
 
+    @pytest.mark.long
     def test_even_the_exact_jacobian_survives_only_very_little_noise(self):
         little = {"law.J_hat_initial": "exact", "dither.sigma": 1e-4}
         assert metrics("slc_nephroid_printed", **little)["position_error_max_m"] <= 2e-3
 
+    @pytest.mark.long
     def test_the_exact_jacobian_is_lost_to_more_noise(self):
         more = {"law.J_hat_initial": "exact", "dither.sigma": 1e-2}
         assert metrics("slc_nephroid_printed", **more)["position_error_max_m"] > 50e-3
@@ -208,7 +211,9 @@ OTHER_ARMS = {"iiwa14": ("yz", 0.02), "ur5": ("yz", 0.01), "planar6": ("xy", 0.0
 
 
 @pytest.mark.parametrize("arm", OTHER_ARMS)
-@pytest.mark.parametrize("name", ["slc_nephroid_known", "slc_nephroid"])
+@pytest.mark.parametrize(
+    "name", ["slc_nephroid_known", pytest.param("slc_nephroid", marks=pytest.mark.long)]
+)
 def test_it_works_on_every_arm(arm, name):
     """The same document with another arm: errors below a millimetre once it has settled."""
     plane, size = OTHER_ARMS[arm]

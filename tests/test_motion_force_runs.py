@@ -91,6 +91,12 @@ class TestKinematic:
         assert bounded["lateral_error_max_m"] > 10 * free["lateral_error_max_m"]
 
     @pytest.mark.long
+    def test_the_bounds_of_the_text_and_of_the_captions_come_to_the_same(self):
+        """+-0.5 and +-0.1 rad/s; 0.094 are needed."""
+        text, captions = (run("motion_force_tricuspid", limits__velocity=v) for v in (0.5, 0.1))
+        assert np.array_equal(text.series["position"], captions.series["position"])
+
+    @pytest.mark.long
     def test_rows_of_w_at_tool_down_do_not_hold_the_orientation(self):
         """Rank 1 where a rotation has 3: 0.061 rad of drift, and the run says so."""
         printed = run("motion_force_tricuspid_w")

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import NoneType
 
 from drake_rnn.arms import Arm
-from drake_rnn.environments import ContactModel, Surface
+from drake_rnn.complaints import require_type
+from drake_rnn.environments import ContactModel, ElasticSurface, Surface
 from drake_rnn.fields import Array
 from drake_rnn.systems.contact_reference import ForceProfile
 from drake_rnn.systems.force_sensor import SensorSettings
@@ -20,11 +22,19 @@ class Contact:
         surface: For a kinematic loop an `ElasticSurface`, for a dynamic one a `ContactModel`.
         force: To press with.
         sensor: Of the force; None for one that says what is.
+
+    Raises:
+        InvalidInputError: If one of them is something else.
     """
 
     surface: Surface
     force: ForceProfile
     sensor: SensorSettings | None = None
+
+    def __post_init__(self) -> None:
+        require_type("Contact.surface", self.surface, ElasticSurface, ContactModel)
+        require_type("Contact.force", self.force, ForceProfile)
+        require_type("Contact.sensor", self.sensor, SensorSettings, NoneType)
 
     def place(self, arm: Arm, start: Array) -> Array:
         """The point of the surface below the tool at the start, shape (3,) [m].

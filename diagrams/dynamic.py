@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import NoneType
 
 from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 
 from drake_rnn.arms import Arm
+from drake_rnn.complaints import require_type
 from drake_rnn.environments import ContactModel
 from drake_rnn.errors import InvalidInputError
 from drake_rnn.fields import Array
 from drake_rnn.systems.dither import DitherSettings
-from drake_rnn.systems.kinematics import Kinematics
 from drake_rnn.systems.moving_average import MovingAverage
 from drake_rnn.systems.plant import PlantSettings
 from drake_rnn.systems.plant_arm import PlantArm
@@ -71,6 +72,8 @@ def AddDynamicLoop(
         raise InvalidInputError(
             "controller: at the dynamic level it must be sampled; give a period, no integrator"
         )
+    require_type("plant", plant, PlantSettings, NoneType)
+    require_type("contact", contact, Contact, NoneType)
     environment: ContactModel | None = None
     p_WS = None
     if contact is not None:
@@ -86,8 +89,15 @@ def AddDynamicLoop(
     shared = arm.kinematics()
     body = PlantArm(arm, start, environment, p_WS, plant, shared)
 
-    def felt(kinematics: Kinematics) -> Mapping[str, OutputPort]:
-        return {name: body.GetOutputPort(name) for name in ("contact_force", "tool_force")}
-
-    wiring = Wiring(start, task, dither, filter, feedback, contact, signals, seed, prefix)
-    return add_loop(builder, arm, controller, reference, body, felt, wiring, shared)
+    wiring = Wiring(
+        start=start,
+        task=task,
+        dither=dither,
+        filter=filter,
+        feedback=feedback,
+        contact=contact,
+        signals=signals,
+        seed=seed,
+        prefix=prefix,
+    )
+    return add_loop(builder, arm, controller, reference, body, wiring, kinematics=shared)

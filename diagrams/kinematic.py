@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import NoneType
 
 from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 
 from drake_rnn.arms import Arm
+from drake_rnn.complaints import require_type
 from drake_rnn.environments import ElasticSurface
 from drake_rnn.errors import InvalidInputError
 from drake_rnn.fields import Array
 from drake_rnn.systems.dither import DitherSettings
-from drake_rnn.systems.kinematics import Kinematics
 from drake_rnn.systems.mirror import Mirror
 from drake_rnn.systems.moving_average import MovingAverage
 from drake_rnn.systems.spring_contact import SpringContact
+from drake_rnn.task import named_task
 
 from .contact import Contact
 from .loop import Controller, Feedback, Loop, Wiring, add_loop, start_posture
@@ -66,7 +68,7 @@ def AddKinematicLoop(
         InvalidInputError: If the law wants what nothing here offers, or in another size; or
             the start posture is missing, of the wrong size or outside the position limits; or
             the filter does not go with controller, feedback or noise; or the surface is made
-            of bodies.
+            of bodies; or an argument is of another class.
     """
     start = start_posture(arm, start, outside)
     if feedback == "measured":
@@ -74,18 +76,26 @@ def AddKinematicLoop(
             "feedback: this arm is where it is commanded to be; measured is for the dynamic level"
         )
 
-    def felt(kinematics: Kinematics) -> Mapping[str, OutputPort]:
-        assert contact is not None  # else nobody asks
+    require_type("contact", contact, Contact, NoneType)
+    spring = None
+    if contact is not None:
         if not isinstance(contact.surface, ElasticSurface):
             raise InvalidInputError(
                 "environment: at the kinematic level it must be an elastic_surface, not "
                 f"{type(contact.surface).__name__}"
             )
+        if len(named_task(task).axes) != 3:
+            raise InvalidInputError(f"task: must be xyz or pose with a contact, not {task}")
         spring = SpringContact(contact.surface, contact.place(arm, start))
-        builder.AddNamedSystem(f"{prefix}contact", spring)
-        builder.Connect(kinematics.GetOutputPort("p_WE"), spring.get_input_port())
-        force = spring.get_output_port()
-        return {"contact_force": force, "tool_force": force}
-
-    wiring = Wiring(start, task, dither, filter, feedback, contact, signals, seed, prefix)
-    return add_loop(builder, arm, controller, reference, Mirror(arm.n), felt, wiring)
+    wiring = Wiring(
+        start=start,
+        task=task,
+        dither=dither,
+        filter=filter,
+        feedback=feedback,
+        contact=contact,
+        signals=signals,
+        seed=seed,
+        prefix=prefix,
+    )
+    return add_loop(builder, arm, controller, reference, Mirror(arm.n), wiring, spring=spring)

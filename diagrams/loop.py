@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from types import NoneType
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -11,6 +12,7 @@ from pydrake.systems.primitives import Adder, Integrator, MatrixGain
 
 from drake_rnn.arm_kinematics import ArmKinematics
 from drake_rnn.arms import Arm
+from drake_rnn.complaints import require_type
 from drake_rnn.errors import InvalidInputError
 from drake_rnn.fields import Array
 from drake_rnn.systems.contact_reference import ContactReference
@@ -23,6 +25,8 @@ from drake_rnn.systems.kinematics import Kinematics
 from drake_rnn.systems.mirror import Mirror
 from drake_rnn.systems.moving_average import MovingAverage
 from drake_rnn.systems.normal_force import NormalForce
+from drake_rnn.systems.spring_contact import SpringContact
+from drake_rnn.task import TASKS
 
 from .contact import Contact
 
@@ -67,8 +71,9 @@ def add_loop(
     controller: Controller,
     reference: System | None,
     body: Diagram,
-    felt: Callable[[Kinematics], Mapping[str, OutputPort]],
     wiring: Wiring,
+    *,
+    spring: SpringContact | None = None,
     kinematics: ArmKinematics | None = None,
 ) -> Loop:
     """Add a controller, an arm round it, and join both to a reference.
@@ -79,16 +84,23 @@ def add_loop(
         controller: A law as a system, not yet in ``builder``.
         reference: Any system in ``builder`` with the desired signals among its output ports.
         body: The arm as a system, with the ports of a `Mirror`, not yet in ``builder``.
-        felt: Called once the arm is in ``builder``, with its kinematics: the ports
-            ``contact_force`` and ``tool_force``, if there is any contact.
         wiring: All else.
+        spring: What the contact is felt by, not yet in ``builder``; None if ``body`` itself
+            has the ports ``contact_force`` and ``tool_force``.
         kinematics: Of the arm, where ``body`` makes use of it too.
 
     Raises:
         InvalidInputError: If the law wants what nothing here offers, or in another size, or the
-            filter does not go with controller, feedback or noise.
+            filter does not go with controller, feedback or noise, or is of another class.
     """
-    start, task, dither, filter, feedback, contact, signals, seed, prefix = wiring
+    start, task, prefix = wiring.start, wiring.task, wiring.prefix
+    dither, filter, feedback = wiring.dither, wiring.filter, wiring.feedback
+    contact = wiring.contact
+    signals = dict(wiring.signals or {})
+    require_type("controller", controller, SampledController, ContinuousController)
+    require_type("dither", dither, DitherSettings, NoneType)
+    require_type("filter", filter, MovingAverage, NoneType)
+    _require_joints(controller, arm)
     check_filter(filter is not None, feedback, dither)
     period = getattr(controller, "period", None)
     if filter is not None and period is not None and filter.period != period:
@@ -96,10 +108,6 @@ def add_loop(
             f"filter: its period, {filter.period:g} s, must be the controller's, {period:g} s"
         )
     virtual = feedback == "unfiltered"
-    # Before the controller, whose own complaint would name the sensor's last of all.
-    watch = None
-    if contact is not None and period is not None:
-        watch = builder.AddNamedSystem(f"{prefix}force_watch", ForceWatch(arm.n, 10.0 * period))
     builder.AddNamedSystem(f"{prefix}controller", controller)
     if virtual:
         seen = _add_body(builder, arm, start, task, Mirror(arm.n), f"{prefix}virtual_", None)
@@ -115,7 +123,7 @@ def add_loop(
     if dither is None:
         moved = measured = shown = asked
     else:
-        noise = Dither(arm.n, dither.sigma, dither.hold, seed)
+        noise = Dither(arm.n, dither.sigma, dither.hold, wiring.seed)
         source = builder.AddNamedSystem(f"{prefix}dither", noise)
         adder = builder.AddNamedSystem(f"{prefix}dithered_velocity", Adder(2, arm.n))
         _connect(builder, asked, adder.get_input_port(0))
@@ -159,15 +167,16 @@ def add_loop(
         _connect(builder, filter.get_output_port(), last.kinematics.GetInputPort("velocity"))
     forces: dict[str, OutputPort] = {}
     if contact is not None:
-        forces |= felt(last.kinematics)
-        normal = (signals or {}).get("normal_WE")
-        told = _add_contact(builder, contact, forces["tool_force"], normal, period, seed, prefix)
-        offered |= told | dict(signals or {})
-        forces["normal_force"] = offered["normal_force"]
-        if watch is not None:
-            _connect(builder, offered["normal_force"], watch.GetInputPort("normal_force"))
-            _connect(builder, last.arm.GetOutputPort("position"), watch.GetInputPort("position"))
-    offered |= signals or {}
+        forces = _add_felt(builder, last, spring, prefix)
+        normal = signals.get("normal_WE")
+        told = _add_contact(
+            builder, contact, forces["tool_force"], normal, period, wiring.seed, prefix
+        )
+        offered |= told
+        forces["normal_force"] = signals.get("normal_force", told["normal_force"])
+        if period is not None:
+            _add_watch(builder, last, forces["normal_force"], period, prefix)
+    offered |= signals
     if "position_preview" in controller.law.inputs and "position_preview" in offered:
         _require_same_interval(controller, offered["position_preview"].get_system())
     _require_one_period_ahead(controller, reference)
@@ -177,6 +186,8 @@ def add_loop(
                 f"{controller.get_name()}: nothing in this diagram offers {name!r}; "
                 f"there are {', '.join(sorted(offered))}{_HINTS.get(name, '')}"
             )
+    _require_task(controller, seen.kinematics, task, offered)
+    for name in controller.law.inputs.parts:
         _connect(builder, offered[name], controller.GetInputPort(name))
     return Loop(controller, *last, filter, seen.arm if virtual else None, forces)
 
@@ -209,6 +220,28 @@ def _move(builder: DiagramBuilder, body: _Body, moved: OutputPort) -> None:
     _connect(builder, moved, body.joint_command.get_input_port())
     _connect(builder, position, body.arm.GetInputPort("position_commanded"))
     _connect(builder, moved, body.arm.GetInputPort("velocity_commanded"))
+
+
+def _add_felt(
+    builder: DiagramBuilder, body: _Body, spring: SpringContact | None, prefix: str
+) -> dict[str, OutputPort]:
+    """What the tool feels, by name: of a spring, or of the body's own contact."""
+    if spring is None:
+        return {name: body.arm.GetOutputPort(name) for name in ("contact_force", "tool_force")}
+    builder.AddNamedSystem(f"{prefix}contact", spring)
+    _connect(builder, body.kinematics.GetOutputPort("p_WE"), spring.get_input_port())
+    force = spring.get_output_port()
+    return {"contact_force": force, "tool_force": force}
+
+
+def _add_watch(
+    builder: DiagramBuilder, body: _Body, normal_force: OutputPort, period: float, prefix: str
+) -> None:
+    position = body.arm.GetOutputPort("position")
+    # Rarely: each look costs, and a sensor that is stuck stays so.
+    watch = builder.AddNamedSystem(f"{prefix}force_watch", ForceWatch(position.size(), 10 * period))
+    _connect(builder, normal_force, watch.GetInputPort("normal_force"))
+    _connect(builder, position, watch.GetInputPort("position"))
 
 
 def _add_contact(
@@ -247,6 +280,39 @@ def _add_contact(
         "normal_force_desired": reference.GetOutputPort("normal_force_desired"),
         "normal_force": normal_force,
     }
+
+
+def _require_joints(controller: Controller, arm: Arm) -> None:
+    joints = controller.GetOutputPort("commanded_velocity").size()
+    if joints != arm.n:
+        raise InvalidInputError(
+            f"limits: those of {type(controller.law).__name__} must be of {arm.n} joints, as "
+            f"{arm.name} has, not of {joints}"
+        )
+
+
+def _require_task(
+    controller: Controller, kinematics: Kinematics, task: str, offered: Mapping[str, OutputPort]
+) -> None:
+    """Raise an InvalidInputError if the law is for another task than the kinematics' own."""
+    names = [n for n in controller.law.inputs.parts if offered[n].get_system() is kinematics]
+
+    def fits(offering: Kinematics) -> bool:
+        return all(
+            offering.GetOutputPort(name).size() == controller.GetInputPort(name).size()
+            for name in names
+        )
+
+    if fits(kinematics):
+        return
+    able = [name for name in TASKS if fits(Kinematics(kinematics.arm, name))]
+    if not able:
+        return  # nothing to advise: the port that does not fit is named when it is connected
+    law = controller.law
+    hint = f"; or give the law task_size={TASKS[task].size}" if hasattr(law, "task_size") else ""
+    raise InvalidInputError(
+        f"task: may be {', '.join(able)} for {type(law).__name__} as it is made, not {task}{hint}"
+    )
 
 
 def _require_one_period_ahead(controller: Controller, reference: System | None) -> None:
@@ -296,8 +362,9 @@ def start_posture(arm: Arm, start: Array | None, outside: float = 0.0) -> Array:
 
     Raises:
         InvalidInputError: If there is none, or it is not one of this arm's, or lies outside
-            its position limits by more than ``outside`` [rad].
+            its position limits by more than ``outside`` [rad]; or ``arm`` is none.
     """
+    require_type("arm", arm, Arm)
     if start is None:
         start = arm.home
     if start is None:
@@ -316,8 +383,8 @@ def start_posture(arm: Arm, start: Array | None, outside: float = 0.0) -> Array:
 def _connect(builder: DiagramBuilder, output: OutputPort, port: InputPort) -> None:
     if output.size() != port.size():
         raise InvalidInputError(
-            f"{_place(port)} has {port.size()} entries, {_place(output)} has {output.size()}; "
-            "the law's task_size and number of joints must be those of task and arm"
+            f"{_place(output)}: must have {port.size()} entries, as {_place(port)}, not "
+            f"{output.size()}; is it made for another task or arm?"
         )
     builder.Connect(output, port)
 

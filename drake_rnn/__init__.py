@@ -26,7 +26,7 @@ from .paths import PATHS, Path
 from .reach import check_reach
 from .result import Result
 from .self_motion import SelfMotion
-from .simulation import build_diagram, simulate
+from .simulation import build_diagram, check_experiment, simulate
 from .systems import (
     ContinuousController,
     Dither,
@@ -89,6 +89,7 @@ __all__ = [
     "StateAdjustment",
     "TipMaterial",
     "build_diagram",
+    "check_experiment",
     "check_reach",
     "load_arm",
     "load_experiment",

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from time import perf_counter
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -18,18 +18,18 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from .errors import DrakeRnnError, InterruptedRunError, InvalidInputError, SimulationError
-from .experiment import Experiment, load_experiment, parse_change
-from .reach import check_reach
+from .experiment import Experiment, load_experiment, parse_change, read_experiment
 from .report import (
+    WIDE,
     experiments_table,
     joints_table,
     metrics_table,
-    sweep_table,
+    sweep_tables,
     varying_metrics,
 )
 from .result import Result
 from .simulation import Progress as ProgressCallback
-from .simulation import simulate
+from .simulation import check_experiment, simulate
 
 app = typer.Typer(
     add_completion=False,
@@ -85,11 +85,12 @@ def run(
         for experiment in loaded:
             _require_one_folder_each(experiment, loaded)
             with _named(experiment.name, among=experiments):
-                check_reach(experiment)
+                check_experiment(experiment)
             _require_writable(out_folder / experiment.name)
     failed = False
-    for experiment in loaded:
+    for experiment, name in zip(loaded, experiments, strict=True):
         with _errors():
+            _tell_of_window(name, _changes(changes, seed, duration))
             try:
                 with _progress(experiment) as progress:
                     result = simulate(experiment, progress)
@@ -173,7 +174,13 @@ def sweep(
             sweep_figure(keys, rows, varying_metrics(rows), folder / "sweep.png"),
             learning_figure(keys, rows, folder / "learning.png"),
         ]
-    out.print(sweep_table(keys, rows))
+    for length in axes.get("duration", [None]):
+        swept = {} if length is None else {"duration": length}
+        _tell_of_window(experiment, _changes(changes, seed, duration) | swept)
+    # In a pipe or a file there is room for all in one.
+    wide = Console(width=WIDE, highlight=False)
+    for table in sweep_tables(keys, rows, out.width if out.is_terminal else None):
+        wide.print(table)
     out.print(escape(f"table    {folder / 'sweep.csv'}"), soft_wrap=True)
     for picture in pictures:
         if picture is not None:
@@ -202,6 +209,21 @@ def _changes(
     if duration is not None:
         new["duration"] = duration
     return new
+
+
+def _tell_of_window(name: str, changes: dict[str, Any]) -> None:
+    """That a duration ends before the window, and so drops it; nothing if it does not."""
+    kept = {key: value for key, value in changes.items() if key != "duration"}
+    before, now = read_experiment(name, kept), read_experiment(name, changes)
+    lost = [key for key in ("window", "accept") if key in before and key not in now]
+    if "window" not in lost:
+        return
+    what = "and what is expected in it are" if "accept" in lost else "is"
+    out.print(
+        f"[yellow]note[/] {escape(str(now['name']))}: window {escape(str(before['window']))} s "
+        f"{what} dropped: the run ends at {now['duration']:g} s",
+        soft_wrap=True,
+    )
 
 
 def _write(result: Result, folder: Path, playback: bool) -> None:

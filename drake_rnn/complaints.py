@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import is_dataclass
 from difflib import get_close_matches
-from typing import Any, get_args
+from types import NoneType, UnionType
+from typing import Annotated, Any, NamedTuple, Union, get_args, get_origin
 
 import numpy as np
 from pydantic import ValidationError
-from pydantic_core import ArgsKwargs
 
 from .errors import InvalidInputError
 
@@ -23,13 +23,15 @@ def sentence(cls: type, error: ValidationError, key: str) -> str:
         error: Why it was not.
         key: Where its values stand in a document; may be empty.
     """
-    errors = error.errors(include_url=False)
+    errors = _fitting(cls, error.errors(include_url=False))
     # Behind a misspelt key there is often one that is missing.
     first = next((e for e in errors if e["type"] in _UNKNOWN_KEY), errors[0])
-    steps = _steps(first)
-    where = ".".join([key, *steps] if key else steps)
+    place = _place(cls, first)
+    keys = place.keys
+    where = ".".join([key, *keys] if key else keys)
     if first["type"] in _UNKNOWN_KEY:
-        return f"{where}: no such key; " + nearest(steps[-1], _names_at(cls, steps[:-1]))
+        known = getattr(place.within, "__dataclass_fields__", {})
+        return f"{where}: no such key; " + nearest(keys[-1], list(known))
     if first["type"] in _MISSING:
         return f"{where}: must be given"
     cause = first.get("ctx", {}).get("error")
@@ -37,17 +39,18 @@ def sentence(cls: type, error: ValidationError, key: str) -> str:
         # It says itself which key is to blame.
         return str(cause)
     # The members of a union that have been tried at this place.
-    tried = [e for e in errors if _steps(e) == steps] if first["type"] != "value_error" else [first]
+    tried = [first]
+    if first["type"] != "value_error":
+        tried = [e for e in errors if _place(cls, e).keys == keys]
     message = " or ".join(dict.fromkeys(_message(e) for e in tried)).replace(" or must be ", " or ")
     if cause is not None and re.match(r"\w+: ", message):
         # A class names the field of its own that is wrong.
         return f"{where}.{message}" if where else message
     prefix = f"{where}: " if where else ""
-    if (
-        cause is not None and isinstance(first["input"], (Mapping, ArgsKwargs))
-    ) or ", not " in message:
+    # Of an object as a whole, the message says what matters.
+    if (cause is not None and is_dataclass(place.type)) or ", not " in message:
         return prefix + message
-    return f"{prefix}{message}, not {_short(first['input'])}"
+    return f"{prefix}{message}, not {short(first['input'])}"
 
 
 _UNKNOWN_KEY = {"unexpected_keyword_argument", "extra_forbidden"}
@@ -67,6 +70,8 @@ _WORDS = {
     "string_type": "must be a text",
     "tuple_type": "must be a list",
 }
+# Of a member of a union: that another one was meant.
+_OF_ANOTHER_KIND = {*_WORDS, "is_instance_of", "literal_error"}
 
 
 def _message(error: Any) -> str:
@@ -81,40 +86,97 @@ def _message(error: Any) -> str:
     return message[:1].lower() + message[1:]
 
 
-def _steps(error: Any) -> list[str]:
-    return [str(step) for step in error["loc"] if not _is_type_name(step)]
+class _Place(NamedTuple):
+    """Where in a document an error lies.
+
+    Attributes:
+        keys: That lead there.
+        within: The type that the last key belongs to.
+        type: Of the value there.
+        whole: Whether it is about the whole value, for one member of a union.
+    """
+
+    keys: list[str]
+    within: Any
+    type: Any
+    whole: bool
 
 
-def _is_type_name(step: object) -> bool:
-    # Pydantic adds the tried member of a union to the location of an error.
-    return isinstance(step, str) and ("[" in step or step in {"float", "int", "str", "bool"})
+def _place(cls: type, error: Any) -> _Place:
+    keys: list[str] = []
+    at: Any = cls
+    within, whole = at, False
+    for step in error["loc"]:
+        members = _members(at)
+        # Pydantic names the member of a union that it has tried; of None it says nothing.
+        whole = len(members) > 1
+        if whole:
+            at = _member(members, step)
+        elif step != "[key]":
+            within = members[0]
+            at = _inner(within, step)
+            keys.append(str(step))
+    return _Place(keys, within, _members(at)[0], whole)
 
 
-def _names_at(cls: type, steps: list[str]) -> list[str]:
-    """The fields of the class that stands at ``steps`` within ``cls``."""
-    for step in steps:
-        field = getattr(cls, "__pydantic_fields__", {}).get(step)
-        classes = (
-            [] if field is None else [t for t in _members(field.annotation) if is_dataclass(t)]
-        )
-        cls = classes[0] if classes else cls  # type: ignore[assignment]
-    return list(getattr(cls, "__dataclass_fields__", {}))
+def _fitting(cls: type, errors: list[Any]) -> list[Any]:
+    """The errors without those of a union's members that are for values of another kind."""
+
+    def misfit(error: Any) -> bool:
+        return error["type"] in _OF_ANOTHER_KIND and _place(cls, error).whole
+
+    meant = [error["loc"] for error in errors if not misfit(error)]
+
+    def stays(error: Any) -> bool:
+        union = error["loc"][:-1]
+        return not misfit(error) or all(loc[: len(union)] != union for loc in meant)
+
+    return [error for error in errors if stays(error)]
 
 
-def _members(annotation: Any) -> Iterator[Any]:
-    """``annotation`` and the types it is composed of."""
-    yield annotation
-    for member in get_args(annotation):
-        yield from _members(member)
+def _members(annotation: Any) -> list[Any]:
+    """The members of a union, but for None; of another type, itself."""
+    if get_origin(annotation) is Annotated:
+        return _members(get_args(annotation)[0])
+    if get_origin(annotation) not in {Union, UnionType}:
+        return [annotation]
+    return [member for member in get_args(annotation) if member is not NoneType]
 
 
-def _short(value: Any) -> str:
+def _member(members: list[Any], name: object) -> Any:
+    """The member that pydantic calls ``name``: a class by its own, others by what they are."""
+    named = [member for member in members if getattr(member, "__name__", None) == name]
+    return (named or [m for m in members if not is_dataclass(m)] or members)[0]
+
+
+def _inner(annotation: Any, step: object) -> Any:
+    """The type of what stands at ``step`` of a value; Any where that is not known."""
+    fields = getattr(annotation, "__pydantic_fields__", {})
+    if step in fields:
+        return fields[step].annotation
+    types = get_args(annotation)
+    if isinstance(step, int) and step < len(types) and get_origin(annotation) is tuple:
+        return types[step]
+    return types[-1] if get_origin(annotation) in {dict, list} else Any
+
+
+def short(value: Any) -> str:
+    """``value`` in at most 60 characters."""
     try:
         text = repr(plain(value))
     except RecursionError:
         # A YAML alias may stand within what it stands for.
         text = f"a {type(value).__name__} within itself"
     return text if len(text) <= 60 else text[:57] + "..."
+
+
+def require_type(key: str, value: object, *kinds: type) -> None:
+    """Raise an InvalidInputError if ``value`` is of none of these classes."""
+    if isinstance(value, kinds):
+        return
+    names = ["None" if kind is NoneType else kind.__name__ for kind in kinds]
+    given = short(value) if type(value).__module__ == "builtins" else type(value).__name__
+    raise InvalidInputError(f"{key}: must be of class {' or '.join(names)}, not {given}")
 
 
 def nearest(name: str, names: list[str]) -> str:

@@ -13,7 +13,7 @@ from ruamel.yaml.constructor import DuplicateKeyError
 from ruamel.yaml.error import YAMLError
 from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
-from .complaints import plain, sentence
+from .complaints import nearest, plain, sentence
 from .errors import InvalidInputError
 
 T = TypeVar("T")
@@ -81,3 +81,24 @@ def construct(cls: type[T], values: Any, key: str) -> T:
         return TypeAdapter(cls).validate_python(dict(values))
     except ValidationError as error:
         raise InvalidInputError(sentence(cls, error, key)) from None
+
+
+def kind_of(document: Mapping[str, Any], kinds: Mapping[str, type], key: str) -> type:
+    """The class that a section's ``kind`` names, among ``kinds``.
+
+    Raises:
+        InvalidInputError: If it names none.
+    """
+    kind = document.get("kind")
+    if kind is None:
+        raise InvalidInputError(f"{key}.kind: must be given; it may be {', '.join(kinds)}")
+    if not isinstance(kind, str) or kind not in kinds:
+        raise InvalidInputError(
+            f"{key}.kind: no {key} {kind!r}; " + nearest(str(kind), list(kinds))
+        )
+    return kinds[kind]
+
+
+def without_kind(document: Mapping[str, Any]) -> dict[str, Any]:
+    """The rest of such a section."""
+    return {name: value for name, value in document.items() if name != "kind"}

@@ -16,6 +16,7 @@ from .laws.rotation_error import rotation_error
 from .metrics import Motion, Pressing, law_metrics, motion_metrics
 from .recorder import Recorder
 from .result import Result
+from .systems.plant import PlantSettings
 from .task import TASKS
 
 
@@ -224,6 +225,9 @@ def _reaction(law: Law) -> str:
 
 def _tick(experiment: Experiment) -> float | None:
     """Time for which the arm's velocity is held [s]; None if it changes all the time."""
+    if experiment.level == "dynamic":
+        plant = experiment.plant
+        return PlantSettings().time_step if plant is None else plant.time_step
     dither = experiment.dither
     if dither is None or dither.model != "actuated" or experiment.filter is not None:
         return experiment.period

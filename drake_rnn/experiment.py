@@ -111,8 +111,8 @@ class Experiment:
         filter: What the law's command goes through, so that the arm keeps the bounds of
             ``limits`` up to the highest order given.
         feedback: Which arm the law sees: the one that the filtered command moves,
-            ``commanded``; or ``unfiltered``, a virtual one that its own command moves; or at
-            the dynamic level the true one, ``measured``.
+            ``commanded``; or ``unfiltered``, a virtual one that its own command moves; or the
+            true one, ``measured``, which is the default of documents at the dynamic level.
         seed: Of everything drawn at random.
         duration: Of the run [s].
         window: Times between which errors are evaluated [s]; the whole run by default.
@@ -264,6 +264,8 @@ def make_experiment(document: Mapping[str, Any]) -> Experiment:
     Raises:
         InvalidInputError: Naming the key, its value and what it may be.
     """
+    if document.get("level") == "dynamic":
+        document = {"feedback": "measured", **document}
     made = construct(Experiment, document, "")
     _ = made.setup
     return made
@@ -300,10 +302,11 @@ def _change(document: dict[str, Any], key: str, value: Any) -> None:
 
 
 def _cut_short(document: dict[str, Any], changes: Mapping[str, Any]) -> None:
-    duration, window = document.get("duration"), document.get("window")
-    if "duration" not in changes or "window" in changes or not isinstance(window, list):
+    if "duration" not in changes or "window" in changes:
         return
-    if isinstance(duration, (int, float)) and window[-1] > duration:
+    duration, window, numbers = document.get("duration"), document.get("window"), (int, float)
+    until = window[-1] if isinstance(window, list) and window else None
+    if isinstance(duration, numbers) and isinstance(until, numbers) and until > duration:
         document.pop("window")
         if not any(key.split(".")[0] == "accept" for key in changes):
             document.pop("accept", None)

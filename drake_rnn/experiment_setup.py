@@ -10,10 +10,10 @@ import numpy as np
 
 from .arms import Arm, load_arm
 from .complaints import nearest
+from .contact_setup import make_contact
 from .diagrams.contact import Contact
 from .diagrams.loop import check_filter, start_posture
-from .documents import construct
-from .environments import ENVIRONMENTS, ContactModel, ElasticSurface, Surface
+from .documents import construct, kind_of, without_kind
 from .errors import InvalidInputError
 from .fields import Array
 from .laws import LAWS, Law
@@ -73,7 +73,7 @@ def make_setup(experiment: Experiment) -> Setup:
     published = _arm(experiment.arm)
     limits = _limits(published, experiment.limits)
     arm = published.with_limits(limits)
-    law_class: Any = _kind(experiment.law, LAWS, "law")
+    law_class: Any = kind_of(experiment.law, LAWS, "law")
     fields = law_class.__dataclass_fields__
     seeks_posture = issubclass(law_class, PostureLaw)
     start = start_posture(arm, experiment.start, OUTSIDE if seeks_posture else 0.0)
@@ -87,7 +87,8 @@ def make_setup(experiment: Experiment) -> Setup:
     for name in filled.keys() & experiment.law.keys():
         raise InvalidInputError(f"law.{name}: follows from {_ORIGINS[name]}; leave it out")
     _require_task(experiment.task, law_class)
-    law: Law = construct(law_class, {**filled, **_rest(experiment.law)}, "law")
+    law: Law = construct(law_class, {**filled, **without_kind(experiment.law)}, "law")
+    _require_rows(experiment.task, law)
     if experiment.integrator is not None and not hasattr(law, "derivatives"):
         raise InvalidInputError(
             f"integrator: {experiment.law['kind']} is no differential equation; give a period"
@@ -108,6 +109,8 @@ def make_setup(experiment: Experiment) -> Setup:
         target, changes = reachable_target(experiment, arm, start, law.target)
         law = replace(law, target=target)
         warnings += changes
+    contact, doubts = make_contact(experiment, law, path, arm, start)
+    warnings += doubts
     kinematics = arm.kinematics()
     return Setup(
         arm=arm,
@@ -119,38 +122,10 @@ def make_setup(experiment: Experiment) -> Setup:
         R_WE_start=kinematics.R_WE(start),
         target=target,
         holds_orientation=TASKS[experiment.task].with_orientation or "R_WE_desired" in law.inputs,
-        contact=_contact(experiment, law),
+        contact=contact,
         path_delay=path_delay,
         warnings=tuple(warnings),
     )
-
-
-def _contact(experiment: Experiment, law: Law) -> Contact | None:
-    document = experiment.environment
-    if experiment.level == "kinematic" and experiment.plant is not None:
-        raise InvalidInputError("plant: only at level: dynamic")
-    if experiment.level == "dynamic" and experiment.period is None:
-        raise InvalidInputError("period: must be given at level: dynamic, no integrator")
-    if document is None:
-        if "normal_WE" in law.inputs:
-            raise InvalidInputError("environment: must be given; this law presses on a surface")
-        for name in ("force", "sensor"):
-            if getattr(experiment, name) is not None:
-                raise InvalidInputError(f"{name}: only with an environment")
-        return None
-    kind = _kind(document, ENVIRONMENTS, "environment")
-    able = _SURFACES[experiment.level]
-    if not issubclass(kind, able):
-        names = ", ".join(name for name, known in ENVIRONMENTS.items() if issubclass(known, able))
-        raise InvalidInputError(
-            f"environment.kind: may be {names} at level: {experiment.level}, not {document['kind']}"
-        )
-    if experiment.force is None:
-        raise InvalidInputError("force: must be given with an environment")
-    if experiment.sensor is not None and experiment.period is None:
-        raise InvalidInputError("sensor: is sampled like the law; give a period, no integrator")
-    surface: Surface = construct(kind, _rest(document), "environment")
-    return Contact(surface, experiment.force, experiment.sensor)
 
 
 # The field of a law that feeds the position error back, which a delay in its loop limits [1/s].
@@ -212,7 +187,7 @@ def _path(experiment: Experiment, seeks_posture: bool) -> Path:
         raise InvalidInputError("on_unreachable: only for a law that seeks a target posture")
     if document is None:
         raise InvalidInputError("path: must be given")
-    path: Path = construct(_kind(document, PATHS, "path"), _rest(document), "path")
+    path: Path = construct(kind_of(document, PATHS, "path"), without_kind(document), "path")
     return path
 
 
@@ -221,6 +196,20 @@ def _require_task(task: str, law_class: Any) -> None:
     sizes = get_args(field.annotation) if field is not None else ()
     if sizes and TASKS[task].size not in sizes:
         able = ", ".join(name for name, known in TASKS.items() if known.size in sizes)
+        raise InvalidInputError(f"task: may be {able} for this law, not {task}")
+
+
+def _require_rows(task: str, law: Law) -> None:
+    """Of a law that does not ask for the size of its task, and knows one."""
+    sizes = {name: shape[0] for name, (_, shape) in law.inputs.parts.items()}
+
+    def suits(name: str) -> bool:
+        known = TASKS[name]
+        axes = len(known.axes)
+        return sizes.get("p_WE", axes) == axes and sizes.get("J", known.size) == known.size
+
+    if not suits(task):
+        able = ", ".join(filter(suits, TASKS))
         raise InvalidInputError(f"task: may be {able} for this law, not {task}")
 
 
@@ -249,8 +238,6 @@ def _outside(arm: Arm, start: Array) -> list[str]:
     ]
 
 
-_SURFACES: dict[str, type[Surface]] = {"kinematic": ElasticSurface, "dynamic": ContactModel}
-
 # Where the fields of a law come from that a document does not give.
 _ORIGINS = {"limits": "arm and limits", "home": "start", "task_size": "task"}
 
@@ -278,18 +265,3 @@ def _limits(arm: Arm, bounds: Mapping[str, Any] | str) -> JointLimits:
                 f"{len(entries)}"
             )
     return construct(JointLimits, arm.limits.merged(bounds), "limits")
-
-
-def _kind(document: Mapping[str, Any], kinds: Mapping[str, type], key: str) -> type:
-    kind = document.get("kind")
-    if kind is None:
-        raise InvalidInputError(f"{key}.kind: must be given; it may be {', '.join(kinds)}")
-    if not isinstance(kind, str) or kind not in kinds:
-        raise InvalidInputError(
-            f"{key}.kind: no {key} {kind!r}; " + nearest(str(kind), list(kinds))
-        )
-    return kinds[kind]
-
-
-def _rest(document: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in document.items() if name != "kind"}

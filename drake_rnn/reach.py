@@ -50,6 +50,9 @@ def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
     rows = list(TASKS[experiment.task].axes)
     aim = _Aim(setup.arm.kinematics(), rows, setup.R_WE_start if setup.holds_orientation else None)
     origin = setup.path.start_point(setup.p_WE_start)
+    if setup.contact is not None:
+        # Where it presses.
+        origin = origin - setup.contact.surface.gap * setup.contact.surface.normal_W
     time = np.linspace(0.0, min(setup.path.period, experiment.duration), samples)
     q = setup.start.copy()
     miss: list[float] = []
@@ -144,13 +147,14 @@ def _require_torque(experiment: Experiment, reach: Reach) -> None:
     if setup.contact is None or experiment.level != "dynamic":
         return
     kinematics, effort = setup.arm.kinematics(), setup.arm.effort
-    pushed = setup.contact.force.value * setup.contact.surface.normal_W
+    most = max(setup.contact.force.value, setup.contact.force.initial)
+    pushed = most * setup.contact.surface.normal_W
     for t, q in zip(reach.time, reach.position, strict=True):
         torque = np.abs(kinematics.gravity(q) + kinematics.J(q).T @ pushed)
         weakest = int(np.argmax(torque - effort))
         if torque[weakest] > effort[weakest]:
             raise InvalidInputError(
-                f"force.value: {setup.contact.force.value:g} N asks {setup.arm.joints[weakest]} "
+                f"force.value: {most:g} N asks {setup.arm.joints[weakest]} "
                 f"for {torque[weakest]:.4g} Nm near t = {t:.3g} s; its motor has "
                 f"{effort[weakest]:g} Nm"
             )

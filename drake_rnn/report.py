@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
+from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
@@ -15,6 +17,11 @@ from .experiment import Acceptance, Experiment, read_experiment, shipped_experim
 from .limits import DERIVATIVE_UNITS
 from .result import Result
 from .sweep import Row
+
+#: Of a console on which nothing is squeezed [characters].
+WIDE = 10_000
+#: Of a sweep's columns of metrics, in whose names a line ends there, and of swept values.
+_HEADER, _VALUE = 13, 40
 
 
 def experiments_table() -> Table:
@@ -43,7 +50,7 @@ def metrics_table(result: Result) -> Table:
     bounds = _bounds(experiment)
     table = Table(box=SIMPLE_HEAD, title=escape(experiment.name))
     table.add_column("metric", no_wrap=True)
-    table.add_column("value", justify="right")
+    table.add_column("value", justify="right", no_wrap=True)
     table.add_column("bound", justify="right")
     table.add_column("")
     for name, value in result.metrics.items():
@@ -73,20 +80,53 @@ def joints_table(result: Result) -> Table | None:
     return table
 
 
-def sweep_table(keys: Sequence[str], rows: Sequence[Row]) -> Table:
-    """One row for each run of a sweep, with the metrics that differ between runs."""
+def sweep_tables(keys: Sequence[str], rows: Sequence[Row], width: int | None = None) -> list[Table]:
+    """One row for each run of a sweep, with the metrics that differ between runs.
+
+    What is wider than ``width`` characters goes on in another table: a number is never broken,
+    and a name only behind an underscore. To be printed on a `WIDE` console, as one column may
+    be too wide by itself.
+    """
+    tables, names = [], varying_metrics(rows)
+    while True:
+        count = len(names)
+        while width is not None and count > 1 and _width(keys, rows, names[:count]) > width:
+            count -= 1
+        tables.append(_sweep_table(keys, rows, names[:count]))
+        names = names[count:]
+        if not names:
+            return tables
+
+
+def _width(keys: Sequence[str], rows: Sequence[Row], names: Sequence[str]) -> int:
+    """Of a table that nothing squeezes, in characters."""
+    console = Console(width=WIDE)
+    return console.measure(_sweep_table(keys, rows, names)).maximum
+
+
+def _sweep_table(keys: Sequence[str], rows: Sequence[Row], names: Sequence[str]) -> Table:
     table = Table(box=SIMPLE_HEAD)
     for key in keys:
-        table.add_column(key, no_wrap=True)
-    names = varying_metrics(rows)
+        # A value may be a list of any length.
+        table.add_column(escape(key), overflow="fold", max_width=_VALUE)
     for name in names:
-        table.add_column(name.replace("_", " "), justify="right", overflow="fold")
+        table.add_column(_broken(name), justify="right", no_wrap=True)
     for row in rows:
         values = [f"{row.metrics[n]:.4g}" if n in row.metrics else "-" for n in names]
         # Why has been said when it failed, and stands in the CSV.
         cells = values if row.failure is None else ["[red]failed[/]"]
         table.add_row(*(escape(str(value)) for value in row.values), *cells)
     return table
+
+
+def _broken(name: str) -> str:
+    """In lines of some characters, if it has underscores to break it behind."""
+    lines = [""]
+    for part in re.findall("[^_]*_|[^_]+", name):
+        if lines[-1] and len(lines[-1] + part) > _HEADER:
+            lines.append("")
+        lines[-1] += part
+    return "\n".join(lines)
 
 
 #: What a sweep shows on a terminal, where there is room for a few; the CSV has all.

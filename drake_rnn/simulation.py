@@ -42,6 +42,18 @@ _LEVELS: dict[str, tuple[Callable[..., Loop], tuple[str, ...]]] = {
 }
 
 
+def check_experiment(experiment: Experiment) -> list[str]:
+    """What a user should know of an experiment before it runs.
+
+    Raises:
+        InvalidInputError: If it cannot be run: its path is out of reach, or its diagram cannot
+            be built.
+    """
+    warnings = check_reach(experiment)
+    build_diagram(experiment)
+    return warnings
+
+
 def simulate(experiment: Experiment, progress: Progress | None = None) -> Result:
     """Run an experiment.
 

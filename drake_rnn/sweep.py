@@ -17,9 +17,8 @@ from .documents import parse_yaml
 from .errors import DrakeRnnError, InterruptedRunError, InvalidInputError, SimulationError
 from .experiment import load_experiment
 from .fields import Array
-from .reach import check_reach
 from .result import Result
-from .simulation import simulate
+from .simulation import check_experiment, simulate
 
 
 @dataclass(frozen=True)
@@ -80,7 +79,7 @@ def sweep(
     jobs = []
     for values in combinations:
         changed = {**(changes or {}), **dict(zip(over, values, strict=True))}
-        check_reach(load_experiment(experiment, changed))
+        check_experiment(load_experiment(experiment, changed))
         jobs.append((experiment, changed, values))
     rows = []
     for row in _run_all(jobs, processes):

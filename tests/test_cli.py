@@ -156,6 +156,37 @@ def test_warnings_of_the_path_are_told(tmp_path):
     assert "warning path: asks panda_joint" in result.stderr
 
 
+def notes(result):
+    return [line for line in result.stdout.splitlines() if line.startswith("note ")]
+
+
+def test_a_window_that_is_dropped_is_told(tmp_path):
+    result = call("run", KNOWN, "--out", tmp_path, "--no-playback", *SHORT)
+    assert notes(result) == [
+        f"note {KNOWN}: window [12, 20] s and what is expected in it are dropped: "
+        "the run ends at 0.05 s"
+    ]
+    # It is told where it is dropped, and only there.
+    assert Result.load(tmp_path / KNOWN).experiment.window is None
+    again = call("run", tmp_path / KNOWN / "experiment.yaml", "--out", tmp_path, "--no-playback")
+    assert (again.exit_code, notes(again)) == (0, [])
+    kept = (*SHORT, "--set", "window=[0, 0.05]")
+    result = call("run", KNOWN, "--out", tmp_path, "--no-playback", *kept)
+    assert (result.exit_code, notes(result)) == (0, [])
+
+
+def test_a_window_is_dropped_without_what_was_expected_where_that_is_set(tmp_path):
+    expected = ("--set", "accept={saturated_fraction: {at_most: 1}}")
+    result = call("run", KNOWN, "--out", tmp_path, "--no-playback", *SHORT, *expected)
+    (note,) = notes(result)
+    assert "window [12, 20] s is dropped: " in note
+
+
+def test_a_sweep_tells_of_windows_that_are_dropped(tmp_path):
+    result = call("sweep", KNOWN, "--over", "duration=0.01,0.02", "--out", tmp_path)
+    assert [note.split(" at ")[1] for note in notes(result)] == ["0.01 s", "0.02 s"]
+
+
 # The same again.
 
 
@@ -318,6 +349,8 @@ def test_sweep_writes_a_table_and_a_picture(tmp_path):
     assert second.startswith("8,")
     assert "law.kappa" in result.stdout
     assert "sweep.csv" in result.stdout
+    # In a pipe it is one table, however many columns it has.
+    assert result.stdout.count("law.kappa  ") == 1
 
 
 def test_a_sweep_in_which_a_run_fails_ends_with_1_and_shows_the_others(tmp_path, breaks):

@@ -20,6 +20,7 @@ from drake_rnn import (
 from drake_rnn.diagrams.contact import Contact
 from drake_rnn.diagrams.dynamic import AddDynamicLoop
 from drake_rnn.diagrams.kinematic import AddKinematicLoop
+from drake_rnn.environments import Surface
 from drake_rnn.paths import Rest
 
 IIWA = load_arm("iiwa14", frame="tip")
@@ -41,19 +42,35 @@ def test_the_surface_is_the_gap_and_the_tools_radius_below_it(gap):
     np.testing.assert_allclose(p_WE - placed, gap * n, atol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((5.0, FORCE), r"Contact\.surface: must be of class ElasticSurface or .*, not 5\.0"),
+        ((Surface(), FORCE), r"Contact\.surface: .* or ContactModel, not Surface"),
+        ((Plate(), 5.0), r"Contact\.force: must be of class ForceProfile, not 5\.0"),
+        ((Plate(), None), r"Contact\.force: must be of class ForceProfile, not None"),
+        ((Plate(), FORCE, {"noise": 1}), r"sensor: .* SensorSettings or None, not \{'noise': 1\}"),
+    ],
+)
+def test_what_is_no_contact_is_refused_by_name(arguments, message):
+    with pytest.raises(InvalidInputError, match=message):
+        Contact(*arguments)
+
+
 class Pressing:
     """A law that presses, at either level, on a surface."""
 
-    def __init__(self, surface, sensor=None, force=FORCE, path=None, **law):
+    def __init__(self, surface, sensor=None, force=FORCE, path=None, task="xyz", **law):
         add = AddKinematicLoop if isinstance(surface, ElasticSurface) else AddDynamicLoop
         kinematics = IIWA.kinematics()
         p_WE, R_WE = kinematics.p_WE(IIWA.home), kinematics.R_WE(IIWA.home)
         builder = DiagramBuilder()
         path = Rest() if path is None else path
         path = builder.AddNamedSystem("path", PathSource(path, p_WE, "xyz", R_WE))
+        law = {"stiffness": 100.0, **law}
         controller = SampledController(MotionForce(limits=IIWA.limits, **law), 1e-3)
         contact = Contact(surface, force, sensor)
-        self.loop = add(builder, IIWA, controller, path, contact=contact)
+        self.loop = add(builder, IIWA, controller, path, contact=contact, task=task)
         self.diagram = builder.Build()
         self.simulator = Simulator(self.diagram)
 
@@ -110,7 +127,7 @@ def test_the_law_sees_what_its_sensor_says():
 @pytest.mark.parametrize(
     ("failure", "message"),
     [
-        ("nan", r"controller: .* not finite any more; so are its inputs normal_force"),
+        ("nan", r"force_sensor: the force sensor says nan \(at t = 0\.05 s\)"),
         ("frozen", r"force_watch: the force sensor is stuck at .* N since t = 0\.05"),
     ],
 )
@@ -118,6 +135,20 @@ def test_a_sensor_that_breaks_stops_the_run(failure, message):
     sensor = SensorSettings(noise=0.01, failure=failure, fails_at=0.05)
     with pytest.raises(SimulationError, match=message):
         Pressing(ElasticSurface(stiffness=100.0, gap=-0.01), sensor).after(0.3)
+
+
+def test_a_sensor_that_breaks_stops_a_law_that_does_not_look_at_it():
+    sensor = SensorSettings(failure="nan", fails_at=0.05)
+    with pytest.raises(SimulationError, match="the force sensor says nan"):
+        Pressing(ElasticSurface(stiffness=100.0), sensor, force_feedback="assumed").after(0.1)
+
+
+@pytest.mark.parametrize("task", ["xy", "pose"])
+@pytest.mark.parametrize("surface", [ElasticSurface(stiffness=100.0), Plate()])
+def test_a_law_that_presses_names_the_task_it_is_for(surface, task):
+    may_be = "xyz" if task == "pose" or isinstance(surface, Plate) else "xyz or pose"
+    with pytest.raises(InvalidInputError, match=f"task: m.* be {may_be} .*not {task}$"):
+        Pressing(surface, task=task)
 
 
 def test_a_delay_that_is_no_number_of_samples_is_refused():

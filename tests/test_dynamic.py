@@ -196,3 +196,15 @@ def test_where_an_arm_is_is_for_the_dynamic_level_only():
 def test_unfiltered_feedback_needs_a_filter():
     with pytest.raises(InvalidInputError, match="feedback: unfiltered is for a loop with a filter"):
         Run(known(), feedback="unfiltered")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("plant", {"damping": 1}, r"plant: .* PlantSettings or None, not \{'damping': 1\}"),
+        ("contact", Plate(), "contact: must be of class Contact or None, not Plate"),
+    ],
+)
+def test_an_argument_of_another_class_is_refused_by_name(name, value, message):
+    with pytest.raises(InvalidInputError, match=message):
+        Run(known(), **{name: value})

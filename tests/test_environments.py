@@ -48,12 +48,13 @@ def test_what_the_law_believes_is_the_normal_unless_it_is_told_another():
 @given(normals, points, points)
 def test_a_plates_upper_face_is_the_surface(normal, p_WS, offset):
     """Its z along the normal, its middle half a thickness below, moved only within its plane."""
-    plate = Plate(normal=normal, offset=offset, thickness=0.03)
-    X_WP, n = plate.pose(p_WS), plate.normal_W
+    n = Plate(normal=normal).normal_W
+    offset = offset - n.dot(offset) * n
+    X_WP = Plate(normal=normal, offset=offset, thickness=0.03).pose(p_WS)
     # 2e-6: the square root of what two normals may differ by to count as one.
     np.testing.assert_allclose(X_WP.rotation().col(2), n, atol=2e-6)
     along = X_WP.multiply(np.array([0.0, 0.0, 0.015])) - p_WS
-    np.testing.assert_allclose(along, offset - n.dot(offset) * n, atol=1e-7)
+    np.testing.assert_allclose(along, offset, atol=1e-7)
 
 
 def test_a_plate_that_is_all_but_level_is_tilted_as_it_says():
@@ -141,6 +142,7 @@ def test_environments_are_known_by_their_kind():
         ),
         (lambda: Plate(normal=[0, 1]), "normal: must have 3 entries"),
         (lambda: Plate(friction=-0.1), "friction"),
+        (lambda: Plate(offset=[0, 0, 0.1]), r"offset: must be along the plate; 0\.1 m of it"),
         (lambda: Plate(thickness=0.001), "thickness"),
         (lambda: Plate(hydroelastic_modulus=0.0), "hydroelastic_modulus"),
         (lambda: Plate(standoff=-0.1), "standoff"),

@@ -228,6 +228,46 @@ BAD = [
 ]
 
 
+BAD_CONTACT = [
+    ({"law.stiffness": -8000}, "law.stiffness: must be greater than 0, not -8000"),
+    ({"law.stiffness": nan}, "law.stiffness: must be a finite number, not nan"),
+    (
+        {"law.stiffness": "soft"},
+        "law.stiffness: must be a number or a mapping of keys to values, not 'soft'",
+    ),
+    ({"law.stiffness": {"initial": -1}}, "law.stiffness.initial: must be greater than 0, not -1"),
+    ({"law.stiffness": {"initial": "x"}}, "law.stiffness.initial: must be a number, not 'x'"),
+    (
+        {"law.stiffness": {"inital": 1e4}},
+        "law.stiffness.inital: no such key; nearest: initial, initial_force",
+    ),
+    (
+        {"law.stiffness": {"k": 1e4}},
+        "law.stiffness.k: no such key; it may be initial, initial_force, floor, exponent, ",
+    ),
+    ({"law.contact_loss": 3}, "law.contact_loss: must be a mapping of keys to values, not 3"),
+    ({"environment.tip": 3}, "environment.tip: must be a mapping of keys to values, not 3"),
+    ({"environment.tip": {"modulus": 3}}, "environment.tip.modulus: no such key; "),
+    ({"environment.normal": {"z": 1}}, "environment.normal: must be a list of numbers, not {'z"),
+    ({"environment.believed_normal": 3}, "environment.believed_normal: must be a list of numb"),
+    ({"sensor": {"failure": "nan"}}, "sensor.failure: goes with fails_at; give both or neither"),
+    ({"sensor": {"delay": 1e7}}, "sensor.delay: must be less than or equal to 5, not 1"),
+    ({"over": {"a[0]": 3}}, "over.a[0]: must be a list, not 3"),
+]
+
+
+def test_what_is_wrong_with_an_object_as_a_whole_is_said_without_its_fields():
+    message = refusal(changes={"integrator": {"scheme": "radau3"}})
+    assert message == "integrator: give either accuracy or step"
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"), BAD_CONTACT, ids=[message for _, message in BAD_CONTACT]
+)
+def test_what_a_contact_cannot_be_is_refused_by_key_and_value(changes, message):
+    assert refusal("contact_circle", changes).startswith(message)
+
+
 @pytest.mark.parametrize(("changes", "message"), BAD, ids=[message for _, message in BAD])
 def test_what_cannot_be_is_refused_by_key_and_value(changes, message):
     assert refusal(changes=changes).startswith(message)

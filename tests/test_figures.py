@@ -5,6 +5,7 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 from PIL import Image
 
@@ -214,6 +215,27 @@ def test_overview_tells_the_metrics_and_what_was_expected(known):
     # After half a second the arm has not reached its path.
     assert f"{known.metrics['position_error_max_m']:.4g}" in [text.get_text() for text in missed]
     assert len(page.get_axes()) == 6
+
+
+def test_an_overview_has_no_empty_lines_above(known):
+    def header(**told):
+        page = draw(changed(known, **told), "overview")
+        page.canvas = FigureCanvasAgg(page)
+        page.canvas.draw()
+        part = page.subfigs[0]
+        bottom = min(text.get_window_extent().y0 for text in part.texts)
+        assert bottom >= part.bbox.y0
+        # Of a line [inch], what is empty below the last one.
+        assert (bottom - part.bbox.y0) / page.dpi < 0.15
+        return part.bbox.height / page.dpi
+
+    heights = [
+        header(paper="", expect=""),
+        header(paper="Fig. 3", expect=""),
+        header(paper="Fig. 3", expect="it follows"),
+        header(paper="Fig. 3", expect="it follows its path " * 10),
+    ]
+    np.testing.assert_allclose(np.diff(heights), 0.14, atol=0.01)
 
 
 def test_an_error_of_zero_and_numbers_that_are_none(known, tmp_path):

@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import to_hex
 
 from drake_rnn.experiment import load_experiment
 from drake_rnn.figures import drawable, write_figures
 from drake_rnn.figures.force_panels import force_spectrum
 from drake_rnn.figures.learning import learning_figure
-from drake_rnn.figures.surface import on_surface, surface_axes
+from drake_rnn.figures.style import COLOURS
+from drake_rnn.figures.surface import force_scale, on_surface, surface_axes
 from drake_rnn.simulation import simulate
 from drake_rnn.sweep import Row
 from figure_helpers import assert_no_text_is_cut_off, changed, draw, is_dashed, panel
@@ -146,6 +148,22 @@ def test_noise_is_shown_beside_the_error_but_does_not_drown_it(level):
     assert drowned.get_legend() is None
 
 
+def test_what_a_sensor_says_can_be_told_from_the_truth(level):
+    error = level.metrics["force_error_max_N"]
+    force = level.series["normal_force"]
+    offset = with_series(level, normal_force_measured=force + 0.1 * error)
+    for result, least in ((offset, 3.0), (read_noisily(level, 0.3 * error), 0.5)):
+        ax = panel(result, "force_error")
+        measured, true = labelled(ax, "measured"), labelled(ax, "true")
+        assert measured.get_color() != true.get_color()
+        # What runs beside the truth is seen on both sides of it.
+        assert measured.get_linewidth() >= least * true.get_linewidth()
+        assert measured.get_zorder() < true.get_zorder()
+    # Less could not be seen.
+    close = with_series(level, normal_force_measured=force + 0.03 * error)
+    assert panel(close, "force_error").get_legend() is None
+
+
 def test_a_contact_that_is_lost_is_marked(level):
     lost = replace(level, metrics=level.metrics | {"contact_lost_time_s": 2.5})
     whole, settling = draw(lost, "normal_force").get_axes()
@@ -206,7 +224,13 @@ def test_a_level_surface_has_the_axes_of_the_base(level):
     ],
 )
 def test_axes_lie_in_the_surface_and_are_seen_from_above(level, normal, names):
-    turned = changed(level, environment=level.experiment.environment | {"normal": normal})
+    experiment = level.experiment
+    # A path that leads nowhere lies in every plane.
+    turned = changed(
+        level,
+        environment=experiment.environment | {"normal": normal},
+        path=experiment.path | {"size": 1e-9},
+    )
     axes, found = surface_axes(turned)
     n = np.array(normal) / np.linalg.norm(normal)
     np.testing.assert_allclose(np.cross(*axes), n, atol=1e-12)
@@ -236,7 +260,58 @@ def test_the_curve_from_above_is_where_the_tool_was_and_how_hard_it_pressed(leve
         low, high = drawn.get_clim()
         assert force[0] < low <= force[within].min()
         assert force[within].max() <= high
-        assert low <= 0.95 * result.series["normal_force_desired"][-1]
+        assert low <= 0.95 * result.series["normal_force_desired"][-1] + 1e-12
+
+
+def pressed(result, shares):
+    """As if the force in the window had been these shares of the desired one, in turn."""
+    force = result.series["normal_force"].copy()
+    within = result.time >= 1.0 - 1e-9
+    force[within] = 0.1 * np.resize(shares, int(within.sum()))
+    return with_series(result, normal_force=force)
+
+
+@pytest.mark.parametrize("shares", [[0.9914, 1.0086], [0.9986], [1.0]])
+def test_a_run_that_is_hardly_off_has_one_colour(level, shares):
+    drawn = curve(panel(pressed(level, shares), "path_on_surface"))
+    rgba = drawn.to_rgba(drawn.get_array())[level.time[:-1] >= 1.0]
+    assert {to_hex(colour).upper() for colour in rgba} == {COLOURS[2]}
+
+
+@pytest.mark.parametrize("shares", [[1.0], [0.8, 1.0], [0.97, 1.3], [0.0, 1.0], [0.0, 7.0], [3.0]])
+def test_the_desired_force_is_in_the_middle_of_a_colour(level, shares):
+    edges, colours = force_scale(pressed(level, shares))
+    assert (np.diff(edges) > 0).all()
+    assert len(edges) == colours.N + 1
+    assert 3 <= colours.N <= 9 or min(shares) == 3.0
+    k = int(np.searchsorted(edges, 0.1)) - 1
+    assert edges[k : k + 2].mean() == pytest.approx(0.1)
+    assert edges[k + 1] - edges[k] >= 0.02 * 0.1 - 1e-12
+    assert to_hex(colours.colors[k]).upper() == COLOURS[2]
+    assert edges[0] <= 0.1 * min(0.95, *shares) + 1e-12
+    assert edges[-1] >= 0.1 * max(1.05, *shares) - 1e-12
+
+
+def test_what_is_wanted_of_a_path_in_space_lies_where_the_tool_presses(level, inclined):
+    for result in (level, inclined):
+        n = result.experiment.setup.contact.surface.normal_W
+        panels = draw(result, "position").get_axes()
+        text = "desired, along the surface"
+        wanted = np.stack([labelled(ax, text).get_ydata() for ax in panels], axis=1)
+        # As high as the tool, as far off as the position error, above the path it was given.
+        off = result.series["p_WE"] - wanted
+        np.testing.assert_allclose(off @ n, 0.0, atol=1e-12)
+        np.testing.assert_allclose(np.linalg.norm(off, axis=1), result.position_error, atol=1e-12)
+        sunk = np.cross(wanted - result.series["p_WE_desired"], n)
+        np.testing.assert_allclose(sunk, 0.0, atol=1e-12)
+        (line,) = [line for line in panel(result, "path_3d").lines if line.get_label() == text]
+        drawn = np.stack(line.get_data_3d(), axis=1)
+        np.testing.assert_array_equal(drawn, wanted[: len(drawn)])
+
+
+def test_in_the_air_what_is_wanted_is_the_path(free):
+    drawn = [labelled(ax, "desired").get_ydata() for ax in draw(free, "position").get_axes()]
+    np.testing.assert_array_equal(np.stack(drawn, axis=1), free.series["p_WE_desired"])
 
 
 def test_a_circle_on_an_inclined_plate_is_one_from_above(inclined):

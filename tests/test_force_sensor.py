@@ -7,18 +7,19 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drake_rnn import InvalidInputError, SensorSettings
+from drake_rnn import InvalidInputError, SensorSettings, SimulationError
 from drake_rnn.systems import ForceSensor
 
 PERIOD = 1e-3
 
 
-def said(until=0.2, seed=0, force=None, **settings):
+def said(until=0.2, seed=0, force=None, name="sensor", **settings):
     """What it says, by sample: entry k is what is there to be seen just after sample k."""
     builder = DiagramBuilder()
     source = ConstantVectorSource([1.0]) if force is None else TrajectorySource(force)
     builder.AddSystem(source)
-    sensor = builder.AddSystem(ForceSensor(SensorSettings(**settings), PERIOD, seed))
+    sensor = ForceSensor(SensorSettings(**settings), PERIOD, seed)
+    builder.AddNamedSystem(name, sensor)
     builder.Connect(source.get_output_port(), sensor.get_input_port())
     # Half a period late, so that each entry lies between two samples.
     log = LogVectorOutput(sensor.get_output_port(), builder, publish_period=PERIOD / 2)
@@ -82,10 +83,18 @@ def test_a_frozen_sensor_says_what_it_last_said():
     assert data[50] > 0.0
 
 
-def test_a_dead_sensor_says_nothing():
-    data = said(failure="nan", fails_at=0.0505)
-    assert (data[:51] == 1.0).all()
-    assert np.isnan(data[51:]).all()
+def test_a_dead_sensor_stops_the_run_at_its_next_sample_and_says_why():
+    with pytest.raises(SimulationError, match="dead: the force sensor says nan") as caught:
+        said(name="dead", failure="nan", fails_at=0.0505)
+    assert caught.value.time == pytest.approx(0.051)
+
+
+@pytest.mark.parametrize("late", [0, 3])
+def test_a_force_that_is_no_number_stops_the_run_once_it_is_to_be_said(late):
+    force = PiecewisePolynomial.ZeroOrderHold([0.0, 0.0505, 1.0], [[1.0, np.nan, np.nan]])
+    with pytest.raises(SimulationError, match="the force sensor says nan") as caught:
+        said(force=force, delay=late * PERIOD)
+    assert caught.value.time == pytest.approx(0.051 + late * PERIOD)
 
 
 def test_by_default_it_says_what_is():
@@ -97,6 +106,8 @@ def test_by_default_it_says_what_is():
     [
         ({"noise": -0.1}, "noise"),
         ({"delay": float("inf")}, "delay"),
+        ({"delay": -1e-3}, r"delay: must be greater than or equal to 0, not -0\.001"),
+        ({"delay": 1e7}, "delay: must be less than or equal to 5, not 10000000"),
         ({"low_pass": 0.0}, "low_pass"),
         ({"failure": "melted", "fails_at": 1.0}, "failure"),
         ({"failure": "nan"}, "failure: goes with fails_at"),

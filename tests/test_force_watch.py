@@ -1,6 +1,5 @@
-"""What stops a run whose force sensor is broken."""
+"""What stops a run whose force sensor is stuck."""
 
-import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import BasicVector, DiagramBuilder, LeafSystem
@@ -28,14 +27,9 @@ def watch(force, until=0.5, position=lambda t: t, **settings):
     for name, said in (("normal_force", force), ("position", position)):
         source = builder.AddSystem(Said(said))
         builder.Connect(source.get_output_port(), watched.GetInputPort(name))
-    Simulator(builder.Build()).AdvanceTo(until)
-
-
-@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_a_force_that_is_no_number_stops_the_run_at_that_sample(value):
-    with pytest.raises(SimulationError, match=rf"watch: the force sensor says {value}") as caught:
-        watch(lambda t: value if t > 0.2005 else 1.0 + t)
-    assert caught.value.time == pytest.approx(0.201)
+    # Named, so that it lives as long as a traceback does, whose frames refer to its context.
+    simulator = Simulator(builder.Build())
+    simulator.AdvanceTo(until)
 
 
 def test_a_force_that_is_stuck_stops_the_run_after_its_patience():
@@ -47,6 +41,7 @@ def test_a_force_that_is_stuck_stops_the_run_after_its_patience():
 
 
 def test_zero_force_is_no_sensor_that_is_stuck():
+    """Nor is one that sticks there noticed: without contact, it would say the same."""
     watch(lambda t: 0.0)
 
 

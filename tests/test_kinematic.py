@@ -12,6 +12,7 @@ from drake_rnn import (
     InvalidInputError,
     NullSpaceAdjustment,
     PathSource,
+    Plate,
     Pseudoinverse,
     SampledController,
     SelfMotion,
@@ -20,6 +21,7 @@ from drake_rnn import (
 )
 from drake_rnn.diagrams.kinematic import AddKinematicLoop
 from drake_rnn.paths import Circle, Rest
+from drake_rnn.systems.moving_average import FilterSettings
 
 PANDA = load_arm("panda").with_limits(
     load_arm("panda").limits.replace(velocity=0.5, acceleration=1.0)
@@ -179,8 +181,45 @@ def test_a_law_of_another_size_is_refused():
     builder = DiagramBuilder()
     p_WE = PANDA.kinematics().p_WE(PANDA.home)
     path = builder.AddNamedSystem("path", PathSource(Circle(size=0.05, period=4.0), p_WE))
-    with pytest.raises(InvalidInputError, match=r"has 2 entries, .* has 3"):
+    message = "task: may be xy for SimultaneousLearning .*, not xyz; or give the law task_size=3"
+    with pytest.raises(InvalidInputError, match=message):
         AddKinematicLoop(builder, PANDA, SampledController(planar, 1e-3), path)
+
+
+def test_a_reference_of_another_size_is_refused():
+    builder = DiagramBuilder()
+    path = PathSource(Circle(size=0.05, period=4.0), np.zeros(3), "xy")
+    builder.AddNamedSystem("path", path)
+    message = r"path\.p_WE_desired: must have 3 entries, as controller\.p_WE_desired, not 2"
+    with pytest.raises(InvalidInputError, match=message):
+        AddKinematicLoop(builder, PANDA, SampledController(law(), 1e-3), path)
+
+
+def test_a_law_for_another_arm_is_refused():
+    other = SampledController(Pseudoinverse(limits=load_arm("ur5").limits), 1e-3)
+    message = r"limits: those of Pseudoinverse must be of 7 joints, as panda has, not of 6"
+    with pytest.raises(InvalidInputError, match=message):
+        AddKinematicLoop(DiagramBuilder(), PANDA, other)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("dither", {"sigma": 1}, r"dither: .* DitherSettings or None, not \{'sigma': 1\}"),
+        ("filter", FilterSettings(), "filter: .* MovingAverage or None, not FilterSettings"),
+        ("contact", Plate(), "contact: must be of class Contact or None, not Plate"),
+    ],
+)
+def test_an_argument_of_another_class_is_refused_by_name(name, value, message):
+    with pytest.raises(InvalidInputError, match=message):
+        build(**{name: value})
+
+
+def test_a_law_or_a_name_in_place_of_a_system_or_an_arm_is_refused():
+    with pytest.raises(InvalidInputError, match=r"controller: .* not SimultaneousLearning"):
+        AddKinematicLoop(DiagramBuilder(), PANDA, law())
+    with pytest.raises(InvalidInputError, match="arm: must be of class Arm, not 'panda'"):
+        AddKinematicLoop(DiagramBuilder(), "panda", SampledController(law(), 1e-3))
 
 
 @pytest.mark.parametrize(

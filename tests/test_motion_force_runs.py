@@ -205,7 +205,7 @@ class TestContact:
     @pytest.mark.parametrize(
         ("failure", "message"),
         [
-            ("nan", r"not finite any more; so are its inputs normal_force \(at t = 1.001 s\)"),
+            ("nan", r"force_sensor: the force sensor says nan \(at t = 1 s\)"),
             ("frozen", r"stuck at 4\..* N since t = 1 s, while the arm moves \(at t = 1.1 s\)"),
         ],
     )

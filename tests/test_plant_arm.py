@@ -173,6 +173,57 @@ def test_a_model_is_pressed_like_a_plate(tmp_path, extra):
         assert driven["contact_force"][2] == pytest.approx(plate, rel=0.05)
 
 
+@pytest.mark.parametrize("friction", [0.1, None])
+def test_friction_is_that_of_ball_and_model_both(tmp_path, friction):
+    """Of 1 for the model and 0.3 for the ball Drake makes 2 * 0.3 * 1 / 1.3."""
+    rough = RIGID.replace(
+        "</drake", '<drake:mu_dynamic value="1"/><drake:mu_static value="1"/></drake'
+    )
+    file = tmp_path / "pad.urdf"
+    xmlns = 'xmlns:drake="http://drake.mit.edu"'
+    file.write_text(PAD.format(extra=rough).replace("<robot", f"<robot {xmlns}"))
+    p_WS = IIWA.kinematics().p_WE(IIWA.home) - (RADIUS - 1e-3) * UP
+    model = ModelSurface(model=str(file), friction=friction)
+    driven = Driven(IIWA, IIWA.home, model, p_WS).after(0.3)
+    v = np.array([0.05, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    for k in range(50):
+        driven.command(IIWA.home + v * k * 0.01, v)
+        F = driven.after(0.3 + 0.01 * (k + 1))["contact_force"]
+    expected = 0.6 / 1.3 if friction is None else friction
+    assert np.hypot(*F[:2]) / F[2] == pytest.approx(expected, rel=0.01)
+
+
+# One link, and a tool whose joint's frame may lie anywhere on it.
+PENDULUM = """<sdf version="1.7" xmlns:drake="http://drake.mit.edu"><model name="pendulum">
+<link name="base"/>
+<joint name="foot" type="fixed"><parent>world</parent><child>base</child></joint>
+<link name="link"><pose>0 0 0.5 0 0 0</pose>{inertial}</link>
+<joint name="hinge" type="revolute"><parent>base</parent><child>link</child><axis>
+  <xyz>0 1 0</xyz><limit><lower>-3</lower><upper>3</upper><effort>100</effort></limit>
+</axis></joint>
+<link name="tool"><pose>0.3 0 0.5 0 0 0</pose>{inertial}<collision name="ball">
+  <geometry><sphere><radius>0.02</radius></sphere></geometry></collision></link>
+<joint name="weld" type="fixed"><pose>{pose}</pose>
+  <parent>link</parent><child>tool</child></joint>
+</model></sdf>""".replace(
+    "{inertial}",
+    "<inertial><mass>0.7</mass><inertia><ixx>.01</ixx><iyy>.01</iyy><izz>.01</izz></inertia>"
+    "</inertial>",
+)
+
+
+@pytest.mark.parametrize("pose", ["0 0 0 0 0 0", "0.05 0 0 0.4 1.2 0"])
+def test_wherever_the_tools_joint_has_its_frame_a_tool_in_the_air_feels_nothing(tmp_path, pose):
+    """Drake tells a reaction in the joint's frame, which need not be the tool's."""
+    file = tmp_path / "pendulum.sdf"
+    file.write_text(PENDULUM.format(pose=pose))
+    arm = load_arm(str(file), frame="tool")
+    q = np.array([0.2])
+    p_WS = arm.kinematics().p_WE(q) - 0.1 * UP
+    driven = Driven(arm, q, Plate(), p_WS).after(1.0)
+    np.testing.assert_allclose(driven["tool_force"], 0.0, atol=1e-6)
+
+
 def rewritten(tmp_path, change):
     file = tmp_path / "iiwa.urdf"
     file.write_text(change((MODELS / "iiwa14" / "iiwa14.urdf").read_text()))

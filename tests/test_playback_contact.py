@@ -14,7 +14,7 @@ from pydrake.common.eigen_geometry import Quaternion
 
 from drake_rnn.environments import ElasticSurface, ModelSurface, Plate
 from drake_rnn.experiment import load_experiment
-from drake_rnn.playback.force_arrow import LENGTH, newtons
+from drake_rnn.playback.force_arrow import LENGTH, _along, newtons
 from drake_rnn.playback.on_surface import on_surface
 from drake_rnn.playback.pressing import Pressing, pressing_of
 from drake_rnn.playback.replayed_motion import replayed_motion
@@ -445,3 +445,21 @@ def test_a_plate_is_not_clear(edge_page: Page, edge: Result) -> None:
     assert isinstance(edge.experiment.setup.contact.surface, Plate)
     (material,) = edge_page.objects["/surface/plate"]["materials"]
     assert material["opacity"] == 1.0
+
+
+@pytest.mark.parametrize("result", ["approach", "inclined"])
+def test_an_arrow_points_along_every_force(result: str, request: pytest.FixtureRequest) -> None:
+    """Also along the surface's axes, and into it; turned from the normal by the shortest way."""
+    contact = pressing(request.getfixturevalue(result))
+    axes = contact.R_WS.matrix()
+    directions = [*axes.T, *-axes.T, *np.random.default_rng(0).normal(size=(20, 3))]
+    for direction in directions:
+        direction = direction / np.linalg.norm(direction)
+        R = _along(direction, contact).matrix()
+        np.testing.assert_allclose(R[:, 2], direction, atol=1e-12)
+        np.testing.assert_allclose(R.T @ R, np.eye(3), atol=1e-12)
+        assert np.linalg.det(R) == pytest.approx(1.0)
+        turned = math.acos(np.clip((np.trace(R @ axes.T) - 1) / 2, -1, 1))
+        tilted = math.acos(np.clip(direction @ contact.normal, -1, 1))
+        assert turned == pytest.approx(tilted, abs=1e-6)
+    np.testing.assert_allclose(_along(contact.normal, contact).matrix(), axes, atol=1e-12)

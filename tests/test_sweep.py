@@ -1,14 +1,18 @@
 """One experiment at many values."""
 
 import csv
+import io
+import re
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from drake_rnn import InvalidInputError, SimulationError, load_experiment, simulate
 from drake_rnn import sweep as sweeping
 from drake_rnn.figures.sweep import sweep_figure
 from drake_rnn.metrics import TIMING_METRICS
+from drake_rnn.report import WIDE, sweep_tables
 from drake_rnn.sweep import Row, parse_axis, sweep, write_csv
 
 KNOWN = "slc_nephroid_known"
@@ -162,3 +166,60 @@ def test_the_picture_has_a_panel_for_each_metric(tmp_path):
 def test_there_is_no_picture_of_nothing(tmp_path, table, metrics):
     assert sweep_figure(["x"], table, metrics, tmp_path / "sweep.png") is None
     assert not (tmp_path / "sweep.png").exists()
+
+
+@pytest.mark.parametrize("decades", [0.91, 1.0, 1.4, 2.3, 6.0])
+@pytest.mark.parametrize("start", [1e-5, 1.05e-5, 2.1e-5, 9.5e-5])
+def test_a_logarithmic_axis_has_two_labels(decades, start, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr("drake_rnn.figures.sweep.save", lambda figure, _: drawn.append(figure))
+    values = start * np.geomspace(1.0, 10**decades, 12)
+    table = [Row((float(v),), {"error": 3.0 * float(v)}) for v in values]
+    sweep_figure(["x"], table, ["error"], tmp_path / "sweep.png")
+    (ax,) = drawn[0].get_axes()
+    assert ax.get_xscale() == ax.get_yscale() == "log"
+    for axis, (low, high) in ((ax.xaxis, ax.get_xlim()), (ax.yaxis, ax.get_ylim())):
+        places = axis.get_majorticklocs()
+        texts = axis.get_major_formatter().format_ticks(places)
+        labels = [text for at, text in zip(places, texts, strict=True) if low <= at <= high]
+        assert sum(map(bool, labels)) >= 2, labels
+        assert len(labels) <= 9
+
+
+# The table on a terminal.
+
+
+NAMES = ("position_error_max_m", "orientation_error_max_rad", "velocity_error_max_m_s")
+
+
+def printed(width, table):
+    """Lines of the tables on a terminal, without its rules."""
+    stream = io.StringIO()
+    console = Console(file=stream, width=WIDE)
+    for part in sweep_tables(["law.kappa"], table, width):
+        console.print(part)
+    return [line for line in stream.getvalue().splitlines() if set(line) - set(" ─")]
+
+
+@pytest.mark.parametrize("width", [20, 30, 42, 43, 60, 200])
+def test_a_narrow_table_breaks_no_number_and_no_word(width):
+    table = [Row((k,), {name: 4.344e-05 * (k + j) for j, name in enumerate(NAMES)}) for k in (1, 2)]
+    lines = printed(width, table)
+    # The swept value and one metric are always beside one another.
+    assert max(map(len, lines)) <= max(width, 30)
+    tokens = " ".join(lines).split()
+    for row in table:
+        for value in row.metrics.values():
+            assert f"{value:.4g}" in tokens
+    parts = {f"{part}_" for name in NAMES for part in name.split("_")}
+    parts |= {name.split("_")[-1] for name in NAMES}
+    numbers = {f"{value:.4g}" for row in table for value in row.metrics.values()}
+    for token in {*tokens} - numbers - {"law.kappa", "1", "2"}:
+        assert set(re.findall("[^_]*_|[^_]+", token)) <= parts, token
+    # What does not fit beside it is told below, with the values it belongs to.
+    assert tokens.count("law.kappa") == {20: 3, 30: 3, 42: 3, 43: 2, 60: 1, 200: 1}[width]
+
+
+def test_a_run_that_failed_is_told_in_each_table():
+    table = [Row((1,), {name: 1.0 for name in NAMES}), Row((2,), {}, "lost")]
+    assert sum("failed" in line for line in printed(30, table)) == 3

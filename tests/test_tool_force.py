@@ -15,8 +15,9 @@ ARM = load_arm("iiwa14", frame="tip")
 MASS = 0.7
 JOINT = 2
 BODY = "tool"
-SENSOR = ToolForce(ARM, BODY, JOINT, MASS)
 R = ARM.replace(frame=BODY, joints=list(ARM.joints)).kinematics().R_WE
+R_EJ = ARM.kinematics().R_WE(ARM.home).T @ R(ARM.home)
+SENSOR = ToolForce(ARM, JOINT, R_EJ, MASS)
 
 
 def told(held, q):
@@ -51,7 +52,7 @@ def test_before_the_plants_first_step_it_says_nothing():
 
 def test_in_another_gravity_the_tool_weighs_otherwise():
     sideways = ARM.replace(gravity=[0.0, -9.81, 0.0], joints=list(ARM.joints))
-    sensor = ToolForce(sideways, BODY, 0, MASS)
+    sensor = ToolForce(sideways, 0, R_EJ, MASS)
     context = sensor.CreateDefaultContext()
     held = R(ARM.home).T @ np.array([0.0, MASS * 9.81, 0.0])
     forces = [SpatialForce(np.zeros(3), held)]

@@ -46,15 +46,19 @@ class Plate(ContactModel):
     offset: Point = Field(default_factory=_zeros)
     hydroelastic_modulus: Positive | None = None
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if abs(off := float(self.normal_W.dot(self.offset))) > 1e-9:
+            raise ValueError(f"offset: must be along the plate; {off:.3g} m of it is a gap")
+
     def pose(self, p_WS: Array) -> RigidTransform:
         """Of its middle, z along the normal, for a surface through ``p_WS``, shape (3,) [m]."""
         n = self.normal_W
-        sideways = self.offset - n.dot(self.offset) * n
         R = RotationMatrix.MakeFromOneVector(n, 2)
         # Edges along the base's axes where the plate is level.
         if abs(n[2]) > 1.0 - 1e-12:
             R = RotationMatrix() if n[2] > 0.0 else RotationMatrix.MakeXRotation(np.pi)
-        return RigidTransform(R, p_WS + sideways - self.thickness / 2.0 * n)
+        return RigidTransform(R, p_WS + self.offset - self.thickness / 2.0 * n)
 
     def add_to(self, plant: MultibodyPlant, p_WS: Array) -> None:
         """See `ContactModel.add_to`."""

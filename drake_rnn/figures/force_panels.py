@@ -15,6 +15,7 @@ from .style import (
     largest,
     legend,
     log_axis,
+    noisy,
     prefixed,
     shade_window,
     span,
@@ -24,9 +25,10 @@ from .surface import NEAR
 from .traits import evaluated
 
 _BAND: Style = {"color": COLOURS[2], "alpha": 0.25, "linewidth": 0}
-_MEASURED: Style = {"color": "0.75", "linewidth": 0.5}
-#: What a sensor says is shown if it is mostly off by more than this share of the largest force.
-_APART = 0.01
+_MEASURED: Style = {"color": COLOURS[4], "zorder": 1}
+#: What a sensor says is shown if it is mostly off by more than this share of the largest force,
+#: or of the largest error beside which it lies.
+_APART, _APART_OF_ERROR = 0.01, 0.05
 #: Fewer samples have no spectrum.
 _FEWEST = 16
 #: Decades below the peak after which a spectrum is rounding [-].
@@ -50,7 +52,7 @@ def plot_force(ax: Axes, result: Result, until: float | None = None) -> None:
     (curve,) = ax.plot(time, scale * is_, color=COLOURS[0], label="force")
     if _root_mean_square(measured - is_) > _APART * largest(is_):
         curve.set_label("true")
-        ax.plot(time, scale * measured, label="measured", zorder=1, **_MEASURED)
+        _plot_measured(ax, time, scale * measured, scale * is_)
         levels.append(scale * measured)
     shade_window(ax, result)
     lost = result.metrics.get("contact_lost_time_s")
@@ -76,8 +78,8 @@ def plot_force_error(ax: Axes, result: Result) -> None:
     unit, scale = prefixed(error, "N")
     ax.plot(time, scale * error, color=COLOURS[0], label="true")
     misread = (result.series["normal_force_measured"] - result.series["normal_force"])[within]
-    if _APART * largest(error) < _root_mean_square(misread) < largest(error):
-        ax.plot(time, scale * (error + misread), label="measured", zorder=1, **_MEASURED)
+    if _APART_OF_ERROR * largest(error) < _root_mean_square(misread) < largest(error):
+        _plot_measured(ax, time, scale * (error + misread), scale * error)
         legend(ax)
     ax.axhline(0.0, **DESIRED)
     low, high = span(np.concatenate([line.get_ydata() for line in ax.lines]), least=1e-9)
@@ -133,6 +135,13 @@ def force_spectrum(result: Result) -> tuple[Array, Array]:
     # The highest of an even number of samples has no phase.
     inner = (frequency > 0.0) & (frequency < 0.5 / period * (1 - 1e-9))
     return np.asarray(frequency[inner]), np.asarray(amplitude[inner])
+
+
+def _plot_measured(ax: Axes, time: Array, measured: Array, true: Array) -> None:
+    """Behind the truth, and yet seen: a wide and pale line, or a thin one that goes to and fro."""
+    noise = noisy(measured - true)
+    look: Style = {"linewidth": 0.6, "alpha": 0.8} if noise else {"linewidth": 3.2, "alpha": 0.45}
+    ax.plot(time, measured, label="measured", **_MEASURED, **look)
 
 
 def _root_mean_square(values: Array) -> float:

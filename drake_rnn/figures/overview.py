@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from textwrap import wrap
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -82,6 +83,10 @@ _PRESSING_PANELS: _Panels = [
     ({"normal_force", "normal_force_desired", "normal_force_measured"}, plot_force_error),
 ]
 _MOST = 6
+#: Height of the header's name and of each line below it [inch].
+_TITLE, _LINE = 0.24, 0.14
+#: Of those lines, whose room is known before they are drawn.
+_LETTERS = 120
 
 #: What the overview names, after what the experiment itself expects.
 _METRICS = (
@@ -148,10 +153,12 @@ def overview(result: Result) -> Figure:
     every, names = _contents(result)
     panels = [plot for needs, plot in every if needs <= result.series.keys()][:_MOST]
     rows = (len(panels) + 1) // 2
-    figure = Figure(figsize=(PAGE, 1.75 + 2.3 * rows), layout="constrained")
-    parts: Any = figure.subfigures(3, 1, height_ratios=(0.45, 2.3 * rows, 1.3))
+    told = [*wrap(result.experiment.paper, _LETTERS), *wrap(result.experiment.expect, _LETTERS)]
+    heights = (_TITLE + _LINE * len(told), 2.3 * rows, 1.3)
+    figure = Figure(figsize=(PAGE, sum(heights)), layout="constrained")
+    parts: Any = figure.subfigures(3, 1, height_ratios=heights)
     header, body, footer = parts
-    _header(header, result)
+    _header(header, result.experiment.name or "experiment", told)
     grid = body.add_gridspec(rows, 2)
     for k, plot in enumerate(panels):
         in_space = plot is plot_postures and is_spatial(result)
@@ -175,11 +182,13 @@ def _contents(result: Result) -> tuple[_Panels, tuple[str, ...]]:
     return _PANELS, _METRICS
 
 
-def _header(part: Any, result: Result) -> None:
-    experiment = result.experiment
-    part.text(0.5, 0.9, experiment.name or "experiment", va="top", ha="center", fontsize=11)
-    what = [line for line in (experiment.paper, experiment.expect) if line]
-    part.text(0.5, 0.45, "\n".join(what), va="top", ha="center", fontsize=7.5, wrap=True)
+def _header(part: Any, name: str, told: list[str]) -> None:
+    """Lines below the name, if there is anything to be told."""
+    height = _TITLE + _LINE * len(told)
+    part.text(0.5, 1 - 0.04 / height, name, va="top", ha="center", fontsize=11)
+    if told:
+        y = 1 - (_TITLE + 0.01) / height
+        part.text(0.5, y, "\n".join(told), va="top", ha="center", fontsize=7.5)
 
 
 def _table(part: Any, result: Result, common: tuple[str, ...]) -> None:

@@ -46,6 +46,7 @@ from .style import (
     time_axis,
     unit,
 )
+from .surface import brought_onto_surface
 from .task_panels import (
     plot_end_effector,
     plot_path,
@@ -62,9 +63,9 @@ def path_3d(result: Result) -> Figure:
     """Desired and traced path in space."""
     figure = Figure(figsize=(COLUMN, 3.2))
     ax: Any = figure.add_axes((0.02, 0.13, 0.84, 0.82), projection="3d")
-    p_WE, desired = result.series["p_WE"], result.series["p_WE_desired"]
+    p_WE, desired, text = _traced_and_desired(result)
     ax.plot(*p_WE.T, label="traced", **TRACED)
-    ax.plot(*desired[first_lap(result)].T, label="desired", **DESIRED)
+    ax.plot(*desired[first_lap(result)].T, label=text, **DESIRED)
     ax.plot(*p_WE[:1].T, "o", color="black", markersize=3.5, label="start")
     frame_space(ax, finite(np.concatenate((p_WE, desired))))
     figure.legend(*ax.get_legend_handles_labels(), loc="upper center", ncols=3)
@@ -144,7 +145,7 @@ def acceleration_norm(result: Result) -> Figure:
 @draws("p_WE", "p_WE_desired")
 def position(result: Result) -> Figure:
     """Position and what is desired, axis by axis."""
-    p_WE, desired = result.series["p_WE"], result.series["p_WE_desired"]
+    p_WE, desired, text = _traced_and_desired(result)
     m = p_WE.shape[1]
     figure = Figure(figsize=(COLUMN, 0.6 + 1.1 * m), layout="constrained")
     axes = figure.subplots(m, 1, sharex=True, squeeze=False).ravel()
@@ -153,7 +154,7 @@ def position(result: Result) -> Figure:
     share = 0.05 if has_path(result) else 1.0
     for name, ax, is_, ought in zip("xyz", axes, p_WE.T, desired.T, strict=False):
         ax.plot(result.time, is_, label="traced", **TRACED)
-        ax.plot(result.time, ought, label="desired", **DESIRED)
+        ax.plot(result.time, ought, label=text, **DESIRED)
         # An axis along which nothing should move is not filled with micrometres.
         low, high = span(np.concatenate((is_, ought)), least=max(share * widest, 1e-4))
         ax.set_ylim(low - 0.06 * (high - low), high + 0.06 * (high - low))
@@ -297,6 +298,13 @@ def jacobian_error(result: Result) -> Figure:
     figure, ax = single()
     plot_jacobian_error(ax, result)
     return figure
+
+
+def _traced_and_desired(result: Result) -> tuple[Array, Array, str]:
+    """Points, shape (k, m) [m] both, that are to be compared, and what the latter are called."""
+    if presses(result):
+        return result.series["p_WE"], brought_onto_surface(result), "desired, along the surface"
+    return result.series["p_WE"], result.series["p_WE_desired"], "desired"
 
 
 def _flashes(result: Result) -> Figure:

@@ -9,7 +9,13 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter, NullLocator
+from matplotlib.ticker import (
+    LogFormatterSciNotation,
+    LogLocator,
+    NullFormatter,
+    NullLocator,
+    StrMethodFormatter,
+)
 
 from ..fields import Array
 from ..sweep import Row
@@ -18,6 +24,8 @@ from .style import COLOURS, PAGE, save, styled
 _COLUMNS = 3
 #: Values of a logarithmic axis are labelled up to this many, and this far apart [decades].
 _TICKS, _APART = 10, 0.17
+#: A logarithmic axis has at least as many labels.
+_LABELLED = 2
 #: A metric that varies by less is shown from zero, as the constant that it all but is.
 _FLAT = 0.1
 #: Of the curves, so that of two that coincide both are seen.
@@ -84,13 +92,28 @@ def _scale(ax: Axes) -> None:
         if swept.size <= _TICKS:
             ax.set_xticks(swept, _legible(swept))
             ax.xaxis.set_minor_locator(NullLocator())
+        else:
+            _label_decades(ax.xaxis)
         ax.xaxis.set_minor_formatter(NullFormatter())
     if _spans_decades(y):
         ax.set_yscale("log")
+        _label_decades(ax.yaxis)
         ax.yaxis.set_minor_formatter(NullFormatter())
     elif np.nanmin(y, initial=np.inf) >= (1 - _FLAT) * np.nanmax(y, initial=0.0) > 0:
         ax.set_ylim(0, 1.15 * np.nanmax(y))
     ax.margins(x=0.05)
+
+
+def _label_decades(axis: Any) -> None:
+    """And 2 and 5 between them where too few are in view: one label alone gives no scale."""
+    is_x = axis.axis_name == "x"
+    low, high = axis.axes.get_xlim() if is_x else axis.axes.get_ylim()
+    if sum(low <= tick <= high for tick in axis.get_majorticklocs()) < _LABELLED:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_minor_locator(NullLocator())
+        powers = LogFormatterSciNotation(minor_thresholds=(np.inf, np.inf))
+        # Swept values as they were given.
+        axis.set_major_formatter(StrMethodFormatter("{x:g}") if is_x else powers)
 
 
 def _legible(values: Array) -> list[str]:
@@ -128,8 +151,6 @@ def _is_number(value: object) -> bool:
 
 
 def _spans_decades(values: Array) -> bool:
-    """Whether a logarithmic axis shows them better, with one labelled tick at least."""
+    """Whether a logarithmic axis shows them better."""
     sound = values[np.isfinite(values)]
-    if sound.size == 0 or sound.min() <= 0 or sound.max() < 8 * sound.min():
-        return False
-    return bool(np.floor(np.log10(sound.max())) >= np.ceil(np.log10(sound.min())))
+    return bool(sound.size and sound.min() > 0 and sound.max() >= 8 * sound.min())

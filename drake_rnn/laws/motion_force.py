@@ -82,6 +82,7 @@ from .sampling_rate import check_sampling_rate
 
 # Radians of the fastest mode in a step of Runge and Kutta's fourth-order method, stable to 2.8.
 _PER_STEP = 2.2
+_MOST_SUBSTEPS = 1000
 
 
 @validated
@@ -90,6 +91,7 @@ class MotionForce:
 
     Args:
         limits: Of positions and velocities.
+        stiffness: Of the surface [N/m], assumed, or learned.
         jacobian: ``known``; ``learned``; or ``printed``: learned, but for J^T in (22a).
         J_hat_initial: Of a learned Jacobian: ``zero``, or the true one, ``exact``.
         rho: How slowly it is learned [rad^2/s].
@@ -98,7 +100,6 @@ class MotionForce:
         orientation_gain: Of the rotation error [1/s]; not used by ``printed``.
         form: ``normalised``, or the paper's ``literal``.
         force_feedback: ``measured``, or the paper's ``assumed``.
-        stiffness: Of the surface [N/m], assumed, or learned.
         approach_speed: Largest speed along the normal that is asked for [m/s]; None for any.
         contact_loss: What to do without contact; None: go on.
         time_constant: Of the network [s].
@@ -107,6 +108,7 @@ class MotionForce:
 
     kind: Literal["motion_force"] = "motion_force"
     limits: JointLimits
+    stiffness: Positive | OnlineStiffness
     jacobian: Literal["known", "learned", "printed"] = "known"
     J_hat_initial: Literal["zero", "exact"] = "zero"
     rho: Positive = 1e-6
@@ -115,7 +117,6 @@ class MotionForce:
     orientation_gain: NonNegative = 10.0
     form: Literal["normalised", "literal"] = "normalised"
     force_feedback: Literal["measured", "assumed"] = "measured"
-    stiffness: Positive | OnlineStiffness = 100.0
     approach_speed: Positive | None = None
     contact_loss: ContactLoss | None = None
     time_constant: Positive = 1e-3
@@ -215,9 +216,24 @@ class MotionForce:
                 )
 
     def check_period(self, period: float) -> None:
-        """Raise an InvalidInputError if the feedback overshoots when sampled so rarely."""
+        """Raise an InvalidInputError if the feedback overshoots when sampled so rarely.
+
+        Or if the network would take too many substeps.
+        """
         rates = {name: getattr(self, name) for name in ("gain", "orientation_gain")}
         check_sampling_rate(period, rates)
+        scale, key = 1.0, "time_constant"
+        if self.form == "literal":
+            assert not isinstance(self.stiffness, OnlineStiffness)  # refused when made
+            scale, key = max(1.0, self.stiffness), "form"
+        # Of a Jacobian of norm 2.
+        substeps = 2.0 * scale / self.time_constant * period / _PER_STEP
+        if substeps > _MOST_SUBSTEPS:
+            raise InvalidInputError(
+                f"law.{key}: the network would take some {substeps:.3g} substeps a period with "
+                f"stiffness {scale:g} and time_constant {self.time_constant:g}; it may take "
+                f"{_MOST_SUBSTEPS}"
+            )
 
     def derivatives(self, t: float, x: Array, u: Signals) -> Array:
         """Right-hand side of (19), (21) or (22).

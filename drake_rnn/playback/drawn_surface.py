@@ -49,11 +49,12 @@ def _sheet(pressing: Pressing) -> Plate:
     """A thin plate in the place of a surface without an end: wide enough for what is drawn."""
     drawn = np.concatenate((pressing.lap, pressing.trace))
     middle = (drawn.min(axis=0) + drawn.max(axis=0)) / 2.0
+    n, offset = pressing.normal, middle - pressing.p_WS
     return Plate(
-        normal=pressing.normal,
+        normal=n,
         size=2.0 * float(np.linalg.norm(drawn - middle, axis=1).max()) + 0.16,
         thickness=_SHEET_THICKNESS,
-        offset=middle - pressing.p_WS,
+        offset=offset - n.dot(offset) * n,
     )
 
 

@@ -28,6 +28,8 @@ _IN_FRONT = {
 }
 # Share of the desired force that makes an arrow too short to be seen.
 _NONE = 1e-3
+# Of two unit vectors' sum: below, they point against each other.
+_OPPOSITE = 1e-6
 
 
 def newtons(pressing: Pressing) -> float:
@@ -72,11 +74,18 @@ def record_arrow(
 
 
 def _along(direction: Array, pressing: Pressing) -> RotationMatrix:
-    """Axes with z along a direction that turn as little as it does."""
-    x = pressing.R_WS.matrix()[:, 0]
-    y: Any = np.cross(direction, x)
-    y /= np.linalg.norm(y)
-    return RotationMatrix(np.column_stack((np.cross(y, direction), y, direction)))
+    """Axes with z along a direction: the surface's, turned by the shortest way.
+
+    There is one for every direction but that into the surface, to which any half turn leads:
+    the arrow is round.
+    """
+    n = pressing.normal
+    middle = n + direction
+    size = float(np.linalg.norm(middle))
+    axis = middle / size if size > _OPPOSITE else pressing.R_WS.matrix()[:, 0]
+    # Half a turn about the normal and half a turn about the middle make the shortest way.
+    about_normal = pressing.R_WS.matrix() @ np.diag([-1.0, -1.0, 1.0])
+    return RotationMatrix((2.0 * np.outer(axis, axis) - np.eye(3)) @ about_normal)
 
 
 def _round_up(number: float) -> float:

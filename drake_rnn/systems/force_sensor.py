@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
+from pydantic import Field
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from ..errors import InvalidInputError
+from ..errors import InvalidInputError, SimulationError
 from ..fields import NonNegative, Positive, validated
 
 _BLOCK = 1024
@@ -20,14 +21,16 @@ class SensorSettings:
 
     Args:
         noise: Standard deviation of normal noise at each sample [N].
-        delay: Of each sample, beyond the one that sampling takes; a multiple of the period [s].
+        delay: Of each sample, beyond the one that sampling takes; a multiple of the period, at
+            most 5 s, as all samples on their way are kept [s].
         low_pass: Corner frequency of a first-order filter behind the noise [Hz]; None for none.
-        failure: How it breaks at ``fails_at``: ``nan``, or ``frozen`` at what it last said.
+        failure: How it breaks at ``fails_at``: ``nan``, which stops the run, or ``frozen`` at
+            what it last said.
         fails_at: When [s].
     """
 
     noise: NonNegative = 0.0
-    delay: NonNegative = 0.0
+    delay: Annotated[float, Field(strict=True, ge=0, le=5, allow_inf_nan=False)] = 0.0
     low_pass: Positive | None = None
     failure: Literal["nan", "frozen"] | None = None
     fails_at: NonNegative | None = None
@@ -47,6 +50,7 @@ class ForceSensor(LeafSystem):
 
     Raises:
         InvalidInputError: If the delay is no multiple of the period.
+        SimulationError: While simulating, if it would have to say what is no number.
     """
 
     def __init__(self, settings: SensorSettings, period: float, seed: int = 0) -> None:
@@ -86,7 +90,12 @@ class ForceSensor(LeafSystem):
         x[-1] = self._kept * said + (1.0 - self._kept) * x[-2]
         broken = self._settings.fails_at
         if broken is not None and context.get_time() >= broken:
-            x[-1] = said if self._settings.failure == "frozen" else np.nan
+            x[-1] = said if self._settings.failure == "frozen" else math.nan
+        if not math.isfinite(x[-1]):
+            # A law that has seen it could only say that its own state is none any more.
+            raise SimulationError(
+                f"{self.get_name()}: the force sensor says {x[-1]}", context.get_time()
+            )
         state.set_value(x)
 
     def _noise(self, number: int) -> float:

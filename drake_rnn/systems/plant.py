@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple
 
-from pydrake.geometry import ProximityProperties, RoleAssign, SceneGraph
+from pydrake.geometry import (
+    GeometryId,
+    GeometrySet,
+    ProximityProperties,
+    Role,
+    RoleAssign,
+    SceneGraph,
+)
 from pydrake.multibody.plant import (
     AddMultibodyPlant,
     CoulombFriction,
@@ -91,8 +99,13 @@ def add_plant(
         if p_WS is None:
             raise InvalidInputError("p_WS: must be given with an environment")
         tool = find_tool(plant, plant.GetFrameByName(arm.frame, instance))
-        _set_material(plant, scene_graph, tool, environment)
+        known = set(_touchable(scene_graph))
         environment.add_to(plant, p_WS)
+        around = [geometry for geometry in _touchable(scene_graph) if geometry not in known]
+        _set_material(plant, scene_graph, tool, environment)
+        if environment.friction is not None:
+            for geometry in (*tool.geometries, *around):
+                _set_friction(plant, scene_graph, geometry, environment.friction)
     plant.Finalize()
     moving = plant.num_positions(instance)
     if moving != arm.n or plant.num_velocities(instance) != arm.n:
@@ -128,20 +141,39 @@ def _set_material(
 ) -> None:
     """The tool's material, but for what the environment leaves as it is."""
     material = environment.tip
-    changes: dict[tuple[str, str], Any] = {}
-    if material is not None:
-        changes = {
-            ("hydroelastic", "hydroelastic_modulus"): material.hydroelastic_modulus,
-            ("hydroelastic", "resolution_hint"): material.mesh_resolution,
-            ("material", "hunt_crossley_dissipation"): material.dissipation,
-        }
-    if environment.friction is not None:
-        friction = CoulombFriction(environment.friction, environment.friction)
-        changes["material", "coulomb_friction"] = friction
-    inspector = scene_graph.model_inspector()
+    if material is None:
+        return
+    given = {
+        ("hydroelastic", "hydroelastic_modulus"): material.hydroelastic_modulus,
+        ("hydroelastic", "resolution_hint"): material.mesh_resolution,
+        ("material", "hunt_crossley_dissipation"): material.dissipation,
+    }
+    changes = {place: value for place, value in given.items() if value is not None}
     for geometry in tool.geometries:
-        properties = ProximityProperties(inspector.GetProximityProperties(geometry))
-        for (group, name), value in changes.items():
-            if value is not None:
-                properties.UpdateProperty(group, name, value)
-        scene_graph.AssignRole(plant.get_source_id(), geometry, properties, RoleAssign.kReplace)
+        _update(plant, scene_graph, geometry, changes)
+
+
+def _set_friction(
+    plant: MultibodyPlant, scene_graph: SceneGraph, geometry: GeometryId, friction: float
+) -> None:
+    changes = {("material", "coulomb_friction"): CoulombFriction(friction, friction)}
+    _update(plant, scene_graph, geometry, changes)
+
+
+def _update(
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    geometry: GeometryId,
+    changes: Mapping[tuple[str, str], Any],
+) -> None:
+    present = scene_graph.model_inspector().GetProximityProperties(geometry)
+    properties = ProximityProperties(present)
+    for (group, name), value in changes.items():
+        properties.UpdateProperty(group, name, value)
+    scene_graph.AssignRole(plant.get_source_id(), geometry, properties, RoleAssign.kReplace)
+
+
+def _touchable(scene_graph: SceneGraph) -> list[GeometryId]:
+    """All geometries that can be in contact."""
+    every = GeometrySet(scene_graph.model_inspector().GetAllGeometryIds())
+    return list(scene_graph.model_inspector().GetGeometryIds(every, Role.kProximity))

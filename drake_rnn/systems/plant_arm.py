@@ -62,7 +62,7 @@ class PlantArm(Diagram):
         self.plant, self.scene_graph = added.plant, added.scene_graph
         self._drive(builder, arm, added.instance)
         if added.tool is not None:
-            self._feel(builder, arm, added.tool, kinematics)
+            self._feel(builder, arm, added.instance, added.tool, kinematics)
         builder.BuildInto(self)
 
     def _drive(self, builder: DiagramBuilder, arm: Arm, instance: ModelInstanceIndex) -> None:
@@ -103,11 +103,22 @@ class PlantArm(Diagram):
         self._position = builder.GetSubsystemByName("position").get_output_port()
 
     def _feel(
-        self, builder: DiagramBuilder, arm: Arm, tool: Tool, kinematics: ArmKinematics | None
+        self,
+        builder: DiagramBuilder,
+        arm: Arm,
+        instance: ModelInstanceIndex,
+        tool: Tool,
+        kinematics: ArmKinematics | None,
     ) -> None:
         plant = self.plant
-        index = _reaction_index(plant, tool)
-        sensor = ToolForce(arm, tool.body.name(), index, tool.mass, kinematics)
+        # Both move with the tool: any posture will do.
+        X_EJ = plant.CalcRelativeTransform(
+            plant.CreateDefaultContext(),
+            plant.GetFrameByName(arm.frame, instance),
+            tool.joint.frame_on_child(),
+        )
+        R_EJ = X_EJ.rotation().matrix()
+        sensor = ToolForce(arm, _reaction_index(plant, tool), R_EJ, tool.mass, kinematics)
         builder.AddNamedSystem("tool_force", sensor)
         builder.Connect(
             plant.get_reaction_forces_output_port(), sensor.GetInputPort("reaction_forces")

@@ -23,8 +23,9 @@ class ToolForce(LeafSystem):
 
     Args:
         arm: The arm; the tool moves with its frame E.
-        body: Name of the tool's body.
         joint: Index of the joint that holds it, among the reaction forces.
+        R_EJ: Orientation in E of that joint's frame J on the tool, shape (3, 3): in it Drake
+            tells the joint's reaction.
         mass: Of what that joint holds [kg].
         kinematics: Of the arm, to share what it computes with others who ask at the same
             posture; by default its own.
@@ -33,28 +34,25 @@ class ToolForce(LeafSystem):
     def __init__(
         self,
         arm: Arm,
-        body: str,
         joint: int,
+        R_EJ: Array,
         mass: float,
         kinematics: ArmKinematics | None = None,
     ) -> None:
         super().__init__()
         R_WE = (arm.kinematics() if kinematics is None else kinematics).R_WE
-        at_zero = np.zeros(arm.n)
-        tool = arm.replace(frame=body, joints=list(arm.joints)).kinematics()
-        R_EB = R_WE(at_zero).T @ tool.R_WE(at_zero)
         weight: Array = mass * arm.gravity
         forces = self.DeclareAbstractInputPort("reaction_forces", Value[list[SpatialForce]]())
         position = self.DeclareVectorInputPort("position", arm.n)
 
         def tool_force(context: Context, output: Any) -> None:
-            # The joint's own force on the tool, in the tool's frame.
+            # The joint's own force on the tool.
             held = forces.Eval(context)[joint].translational()
             if not held.any():
                 # A plant that has not made its first step has felt nothing yet.
                 output.set_value(np.zeros(3))
                 return
-            output.set_value(-R_WE(position.Eval(context)).dot(R_EB.dot(held)) - weight)
+            output.set_value(-R_WE(position.Eval(context)).dot(R_EJ.dot(held)) - weight)
 
         seen = {forces.ticket(), position.ticket()}
         self.DeclareVectorOutputPort("tool_force", 3, tool_force, seen)

@@ -177,8 +177,9 @@ def log_axis(ax: Axes, curves: Iterable[Array]) -> None:
         return
     low = min(max(curve.min(), np.percentile(curve, 1) / 5) for curve in positive)
     high = max(curve.max() for curve in positive)
-    ax.set_yscale("log")
+    # Limits first: to a logarithmic scale matplotlib would take none that are the same.
     ax.set_ylim(10 ** np.floor(np.log10(low)), 10 ** np.ceil(np.log10(high) + 0.01))
+    ax.set_yscale("log")
     ax.yaxis.set_major_locator(LogLocator(numticks=7))
     ax.yaxis.set_minor_formatter(NullFormatter())
 

@@ -11,14 +11,13 @@ import time
 
 import numpy as np
 from pydrake.multibody.tree import JacobianWrtVariable
-from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from rich.console import Console
 from rich.table import Table
 from scipy.integrate import solve_ivp
 
 from drake_rnn import Layout, load_experiment
 from drake_rnn.experiment import Experiment
-from drake_rnn.simulation import add_recorder, build_diagram, simulator_config
+from drake_rnn.simulation import add_recorder, build_simulator
 
 #: Ticks cost at most so many units.
 TARGETS = {"slc_nephroid_known": 16.0, "slc_nephroid": 20.0, "naljdf_clover": 35.0}
@@ -68,9 +67,7 @@ def unit(experiment: Experiment, repeats: int = 5000) -> float:
 def tick(experiment: Experiment, *, recorded: bool, idle: bool = False) -> float:
     """Cost of one sample of the diagram [us]."""
     law = Idle(experiment.setup.law) if idle else None
-    diagram, loop = build_diagram(experiment, law=law)
-    simulator = Simulator(diagram)
-    ApplySimulatorConfig(simulator_config(experiment), simulator)
+    simulator, loop = build_simulator(experiment, law)
     if recorded:
         add_recorder(simulator, loop)
     simulator.Initialize()
@@ -81,9 +78,7 @@ def tick(experiment: Experiment, *, recorded: bool, idle: bool = False) -> float
 
 def law_step(experiment: Experiment, repeats: int = 3000) -> float:
     """Cost of the law alone, on signals of a running diagram [us]."""
-    diagram, loop = build_diagram(experiment)
-    simulator = Simulator(diagram)
-    ApplySimulatorConfig(simulator_config(experiment), simulator)
+    simulator, loop = build_simulator(experiment)
     simulator.AdvanceTo(10 * experiment.period)
     context = loop.controller.GetMyContextFromRoot(simulator.get_context())
     u, x = loop.controller.signals(context), loop.controller.state(context)

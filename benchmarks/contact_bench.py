@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 
 import numpy as np
-from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
+from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
@@ -20,7 +20,7 @@ from rich.table import Table
 from drake_rnn import load_experiment, shipped_experiments
 from drake_rnn.experiment import Experiment
 from drake_rnn.recorder import Recorder
-from drake_rnn.simulation import add_recorder, build_diagram, simulator_config
+from drake_rnn.simulation import add_recorder, build_simulator
 from drake_rnn.systems.plant import add_plant, motors_of
 
 #: Everything takes at most so many times the wall time of the bare plant.
@@ -30,9 +30,7 @@ DURATION = 2.0
 
 def whole(experiment: Experiment, *, recorded: bool) -> float:
     """Wall time of the experiment's diagram [s]."""
-    diagram, loop = build_diagram(experiment)
-    simulator = Simulator(diagram)
-    ApplySimulatorConfig(simulator_config(experiment), simulator)
+    simulator, loop = build_simulator(experiment)
     if recorded:
         add_recorder(simulator, loop)
     simulator.Initialize()
@@ -43,9 +41,7 @@ def whole(experiment: Experiment, *, recorded: bool) -> float:
 
 def commands(experiment: Experiment) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times [s], and what the motors are told then: desired state and torque, a row each."""
-    diagram, loop = build_diagram(experiment)
-    simulator = Simulator(diagram)
-    ApplySimulatorConfig(simulator_config(experiment), simulator)
+    simulator, loop = build_simulator(experiment)
     ports = {
         "q": loop.joint_command.get_output_port(),
         "v": loop.controller.GetOutputPort("commanded_velocity"),

@@ -56,7 +56,8 @@ def runs_table(names: tuple[str, ...]) -> None:
     """Each experiment's errors in its window."""
     jacobian = "J_hat: error, largest"
     columns = ("mean [N]", "rms [N]", "largest [N]", "aside [m]", "turned [rad]", jacobian)
-    head("`drake-rnn run ...`", *columns, "joint velocity, largest [rad/s]", "bounds broken by")
+    columns = (*columns, "joint velocity, largest [rad/s]", "bounds broken by")
+    head("`drake-rnn run ...`", *columns, "sensor off by, largest [N]")
     for name in names:
         result = simulate(load_experiment(name))
         metrics = (
@@ -67,7 +68,15 @@ def runs_table(names: tuple[str, ...]) -> None:
             "joint_velocity_max_rad_s",
             "limit_violation_max",
         )
-        row(f"`{name}`", *(figure(result, metric) for metric in metrics))
+        row(f"`{name}`", *(figure(result, metric) for metric in metrics), sensor_error(result))
+
+
+def sensor_error(result: Result) -> str:
+    """What the sensor says less what the contact knows, within the window."""
+    begin, end = result.experiment.window
+    inside = (result.time > begin) & (result.time <= end)
+    told, true = (result.series[f"normal_force{name}"][inside] for name in ("_measured", ""))
+    return f"{np.abs(told - true).max():.1g}"
 
 
 def start_up_table() -> None:

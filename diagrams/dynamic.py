@@ -18,7 +18,7 @@ from drake_rnn.systems.plant import PlantSettings
 from drake_rnn.systems.plant_arm import PlantArm
 
 from .contact import Contact
-from .loop import Controller, Feedback, Loop, Wiring, add_loop, start_posture
+from .loop import Controller, Feedback, Loop, add_loop, start_posture
 
 
 def AddDynamicLoop(
@@ -89,7 +89,12 @@ def AddDynamicLoop(
     shared = arm.kinematics()
     body = PlantArm(arm, start, environment, p_WS, plant, shared)
 
-    wiring = Wiring(
+    return add_loop(
+        builder,
+        arm,
+        controller,
+        reference,
+        body,
         start=start,
         task=task,
         dither=dither,
@@ -99,5 +104,5 @@ def AddDynamicLoop(
         signals=signals,
         seed=seed,
         prefix=prefix,
+        kinematics=shared,
     )
-    return add_loop(builder, arm, controller, reference, body, wiring, kinematics=shared)

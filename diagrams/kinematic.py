@@ -19,7 +19,7 @@ from drake_rnn.systems.spring_contact import SpringContact
 from drake_rnn.task import named_task
 
 from .contact import Contact
-from .loop import Controller, Feedback, Loop, Wiring, add_loop, start_posture
+from .loop import Controller, Feedback, Loop, add_loop, start_posture
 
 
 def AddKinematicLoop(
@@ -87,7 +87,12 @@ def AddKinematicLoop(
         if len(named_task(task).axes) != 3:
             raise InvalidInputError(f"task: must be xyz or pose with a contact, not {task}")
         spring = SpringContact(contact.surface, contact.place(arm, start))
-    wiring = Wiring(
+    return add_loop(
+        builder,
+        arm,
+        controller,
+        reference,
+        Mirror(arm.n),
         start=start,
         task=task,
         dither=dither,
@@ -97,5 +102,5 @@ def AddKinematicLoop(
         signals=signals,
         seed=seed,
         prefix=prefix,
+        spring=spring,
     )
-    return add_loop(builder, arm, controller, reference, Mirror(arm.n), wiring, spring=spring)

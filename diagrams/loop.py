@@ -51,28 +51,22 @@ class Loop(NamedTuple):
     forces: Mapping[str, OutputPort] = {}
 
 
-class Wiring(NamedTuple):
-    """What both kinds of loop are told alike; see `AddKinematicLoop`."""
-
-    start: Array
-    task: str
-    dither: DitherSettings | None
-    filter: MovingAverage | None
-    feedback: Feedback
-    contact: Contact | None
-    signals: Mapping[str, OutputPort] | None
-    seed: int
-    prefix: str
-
-
 def add_loop(
     builder: DiagramBuilder,
     arm: Arm,
     controller: Controller,
     reference: System | None,
     body: Diagram,
-    wiring: Wiring,
     *,
+    start: Array,
+    task: str,
+    dither: DitherSettings | None,
+    filter: MovingAverage | None,
+    feedback: Feedback,
+    contact: Contact | None,
+    signals: Mapping[str, OutputPort] | None,
+    seed: int,
+    prefix: str,
     spring: SpringContact | None = None,
     kinematics: ArmKinematics | None = None,
 ) -> Loop:
@@ -84,7 +78,15 @@ def add_loop(
         controller: A law as a system, not yet in ``builder``.
         reference: Any system in ``builder`` with the desired signals among its output ports.
         body: The arm as a system, with the ports of a `Mirror`, not yet in ``builder``.
-        wiring: All else.
+        start: Posture to start from, shape (n,) [rad].
+        task: See `AddKinematicLoop`, as for all that follow.
+        dither: Excitation, or None.
+        filter: Of the command, or None.
+        feedback: Which arm the law sees.
+        contact: What the tool presses against, or None.
+        signals: What the law sees in place of what is offered here.
+        seed: Of dither and sensor.
+        prefix: Of the systems' names.
         spring: What the contact is felt by, not yet in ``builder``; None if ``body`` itself
             has the ports ``contact_force`` and ``tool_force``.
         kinematics: Of the arm, where ``body`` makes use of it too.
@@ -93,10 +95,7 @@ def add_loop(
         InvalidInputError: If the law wants what nothing here offers, or in another size, or the
             filter does not go with controller, feedback or noise, or is of another class.
     """
-    start, task, prefix = wiring.start, wiring.task, wiring.prefix
-    dither, filter, feedback = wiring.dither, wiring.filter, wiring.feedback
-    contact = wiring.contact
-    signals = dict(wiring.signals or {})
+    signals = dict(signals or {})
     require_type("controller", controller, SampledController, ContinuousController)
     require_type("dither", dither, DitherSettings, NoneType)
     require_type("filter", filter, MovingAverage, NoneType)
@@ -123,7 +122,7 @@ def add_loop(
     if dither is None:
         moved = measured = shown = asked
     else:
-        noise = Dither(arm.n, dither.sigma, dither.hold, wiring.seed)
+        noise = Dither(arm.n, dither.sigma, dither.hold, seed)
         source = builder.AddNamedSystem(f"{prefix}dither", noise)
         adder = builder.AddNamedSystem(f"{prefix}dithered_velocity", Adder(2, arm.n))
         _connect(builder, asked, adder.get_input_port(0))
@@ -169,9 +168,7 @@ def add_loop(
     if contact is not None:
         forces = _add_felt(builder, last, spring, prefix)
         normal = signals.get("normal_WE")
-        told = _add_contact(
-            builder, contact, forces["tool_force"], normal, period, wiring.seed, prefix
-        )
+        told = _add_contact(builder, contact, forces["tool_force"], normal, period, seed, prefix)
         offered |= told
         forces["normal_force"] = signals.get("normal_force", told["normal_force"])
         if period is not None:

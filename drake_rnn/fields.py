@@ -51,6 +51,11 @@ def _point(value: Any) -> Array:
     return vector
 
 
+def zeros() -> Array:
+    """The default of a `Point`, read-only as any."""
+    return _point([0.0, 0.0, 0.0])
+
+
 Bounds = Annotated[Array, BeforeValidator(_vector)]
 Vector = Annotated[Array, BeforeValidator(_finite_vector)]
 Point = Annotated[Array, BeforeValidator(_point)]

@@ -70,9 +70,7 @@ def simulate(experiment: Experiment, progress: Progress | None = None) -> Result
     """
     started = time.perf_counter()
     warnings = check_reach(experiment)
-    diagram, loop = build_diagram(experiment)
-    simulator = Simulator(diagram)
-    ApplySimulatorConfig(simulator_config(experiment), simulator)
+    simulator, loop = build_simulator(experiment)
     root = simulator.get_mutable_context()
     _set_initial_state(loop, root)
 
@@ -98,7 +96,7 @@ def simulate(experiment: Experiment, progress: Progress | None = None) -> Result
         failure = SimulationError(str(error), root.get_time())
     run_time = time.perf_counter() - running
 
-    result = evaluate(experiment, recorder, warnings, diagram, loop.controller.law)
+    result = evaluate(experiment, recorder, warnings, simulator.get_system(), loop.controller.law)
     result.metrics["real_time_factor"] = root.get_time() / run_time
     result.metrics["wall_time_s"] = time.perf_counter() - started
     if isinstance(loop.controller, SampledController) and failure is None:
@@ -175,6 +173,14 @@ def build_diagram(experiment: Experiment, law: Law | None = None) -> tuple[Diagr
     diagram = builder.Build()
     diagram.set_name(experiment.name or "experiment")
     return diagram, loop
+
+
+def build_simulator(experiment: Experiment, law: Law | None = None) -> tuple[Simulator, Loop]:
+    """A simulator of that diagram, set as the experiment asks, and not yet initialized."""
+    diagram, loop = build_diagram(experiment, law)
+    simulator = Simulator(diagram)
+    ApplySimulatorConfig(simulator_config(experiment), simulator)
+    return simulator, loop
 
 
 def add_recorder(simulator: Simulator, loop: Loop) -> Recorder:

@@ -4,21 +4,14 @@
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
 from pydantic import Field
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
 from ..errors import InvalidInputError
-from ..fields import Array, Point, validated
+from ..fields import Array, Point, validated, zeros
 from .contact_model import ContactModel
-
-
-def _zeros() -> Array:
-    zeros = np.zeros(3)
-    zeros.setflags(write=False)
-    return zeros
 
 
 @validated
@@ -36,8 +29,8 @@ class ModelSurface(ContactModel):
 
     kind: Literal["model"] = "model"
     model: str
-    rotation: Point = Field(default_factory=_zeros)
-    offset: Point = Field(default_factory=_zeros)
+    rotation: Point = Field(default_factory=zeros)
+    offset: Point = Field(default_factory=zeros)
 
     def __post_init__(self) -> None:
         super().__post_init__()

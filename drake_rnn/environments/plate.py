@@ -15,14 +15,8 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 
-from ..fields import Array, NonNegative, Point, Positive, validated
+from ..fields import Array, NonNegative, Point, Positive, validated, zeros
 from .contact_model import ContactModel
-
-
-def _zeros() -> Array:
-    zeros = np.zeros(3)
-    zeros.setflags(write=False)
-    return zeros
 
 
 @validated
@@ -43,7 +37,7 @@ class Plate(ContactModel):
     friction: NonNegative = 0.3
     size: Positive = 0.4
     thickness: Annotated[float, Field(strict=True, ge=0.005, allow_inf_nan=False)] = 0.04
-    offset: Point = Field(default_factory=_zeros)
+    offset: Point = Field(default_factory=zeros)
     hydroelastic_modulus: Positive | None = None
 
     def __post_init__(self) -> None:

@@ -65,7 +65,6 @@ Not in the paper:
 from __future__ import annotations
 
 from functools import cached_property
-from math import ceil, sqrt
 from typing import Literal
 
 import numpy as np
@@ -77,11 +76,10 @@ from .contact_loss import LOST, ContactLoss
 from .law import Layout, Signals
 from .learning import gradient, rank_one_update
 from .online_stiffness import OnlineStiffness
+from .primal_dual import PrimalDual, substeps
 from .rotation_error import rotation_error
 from .sampling_rate import check_sampling_rate
 
-# Radians of the fastest mode in a step of Runge and Kutta's fourth-order method, stable to 2.8.
-_PER_STEP = 2.2
 _MOST_SUBSTEPS = 1000
 
 
@@ -227,10 +225,10 @@ class MotionForce:
             assert not isinstance(self.stiffness, OnlineStiffness)  # refused when made
             scale, key = max(1.0, self.stiffness), "form"
         # Of a Jacobian of norm 2.
-        substeps = 2.0 * scale / self.time_constant * period / _PER_STEP
-        if substeps > _MOST_SUBSTEPS:
+        count = substeps(period, 2.0 * scale, self.time_constant)
+        if count > _MOST_SUBSTEPS:
             raise InvalidInputError(
-                f"law.{key}: the network would take some {substeps:.3g} substeps a period with "
+                f"law.{key}: the network would take some {count:.3g} substeps a period with "
                 f"stiffness {scale:g} and time_constant {self.time_constant:g}; it may take "
                 f"{_MOST_SUBSTEPS}"
             )
@@ -243,7 +241,7 @@ class MotionForce:
         """
         self.check_integrated()
         J_hat = self.state.part(x, "J_hat") if self._learns else u["J"]
-        z_dot = self._network(x[: self._dual_end], *self._terms(x, u, J_hat))
+        z_dot = self._network(x, u, J_hat).rate(x[: self._dual_end])
         if not self._learns:
             return z_dot
         rate = gradient(J_hat, u["velocity"], u["v_WE"], self.rho)
@@ -253,21 +251,7 @@ class MotionForce:
         """Learning exactly, with its inputs held; then the network by a Runge-Kutta method."""
         x = self._learn(x, u, period)
         J_hat = self.state.part(x, "J_hat") if self._learns else u["J"]
-        terms = self._terms(x, u, J_hat)
-        # The largest row sum of W W^T bounds its largest eigenvalue, and that the fastest mode.
-        rows = terms[1]
-        square = float(np.abs(rows.dot(rows.T)).sum(axis=0).max())
-        fastest = sqrt(max(1.0, square)) / self.time_constant
-        substeps = ceil(period * fastest / _PER_STEP - 1e-9)
-        h = period / substeps
-        z, rate = x[: self._dual_end], self._network
-        for _ in range(substeps):
-            k1 = rate(z, *terms)
-            k2 = rate(z + h / 2 * k1, *terms)
-            k3 = rate(z + h / 2 * k2, *terms)
-            k4 = rate(z + h * k3, *terms)
-            k2 += k3
-            z = z + h / 6 * (k1 + 2 * k2 + k4)
+        z = self._network(x, u, J_hat).after(x[: self._dual_end], period)
         if z.size == x.size:
             return np.asarray(z)
         return np.concatenate((z, x[z.size :]))
@@ -311,28 +295,30 @@ class MotionForce:
 
     def _learn(self, x: Array, u: Signals, period: float) -> Array:
         """The state with what a sample teaches: Jacobian, stiffness, contact."""
-        names = [name for name in ("J_hat", "stiffness", "contact") if name in self.state]
-        if not names:
+        feels = "stiffness" in self.state or "contact" in self.state
+        if not (self._learns or feels):
             return x
         x = x.copy()
         if self._learns:
             J_hat = self.state.part(x, "J_hat")
             J_hat[:] = rank_one_update(J_hat, u["velocity"], u["v_WE"], self.rho, period)
+        if feels:
+            self._feel(x, u, period)
+        return x
+
+    def _feel(self, x: Array, u: Signals, period: float) -> None:
+        """Update what a force tells of the surface, in place."""
+        force, desired = float(u["normal_force"][0]), float(u["normal_force_desired"][0])
         if isinstance(self.stiffness, OnlineStiffness):
             known = self.state.part(x, "stiffness")
             depth = -float(u["normal_WE"].dot(u["p_WE"]))
-            force, desired = float(u["normal_force"][0]), float(u["normal_force_desired"][0])
             known[:] = self.stiffness.update(known, force, desired, depth)
         if self.contact_loss is not None:
             contact = self.state.part(x, "contact")
-            force, desired = float(u["normal_force"][0]), float(u["normal_force_desired"][0])
             contact[:] = self.contact_loss.update(contact, force, desired, period)
-        return x
 
-    def _terms(
-        self, x: Array, u: Signals, J_hat: Array
-    ) -> tuple[Array, Array, Array, Array, Array]:
-        """What does not change within a sample: rows, their transposes, aims, lower, upper."""
+    def _network(self, x: Array, u: Signals, J_hat: Array) -> PrimalDual:
+        """What does not change within a sample."""
         J_drive = J_hat if self.jacobian == "learned" else u["J"]
         rows, drive = self._rows(J_hat, J_drive, u)
         wanted = self._tip_velocity(x, u)
@@ -342,7 +328,8 @@ class MotionForce:
         if self.orientation == "rotation":
             turn = self.orientation_gain * rotation_error(u["R_WE"], u["R_WE_desired"])
         lower, upper = self.limits.velocity_box(u["position"], self.limit_stiffness)
-        return drive, rows, np.concatenate((wanted, turn)), lower, upper
+        aims = np.concatenate((wanted, turn))
+        return PrimalDual(drive, rows, aims, lower, upper, self.time_constant)
 
     def _rows(self, J_sense: Array, J_drive: Array, u: Signals) -> tuple[Array, Array]:
         """[A J; H] with the Jacobian that is believed, and with that which drives the joints."""
@@ -394,22 +381,3 @@ class MotionForce:
         if self.approach_speed is not None:
             rise = min(max(rise, -self.approach_speed), self.approach_speed)
         return along + (rise - float(n.dot(along))) * n
-
-    def _network(
-        self,
-        z: Array,
-        drive: Array,
-        rows: Array,
-        aims: Array,
-        lower: Array,
-        upper: Array,
-    ) -> Array:
-        """Time derivative of v and all multipliers, which are ``z``."""
-        n = lower.size
-        rate = np.empty(z.size)
-        # np.clip costs three times as much for arrays of this size.
-        np.minimum(np.maximum(-z[n:].dot(drive), lower), upper, out=rate[:n])
-        rate[:n] -= z[:n]
-        np.subtract(rows.dot(z[:n]), aims, out=rate[n:])
-        rate /= self.time_constant
-        return rate

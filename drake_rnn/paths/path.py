@@ -12,19 +12,13 @@ from pydantic import Field
 from pydrake.math import RollPitchYaw, RotationMatrix
 
 from ..errors import InvalidInputError
-from ..fields import Array, Count, Finite, Point, validated
+from ..fields import Array, Count, Finite, Point, validated, zeros
 from .timing import TimeLaw, Timing, time_at, time_law
 
 Triple = tuple[float, float, float]
 
 TURN = 2.0 * math.pi
 _INSTANT = 1e-12  # of a segment: closer than this to its end counts as the next one's start
-
-
-def _zeros() -> Array:
-    zeros = np.zeros(3)
-    zeros.setflags(write=False)
-    return zeros
 
 
 @validated
@@ -43,7 +37,7 @@ class Path(ABC):
     timing: Timing = "uniform"
     ramp: Annotated[float, Field(gt=0, le=0.5)] = 0.2
     laps: Count | None = None
-    offset: Point = Field(default_factory=_zeros)
+    offset: Point = Field(default_factory=zeros)
 
     @property
     def segments(self) -> int:
@@ -148,7 +142,7 @@ class Planar(Path):
 
     plane: Literal["xy", "xz", "yz"] = "xy"
     angle: Finite = 0.0
-    rotation: Point = Field(default_factory=_zeros)
+    rotation: Point = Field(default_factory=zeros)
     centre: Point | None = None
 
     def __post_init__(self) -> None:

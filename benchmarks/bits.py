@@ -1,0 +1,105 @@
+"""Whether a change to the code changes a run: hashes of every array and metric, before and after.
+
+Record in one checkout, record in the other with its own Python, and compare::
+
+    python benchmarks/bits.py record before.json
+    python benchmarks/bits.py record after.json
+    python benchmarks/bits.py compare before.json after.json
+
+It uses nothing but the package's public functions, so that one copy of it serves both checkouts.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+
+from drake_rnn import InvalidInputError, SimulationError, load_experiment, shipped_experiments
+from drake_rnn import simulate as run
+
+#: Figures of the machine, which no two runs share.
+TIMING = {"real_time_factor", "wall_time_s", "control_step_us"}
+
+
+def hashes(name: str, longest: float) -> dict[str, str]:
+    """Hash of each array and each metric of a shipped experiment, by name.
+
+    Args:
+        name: Of the experiment.
+        longest: A longer run is cut to this duration [s].
+    """
+    try:
+        experiment = load_experiment(name)
+        if experiment.duration > longest:
+            experiment = load_experiment(name, {"duration": longest})
+        result = run(experiment)
+    except InvalidInputError as error:
+        return {"refused": _hash(str(error).encode())}
+    except SimulationError as error:
+        result = error.result
+    arrays = {"time": result.time, **result.series}
+    found = {
+        key: _hash(str((array.dtype, array.shape)).encode() + np.ascontiguousarray(array).tobytes())
+        for key, array in arrays.items()
+    }
+    metrics = {key: value for key, value in result.metrics.items() if key not in TIMING}
+    return found | {f"metrics.{key}": float(value).hex() for key, value in metrics.items()}
+
+
+def _hash(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:16]
+
+
+def record(file: Path, longest: float, jobs: int, names: list[str]) -> None:
+    """Write the hashes of the named experiments, or of all of them."""
+    names = names or shipped_experiments()
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        found = dict(zip(names, pool.map(hashes, names, [longest] * len(names)), strict=True))
+    file.write_text(json.dumps(found, indent=1) + "\n")
+    print(f"{len(found)} experiments, {sum(map(len, found.values()))} arrays and metrics")
+
+
+def compare(before: Path, after: Path) -> int:
+    """Print what differs; the number of experiments in which something does."""
+    old, new = json.loads(before.read_text()), json.loads(after.read_text())
+    differing = 0
+    for name in sorted(old.keys() & new.keys()):
+        keys = sorted(old[name].keys() | new[name].keys())
+        changed = [key for key in keys if old[name].get(key) != new[name].get(key)]
+        differing += bool(changed)
+        if changed:
+            print(f"{name}: {', '.join(changed)}")
+    for name in sorted(old.keys() ^ new.keys()):
+        print(f"{name}: only in {'the first' if name in old else 'the second'} record")
+    print(f"{len(old.keys() & new.keys())} experiments compared, {differing} differ")
+    return differing
+
+
+def main() -> None:
+    """Record or compare."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    commands = parser.add_subparsers(dest="command", required=True)
+    recording = commands.add_parser("record")
+    recording.add_argument("file", type=Path)
+    recording.add_argument("names", nargs="*", help="experiments; all of them by default")
+    recording.add_argument("--longest", type=float, default=2.0, help="cut longer runs to this [s]")
+    recording.add_argument("--jobs", type=int, default=2)
+    comparing = commands.add_parser("compare")
+    comparing.add_argument("before", type=Path)
+    comparing.add_argument("after", type=Path)
+    given = parser.parse_args()
+    if given.command == "record":
+        record(given.file, given.longest, given.jobs, given.names)
+    else:
+        sys.exit(compare(given.before, given.after) > 0)
+
+
+if __name__ == "__main__":
+    main()

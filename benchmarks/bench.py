@@ -16,8 +16,8 @@ from rich.table import Table
 from scipy.integrate import solve_ivp
 
 from drake_rnn import Layout, load_experiment
-from drake_rnn.experiment import Experiment
-from drake_rnn.simulation import add_recorder, build_simulator
+from drake_rnn.experiment.document import Experiment
+from drake_rnn.runs.simulation import add_recorder, build_simulator
 
 #: Ticks cost at most so many units.
 TARGETS = {"slc_nephroid_known": 16.0, "slc_nephroid": 20.0, "naljdf_clover": 35.0}

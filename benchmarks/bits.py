@@ -37,7 +37,7 @@ def hashes(name: str, longest: float) -> dict[str, str]:
     """
     try:
         experiment = load_experiment(name)
-        if experiment.duration > longest:
+        if experiment.document.duration > longest:
             experiment = load_experiment(name, {"duration": longest})
         result = run(experiment)
     except InvalidInputError as error:

@@ -18,9 +18,9 @@ from rich.console import Console
 from rich.table import Table
 
 from drake_rnn import load_experiment, shipped_experiments
-from drake_rnn.experiment import Experiment
-from drake_rnn.recorder import Recorder
-from drake_rnn.simulation import add_recorder, build_simulator
+from drake_rnn.experiment.document import Experiment
+from drake_rnn.measures.recorder import Recorder
+from drake_rnn.runs.simulation import add_recorder, build_simulator
 from drake_rnn.systems.plant import add_plant, motors_of
 
 #: Everything takes at most so many times the wall time of the bare plant.

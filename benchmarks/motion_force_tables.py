@@ -7,7 +7,7 @@ perspective".
 import numpy as np
 
 from drake_rnn import Result, SimulationError, load_experiment, make_experiment, simulate
-from drake_rnn.experiment import read_experiment
+from drake_rnn.experiment.document import read_experiment
 from markdown_table import head, row
 
 KINEMATIC = (

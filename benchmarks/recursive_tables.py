@@ -12,7 +12,7 @@ from pathlib import Path
 
 from drake_rnn import Result, load_experiment, simulate
 from drake_rnn.figures.comparison import comparison_figure
-from drake_rnn.limits import DERIVATIVE_UNITS
+from drake_rnn.robot.limits import DERIVATIVE_UNITS
 from markdown_table import head, row
 
 SHAPES = ("circle", "square")

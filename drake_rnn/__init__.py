@@ -2,39 +2,78 @@
 
 from importlib.metadata import version
 
-from .arms import Arm, ArmDescription, load_arm, shipped_arms
-from .environments import ContactModel, ElasticSurface, ModelSurface, Plate, TipMaterial
+from .diagrams import AddLoop, Loop
+from .environments import (
+    ENVIRONMENTS,
+    ContactModel,
+    ElasticSurface,
+    ModelSurface,
+    Plate,
+    Surface,
+    TipMaterial,
+)
 from .errors import DrakeRnnError, InvalidInputError, SimulationError
-from .experiment import Experiment, load_experiment, make_experiment, shipped_experiments
+from .experiment import (
+    Experiment,
+    ExperimentDocument,
+    check_reach,
+    load_experiment,
+    make_experiment,
+    shipped_experiments,
+)
+from .figures import write_figures
 from .laws import (
+    LAWS,
+    Circumstances,
     ContinuousLaw,
     JointDriftFree,
     Law,
     Layout,
     MotionForce,
     NullSpaceAdjustment,
+    PostureLaw,
     Pseudoinverse,
     RecedingHorizon,
     Recursive,
+    SampledLaw,
     SimultaneousLearning,
     StateAdjustment,
 )
-from .laws.contact_loss import ContactLoss
-from .laws.online_stiffness import OnlineStiffness
-from .limits import JointLimits
-from .paths import PATHS, Path
-from .reach import check_reach
-from .result import Result
-from .self_motion import SelfMotion
-from .simulation import build_diagram, check_experiment, simulate
+from .laws.parts.contact_loss import ContactLoss
+from .laws.parts.online_stiffness import OnlineStiffness
+from .laws.parts.warm_up import WarmUp
+from .measures import METRICS
+from .paths import (
+    PATHS,
+    Cat,
+    Circle,
+    Clover,
+    Deltoid,
+    FourRing,
+    Nephroid,
+    Parallelogram,
+    Path,
+    Points,
+    Rest,
+    Square,
+)
+from .playback import write_playback
+from .robot.arm import Arm, ArmDescription, load_arm, shipped_arms
+from .robot.kinematics import ArmKinematics
+from .robot.limits import JointLimits
+from .robot.self_motion import SelfMotion
+from .runs import Fastest, Result, build_diagram, check_experiment, fastest, simulate, sweep
 from .systems import (
+    Contact,
     ContinuousController,
     Dither,
     DitherSettings,
     Dynamics,
+    FilterSettings,
     ForceProfile,
+    IdealArm,
+    JointReference,
     Kinematics,
-    Mirror,
     MovingAverage,
     PathSource,
     PlantArm,
@@ -46,55 +85,85 @@ from .systems import (
 __version__ = version("drake-rnn")
 
 __all__ = [
+    "ENVIRONMENTS",
+    "LAWS",
+    "METRICS",
     "PATHS",
+    "AddLoop",
     "Arm",
     "ArmDescription",
+    "ArmKinematics",
+    "Cat",
+    "Circle",
+    "Circumstances",
+    "Clover",
+    "Contact",
     "ContactLoss",
     "ContactModel",
     "ContinuousController",
     "ContinuousLaw",
+    "Deltoid",
     "Dither",
     "DitherSettings",
     "DrakeRnnError",
     "Dynamics",
     "ElasticSurface",
     "Experiment",
+    "ExperimentDocument",
+    "Fastest",
+    "FilterSettings",
     "ForceProfile",
+    "FourRing",
+    "IdealArm",
     "InvalidInputError",
     "JointDriftFree",
     "JointLimits",
+    "JointReference",
     "Kinematics",
     "Law",
     "Layout",
-    "Mirror",
+    "Loop",
     "ModelSurface",
     "MotionForce",
     "MovingAverage",
+    "Nephroid",
     "NullSpaceAdjustment",
     "OnlineStiffness",
+    "Parallelogram",
     "Path",
     "PathSource",
     "PlantArm",
     "PlantSettings",
     "Plate",
+    "Points",
+    "PostureLaw",
     "Pseudoinverse",
     "RecedingHorizon",
     "Recursive",
+    "Rest",
     "Result",
     "SampledController",
+    "SampledLaw",
     "SelfMotion",
     "SensorSettings",
     "SimulationError",
     "SimultaneousLearning",
+    "Square",
     "StateAdjustment",
+    "Surface",
     "TipMaterial",
+    "WarmUp",
     "build_diagram",
     "check_experiment",
     "check_reach",
+    "fastest",
     "load_arm",
     "load_experiment",
     "make_experiment",
     "shipped_arms",
     "shipped_experiments",
     "simulate",
+    "sweep",
+    "write_figures",
+    "write_playback",
 ]

@@ -23,9 +23,9 @@ from drake_rnn import (
     SampledController,
     load_arm,
 )
-from drake_rnn.diagrams.contact import Contact
 from drake_rnn.diagrams.dynamic import AddDynamicLoop
 from drake_rnn.paths import Circle
+from drake_rnn.systems.contact import Contact
 
 RADIUS = 0.3
 

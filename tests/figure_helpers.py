@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
-from drake_rnn.experiment import make_experiment
+from drake_rnn.experiment.document import make_experiment
 from drake_rnn.figures import FIGURES
 
 

@@ -5,7 +5,7 @@ from abc import ABC, abstractmethod
 
 from pydrake.multibody.plant import MultibodyPlant
 
-from ..fields import Array, NonNegative, Positive, validated
+from ..inputs.fields import Array, NonNegative, Positive, validated
 from .surface import Surface
 
 

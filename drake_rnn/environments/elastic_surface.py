@@ -3,7 +3,7 @@
 # No postponed annotations: see `surface`.
 from typing import Literal
 
-from ..fields import Positive, validated
+from ..inputs.fields import Positive, validated
 from .surface import Surface
 
 

@@ -10,7 +10,7 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
 from ..errors import InvalidInputError
-from ..fields import Array, Point, validated, zeros
+from ..inputs.fields import Array, Point, validated, zeros
 from .contact_model import ContactModel
 
 

@@ -15,7 +15,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 
-from ..fields import Array, NonNegative, Point, Positive, validated, zeros
+from ..inputs.fields import Array, NonNegative, Point, Positive, validated, zeros
 from .contact_model import ContactModel
 
 

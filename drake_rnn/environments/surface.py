@@ -4,7 +4,7 @@
 import numpy as np
 from pydantic import Field
 
-from ..fields import Array, Finite, Point, validated
+from ..inputs.fields import Array, Finite, Point, validated
 
 
 def _up() -> Array:

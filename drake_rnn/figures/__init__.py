@@ -5,7 +5,7 @@ needs; its name is its file's. A figure whose series a law does not have is not 
 a new law needs nothing here unless it has something new to show.
 """
 
-from . import derivatives, overview, pressing, single  # noqa: F401  They register their figures.
+from . import derivatives, overview, pressing, single  # noqa: F401  They register figures.
 from .registry import FIGURES, Drawing, drawable, write_figures
 
 __all__ = ["FIGURES", "Drawing", "drawable", "write_figures"]

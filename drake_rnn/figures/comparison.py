@@ -10,9 +10,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 
-from ..fields import Array
-from ..limits import DERIVATIVE_UNITS, JointLimits
-from ..result import Result
+from ..inputs.fields import Array
+from ..robot.limits import DERIVATIVE_UNITS, JointLimits
+from ..runs.result import Result
 from .derivative_panels import derivatives_of_motion, with_room
 from .style import BOUND, COLOURS, PAGE, largest, log_axis, save, styled, time_axis
 
@@ -79,7 +79,7 @@ def comparison_figure(groups: Mapping[str, Mapping[str, Result]], file: Path) ->
 
 def shares_of_bounds(result: Result) -> list[tuple[Array, Array]]:
     """The largest share of its bound that any joint takes, of orders 0 to 5: times and shares."""
-    limits = result.experiment.setup.limits
+    limits = result.experiment.limits
     signals = derivatives_of_motion(result)
     shares = [(signals[0][0], _share_of_range(signals[0][1], limits))]
     for (time, values), name in zip(signals[1:], DERIVATIVE_UNITS, strict=True):

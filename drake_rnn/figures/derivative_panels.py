@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from ..fields import Array
-from ..limits import DERIVATIVE_UNITS
-from ..result import Result
+from ..inputs.fields import Array
+from ..robot.limits import DERIVATIVE_UNITS
+from ..runs.result import Result
 from .style import (
     BOUND,
     NOTE,
@@ -46,7 +46,7 @@ def derivatives_of_motion(result: Result) -> list[Signal]:
     """
     position, velocity = result.series["position"], result.series["velocity"]
     found = [(result.time, position), (result.time, velocity)]
-    step = max(_DIFFERENCE, result.experiment.log_period)
+    step = max(_DIFFERENCE, result.experiment.document.log_period)
     time = np.arange(result.time[0], result.time[-1] + 1e-9, step)
     at = np.minimum(np.searchsorted(result.time, time - 1e-9), result.time.size - 1)
     for order in range(1, len(DERIVATIVE_UNITS)):
@@ -72,7 +72,7 @@ def stacked(
         ratios: To their bounds, by order, where that of the curves is not all there is to say.
     """
     ratios = {} if ratios is None else ratios
-    limits = result.experiment.setup.limits
+    limits = result.experiment.limits
     bounds = [getattr(limits, name) for name in DERIVATIVE_UNITS]
     units = ["rad", *DERIVATIVE_UNITS.values()]
     n = signals[0][1].shape[1]

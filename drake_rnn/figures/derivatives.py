@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from ..limits import DERIVATIVE_UNITS
-from ..result import Result
+from ..robot.limits import DERIVATIVE_UNITS
+from ..runs.result import Result
 from .derivative_panels import derivatives_of_motion, stacked
 from .registry import draws
 from .traits import bounds_jerk, shows_signals

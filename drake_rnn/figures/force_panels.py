@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..fields import Array
-from ..result import Result
+from ..inputs.fields import Array
+from ..runs.result import Result
 from .style import (
     COLOURS,
     DESIRED,
@@ -106,7 +106,7 @@ def plot_force_spectrum(ax: Axes, result: Result) -> None:
     """
     frequency, amplitude = force_spectrum(result)
     ax.plot(frequency, amplitude, color=COLOURS[0], linewidth=0.8)
-    rate = 1.0 / result.experiment.log_period
+    rate = 1.0 / result.experiment.document.log_period
     if frequency.size:
         ax.set_xlim(frequency[0], rate / 2)
     ax.set_xscale("log")
@@ -123,7 +123,7 @@ def force_spectrum(result: Result) -> tuple[Array, Array]:
 
     Empty of too few samples, or of some that are not finite.
     """
-    period = result.experiment.log_period
+    period = result.experiment.document.log_period
     # The last sample is the run's end, wherever that is.
     even = np.diff(result.time[evaluated(result)], prepend=-np.inf) > 0.5 * period
     error = _force_error(result)[even]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..result import Result
+from ..runs.result import Result
 from .style import COLOURS, label, legend, log_axis, shade_window, time_axis
 
 

@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from ..fields import Array
-from ..metrics import ARRIVED
-from ..result import Result
+from ..inputs.fields import Array
+from ..measures import ARRIVED
+from ..runs.result import Result
 from .style import (
     BOUND,
     COLOURS,
@@ -45,7 +45,7 @@ def plot_angles(ax: Axes, result: Result) -> None:
     """All joints, and on the right edge where they should end."""
     plot_joints(ax, result.time, result.series["position"])
     handles = joint_handles(result.series["position"].shape[1])
-    target = result.experiment.setup.target
+    target = result.experiment.target
     if target is not None:
         for k, angle in enumerate(target):
             colour = joint_style(k)["color"]
@@ -60,7 +60,7 @@ def plot_velocities(ax: Axes, result: Result) -> None:
     """All joints, as the law asks for; the arm's own may be hidden in noise."""
     name = "network_velocity" if "network_velocity" in result.series else "velocity"
     text = "joint velocity, law" if apart(result, "velocity") else "joint velocity"
-    plot_bounded(ax, result, name, result.experiment.setup.limits.velocity, text)
+    plot_bounded(ax, result, name, result.experiment.limits.velocity, text)
     legend(ax, joint_handles(result.series[name].shape[1]))
 
 
@@ -78,7 +78,7 @@ def plot_acceleration_norm(ax: Axes, result: Result) -> None:
         demand = np.abs(result.series["acceleration_demand"][1:]).max(axis=1)
         ax.plot(time, demand, label="asked for", **DESIRED)
         curves.append(demand)
-    known = _known(result.experiment.setup.limits.acceleration)
+    known = _known(result.experiment.limits.acceleration)
     # Joints may differ; the norm is between the extremes of their bounds.
     for k, bound in enumerate(np.unique(known[[0, -1]]) if known.size else ()):
         text = "bound" if known.size == 1 else "least and greatest bound"

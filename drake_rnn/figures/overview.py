@@ -9,7 +9,8 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..result import Result
+from ..measures import shown_in
+from ..runs.result import Result
 from .force_panels import plot_force, plot_force_error
 from .jacobian_panels import plot_jacobian_error, plot_least_known, plot_singular_value
 from .joint_panels import (
@@ -88,64 +89,6 @@ _TITLE, _LINE = 0.24, 0.14
 #: Of those lines, whose room is known before they are drawn.
 _LETTERS = 120
 
-#: What the overview names, after what the experiment itself expects.
-_METRICS = (
-    "position_error_max_m",
-    "position_error_rms_m",
-    "settling_time_s",
-    "joint_drift_max_rad",
-    "joint_velocity_max_rad_s",
-    "joint_acceleration_max_rad_s2",
-    "network_acceleration_max_rad_s2",
-    "joint_limit_margin_min_rad",
-    "jacobian_error_median",
-    "singular_value_min",
-    "saturated_fraction",
-)
-_TARGET_METRICS = (
-    "joint_error_max_rad",
-    "joint_settling_time_s",
-    "end_effector_drift_max_m",
-    "end_effector_drift_end_m",
-    "orientation_error_max_rad",
-    "invariant_error_max_m",
-    "joint_velocity_initial_rad_s",
-    "joint_acceleration_initial_rad_s2",
-    "joint_velocity_max_rad_s",
-    "joint_acceleration_max_rad_s2",
-    "joint_limit_margin_min_rad",
-    "singular_value_min",
-    "saturated_fraction",
-)
-_RETURN_METRICS = (
-    "position_error_max_m",
-    "velocity_error_max_m_s",
-    "joint_drift_mean_rad",
-    "joint_drift_max_rad",
-    "joint_velocity_max_rad_s",
-    "joint_acceleration_max_rad_s2",
-    "joint_acceleration_demand_max_rad_s2",
-    "saturated_fraction",
-    "limit_violation_max",
-    "singular_value_min",
-)
-_PRESSING_METRICS = (
-    "force_error_mean_N",
-    "force_error_rms_N",
-    "force_error_max_N",
-    "normal_force_peak_N",
-    "lateral_error_max_m",
-    "orientation_error_max_rad",
-    "contact_lost_fraction",
-    "contact_lost_time_s",
-    "joint_velocity_max_rad_s",
-    "joint_acceleration_max_rad_s2",
-    "joint_limit_margin_min_rad",
-    "jacobian_error_median",
-    "singular_value_min",
-    "saturated_fraction",
-)
-
 
 @draws("p_WE", "p_WE_desired")
 def overview(result: Result) -> Figure:
@@ -153,7 +96,10 @@ def overview(result: Result) -> Figure:
     every, names = _contents(result)
     panels = [plot for needs, plot in every if needs <= result.series.keys()][:_MOST]
     rows = (len(panels) + 1) // 2
-    told = [*wrap(result.experiment.paper, _LETTERS), *wrap(result.experiment.expect, _LETTERS)]
+    told = [
+        *wrap(result.experiment.document.paper, _LETTERS),
+        *wrap(result.experiment.document.expect, _LETTERS),
+    ]
     heights = (_TITLE + _LINE * len(told), 2.3 * rows, 1.3)
     figure = Figure(figsize=(PAGE, sum(heights)), layout="constrained")
     parts: Any = figure.subfigures(3, 1, height_ratios=heights)
@@ -174,12 +120,12 @@ def overview(result: Result) -> Figure:
 def _contents(result: Result) -> tuple[_Panels, tuple[str, ...]]:
     """Panels and metrics that say what a law is about."""
     if has_target(result):
-        return _TARGET_PANELS, _TARGET_METRICS
+        return _TARGET_PANELS, shown_in("posture")
     if presses(result):
-        return _PRESSING_PANELS, _PRESSING_METRICS
+        return _PRESSING_PANELS, shown_in("force")
     if commands_acceleration(result):
-        return _RETURN_PANELS, _RETURN_METRICS
-    return _PANELS, _METRICS
+        return _RETURN_PANELS, shown_in("return")
+    return _PANELS, shown_in("path")
 
 
 def _header(part: Any, name: str, told: list[str]) -> None:
@@ -193,7 +139,7 @@ def _header(part: Any, name: str, told: list[str]) -> None:
 
 def _table(part: Any, result: Result, common: tuple[str, ...]) -> None:
     """Metrics in two columns, each beside what the experiment accepts."""
-    accept = result.experiment.accept
+    accept = result.experiment.document.accept
     names = [name for name in dict.fromkeys((*accept, *common)) if name in result.metrics]
     rows = max(1, (len(names) + 1) // 2)
     for k, name in enumerate(names):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from ..result import Result
+from ..runs.result import Result
 from .force_panels import plot_force, plot_force_error, plot_force_spectrum
 from .registry import draws
 from .style import COLUMN, single
@@ -16,7 +16,7 @@ from .traits import presses
 @draws("normal_force", "normal_force_desired", "normal_force_measured", applies=presses)
 def normal_force(result: Result) -> Figure:
     """The force and what is desired, and below how it settles before the window."""
-    window = result.experiment.window
+    window = result.experiment.document.window
     settling = window is not None and result.time[1] <= window[0]
     panels = 1 + settling
     figure = Figure(figsize=(COLUMN, 0.5 + 1.9 * panels), layout="constrained")

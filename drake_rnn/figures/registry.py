@@ -10,7 +10,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from ..errors import InvalidInputError
-from ..result import Result
+from ..runs.result import Result
 from .style import save, styled
 
 Draw = Callable[[Result], Figure]

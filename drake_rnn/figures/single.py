@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from ..fields import Array
-from ..result import Result
+from ..inputs.fields import Array
+from ..runs.result import Result
 from .jacobian_panels import plot_jacobian_error
 from .joint_panels import (
     plot_acceleration_norm,
@@ -83,8 +83,8 @@ def path_plane(result: Result) -> Figure:
 @draws("position")
 def joint_angles(result: Result) -> Figure:
     """A panel for each joint, and one that shows where within its bounds each has been."""
-    position, limits = result.series["position"], result.experiment.setup.limits
-    target = result.experiment.setup.target
+    position, limits = result.series["position"], result.experiment.limits
+    target = result.experiment.target
     bounds = np.stack((limits.position_lower, limits.position_upper), axis=1)
     bounded = bool(np.isfinite(bounds).all(axis=1).any())
     n = position.shape[1]
@@ -125,13 +125,13 @@ def joint_angles(result: Result) -> Figure:
 @draws("velocity")
 def joint_velocities(result: Result) -> Figure:
     """All joints with their bounds; the law's apart from the arm's where they differ."""
-    return _law_and_arm(result, "velocity", result.experiment.setup.limits.velocity)
+    return _law_and_arm(result, "velocity", result.experiment.limits.velocity)
 
 
 @draws("acceleration")
 def joint_accelerations(result: Result) -> Figure:
     """All joints with their bounds; the law's apart from the arm's where they differ."""
-    return _law_and_arm(result, "acceleration", result.experiment.setup.limits.acceleration)
+    return _law_and_arm(result, "acceleration", result.experiment.limits.acceleration)
 
 
 @draws("acceleration_peak")

@@ -11,8 +11,8 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, Normalize, to_rgb
 from matplotlib.figure import Figure
 
-from ..fields import Array
-from ..result import Result
+from ..inputs.fields import Array
+from ..runs.result import Result
 from .style import COLOURS, COLUMN, DESIRED, Style, finite, largest, legend, single, ticks
 from .traits import first_lap, has_path
 
@@ -97,7 +97,7 @@ def arm_figure(result: Result, below: float = 0.0) -> tuple[Figure, Axes]:
 
 def is_spatial(result: Result) -> bool:
     """Whether the arm leaves the plane z = const."""
-    setup = result.experiment.setup
+    setup = result.experiment
     postures = [setup.start] if setup.target is None else [setup.start, setup.target]
     heights = [_skeleton(result, q)[:, 2] for q in postures]
     return bool(np.ptp(heights) > 1e-9)
@@ -131,13 +131,13 @@ def _steps_in_motion(result: Result) -> int:
 
 
 def _target(result: Result) -> Array:
-    target = result.experiment.setup.target
+    target = result.experiment.target
     assert target is not None, "not drawn without one"
     return target
 
 
 def _skeleton(result: Result, q: Array) -> Array:
-    return result.experiment.setup.arm.kinematics().skeleton(q)
+    return result.experiment.arm.kinematics().skeleton(q)
 
 
 def _plot_stick(ax: Axes, points: Array, **style: Any) -> None:

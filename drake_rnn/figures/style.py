@@ -19,8 +19,9 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 from PIL import Image
 
-from ..fields import Array
-from ..result import UNITS, Result
+from ..inputs.fields import Array
+from ..measures import UNITS
+from ..runs.result import Result
 
 Style = dict[str, Any]
 
@@ -162,8 +163,8 @@ def time_axis(ax: Axes, result: Result) -> None:
 
 def shade_window(ax: Axes, result: Result) -> None:
     """Where errors are evaluated."""
-    if result.experiment.window is not None:
-        ax.axvspan(*result.experiment.window, label="window", **SHADE)
+    if result.experiment.document.window is not None:
+        ax.axvspan(*result.experiment.document.window, label="window", **SHADE)
 
 
 def log_axis(ax: Axes, curves: Iterable[Array]) -> None:

@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import BoundaryNorm, ListedColormap, to_rgb
 
-from ..fields import Array
-from ..result import Result
+from ..inputs.fields import Array
+from ..runs.result import Result
 from .style import COLOURS, DESIRED, Style, finite, legend, prefixed, span, ticks
 from .traits import evaluated, first_lap
 
@@ -41,7 +41,7 @@ def surface_axes(result: Result) -> tuple[Array, list[str]]:
         The axes, of length 1, shape (2, 3), and for each the name of the base's axis it is
         closest to, with its sign.
     """
-    contact = result.experiment.setup.contact
+    contact = result.experiment.contact
     assert contact is not None, "not drawn without one"
     n = contact.surface.normal_W
     base = np.eye(3)[0 if abs(n[0]) < _STEEP else 1]
@@ -65,7 +65,7 @@ def brought_onto_surface(result: Result) -> Array:
     Along the normal the force rules, not the path. What is left of the distance to the tool is
     the position error.
     """
-    contact = result.experiment.setup.contact
+    contact = result.experiment.contact
     assert contact is not None, "not drawn without one"
     n = contact.surface.normal_W
     desired = result.series["p_WE_desired"]
@@ -138,7 +138,7 @@ def _steps_beyond(steps: float) -> int:
 
 def _desired(result: Result) -> float:
     """Once it has risen [N]."""
-    contact = result.experiment.setup.contact
+    contact = result.experiment.contact
     assert contact is not None, "not drawn without one"
     return contact.force.value
 

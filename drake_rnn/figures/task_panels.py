@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..fields import Array
-from ..result import Result
+from ..inputs.fields import Array
+from ..runs.result import Result
 from .style import (
     BOUND,
     COLOURS,
@@ -54,7 +54,7 @@ def plot_path(ax: Axes, result: Result) -> None:
 
 def plot_position_error(ax: Axes, result: Result) -> None:
     """Its norm, and when it has settled."""
-    tolerance = result.experiment.settling_tolerance_m
+    tolerance = result.experiment.document.settling_tolerance_m
     ax.plot(result.time, result.position_error, color=COLOURS[0])
     ax.axhline(tolerance, label="settling tolerance", **BOUND)
     if (settled := result.metrics.get("settling_time_s", 0.0)) > 0:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..fields import Array
-from ..limits import DERIVATIVE_UNITS
+from ..inputs.fields import Array
 from ..paths import Rest
-from ..result import Result
+from ..robot.limits import DERIVATIVE_UNITS
+from ..runs.result import Result
 from .style import largest
 
 #: The arm's curves are shown apart from the law's if they differ by more than this share.
@@ -17,7 +17,7 @@ _APART = 0.01
 
 def has_target(result: Result) -> bool:
     """Whether there is a posture to reach."""
-    return result.experiment.setup.target is not None
+    return result.experiment.target is not None
 
 
 def commands_acceleration(result: Result) -> bool:
@@ -27,25 +27,25 @@ def commands_acceleration(result: Result) -> bool:
 
 def has_path(result: Result) -> bool:
     """Whether the end effector is to go anywhere."""
-    path = result.experiment.setup.path
+    path = result.experiment.path
     return not isinstance(path, Rest) or bool(path.offset.any())
 
 
 def presses(result: Result) -> bool:
     """Whether a tool is pressed against a surface."""
-    return result.experiment.setup.contact is not None
+    return result.experiment.contact is not None
 
 
 def bounds_jerk(result: Result) -> bool:
     """Whether the experiment itself bounds derivatives beyond the acceleration."""
-    declared = result.experiment.limits
+    declared = result.experiment.document.limits
     enough = result.time.size > len(DERIVATIVE_UNITS)
     return enough and isinstance(declared, dict) and declared.get("jerk") is not None
 
 
 def shows_signals(result: Result) -> bool:
     """Whether its law has signals that stand for derivatives and are none."""
-    return getattr(result.experiment.setup.law, "reading", None) == "filters"
+    return not result.experiment.law.levels_are_derivatives
 
 
 def bounds_are_felt(result: Result) -> bool:
@@ -66,14 +66,14 @@ def law_velocity(result: Result) -> Array:
 
 def first_lap(result: Result) -> NDArray[np.bool_]:
     """Which samples belong to it: laps drawn over one another would fill the dashes' gaps."""
-    setup = result.experiment.setup
+    setup = result.experiment
     lap = setup.path.period + setup.path_delay
-    return result.time <= lap + result.experiment.log_period
+    return result.time <= lap + result.experiment.document.log_period
 
 
 def evaluated(result: Result) -> NDArray[np.bool_]:
     """Which samples errors are taken over; all of a run that did not come to its window."""
-    start, end = result.experiment.window or (-np.inf, np.inf)
+    start, end = result.experiment.document.window or (-np.inf, np.inf)
     within = (result.time >= start - 1e-9) & (result.time <= end + 1e-9)
     return within if within.any() else ~within
 

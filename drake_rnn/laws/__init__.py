@@ -1,9 +1,21 @@
 """Neural dynamics, one scheme a file: arrays in, arrays out, no Drake."""
 
 from .joint_drift_free import JointDriftFree
-from .law import ContinuousLaw, Law, Layout, Signals
+from .law import (
+    Circumstances,
+    ContinuousLaw,
+    ContinuousReading,
+    JointPreview,
+    Law,
+    Layout,
+    Reading,
+    SampledLaw,
+    SampledReading,
+    Signals,
+)
 from .motion_force import MotionForce
 from .null_space_adjustment import NullSpaceAdjustment
+from .posture_law import PostureLaw
 from .pseudoinverse import Pseudoinverse
 from .receding_horizon import RecedingHorizon
 from .recursive import Recursive
@@ -24,15 +36,22 @@ LAWS: dict[str, type[Law]] = {
 
 __all__ = [
     "LAWS",
+    "Circumstances",
     "ContinuousLaw",
+    "ContinuousReading",
     "JointDriftFree",
+    "JointPreview",
     "Law",
     "Layout",
     "MotionForce",
     "NullSpaceAdjustment",
+    "PostureLaw",
     "Pseudoinverse",
+    "Reading",
     "RecedingHorizon",
     "Recursive",
+    "SampledLaw",
+    "SampledReading",
     "Signals",
     "SimultaneousLearning",
     "StateAdjustment",

@@ -61,7 +61,6 @@ Not in the paper:
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Literal
 
@@ -69,31 +68,16 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import InvalidInputError
-from ..fields import Array, NonNegative, Positive, Vector, validated
-from ..limits import JointLimits
-from .law import Layout, Signals
-from .two_step import TwoStep
+from ..inputs.fields import Array, NonNegative, Positive, Vector, validated
+from ..robot.limits import JointLimits
+from .law import ContinuousLaw, ContinuousReading, Layout, SampledReading, Signals
+from .parts.two_step import LinearForm, TwoStep
 
 Scheme = Literal["man", "galjdf", "naljdf", "moaljdf_printed", "moaljdf"]
 
 
-@dataclass(frozen=True)
-class LinearForm:
-    """Rates that are linear in the state, at one posture and time.
-
-    v_dot = a_v v + a_omega omega + a_0, before it is clipped, and omega_dot likewise with b.
-    """
-
-    a_v: Array
-    a_omega: Array
-    a_0: Array
-    b_v: Array
-    b_omega: Array
-    b_0: Array
-
-
 @validated
-class JointDriftFree:
+class JointDriftFree(ContinuousLaw):
     """MAN, GALJDF (19), NALJDF (29), and MOALJDF (43) as printed and corrected.
 
     Args:
@@ -133,6 +117,8 @@ class JointDriftFree:
     damping: Positive = 1e-4
     bounds: Literal["acceleration", "all"] = "acceleration"
 
+    stays_on_path = True
+
     def __post_init__(self) -> None:
         if self.home.size != self.limits.size:
             raise ValueError(
@@ -142,13 +128,22 @@ class JointDriftFree:
         if self.alpha is not None and not self.weighs_torque:
             raise ValueError(f"alpha: weighs the torque, which scheme: {self.scheme} does not")
 
-    def check_integrated(self) -> None:
-        """Raise an InvalidInputError if it cannot be integrated as a differential equation."""
+    def continuous(self) -> ContinuousReading:
+        """Return the law itself.
+
+        Raises:
+            InvalidInputError: If ``bounds`` is ``all``, which only a sampled law keeps.
+        """
         if self.bounds == "all":
             raise InvalidInputError(
                 "law.bounds: all is kept from sample to sample; give a period in place of the "
                 "integrator, or take bounds: acceleration"
             )
+        return super().continuous()
+
+    def sampled(self, period: float) -> SampledReading:
+        """Return the law in implicit steps of second order, for any period."""
+        return TwoStep(self)
 
     @cached_property
     def _kinematic_weight(self) -> float:
@@ -158,15 +153,6 @@ class JointDriftFree:
     def weighs_torque(self) -> bool:
         """Whether it needs the arm's dynamics."""
         return self.scheme.startswith("moaljdf")
-
-    @property
-    def holds_command(self) -> bool:
-        return True
-
-    @cached_property
-    def sampled(self) -> TwoStep:
-        """The law as a sampled controller runs it."""
-        return TwoStep(self)
 
     @cached_property
     def state(self) -> Layout:
@@ -194,9 +180,6 @@ class JointDriftFree:
         shapes = {"acceleration_demand": (n,), "saturated": (1,)}
         own = {"torque": (n,)} if self.weighs_torque else {"velocity_error_predicted": (m,)}
         return Layout(**shapes, **own)
-
-    def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
-        return np.zeros(self.state.size)
 
     def linear_form(self, u: Signals, q: Array, p_WE: Array, ahead: float = 0.0) -> LinearForm:
         """The network at the posture q + ahead v, the end effector at p_WE + ahead J v.
@@ -326,15 +309,6 @@ class JointDriftFree:
         if error > 0.01:
             found.append(f"law: the end effector was up to {error:.3g} m off its path")
         return found
-
-    def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
-        """Refused: it would be unstable. `sampled` has the step that works."""
-        raise InvalidInputError(
-            "JointDriftFree: has no step of its own; take law.sampled, as SampledController does"
-        )
-
-    def commanded_velocity(self, t: float, x: Array) -> Array:
-        return x[: self.home.size]
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         v = self.state.part(x, "v")

@@ -64,27 +64,37 @@ Not in the paper:
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
 from ..errors import InvalidInputError
-from ..fields import Array, NonNegative, Positive, validated
-from ..limits import JointLimits
-from .contact_loss import LOST, ContactLoss
-from .law import Layout, Signals
-from .learning import gradient, rank_one_update
-from .online_stiffness import OnlineStiffness
-from .primal_dual import PrimalDual, substeps
-from .rotation_error import rotation_error
-from .sampling_rate import check_sampling_rate
+from ..inputs.fields import Array, NonNegative, Positive, validated
+from ..robot.limits import JointLimits
+from ..robot.rotation import rotation_error
+from .law import (
+    Circumstances,
+    ContinuousLaw,
+    ContinuousReading,
+    Layout,
+    SampledLaw,
+    SampledReading,
+    Signals,
+)
+from .parts.contact_loss import LOST, ContactLoss
+from .parts.fixed_stiffness import FixedStiffness
+from .parts.learning import gradient, rank_one_update
+from .parts.online_stiffness import OnlineStiffness
+from .parts.primal_dual import PrimalDual, substeps
+from .parts.sampling_rate import check_sampling_rate
 
 _MOST_SUBSTEPS = 1000
 
 
 @validated
-class MotionForce:
+class MotionForce(SampledLaw, ContinuousLaw):
     """RNN (19), (21) or (22), and what a real contact asks for beside it.
 
     Args:
@@ -123,19 +133,34 @@ class MotionForce:
     def __post_init__(self) -> None:
         if self.force_feedback == "assumed":
             for name, given in (
-                ("stiffness", isinstance(self.stiffness, OnlineStiffness)),
+                ("stiffness", self._learns_stiffness),
                 ("contact_loss", self.contact_loss is not None),
             ):
                 if given:
                     raise ValueError(
                         f"{name}: needs force_feedback: measured; assumed sees no force"
                     )
-        if self.form == "literal" and isinstance(self.stiffness, OnlineStiffness):
+        if self.form == "literal" and self._learns_stiffness:
             raise ValueError("stiffness: must be a number for form: literal, which scales with it")
 
     @property
     def _learns(self) -> bool:
         return self.jacobian != "known"
+
+    @cached_property
+    def _surface(self) -> FixedStiffness | OnlineStiffness:
+        given = self.stiffness
+        return given if isinstance(given, OnlineStiffness) else FixedStiffness(given)
+
+    @property
+    def _learns_stiffness(self) -> bool:
+        return self._surface.size > 0
+
+    @cached_property
+    def _assumed_stiffness(self) -> float:
+        """The stiffness that is given [N/m], for the forms that refuse to learn it."""
+        assert isinstance(self._surface, FixedStiffness)
+        return self._surface.value
 
     @cached_property
     def state(self) -> Layout:
@@ -147,8 +172,8 @@ class MotionForce:
         }
         if self._learns:
             parts["J_hat"] = (3, n)
-        if isinstance(self.stiffness, OnlineStiffness):
-            parts["stiffness"] = (OnlineStiffness.size,)
+        if self._learns_stiffness:
+            parts["stiffness"] = (self._surface.size,)
         if self.contact_loss is not None:
             parts["contact"] = (ContactLoss.size,)
         return Layout(**parts)
@@ -185,10 +210,6 @@ class MotionForce:
             parts["contact_lost"] = (1,)
         return Layout(**parts)
 
-    @property
-    def holds_command(self) -> bool:
-        return True
-
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
         parts = {name: np.zeros(shape) for name, (_, shape) in self.state.parts.items()}
         if self._learns and self.J_hat_initial == "exact":
@@ -198,32 +219,38 @@ class MotionForce:
                     "set the initial state yourself"
                 )
             parts["J_hat"] = np.asarray(u["J"])
-        if isinstance(self.stiffness, OnlineStiffness):
-            parts["stiffness"] = self.stiffness.start()
+        if self._learns_stiffness:
+            parts["stiffness"] = self._surface.start()
         if self.contact_loss is not None:
             parts["contact"] = self.contact_loss.start()
         return self.state.join(*parts.values())
 
-    def check_integrated(self) -> None:
-        """Raise an InvalidInputError if this is no differential equation."""
+    def continuous(self) -> ContinuousReading:
+        """Return the law itself.
+
+        Raises:
+            InvalidInputError: If it learns the stiffness or watches the contact, sample by sample.
+        """
         for name in ("stiffness", "contact"):
             if name in self.state:
                 raise InvalidInputError(
                     f"law: learning the stiffness and contact_loss are sampled ({name}); "
                     "give a period, no integrator"
                 )
+        return super().continuous()
 
-    def check_period(self, period: float) -> None:
-        """Raise an InvalidInputError if the feedback overshoots when sampled so rarely.
+    def sampled(self, period: float) -> SampledReading:
+        """Return the law itself.
 
-        Or if the network would take too many substeps.
+        Raises:
+            InvalidInputError: If its feedback would overshoot at this period [s], or its network
+                would take too many substeps.
         """
-        rates = {name: getattr(self, name) for name in ("gain", "orientation_gain")}
-        check_sampling_rate(period, rates)
+        gains = {"gain": self.gain, "orientation_gain": self.orientation_gain}
+        check_sampling_rate(period, gains)
         scale, key = 1.0, "time_constant"
         if self.form == "literal":
-            assert not isinstance(self.stiffness, OnlineStiffness)  # refused when made
-            scale, key = max(1.0, self.stiffness), "form"
+            scale, key = max(1.0, self._assumed_stiffness), "form"
         # Of a Jacobian of norm 2.
         count = substeps(period, 2.0 * scale, self.time_constant)
         if count > _MOST_SUBSTEPS:
@@ -232,14 +259,10 @@ class MotionForce:
                 f"stiffness {scale:g} and time_constant {self.time_constant:g}; it may take "
                 f"{_MOST_SUBSTEPS}"
             )
+        return super().sampled(period)
 
     def derivatives(self, t: float, x: Array, u: Signals) -> Array:
-        """Right-hand side of (19), (21) or (22).
-
-        Raises:
-            InvalidInputError: If a part of the state is sampled.
-        """
-        self.check_integrated()
+        """Right-hand side of (19), (21) or (22)."""
         J_hat = self.state.part(x, "J_hat") if self._learns else u["J"]
         z_dot = self._network(x, u, J_hat).rate(x[: self._dual_end])
         if not self._learns:
@@ -255,9 +278,6 @@ class MotionForce:
         if z.size == x.size:
             return np.asarray(z)
         return np.concatenate((z, x[z.size :]))
-
-    def commanded_velocity(self, t: float, x: Array) -> Array:
-        return x[: self.limits.size]
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         J = u["J"] if self.jacobian != "learned" else self.state.part(x, "J_hat")
@@ -279,15 +299,36 @@ class MotionForce:
             told["contact_lost"] = (phase == LOST).astype(float)
         return told
 
-    def caveats(self, metrics: dict[str, float]) -> list[str]:
-        """What a user should know of how a run went."""
+    def doubts(self, circumstances: Circumstances) -> list[str]:
+        """Return nothing.
+
+        Raises:
+            InvalidInputError: If the force is so small that contact counts as lost at once.
+        """
+        loss, force = self.contact_loss, circumstances.pressing_force
+        if loss is not None and force is not None and loss.floor >= force:
+            raise InvalidInputError(
+                f"law.contact_loss.floor: must be below force.value, {force:g} N, "
+                f"not {loss.floor:g}"
+            )
+        return []
+
+    def caveats(self, metrics: Mapping[str, float]) -> list[str]:
+        found = []
         rank = metrics.get("orientation_rank_min", 3.0)
-        if rank >= 3.0:
-            return []
-        return [
-            f"law.orientation: the rows of w have rank {rank:.0f} where a rotation has 3: the "
-            "orientation is not held; see orientation: rotation"
-        ]
+        if rank < 3.0:
+            found.append(
+                f"law.orientation: the rows of w have rank {rank:.0f} where a rotation has 3: the "
+                "orientation is not held; see orientation: rotation"
+            )
+        if self.contact_loss is not None and "contact_lost_time_s" in metrics:
+            found.append(f"law.contact_loss: without contact, {self.contact_loss.reaction}")
+        return found
+
+    @cached_property
+    def _known(self) -> slice:
+        """Where the state holds what is learned of the stiffness."""
+        return self.state.parts["stiffness"][0] if self._learns_stiffness else slice(0, 0)
 
     @cached_property
     def _dual_end(self) -> int:
@@ -309,10 +350,10 @@ class MotionForce:
     def _feel(self, x: Array, u: Signals, period: float) -> None:
         """Update what a force tells of the surface, in place."""
         force, desired = float(u["normal_force"][0]), float(u["normal_force_desired"][0])
-        if isinstance(self.stiffness, OnlineStiffness):
+        if self._learns_stiffness:
             known = self.state.part(x, "stiffness")
             depth = -float(u["normal_WE"].dot(u["p_WE"]))
-            known[:] = self.stiffness.update(known, force, desired, depth)
+            known[:] = self._surface.update(known, force, desired, depth)
         if self.contact_loss is not None:
             contact = self.state.part(x, "contact")
             contact[:] = self.contact_loss.update(contact, force, desired, period)
@@ -357,9 +398,7 @@ class MotionForce:
         """A of (9), shape (..., 6, 3)."""
         n = u["normal_WE"]
         P_n = n[..., :, np.newaxis] * n[..., np.newaxis, :]
-        stiffness = self.stiffness
-        assert not isinstance(stiffness, OnlineStiffness)  # refused when made
-        return np.concatenate((stiffness * P_n, np.eye(3) - P_n), axis=-2)
+        return np.concatenate((self._assumed_stiffness * P_n, np.eye(3) - P_n), axis=-2)
 
     def _tip_velocity(self, x: Array, u: Signals) -> Array:
         """What is asked of the tip, shape (3,) [m/s]."""
@@ -371,13 +410,10 @@ class MotionForce:
         along = u["v_WE_desired"] + self.gain * (u["p_WE_desired"] - u["p_WE"])
         desired = float(u["normal_force_desired"][0])
         if self.force_feedback == "assumed":
-            assert not isinstance(self.stiffness, OnlineStiffness)  # refused when made
-            rise = float(n.dot(along)) - self.gain * desired / self.stiffness
-        elif isinstance(self.stiffness, OnlineStiffness):
-            force, known = float(u["normal_force"][0]), self.state.part(x, "stiffness")
-            rise = self.gain * self.stiffness.depth_error(known, force, desired)
+            rise = float(n.dot(along)) - self.gain * desired / self._assumed_stiffness
         else:
-            rise = self.gain * (float(u["normal_force"][0]) - desired) / self.stiffness
+            force = float(u["normal_force"][0])
+            rise = self._surface.retreat_speed(x[self._known], force, desired, self.gain)
         if self.approach_speed is not None:
             rise = min(max(rise, -self.approach_speed), self.approach_speed)
         return along + (rise - float(n.dot(along))) * n

@@ -20,11 +20,11 @@ from typing import Literal
 
 import numpy as np
 
-from ..fields import Array, NonNegative, Positive, validated
+from ..inputs.fields import Array, NonNegative, Positive, validated
+from ..robot.rotation import rotation_error
 from .law import Layout, Signals
+from .parts.rise import smooth_rise
 from .posture_law import PostureLaw
-from .rise import smooth_rise
-from .rotation_error import rotation_error
 
 
 @validated
@@ -66,9 +66,6 @@ class NullSpaceAdjustment(PostureLaw):
         n = self.target.size
         return Layout(velocity_lower=(n,), velocity_upper=(n,), saturated=(1,))
 
-    def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
-        return np.zeros(self.state.size)
-
     def velocity_box(self, t: float | Array, q: Array) -> tuple[Array, Array]:
         """Velocities allowed at time ``t``: lower and upper, shape (..., n) [rad/s].
 
@@ -85,9 +82,6 @@ class NullSpaceAdjustment(PostureLaw):
             error = np.concatenate((rotation_error(u["R_WE"], u["R_WE_desired"]), error))
         pull = smooth_rise(t, self.ramp_time) * self.rate * (self.target - q)
         return self._bounded(u["J"], self.feedback * error, pull, *self.velocity_box(t, q))
-
-    def commanded_velocity(self, t: float, x: Array) -> Array:
-        return x
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         lower, upper = self.velocity_box(t, u["position"])

@@ -3,13 +3,14 @@
 # No postponed annotations: older pydantic looks for inherited ones in the subclass's module.
 from typing import Literal
 
-from ..fields import Positive, Vector, validated
-from ..limits import JointLimits
-from .sampling_rate import check_sampling_rate
+from ..inputs.fields import Positive, Vector, validated
+from ..robot.limits import JointLimits
+from .law import SampledLaw, SampledReading
+from .parts.sampling_rate import check_sampling_rate
 
 
 @validated
-class PostureLaw:
+class PostureLaw(SampledLaw):
     """A law with a target posture.
 
     Args:
@@ -35,14 +36,15 @@ class PostureLaw:
             raise ValueError(f"target: {self.limits.complaint(self.target)}")
 
     @property
-    def holds_command(self) -> bool:
-        return True
-
-    @property
     def rates(self) -> dict[str, float]:
         """What a period must be shorter than the inverse of, by key [1/s]."""
         return {"rate": self.rate, "limit_stiffness": self.limit_stiffness}
 
-    def check_period(self, period: float) -> None:
-        """Raise an InvalidInputError if sampling so seldom would overshoot; ``period`` in [s]."""
+    def sampled(self, period: float) -> SampledReading:
+        """Return the law itself.
+
+        Raises:
+            InvalidInputError: If it would overshoot at this period [s].
+        """
         check_sampling_rate(period, self.rates)
+        return super().sampled(period)

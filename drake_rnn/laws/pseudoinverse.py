@@ -10,19 +10,19 @@ the derivative instead, the error of a fast path is several times as large. It k
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
 from typing import Literal
 
-import numpy as np
-
-from ..fields import Array, NonNegative, Positive, validated
-from ..limits import JointLimits
-from .law import Layout, Signals
-from .sampling_rate import check_sampling_rate
+from ..inputs.fields import Array, NonNegative, Positive, validated
+from ..robot.limits import JointLimits
+from .law import Layout, SampledLaw, SampledReading, Signals
+from .parts.damped_inverse import damped_joint_velocity
+from .parts.sampling_rate import check_sampling_rate
 
 
 @validated
-class Pseudoinverse:
+class Pseudoinverse(SampledLaw):
     """A sampled law without memory; its state is the velocity it asks for.
 
     Args:
@@ -40,9 +40,7 @@ class Pseudoinverse:
     feed_forward: bool = True
     damping: Positive = 1e-6
 
-    @property
-    def holds_command(self) -> bool:
-        return True
+    stays_on_path = True
 
     @cached_property
     def state(self) -> Layout:
@@ -54,27 +52,22 @@ class Pseudoinverse:
         ahead = {"p_preview": (m,)} if self.feed_forward else {}
         return Layout(p_WE=(m,), p_WE_desired=(m,), J=(m, self.limits.size), **ahead)
 
-    @cached_property
-    def observables(self) -> Layout:
-        return Layout()
+    @property
+    def loop_gains(self) -> Mapping[str, float]:
+        return {"feedback": self.feedback}
 
-    def check_period(self, period: float) -> None:
-        """Raise an InvalidInputError if the feedback would overshoot; ``period`` in [s]."""
-        check_sampling_rate(period, {"feedback": self.feedback})
+    def sampled(self, period: float) -> SampledReading:
+        """Return the law itself.
 
-    def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
-        return np.zeros(self.state.size)
+        Raises:
+            InvalidInputError: If its feedback would overshoot at this period [s].
+        """
+        check_sampling_rate(period, self.loop_gains)
+        return super().sampled(period)
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
         J, desired = u["J"], u["p_WE_desired"]
         asked = self.feedback * (desired - u["p_WE"])
         if self.feed_forward:
             asked = asked + (u["p_preview"] - desired) / period
-        gram = J @ J.T + self.damping**2 * np.eye(self.task_size)
-        return np.asarray(J.T @ np.linalg.solve(gram, asked))
-
-    def commanded_velocity(self, t: float, x: Array) -> Array:
-        return x
-
-    def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
-        return {}
+        return damped_joint_velocity(J, asked, self.damping)

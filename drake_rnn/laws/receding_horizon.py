@@ -37,18 +37,18 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ..errors import InvalidInputError, SimulationError
-from ..fields import Array, Positive, validated
-from ..limits import DERIVATIVE_UNITS, JointLimits
-from .horizon_program import HorizonProgram
-from .law import Layout, Signals
-from .quintic_spline import EXPONENTS, FACTORS, ORDER, PIECE
+from ..inputs.fields import Array, Positive, validated
+from ..robot.limits import DERIVATIVE_UNITS, JointLimits
+from .law import JointPreview, Layout, SampledLaw, SampledReading, Signals
+from .parts.horizon_program import HorizonProgram
+from .parts.quintic_spline import EXPONENTS, FACTORS, ORDER, PIECE
 
 # When the plan was made, before there is one [s].
 _NEVER = -1.0
 
 
 @validated
-class RecedingHorizon:
+class RecedingHorizon(SampledLaw):
     """A sampled law that follows ``position_preview`` as closely as six bounds let it.
 
     Its state is v and the ``levels`` above, acceleration to crackle, at the end of the present
@@ -74,6 +74,11 @@ class RecedingHorizon:
     effort: Positive = 1e-6
     margin: Annotated[float, Field(strict=True, gt=0, le=1)] = 0.998
 
+    # The command is a quartic in time. Over a period h of 10 ms Simpson's rule, of third order, is
+    # wrong by b_5 h^5 / 2880, below 1e-14 rad; the trapezoidal rule, of second order, by up to
+    # h^2 b_2 / 12, some 1e-6 rad.
+    integration_scheme = "runge_kutta3"
+
     def __post_init__(self) -> None:
         for name in ("position_lower", "position_upper", *DERIVATIVE_UNITS):
             bound = self.limits.require(name, "law: receding_horizon")
@@ -83,17 +88,8 @@ class RecedingHorizon:
                 )
 
     @property
-    def holds_command(self) -> bool:
-        return False
-
-    @property
-    def integration_scheme(self) -> str:
-        """Drake's scheme that integrates the command, a quartic in time, to rounding.
-
-        Over a period h of 10 ms Simpson's rule, of third order, is wrong by b_5 h^5 / 2880, below
-        1e-14 rad; the trapezoidal rule, of second order, by up to h^2 b_2 / 12, some 1e-6 rad.
-        """
-        return "runge_kutta3"
+    def joint_preview(self) -> JointPreview:
+        return JointPreview(self.interval, self.horizon)
 
     @cached_property
     def state(self) -> Layout:
@@ -115,13 +111,18 @@ class RecedingHorizon:
     def observables(self) -> Layout:
         return Layout(slip=(self.limits.size,))
 
-    def check_period(self, period: float) -> None:
-        """Raise an InvalidInputError unless the interval is a multiple of ``period`` [s]."""
+    def sampled(self, period: float) -> SampledReading:
+        """Return the law itself.
+
+        Raises:
+            InvalidInputError: Unless the interval is a multiple of ``period`` [s].
+        """
         samples = self.interval / period
         if round(samples) < 1 or abs(samples - round(samples)) > 1e-6:
             raise InvalidInputError(
                 f"period: must divide law.interval, {self.interval:g} s, not {period:g}"
             )
+        return super().sampled(period)
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
         """At rest where the joints are.

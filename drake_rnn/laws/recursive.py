@@ -43,15 +43,15 @@ from typing import Literal
 
 import numpy as np
 
-from ..fields import Array, Positive, Vector, validated
-from ..limits import DERIVATIVE_UNITS, JointLimits
-from .law import Layout, Signals
+from ..inputs.fields import Array, Positive, Vector, validated
+from ..robot.limits import DERIVATIVE_UNITS, JointLimits
+from .law import Layout, SampledLaw, Signals
 
 _ORDERS = tuple(DERIVATIVE_UNITS)
 
 
 @validated
-class Recursive:
+class Recursive(SampledLaw):
     """The recursive network of n = 1 to 5 levels, printed or as filters.
 
     Args:
@@ -71,6 +71,8 @@ class Recursive:
     limit_stiffness: Positive = 1.0
     task_size: Literal[2, 3] = 3
 
+    stays_on_path = True
+
     def __post_init__(self) -> None:
         n = self.gains.size
         if not 1 <= n <= len(_ORDERS):
@@ -89,8 +91,8 @@ class Recursive:
             self.limits.require(name, f"{n} gains")
 
     @property
-    def holds_command(self) -> bool:
-        return True
+    def levels_are_derivatives(self) -> bool:  # type: ignore[override]
+        return self.reading == "printed"
 
     @cached_property
     def state(self) -> Layout:
@@ -110,9 +112,6 @@ class Recursive:
     @cached_property
     def _bounds(self) -> list[Array]:
         return [self.limits.require(name, "its level") for name in _ORDERS[: self.gains.size]]
-
-    def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
-        return np.zeros(self.state.size)
 
     def targets(self, x: Array, u: Signals) -> Array:
         """w_1 to w_n, (8), shape (..., n, joints)."""
@@ -146,9 +145,6 @@ class Recursive:
                 for i in range(size)
             ]
         )
-
-    def commanded_velocity(self, t: float, x: Array) -> Array:
-        return x[: self.limits.size]
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         targets = self.targets(x, u)

@@ -51,6 +51,7 @@ Not in the paper:
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
 from math import ceil, sqrt
 from typing import Literal
@@ -58,15 +59,15 @@ from typing import Literal
 import numpy as np
 
 from ..errors import InvalidInputError
-from ..fields import Array, Count, NonNegative, Positive, Vector, validated
-from ..limits import JointLimits
-from .law import Layout, Signals
-from .learning import gradient, rank_one_update
-from .warm_up import WarmUp
+from ..inputs.fields import Array, Count, NonNegative, Positive, Vector, validated
+from ..robot.limits import JointLimits
+from .law import Circumstances, ContinuousLaw, Layout, SampledLaw, Signals
+from .parts.learning import gradient, rank_one_update
+from .parts.warm_up import WarmUp
 
 
 @validated
-class SimultaneousLearning:
+class SimultaneousLearning(SampledLaw, ContinuousLaw):
     """RNN (16), (19) and (20): velocity level, with bounds on velocity and acceleration.
 
     Args:
@@ -120,8 +121,17 @@ class SimultaneousLearning:
             )
 
     @property
-    def holds_command(self) -> bool:
-        return True
+    def loop_gains(self) -> Mapping[str, float]:
+        return {"kappa": self.kappa}
+
+    def doubts(self, circumstances: Circumstances) -> list[str]:
+        in_doubt = circumstances.loop_delay > 0.0 and not circumstances.reference_is_delayed
+        if self.acceleration_bound == "none" or not in_doubt:
+            return []
+        return [
+            "law.acceleration_bound: slows the law's loop beside the filter, which holds the "
+            "bound; both together may lose the path: see acceleration_bound: none"
+        ]
 
     @cached_property
     def state(self) -> Layout:
@@ -210,9 +220,6 @@ class SimultaneousLearning:
         if self.jacobian == "known":
             return np.concatenate((v, multipliers))
         return np.concatenate((v, multipliers, J.ravel()))
-
-    def commanded_velocity(self, t: float, x: Array) -> Array:
-        return x[: self.home.size]
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         v, multipliers, *learned = self.state.split(x)

@@ -50,14 +50,14 @@ from typing import Literal
 
 import numpy as np
 
-from ..fields import Array, Positive, validated
-from .law import Layout, Signals
+from ..inputs.fields import Array, Positive, validated
+from .law import ContinuousLaw, Layout, Signals
+from .parts.rise import sine_rise, smooth_rise
 from .posture_law import PostureLaw
-from .rise import sine_rise, smooth_rise
 
 
 @validated
-class StateAdjustment(PostureLaw):
+class StateAdjustment(PostureLaw, ContinuousLaw):
     """SA; with a ``rise_time`` MSA, which starts from rest; with a ``ramp_time`` a gentler SA.
 
     Args:
@@ -100,9 +100,6 @@ class StateAdjustment(PostureLaw):
             displacement=(min(self.task_size, 3),),
         )
 
-    def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
-        return np.zeros(self.state.size)
-
     def velocity_box(self, t: float | Array, q: Array) -> tuple[Array, Array]:
         """Velocities allowed at time ``t``: lower and upper, shape (..., n) [rad/s]."""
         lower, upper = self.limits.velocity_box(q, self.limit_stiffness)
@@ -130,9 +127,6 @@ class StateAdjustment(PostureLaw):
             k2 = self.derivatives(begin + h, x + h * k1, u)
             x = x + h / 2 * (k1 + k2)
         return x
-
-    def commanded_velocity(self, t: float, x: Array) -> Array:
-        return x[: self.target.size]
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         multipliers = self.state.part(x, "multipliers")

@@ -6,7 +6,7 @@ import math
 from cmath import exp
 from typing import Literal
 
-from ..fields import Positive, validated
+from ..inputs.fields import Positive, validated
 from .path import Planar
 
 # Height, place S and width of each bump on the cat's round head.

@@ -12,7 +12,7 @@ from pydantic import Field
 from pydrake.math import RollPitchYaw, RotationMatrix
 
 from ..errors import InvalidInputError
-from ..fields import Array, Count, Finite, Point, validated, zeros
+from ..inputs.fields import Array, Count, Finite, Point, validated, zeros
 from .timing import TimeLaw, Timing, time_at, time_law
 
 Triple = tuple[float, float, float]

@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import BeforeValidator
 from pydrake.trajectories import PiecewisePolynomial
 
-from ..fields import Array, validated
+from ..inputs.fields import Array, validated
 from .path import TURN, Path, Triple
 
 

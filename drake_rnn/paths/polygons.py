@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator
 
-from ..fields import Array, Positive, Vector, validated
+from ..inputs.fields import Array, Positive, Vector, validated
 from .path import TURN, Planar
 
 _RIGHT_TURNS = (1 + 0j, -1j, -1 + 0j, 1j)

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from ..fields import validated
+from ..inputs.fields import validated
 from .path import Path, Triple
 
 _STILL: Triple = (0.0, 0.0, 0.0)

@@ -7,7 +7,7 @@ from cmath import exp
 from functools import cached_property
 from typing import Literal
 
-from ..fields import Finite, Positive, validated
+from ..inputs.fields import Finite, Positive, validated
 from .path import Planar
 
 Harmonics = tuple[tuple[int, complex], ...]

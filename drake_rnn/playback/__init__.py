@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..errors import InvalidInputError
-from ..result import Result
+from ..runs.result import Result
 from .page import make_page
 from .replayed_motion import replayed_motion
 

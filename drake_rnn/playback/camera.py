@@ -10,7 +10,7 @@ import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 
-from ..fields import Array
+from ..inputs.fields import Array
 from .drawn_arm import DrawnArm
 from .pressing import Pressing
 from .replayed_motion import ReplayedMotion
@@ -76,7 +76,7 @@ def boxes_of(motion: ReplayedMotion, drawn: DrawnArm) -> Boxes:
             X_BG = drawn.inspector.GetPoseInFrame(geometry) @ box.pose()
             parts.append((body, X_BG, box.half_width()))
     postures = list(motion.position[np.linspace(0, len(motion.time) - 1, POSTURES).astype(int)])
-    if (target := motion.result.experiment.setup.target) is not None:
+    if (target := motion.result.experiment.target) is not None:
         postures.append(target)
     centre, axes = [], []
     for q in postures:
@@ -97,12 +97,12 @@ def view_direction(motion: ReplayedMotion, boxes: Boxes) -> Array:
     posture, from where one sees best how it differs from the start.
     """
     experiment = motion.result.experiment
-    if experiment.task == "xy":
+    if experiment.document.task == "xy":
         return towards(-math.pi / 2.0, math.radians(76.0))
     lap = motion.lap[:: max(1, len(motion.lap) // 50)]
     centre = lap.mean(axis=0)
     ahead = math.atan2(centre[1], centre[0])
-    if experiment.setup.target is not None:
+    if experiment.target is not None:
         return _view_of_change(boxes, lap[:1], ahead)
     # A point lies in no plane.
     normal = np.zeros(3) if motion.rests else np.linalg.svd(lap - centre)[2][-1]

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ..fields import Array
+from ..inputs.fields import Array
 from .camera import Boxes, towards
 from .pressing import Pressing
 

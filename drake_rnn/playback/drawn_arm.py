@@ -19,8 +19,8 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import DiagramBuilder
 
-from ..arms import Arm
-from ..fields import Array
+from ..inputs.fields import Array
+from ..robot.arm import Arm
 
 
 class DrawnArm:

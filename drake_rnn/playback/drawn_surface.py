@@ -16,7 +16,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
 from ..environments import ModelSurface, Plate
-from ..fields import Array
+from ..inputs.fields import Array
 from .pressing import Pressing
 
 _PLATE = Rgba(0.94, 0.91, 0.85)

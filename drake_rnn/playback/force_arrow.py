@@ -10,7 +10,7 @@ import numpy as np
 from pydrake.geometry import Meshcat, MeshcatAnimation, Rgba
 from pydrake.math import RigidTransform, RotationMatrix
 
-from ..fields import Array
+from ..inputs.fields import Array
 from .pressing import Pressing
 from .stage import FORCE_COLOUR
 

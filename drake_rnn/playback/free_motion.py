@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatAnimation, Rgba, Sphere
 
-from ..fields import Array
+from ..inputs.fields import Array
 from .camera import Boxes, aim_camera, view_direction
 from .moving import move
 from .replayed_motion import ReplayedMotion

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydrake.geometry import Convex, Mesh, Meshcat, Rgba, Shape
 
-from ..fields import Array
+from ..inputs.fields import Array
 from .drawn_arm import DrawnArm, scene_name
 from .stage import DESIRED_COLOUR, GHOST_OPACITY
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydrake.geometry import MeshcatAnimation
 
-from ..fields import Array
+from ..inputs.fields import Array
 
 
 def move(recording: MeshcatAnimation, path: str, points: Array) -> None:

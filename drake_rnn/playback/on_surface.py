@@ -7,7 +7,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
 from ..environments import ModelSurface, Plate, Surface
-from ..fields import Array
+from ..inputs.fields import Array
 
 # A model is looked for as far as this below and above the plane that it is taken for [m].
 _REACH = 0.3

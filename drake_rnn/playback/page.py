@@ -8,7 +8,7 @@ import math
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatAnimation, MeshcatParams
 
-from ..drake_log import quiet_drake
+from ..robot.drake_log import quiet_drake
 from .camera import boxes_of
 from .drawn_arm import DrawnArm
 from .ghost import draw_ghost
@@ -22,13 +22,13 @@ _FOR_EVER = 10**6
 def make_page(motion: ReplayedMotion, rate: int) -> str:
     """The whole page as text, with ``rate`` frames per second."""
     experiment = motion.result.experiment
-    arm = experiment.setup.arm
+    arm = experiment.arm
     with quiet_drake(logging.WARNING):
         # A port of its own; nobody connects to it, and no browser is opened.
         meshcat = Meshcat(MeshcatParams(host="localhost", port=0, show_stats_plot=False))
     drawn = DrawnArm(arm, meshcat)
-    if experiment.setup.target is not None:
-        draw_ghost(meshcat, drawn, experiment.setup.target)
+    if experiment.target is not None:
+        draw_ghost(meshcat, drawn, experiment.target)
 
     boxes = boxes_of(motion, drawn)
     shown = shown_of(motion, boxes)
@@ -51,5 +51,5 @@ def make_page(motion: ReplayedMotion, rate: int) -> str:
     recording.set_repetitions(_FOR_EVER)
     meshcat.StopRecording()
     meshcat.PublishRecording()
-    with_ghost = experiment.setup.target is not None
+    with_ghost = experiment.target is not None
     return with_caption(meshcat.StaticHtml(), experiment.name or arm.name, with_ghost, shown.legend)

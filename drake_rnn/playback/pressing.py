@@ -9,7 +9,7 @@ import numpy as np
 from pydrake.math import RotationMatrix
 
 from ..environments import Surface
-from ..fields import Array
+from ..inputs.fields import Array
 from .on_surface import on_surface, within_edges
 from .replayed_motion import ReplayedMotion
 
@@ -63,7 +63,7 @@ class Pressing:
 
 def pressing_of(motion: ReplayedMotion) -> Pressing | None:
     """The contact of a motion, if its experiment has any."""
-    setup = motion.result.experiment.setup
+    setup = motion.result.experiment
     if setup.contact is None:
         return None
     surface = setup.contact.surface

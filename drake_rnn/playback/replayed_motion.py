@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InvalidInputError
-from ..fields import Array
-from ..result import Result
-from ..task import TASKS
+from ..inputs.fields import Array
+from ..runs.result import Result
 
 # A path that is shorter than this cannot be seen [m].
 _STILL = 1e-6
@@ -42,7 +41,7 @@ def replayed_motion(result: Result) -> ReplayedMotion:
     Raises:
         InvalidInputError: If there is none.
     """
-    setup = result.experiment.setup
+    setup = result.experiment
     # A run that diverged is shown for as long as it had a posture.
     finite = np.isfinite(result.series["position"]).all(axis=1)
     count = finite.size if finite.all() else int(np.argmin(finite))
@@ -52,7 +51,7 @@ def replayed_motion(result: Result) -> ReplayedMotion:
     position = result.series["position"][:count]
     kinematics = setup.arm.kinematics()
     desired = np.tile(setup.path.start_point(setup.p_WE_start), (count, 1))
-    desired[:, list(TASKS[result.experiment.task].axes)] = result.series["p_WE_desired"][:count]
+    desired[:, list(result.experiment.task.axes)] = result.series["p_WE_desired"][:count]
     return ReplayedMotion(
         result=result,
         time=time,

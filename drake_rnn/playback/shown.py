@@ -6,7 +6,7 @@ from typing import Protocol
 
 from pydrake.geometry import Meshcat, MeshcatAnimation
 
-from ..fields import Array
+from ..inputs.fields import Array
 from .camera import Boxes
 from .free_motion import FreeMotion
 from .pressing import pressing_of

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatAnimation, Rgba
 
-from ..fields import Array
+from ..inputs.fields import Array
 from .camera import Boxes, aim_camera
 from .closeup import framed, view_onto
 from .drawn_surface import draw_surface

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatAnimation, Rgba
 
-from ..fields import Array
+from ..inputs.fields import Array
 from .stage import TRACED_COLOUR
 
 _PIECES_PER_SECOND = 12

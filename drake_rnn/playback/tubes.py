@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..fields import Array
+from ..inputs.fields import Array
 
 
 def thinned(points: Array, step: float) -> tuple[Array, list[int]]:

@@ -1,16 +1,18 @@
 """The blocks that diagrams are made of, one a file."""
 
+from .body import Body, Feedback, start_posture
+from .contact import Contact
 from .contact_force import ContactForce
 from .contact_reference import ContactReference, ForceProfile
-from .controllers import ContinuousController, SampledController
+from .controllers import ContinuousController, Controller, SampledController
 from .delayed_path_source import DelayedPathSource
 from .dither import Dither, DitherSettings
 from .dynamics import Dynamics
 from .force_sensor import ForceSensor, SensorSettings
 from .force_watch import ForceWatch
+from .ideal_arm import IdealArm
 from .joint_reference import JointReference, followed_path, held_posture
 from .kinematics import Kinematics
-from .mirror import Mirror
 from .moving_average import FilterSettings, MovingAverage
 from .normal_force import NormalForce
 from .path_source import PathSource
@@ -19,21 +21,29 @@ from .plant_arm import PlantArm
 from .spring_contact import SpringContact
 from .tool_force import ToolForce
 
+#: Bodies by the level of an experiment.
+BODIES: dict[str, type[Body]] = {body.level: body for body in (IdealArm, PlantArm)}
+
 __all__ = [
+    "BODIES",
+    "Body",
+    "Contact",
     "ContactForce",
     "ContactReference",
     "ContinuousController",
+    "Controller",
     "DelayedPathSource",
     "Dither",
     "DitherSettings",
     "Dynamics",
+    "Feedback",
     "FilterSettings",
     "ForceProfile",
     "ForceSensor",
     "ForceWatch",
+    "IdealArm",
     "JointReference",
     "Kinematics",
-    "Mirror",
     "MovingAverage",
     "NormalForce",
     "PathSource",
@@ -45,4 +55,5 @@ __all__ = [
     "ToolForce",
     "followed_path",
     "held_posture",
+    "start_posture",
 ]

@@ -6,8 +6,8 @@ from typing import Any
 
 from pydrake.systems.framework import Context, LeafSystem
 
-from ..fields import Array, NonNegative, Positive, validated
-from ..laws.rise import smooth_rise
+from ..inputs.fields import Array, NonNegative, Positive, validated
+from ..laws.parts.rise import smooth_rise
 
 
 @validated

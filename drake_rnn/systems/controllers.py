@@ -9,12 +9,12 @@ import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, State
 
 from ..errors import InvalidInputError, SimulationError
-from ..fields import Array
-from ..laws.law import ContinuousLaw, Law, Signals
+from ..inputs.fields import Array
+from ..laws.law import ContinuousReading, Law, Reading, SampledReading, Signals
 
 
-class _Controller(LeafSystem):
-    """What both readings share: the ports of a law.
+class Controller(LeafSystem):
+    """A law as a system: what both readings share.
 
     Input ports are the law's inputs, by name. Outputs are ``commanded_velocity``, ``state``
     and each part of the state by name, which depend on state and time alone, and each
@@ -24,15 +24,17 @@ class _Controller(LeafSystem):
     simulation is initialized.
     """
 
-    law: Law
+    #: Time between two samples [s]; None for a law that Drake integrates.
+    period: float | None = None
 
-    def __init__(self, law: Law, seed: int) -> None:
+    def __init__(self, law: Law, reading: Reading, seed: int) -> None:
         super().__init__()
         self.law = law
+        self.reading = reading
         self.seed = seed
         self._input_ports = {
             name: (self.DeclareVectorInputPort(name, at.stop - at.start), shape)
-            for name, (at, shape) in law.inputs.parts.items()
+            for name, (at, shape) in reading.inputs.parts.items()
         }
         # Read at every sample: bound once, and only matrices reshaped.
         self._readers = [(name, port.Eval) for name, (port, _) in self._input_ports.items()]
@@ -41,8 +43,9 @@ class _Controller(LeafSystem):
 
     def _declare_outputs(self, state: Any) -> None:
         """Called by the readings once their state, with this ticket, is declared."""
-        law = self.law
-        n = law.state.parts["v"][1][0]
+        reading = self.reading
+        n = reading.state.parts["v"][1][0]
+        command = reading.commanded_velocity
 
         at_rest = np.zeros(n)
 
@@ -50,18 +53,18 @@ class _Controller(LeafSystem):
             x = self._state(context)
             # NaN until it is initialized: what it then sees is an arm at rest.
             rest = x[0] != x[0]
-            output.set_value(at_rest if rest else law.commanded_velocity(context.get_time(), x))
+            output.set_value(at_rest if rest else command(context.get_time(), x))
 
-        at_present = {state} if law.holds_command else {state, self.time_ticket()}
+        at_present = {state} if reading.holds_command else {state, self.time_ticket()}
         self.DeclareVectorOutputPort("commanded_velocity", n, calc_command, at_present)
-        for name, (at, _) in law.state.parts.items():
+        for name, (at, _) in reading.state.parts.items():
             self.DeclareVectorOutputPort(
                 name,
                 at.stop - at.start,
                 lambda context, output, at=at: output.set_value(self._state(context)[at]),
                 {state},
             )
-        for name, (at, _) in law.observables.parts.items():
+        for name, (at, _) in reading.observables.parts.items():
             self.DeclareVectorOutputPort(
                 name,
                 at.stop - at.start,
@@ -72,6 +75,10 @@ class _Controller(LeafSystem):
 
     def _state(self, context: Context) -> Array:
         """The law's state, read and forgotten: it may alias the context's memory."""
+        raise AssertionError("each reading has its own")
+
+    def set_state(self, context: Context, x: Array) -> None:
+        """Set the law's state, shape (state.size,), before the simulation is initialized."""
         raise AssertionError("each reading has its own")
 
     def state(self, context: Context) -> Array:
@@ -107,15 +114,16 @@ class _Controller(LeafSystem):
             raise InvalidInputError(
                 f"{self.get_name()}: position is {position.tolist()}; set the start posture"
             )
-        return self.law.initial_state(np.random.default_rng([self.seed, 0]), {**u, **known})
+        return self.reading.initial_state(np.random.default_rng([self.seed, 0]), {**u, **known})
 
     def diagnostics(self, context: Context) -> Signals:
         """What the law tells of itself at present, by name."""
-        return self.law.diagnostics(context.get_time(), self._state(context), self.signals(context))
+        x, u = self._state(context), self.signals(context)
+        return self.reading.diagnostics(context.get_time(), x, u)
 
     def _fail(self, what: str, value: Array, context: Context) -> None:
         """Raise, naming every part and input that is not finite."""
-        parts = self.law.state.parts.items()
+        parts = self.reading.state.parts.items()
         bad = [name for name, (at, _) in parts if not np.isfinite(value[at]).all()]
         seen = [n for n, array in self.signals(context).items() if not np.isfinite(array).all()]
         cause = f"; so are its inputs {', '.join(seen)}" if seen else ""
@@ -125,27 +133,29 @@ class _Controller(LeafSystem):
         )
 
 
-class SampledController(_Controller):
+class SampledController(Controller):
     """A law that runs once every ``period``, its command held in between, or a ramp.
 
     Args:
-        law: The law; of one whose sampled reading is another law, ``sampled``, that one.
-        period: Between two samples [s].
-        seed: For the law's initial state.
+        law: The law.
+        period: Time between two samples [s].
+        seed: Of what is random in the law's initial state.
 
     Raises:
-        InvalidInputError: If the period is too long for the law.
+        InvalidInputError: If the law cannot be sampled at this period.
         SimulationError: While simulating, when a part of the state is no longer finite.
     """
 
+    reading: SampledReading
+    period: float
+
     def __init__(self, law: Law, period: float, seed: int = 0) -> None:
-        super().__init__(getattr(law, "sampled", law), seed)
         if not (period > 0 and isfinite(period)):
             raise InvalidInputError(f"period: must be positive, not {period}")
+        reading = law.sampled(period)
+        super().__init__(law, reading, seed)
         self.period = period
-        if (check_period := getattr(self.law, "check_period", None)) is not None:
-            check_period(period)
-        state = self.DeclareDiscreteState(np.full(self.law.state.size, np.nan))
+        state = self.DeclareDiscreteState(np.full(reading.state.size, np.nan))
         self.DeclareStateOutputPort("state", state)
         self._declare_outputs(self.xd_ticket())
         self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
@@ -165,35 +175,31 @@ class SampledController(_Controller):
     def _update(self, context: Context, state: DiscreteValues) -> None:
         # A copy: a law that writes into its arguments must not reach the context.
         x = context.get_discrete_state_vector().CopyToVector()
-        x = self.law.step(context.get_time(), x, self.signals(context), self.period)
+        x = self.reading.step(context.get_time(), x, self.signals(context), self.period)
         if not isfinite(sum(x.tolist())):
             self._fail("state", x, context)
         state.set_value(x)
 
 
-class ContinuousController(_Controller):
+class ContinuousController(Controller):
     """A law that is a differential equation, integrated by Drake.
 
     Args:
         law: The law.
-        seed: For the law's initial state.
+        seed: Of what is random in the law's initial state.
 
     Raises:
+        InvalidInputError: If the law is no differential equation.
         SimulationError: While simulating, when a derivative is not finite; Drake's
             error-controlled integrators would shorten their step for ever.
     """
 
-    law: ContinuousLaw
+    reading: ContinuousReading
 
-    def __init__(self, law: ContinuousLaw, seed: int = 0) -> None:
-        super().__init__(law, seed)
-        if (check_integrated := getattr(law, "check_integrated", None)) is not None:
-            check_integrated()
-        if not hasattr(law, "derivatives"):
-            raise InvalidInputError(
-                f"{type(law).__name__} is no differential equation; sample it with a period"
-            )
-        state = self.DeclareContinuousState(BasicVector(np.full(law.state.size, np.nan)))
+    def __init__(self, law: Law, seed: int = 0) -> None:
+        reading = law.continuous()
+        super().__init__(law, reading, seed)
+        state = self.DeclareContinuousState(BasicVector(np.full(reading.state.size, np.nan)))
         self.DeclareStateOutputPort("state", state)
         self._declare_outputs(self.xc_ticket())
         self.DeclareInitializationUnrestrictedUpdateEvent(self._initialize)
@@ -213,7 +219,7 @@ class ContinuousController(_Controller):
     def DoCalcTimeDerivatives(self, context: Context, derivatives: Any) -> None:
         """Drake's hook: the law's derivatives at present."""
         x = self._state(context)
-        rates = self.law.derivatives(context.get_time(), x, self.signals(context))
+        rates = self.reading.derivatives(context.get_time(), x, self.signals(context))
         if not isfinite(sum(rates.tolist())):
             self._fail("the rate of", rates, context)
         derivatives.SetFromVector(rates)

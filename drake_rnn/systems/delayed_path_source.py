@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..fields import Array
+from ..inputs.fields import Array
 from .path_source import PathSource
 
 

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from ..fields import Array, Positive, validated
+from ..inputs.fields import Array, Positive, validated
 
 _BLOCK = 1024
 

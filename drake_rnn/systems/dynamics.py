@@ -6,7 +6,10 @@ from typing import Any
 
 from pydrake.systems.framework import Context, LeafSystem
 
-from ..arms import Arm
+from ..robot.arm import Arm
+
+#: Names of the signals below, which are computed for a law that asks for one of them.
+DYNAMICS_SIGNALS = ("M", "bias", "gravity")
 
 
 class Dynamics(LeafSystem):

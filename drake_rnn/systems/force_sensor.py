@@ -10,7 +10,7 @@ from pydantic import Field
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from ..errors import InvalidInputError, SimulationError
-from ..fields import NonNegative, Positive, validated
+from ..inputs.fields import NonNegative, Positive, validated
 
 _BLOCK = 1024
 

@@ -9,12 +9,15 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context, LeafSystem
 
-from ..arms import Arm
 from ..errors import InvalidInputError
-from ..fields import Array
-from ..laws.pseudoinverse import Pseudoinverse
+from ..inputs.fields import Array
+from ..laws.parts.damped_inverse import damped_joint_velocity
 from ..paths import Path
-from ..task import named_task
+from ..robot.arm import Arm
+from ..robot.task import named_task
+
+# Of the position error [1/s], and of the pseudoinverse [m].
+_FEEDBACK, _DAMPING = 10.0, 1e-6
 
 #: Joint positions, shape (k, n) [rad], at times, shape (k,) [s].
 PositionsAt = Callable[[Array], Array]
@@ -70,17 +73,18 @@ def followed_path(
     task: str = "xyz",
     step: float = 1e-3,
 ) -> PositionsAt:
-    """The joint positions with which the pseudoinverse follows a path from a posture.
+    """Return the joint positions with which the damped pseudoinverse follows a path.
 
-    It is run beforehand, as a `Pseudoinverse` sampled every ``step``; between these samples
-    positions are linear in time, before and after them they stay.
+    The path is followed beforehand, sampled every ``step``, with the secant of the desired position
+    fed forward and its error fed back. Between samples positions are linear in time; before the
+    first and after the last they stay.
 
     Args:
         path: The path.
         arm: The arm.
         start: Posture at t = 0, shape (n,) [rad].
         until: Time at which it ends [s].
-        task: A key of `drake_rnn.task.TASKS`, without orientation.
+        task: A key of `drake_rnn.robot.task.TASKS`, without orientation.
         step: Between two samples [s].
 
     Raises:
@@ -89,8 +93,6 @@ def followed_path(
     followed = named_task(task)
     if followed.with_orientation:
         raise InvalidInputError(f"task: a reference for the joints knows xyz and xy, not {task!r}")
-    law = Pseudoinverse(limits=arm.limits, task_size=3 if followed.size == 3 else 2)
-    law.check_period(step)
     kinematics = arm.kinematics()
     q = np.array(start, dtype=float)
     origin = path.start_point(kinematics.p_WE(q))
@@ -100,18 +102,13 @@ def followed_path(
 
     times = step * np.arange(int(np.ceil(until / step)) + 1)
     positions = np.empty((times.size, q.size))
-    x, ahead = law.initial_state(np.random.default_rng(0), {}), desired(0.0)
+    ahead = desired(0.0)
     for k, t in enumerate(times.tolist()):
         positions[k] = q
         now, ahead = ahead, desired(t + step)
-        seen = {
-            "p_WE": followed.position(kinematics.p_WE(q)),
-            "p_WE_desired": now,
-            "p_preview": ahead,
-            "J": followed.J(kinematics, q),
-        }
-        x = law.step(t, x, seen, step)
-        q = q + step * law.commanded_velocity(t, x)
+        error = now - followed.position(kinematics.p_WE(q))
+        v_WE = _FEEDBACK * error + (ahead - now) / step
+        q = q + step * damped_joint_velocity(followed.J(kinematics, q), v_WE, _DAMPING)
 
     def positions_at(at: Array) -> Array:
         where = np.clip(np.asarray(at) / step, 0.0, times.size - 1.0)

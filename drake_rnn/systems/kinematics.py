@@ -6,9 +6,9 @@ from typing import Any
 
 from pydrake.systems.framework import Context, LeafSystem
 
-from ..arm_kinematics import ArmKinematics
-from ..arms import Arm
-from ..task import named_task
+from ..robot.arm import Arm
+from ..robot.kinematics import ArmKinematics
+from ..robot.task import named_task
 
 
 class Kinematics(LeafSystem):
@@ -21,7 +21,7 @@ class Kinematics(LeafSystem):
 
     Args:
         arm: The arm.
-        task: A key of `drake_rnn.task.TASKS`.
+        task: A key of `drake_rnn.robot.task.TASKS`.
         kinematics: Of the arm, to share what it computes with others who ask at the same
             posture; by default its own.
     """

@@ -31,9 +31,9 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from ..errors import InvalidInputError, SimulationError
-from ..fields import validated
+from ..inputs.fields import validated
 from ..laws.law import Layout
-from ..limits import DERIVATIVE_UNITS, JointLimits
+from ..robot.limits import DERIVATIVE_UNITS, JointLimits
 
 # More would take longer than the run.
 _MOST_SAMPLES = 1e6

@@ -10,9 +10,9 @@ import numpy as np
 from pydrake.systems.framework import Context, LeafSystem
 
 from ..errors import InvalidInputError
-from ..fields import Array
+from ..inputs.fields import Array
 from ..paths import Path
-from ..task import named_task
+from ..robot.task import named_task
 
 
 class PathSource(LeafSystem):
@@ -21,7 +21,7 @@ class PathSource(LeafSystem):
     Args:
         path: The path.
         p_WE: Where the end effector starts, shape (3,) [m].
-        task: A key of `drake_rnn.task.TASKS`, which names the m axes.
+        task: A key of `drake_rnn.robot.task.TASKS`, which names the m axes.
         R_WE: Orientation to keep, shape (3, 3), if the task has one; it is the output
             ``R_WE_desired``, flat.
         preview: Time ahead [s] of the outputs ``p_preview``, ``v_preview`` and ``a_preview``, in

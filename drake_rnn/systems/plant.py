@@ -22,11 +22,12 @@ from pydrake.multibody.plant import (
 from pydrake.multibody.tree import JointActuator, ModelInstanceIndex, PdControllerGains
 from pydrake.systems.framework import DiagramBuilder
 
-from ..arms import Arm
-from ..environments.contact_model import ContactModel
+from ..environments import ContactModel
 from ..errors import InvalidInputError
-from ..fields import Array, NonNegative, Positive, validated
-from ..tool import Tool, find_tool
+from ..inputs.fields import Array, NonNegative, Positive, validated
+from ..robot.arm import Arm
+from ..robot.tool import Tool, find_tool
+from .contact import Contact
 
 
 @validated
@@ -62,8 +63,7 @@ def add_plant(
     builder: DiagramBuilder,
     arm: Arm,
     start: Array,
-    environment: ContactModel | None = None,
-    p_WS: Array | None = None,
+    contact: Contact | None = None,
     settings: PlantSettings | None = None,
 ) -> AddedPlant:
     """Add a finalized plant, its motors' inputs not yet connected.
@@ -72,13 +72,12 @@ def add_plant(
         builder: Takes the plant and its SceneGraph.
         arm: The arm; all joints of its model that move must be controlled.
         start: Posture to start from, shape (n,) [rad].
-        environment: What the tool touches.
-        p_WS: The point of its surface below the tool at the start, shape (3,) [m].
+        contact: What the tool touches, with a `ContactModel`.
         settings: How it is simulated.
 
     Raises:
-        InvalidInputError: If the arm has other joints that move, a scaled mass or, for an
-            environment, no tool; or the environment's model cannot be read.
+        InvalidInputError: If the arm has other joints that move, a scaled mass or, for a
+            contact, no tool; or the environment's model cannot be read.
     """
     settings = PlantSettings() if settings is None else settings
     if arm.description.mass_scale != 1.0:
@@ -95,9 +94,8 @@ def add_plant(
     plant.mutable_gravity_field().set_gravity_vector(arm.gravity)
     _add_motors(plant, arm, instance, settings)
     tool = None
-    if environment is not None:
-        if p_WS is None:
-            raise InvalidInputError("p_WS: must be given with an environment")
+    if contact is not None and isinstance(environment := contact.surface, ContactModel):
+        p_WS = contact.place(arm, start)
         tool = find_tool(plant, plant.GetFrameByName(arm.frame, instance))
         known = set(_touchable(scene_graph))
         environment.add_to(plant, p_WS)

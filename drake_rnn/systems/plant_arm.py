@@ -2,68 +2,90 @@
 
 from __future__ import annotations
 
+from types import NoneType
+from typing import ClassVar
+
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.controllers import InverseDynamics
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import MatrixGain, Multiplexer
 
-from ..arm_kinematics import ArmKinematics
-from ..arms import Arm
-from ..environments.contact_model import ContactModel
-from ..fields import Array
-from ..tool import Tool
+from ..environments import ContactModel, Surface
+from ..errors import InvalidInputError
+from ..inputs.complaints import require_type
+from ..inputs.fields import Array
+from ..robot.arm import Arm
+from ..robot.tool import Tool
+from .body import Body, Feedback
+from .contact import Contact
 from .contact_force import ContactForce
 from .plant import PlantSettings, add_plant, motors_of
 from .tool_force import ToolForce
 
 
-class PlantArm(Diagram):
-    """A `Mirror` with mass: a discrete MultibodyPlant whose motors follow what is commanded.
+class PlantArm(Body):
+    """An arm with mass: a discrete MultibodyPlant whose motors follow the command.
 
     Each motor is a position and velocity loop, with the torque that gravity asks for fed
     forward; torques end at the effort limits of the model's actuators, and a joint to which it
-    gives none gets one without a limit. Inputs are ``position_commanded`` and
-    ``velocity_commanded``, outputs ``position`` and ``velocity``, of shape (n,)
-    [rad, rad/s]; and with an environment ``tool_force`` and ``contact_force``, of shape (3,)
-    [N] in the world frame: what the surroundings exert on the tool, as a force-torque sensor
-    feels it, and as the contact knows it. All are those of the plant's last step.
+    gives none gets one without a limit. Ports are those of a `Body`; all outputs are those of the
+    plant's last step.
 
     Args:
         arm: The arm; all joints of its model that move must be controlled.
-        start: Posture to start from, shape (n,) [rad].
-        environment: What the tool touches.
-        p_WS: The point of its surface below the tool at the start, shape (3,) [m].
-        settings: How it is simulated.
-        kinematics: See `ToolForce`.
+        start: Posture to start from, shape (n,) [rad]; by default the arm's home posture.
+        contact: With a `ContactModel` such as a `Plate`, or one of the user's own; None for an arm
+            in free space.
+        settings: How it is simulated and driven.
+        outside: How far the start may lie outside the position limits [rad].
 
     Attributes:
         plant: The plant.
         scene_graph: Its geometry, e.g. for a visualizer.
 
     Raises:
-        InvalidInputError: If the arm has other joints that move, a scaled mass or, for an
-            environment, no tool; or the environment's model cannot be read.
+        InvalidInputError: As `Body` does; or if the arm has other joints that move, a scaled mass
+            or, for a contact, no tool; or the environment's model cannot be read.
     """
+
+    level = "dynamic"
+    default_feedback: ClassVar[Feedback] = "measured"
+    surfaces: ClassVar[type[Surface]] = ContactModel
+    has_motors = True
 
     def __init__(
         self,
         arm: Arm,
-        start: Array,
-        environment: ContactModel | None = None,
-        p_WS: Array | None = None,
+        start: Array | None = None,
+        contact: Contact | None = None,
         settings: PlantSettings | None = None,
-        kinematics: ArmKinematics | None = None,
+        *,
+        outside: float = 0.0,
     ) -> None:
-        super().__init__()
+        super().__init__(arm, start, contact, outside=outside)
+        require_type("plant", settings, PlantSettings, NoneType)
+        self.settings = PlantSettings() if settings is None else settings
         builder = DiagramBuilder()
-        added = add_plant(builder, arm, start, environment, p_WS, settings)
+        added = add_plant(builder, arm, self.start, contact, self.settings)
         self.plant, self.scene_graph = added.plant, added.scene_graph
         self._drive(builder, arm, added.instance)
         if added.tool is not None:
-            self._feel(builder, arm, added.instance, added.tool, kinematics)
+            self._feel(builder, arm, added.instance, added.tool)
         builder.BuildInto(self)
+
+    @property
+    def tick(self) -> float | None:
+        """Time step of the plant [s]."""
+        return self.settings.time_step
+
+    @classmethod
+    def check_loop(cls, period: float | None, feedback: Feedback) -> None:
+        """Raise an InvalidInputError if the controller is not sampled."""
+        super().check_loop(period, feedback)
+        if period is None:
+            raise InvalidInputError("period: must be given at level: dynamic, no integrator")
 
     def _drive(self, builder: DiagramBuilder, arm: Arm, instance: ModelInstanceIndex) -> None:
         """Motors, in the model's order of actuators, and what they do, in the arm's of joints."""
@@ -108,7 +130,6 @@ class PlantArm(Diagram):
         arm: Arm,
         instance: ModelInstanceIndex,
         tool: Tool,
-        kinematics: ArmKinematics | None,
     ) -> None:
         plant = self.plant
         # Both move with the tool: any posture will do.
@@ -118,7 +139,7 @@ class PlantArm(Diagram):
             tool.joint.frame_on_child(),
         )
         R_EJ = X_EJ.rotation().matrix()
-        sensor = ToolForce(arm, _reaction_index(plant, tool), R_EJ, tool.mass, kinematics)
+        sensor = ToolForce(arm, _reaction_index(plant, tool), R_EJ, tool.mass, self.kinematics)
         builder.AddNamedSystem("tool_force", sensor)
         builder.Connect(
             plant.get_reaction_forces_output_port(), sensor.GetInputPort("reaction_forces")

@@ -8,28 +8,34 @@ import numpy as np
 from pydrake.systems.framework import Context, LeafSystem
 
 from ..environments.elastic_surface import ElasticSurface
-from ..fields import Array
+from ..inputs.fields import Array
+from ..robot.kinematics import ArmKinematics
 
 
 class SpringContact(LeafSystem):
     """At the kinematic level: a force proportional to depth, and none above the surface.
 
-    The input is ``p_WE``, shape (3,) [m]; the output ``contact_force``, shape (3,) [N], in the
-    world frame.
+    The input is ``position`` of the joints, shape (n,) [rad]; the output ``contact_force``, shape
+    (3,) [N], in the world frame.
 
     Args:
         surface: Its normal and stiffness.
         p_WS: A point of it, shape (3,) [m].
+        n: Number of joints.
+        kinematics: Kinematics of the arm.
     """
 
-    def __init__(self, surface: ElasticSurface, p_WS: Array) -> None:
+    def __init__(
+        self, surface: ElasticSurface, p_WS: Array, n: int, kinematics: ArmKinematics
+    ) -> None:
         super().__init__()
-        n, stiffness = surface.normal_W, surface.stiffness
-        height = float(n.dot(p_WS))
-        p_WE = self.DeclareVectorInputPort("p_WE", 3)
+        normal, stiffness = surface.normal_W, surface.stiffness
+        height = float(normal.dot(p_WS))
+        position = self.DeclareVectorInputPort("position", n)
 
         def contact_force(context: Context, output: Any) -> None:
-            depth = height - float(n.dot(p_WE.Eval(context)))
-            output.set_value(stiffness * depth * n if depth > 0.0 else np.zeros(3))
+            p_WE = kinematics.p_WE(position.Eval(context))
+            depth = height - float(normal.dot(p_WE))
+            output.set_value(stiffness * depth * normal if depth > 0.0 else np.zeros(3))
 
-        self.DeclareVectorOutputPort("contact_force", 3, contact_force, {p_WE.ticket()})
+        self.DeclareVectorOutputPort("contact_force", 3, contact_force, {position.ticket()})

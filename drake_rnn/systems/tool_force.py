@@ -9,9 +9,9 @@ from pydrake.common.value import Value
 from pydrake.multibody.math import SpatialForce
 from pydrake.systems.framework import Context, LeafSystem
 
-from ..arm_kinematics import ArmKinematics
-from ..arms import Arm
-from ..fields import Array
+from ..inputs.fields import Array
+from ..robot.arm import Arm
+from ..robot.kinematics import ArmKinematics
 
 
 class ToolForce(LeafSystem):

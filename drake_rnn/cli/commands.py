@@ -1,0 +1,317 @@
+"""The command line."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from time import perf_counter
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from ..errors import DrakeRnnError, InterruptedRunError, InvalidInputError, SimulationError
+from ..experiment import Experiment, load_experiment, parse_change, read_document
+from ..figures import write_figures
+from ..figures.learning import learning_figure
+from ..figures.sweep import sweep_figure
+from ..playback import write_playback
+from ..runs.fastest import fastest
+from ..runs.result import Result
+from ..runs.simulation import Progress as ProgressCallback
+from ..runs.simulation import check_experiment, simulate
+from ..runs.sweep import Row, parse_axis, write_csv
+from ..runs.sweep import sweep as run_sweep
+from .tables import (
+    WIDE,
+    experiments_table,
+    joints_table,
+    metrics_table,
+    sweep_tables,
+    varying_metrics,
+)
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    rich_markup_mode=None,  # it would take [s] for a style
+    pretty_exceptions_enable=False,
+    help="Recurrent-neural-network controllers for redundant manipulators, as Drake systems.",
+)
+
+# A table in a pipe or a file has a width of its own.
+_WIDTH = None if sys.stdout.isatty() else 140
+out = Console(width=_WIDTH, soft_wrap=False, highlight=False)
+err = Console(stderr=True, soft_wrap=True, highlight=False)
+
+FAILED, BAD_INPUT = 1, 2
+
+Set = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Change a key, e.g. law.kappa=8; repeatable."),
+]
+Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Where the folders go.")]
+Seed = Annotated[int | None, typer.Option(help="Seed of everything random.")]
+Duration = Annotated[
+    float | None, typer.Option(help="Simulated time [s]; one that ends before the window drops it.")
+]
+
+
+@app.command("list")
+def list_experiments() -> None:
+    """List the experiments that come with this package."""
+    with _errors():
+        out.print(experiments_table())
+
+
+@app.command()
+def run(
+    experiments: Annotated[
+        list[str], typer.Argument(metavar="EXPERIMENT...", help="Shipped names or YAML files.")
+    ],
+    out_folder: Out = Path("out"),
+    changes: Set = None,
+    seed: Seed = None,
+    duration: Duration = None,
+    playback: Annotated[bool, typer.Option(help="Write playback.html.")] = True,
+) -> None:
+    """Run experiments: a folder each, with figures, metrics and a playback."""
+    with _errors():
+        # Everything is checked before anything runs.
+        loaded = []
+        for name in experiments:
+            with _named(name, among=experiments):
+                loaded.append(_load(name, changes, seed, duration))
+        for experiment in loaded:
+            _require_one_folder_each(experiment, loaded)
+            with _named(experiment.name, among=experiments):
+                check_experiment(experiment)
+            _require_writable(out_folder / experiment.name)
+    failed = False
+    for experiment, name in zip(loaded, experiments, strict=True):
+        with _errors():
+            _tell_of_window(name, _changes(changes, seed, duration))
+            try:
+                with _progress(experiment) as progress:
+                    result = simulate(experiment, progress)
+            except SimulationError as error:
+                # What there was until then is kept.
+                failed = True
+                err.print(f"[red]failed[/] {escape(str(error))}")
+                _write(error.result, out_folder / experiment.name, playback)
+                if isinstance(error, InterruptedRunError):
+                    break
+            else:
+                _write(result, out_folder / experiment.name, playback)
+    if failed:
+        raise typer.Exit(FAILED)
+
+
+@app.command("fastest")
+def run_fastest(
+    experiment: Annotated[str, typer.Argument(help="A shipped name or a YAML file.")],
+    out_folder: Out = Path("out"),
+    changes: Set = None,
+    playback: Annotated[bool, typer.Option(help="Write playback.html.")] = True,
+) -> None:
+    """Run a path as fast as the limits on all derivatives admit."""
+    with _errors():
+        loaded = _load(experiment, changes, None, None)
+        folder = out_folder / f"{loaded.name}_fastest"
+        _require_writable(folder)
+        found = fastest(loaded, lambda text: err.print(escape(text)))
+        _write(found.result, folder, playback)
+    out.print(
+        f"shortest duration {found.result.metrics['shortest_duration_s']:.4g} s, "
+        f"{found.stretch:.4g} times what was asked for; bound by the {found.binding}"
+    )
+
+
+@app.command()
+def sweep(
+    experiment: Annotated[str, typer.Argument(help="A shipped name or a YAML file.")],
+    over: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--over",
+            metavar="KEY=v1,v2,...",
+            help="Values; repeat for the product; those of the document by default.",
+        ),
+    ] = None,
+    out_folder: Out = Path("out"),
+    changes: Set = None,
+    seed: Seed = None,
+    duration: Duration = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Runs at a time.")] = 1,
+) -> None:
+    """Run an experiment at many values: a table, a CSV and a picture."""
+    with _errors():
+        named = [parse_axis(text) for text in over or []]
+        keys = [key for key, _ in named]
+        if twice := [key for key in keys if keys.count(key) > 1]:
+            raise InvalidInputError(f"--over: {twice[0]!r} stands twice; give all its values once")
+        axes = dict(named) or _load(experiment, changes, seed, duration).document.over
+        if not axes:
+            raise InvalidInputError(f"--over: must be given; {experiment} names no values itself")
+        keys = list(axes)
+        folder = out_folder / f"sweep_{Path(experiment).stem}_{'_'.join(keys)}"
+        _require_writable(folder)
+
+        def done(row: Row) -> None:
+            values = ", ".join(f"{key}={v}" for key, v in zip(keys, row.values, strict=True))
+            err.print(escape(f"{values}: {row.failure or 'done'}"))
+
+        rows = run_sweep(experiment, axes, _changes(changes, seed, duration), jobs, done)
+        write_csv(folder / "sweep.csv", keys, rows)
+        pictures = [
+            sweep_figure(keys, rows, varying_metrics(rows), folder / "sweep.png"),
+            learning_figure(keys, rows, folder / "learning.png"),
+        ]
+    for length in axes.get("duration", [None]):
+        swept = {} if length is None else {"duration": length}
+        _tell_of_window(experiment, _changes(changes, seed, duration) | swept)
+    # In a pipe or a file there is room for all in one.
+    wide = Console(width=WIDE, highlight=False)
+    for table in sweep_tables(keys, rows, out.width if out.is_terminal else None):
+        wide.print(table)
+    out.print(escape(f"table    {folder / 'sweep.csv'}"), soft_wrap=True)
+    for picture in pictures:
+        if picture is not None:
+            out.print(escape(f"picture  {picture}"), soft_wrap=True)
+    if any(row.failure for row in rows):
+        raise typer.Exit(FAILED)
+
+
+def main() -> None:
+    """Entry point of ``drake-rnn``."""
+    app()
+
+
+def _load(
+    name: str, changes: list[str] | None, seed: int | None, duration: float | None
+) -> Experiment:
+    return load_experiment(name, _changes(changes, seed, duration))
+
+
+def _changes(
+    changes: list[str] | None, seed: int | None, duration: float | None
+) -> dict[str, object]:
+    new = dict(parse_change(change) for change in changes or [])
+    if seed is not None:
+        new["seed"] = seed
+    if duration is not None:
+        new["duration"] = duration
+    return new
+
+
+def _tell_of_window(name: str, changes: dict[str, Any]) -> None:
+    """That a duration ends before the window, and so drops it; nothing if it does not."""
+    kept = {key: value for key, value in changes.items() if key != "duration"}
+    before, now = read_document(name, kept), read_document(name, changes)
+    lost = [key for key in ("window", "accept") if key in before and key not in now]
+    if "window" not in lost:
+        return
+    what = "and what is expected in it are" if "accept" in lost else "is"
+    out.print(
+        f"[yellow]note[/] {escape(str(now['name']))}: window {escape(str(before['window']))} s "
+        f"{what} dropped: the run ends at {now['duration']:g} s",
+        soft_wrap=True,
+    )
+
+
+def _write(result: Result, folder: Path, playback: bool) -> None:
+    result.save(folder)
+    _draw_diagram(folder / "diagram.dot")
+    figures = write_figures(result, folder / "figures")
+    for warning in result.warnings:
+        err.print(f"[yellow]warning[/] {escape(warning)}")
+    out.print(metrics_table(result))
+    if (joints := joints_table(result)) is not None:
+        out.print(joints)
+    out.print(escape(f"results   {folder}"), soft_wrap=True)
+    out.print(escape(f"figures   {folder / 'figures'} ({len(figures)})"), soft_wrap=True)
+    if playback and result.time.size > 1:
+        page = write_playback(result, folder / "playback.html", _frames_per_second(result))
+        out.print(escape(f"playback  {page}"), soft_wrap=True)
+
+
+def _frames_per_second(result: Result) -> int:
+    """Long runs get fewer frames, so that the page stays small enough to be sent."""
+    return 64 if result.time[-1] <= 30.0 else 32
+
+
+def _draw_diagram(dot: Path) -> None:
+    if program := shutil.which("dot"):
+        command = [program, "-Tsvg", str(dot), "-o", str(dot.with_suffix(".svg"))]
+        subprocess.run(command, check=False, capture_output=True)
+
+
+@contextmanager
+def _named(name: str, among: list[str]) -> Iterator[None]:
+    """Of several experiments, an error says which one it is about."""
+    try:
+        yield
+    except InvalidInputError as error:
+        if len(among) == 1:
+            raise
+        raise InvalidInputError(f"{name}: {error}") from None
+
+
+def _require_one_folder_each(experiment: Experiment, among: list[Experiment]) -> None:
+    if sum(other.name == experiment.name for other in among) > 1:
+        raise InvalidInputError(
+            f"name: two experiments are called {experiment.name!r}; one would overwrite the other"
+        )
+
+
+def _require_writable(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InvalidInputError(f"--out: {folder}: {error.strerror}") from None
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise InvalidInputError(f"--out: {folder}: not writable")
+
+
+@contextmanager
+def _errors() -> Iterator[None]:
+    """Errors on purpose end with a sentence and a status, not with a traceback."""
+    try:
+        yield
+    except SimulationError as error:
+        err.print(f"[red]failed[/] {escape(str(error))}")
+        raise typer.Exit(FAILED) from error
+    except (DrakeRnnError, OSError) as error:
+        err.print(f"[red]error[/] {escape(str(error))}")
+        raise typer.Exit(BAD_INPUT) from error
+
+
+@contextmanager
+def _progress(experiment: Experiment) -> Iterator[ProgressCallback | None]:
+    """A bar on a terminal, nothing elsewhere."""
+    if not err.is_terminal:
+        yield None
+        return
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed:.2f} / {task.total:g} s"),
+        TextColumn("{task.fields[speed]}"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=err, transient=True) as bar:
+        task = bar.add_task(experiment.name, total=experiment.document.duration, speed="")
+        began = perf_counter()
+
+        def progress(t: float) -> None:
+            speed = t / max(perf_counter() - began, 1e-9)
+            bar.update(task, completed=t, speed=f"{speed:.1f} x real time")
+
+        yield progress

@@ -1,0 +1,22 @@
+"""An experiment: the document that describes it, and the objects that it means."""
+
+from .document import Acceptance, ExperimentDocument, IntegratorSettings
+from .experiment import OUTSIDE, Experiment, make_experiment
+from .reach import Reach, check_reach, follow
+from .reading import load_experiment, parse_change, read_document, shipped_experiments
+
+__all__ = [
+    "OUTSIDE",
+    "Acceptance",
+    "Experiment",
+    "ExperimentDocument",
+    "IntegratorSettings",
+    "Reach",
+    "check_reach",
+    "follow",
+    "load_experiment",
+    "make_experiment",
+    "parse_change",
+    "read_document",
+    "shipped_experiments",
+]

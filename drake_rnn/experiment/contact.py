@@ -1,0 +1,84 @@
+"""What an experiment's tool presses against, made and checked as a whole."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..environments import ENVIRONMENTS, ContactModel, ModelSurface, Plate, Surface
+from ..errors import InvalidInputError
+from ..inputs.documents import construct, kind_of, without_kind
+from ..inputs.fields import Array
+from ..laws import Law
+from ..paths import Path
+from ..robot.arm import Arm
+from ..systems import BODIES, Contact
+from .document import ExperimentDocument
+
+# How far a path may lead off a surface, along whose normal only the force rules [m].
+_OFF = 1e-3
+
+
+def make_contact(
+    document: ExperimentDocument, law: Law, path: Path, arm: Arm, start: Array
+) -> tuple[Contact | None, list[str]]:
+    """The contact, if the experiment has one, and what is doubtful about it.
+
+    Args:
+        document: What is described.
+        law: Law of the experiment.
+        path: Path of the experiment.
+        arm: Arm of the experiment.
+        start: Posture to start from, shape (n,) [rad].
+
+    Raises:
+        InvalidInputError: Naming the key, its value and what it may be.
+    """
+    section = document.environment
+    if section is None:
+        if "normal_WE" in law.inputs:
+            raise InvalidInputError("environment: must be given; this law presses on a surface")
+        for name, given in (("force", document.force), ("sensor", document.sensor)):
+            if given is not None:
+                raise InvalidInputError(f"{name}: only with an environment")
+        return None, []
+    kind = kind_of(section, ENVIRONMENTS, "environment")
+    BODIES[document.level].check_surface(kind)
+    if document.force is None:
+        raise InvalidInputError("force: must be given with an environment")
+    if document.sensor is not None and "normal_force" not in law.inputs:
+        raise InvalidInputError("sensor: this law, as it is set, does not see the force")
+    surface: Surface = construct(kind, without_kind(section), "environment")
+    contact = Contact(surface, document.force, document.sensor)
+    contact.check_period(document.period)
+    _require_along(surface, path)
+    return contact, _doubts(contact, path, arm, start)
+
+
+def _require_along(surface: Surface, path: Path) -> None:
+    """What of a path leads off a plane would be dropped without a word."""
+    if isinstance(surface, ModelSurface):
+        return  # which need not be plane
+    extent = float(np.ptp(path.sample(100) @ surface.normal_W))
+    if extent > _OFF:
+        raise InvalidInputError(
+            f"path: leads off the surface by {extent:.3g} m, where the force rules; give one in "
+            f"the plane with the normal {np.round(surface.normal_W, 4).tolist()}"
+        )
+
+
+def _doubts(contact: Contact, path: Path, arm: Arm, start: Array) -> list[str]:
+    surface = contact.surface
+    p_WS = contact.place(arm, start)
+    doubts = []
+    if isinstance(surface, ContactModel) and surface.gap < 0.0:
+        doubts.append(
+            f"environment.gap: the tool starts {-surface.gap:.3g} m inside the surface, which "
+            "pushes it out at once"
+        )
+    if isinstance(surface, Plate):
+        origin = path.start_point(p_WS)
+        points = surface.pose(p_WS).inverse().multiply((origin + path.sample(200)).T)
+        beyond = float(np.abs(points[:2]).max()) - surface.size / 2.0
+        if beyond > 0.0:
+            doubts.append(f"path: leads {beyond:.3g} m beyond the plate's edges")
+    return doubts

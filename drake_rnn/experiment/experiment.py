@@ -1,0 +1,216 @@
+"""An experiment: the objects that a document means, made and checked as a whole."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..errors import InvalidInputError
+from ..inputs.complaints import nearest
+from ..inputs.documents import construct, kind_of, without_kind
+from ..inputs.fields import Array, field_names
+from ..laws import Circumstances, Law, PostureLaw
+from ..paths import PATHS, Path, Rest
+from ..robot.arm import Arm, load_arm
+from ..robot.limits import JointLimits
+from ..robot.task import Task, named_task
+from ..systems import BODIES, Body, Contact, Feedback, start_posture
+from .contact import make_contact
+from .document import ExperimentDocument
+from .filter import filter_delay, loop_delay_doubts
+from .law import law_class, make_law
+from .target import reachable_target
+
+#: How far a start may lie outside the position limits if the law is there to mend it [rad].
+OUTSIDE = 0.1
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What a document means.
+
+    Attributes:
+        document: As it was written.
+        arm: The arm, with the limits of the experiment.
+        limits: Bounds that hold in this experiment.
+        law: The law.
+        path: The path, placed by ``p_WE_start``.
+        start: Posture to start from, shape (n,) [rad].
+        p_WE_start: Where the end effector is then, shape (3,) [m].
+        R_WE_start: Its orientation, shape (3, 3).
+        target: Posture that the law seeks, shape (n,) [rad], or None.
+        holds_orientation: Whether the end effector is to keep the orientation of the start.
+        contact: What the tool presses against, or None.
+        feedback: Which arm the law sees.
+        path_delay: How long ago the point was desired that the arm is to be at now [s].
+        warnings: What the user should know of how these were made.
+    """
+
+    document: ExperimentDocument
+    arm: Arm
+    limits: JointLimits
+    law: Law
+    path: Path
+    start: Array
+    p_WE_start: Array
+    R_WE_start: Array
+    target: Array | None
+    holds_orientation: bool
+    contact: Contact | None
+    feedback: Feedback
+    path_delay: float
+    warnings: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """Name of the experiment."""
+        return self.document.name
+
+    @property
+    def task(self) -> Task:
+        """What of the end effector the experiment is about."""
+        return named_task(self.document.task)
+
+    @property
+    def level(self) -> type[Body]:
+        """Kind of body that the arm is simulated by."""
+        return BODIES[self.document.level]
+
+
+def make_experiment(document: Mapping[str, Any] | ExperimentDocument) -> Experiment:
+    """Return the experiment that a document describes, checked as a whole.
+
+    Args:
+        document: The document, or its contents as plain data.
+
+    Raises:
+        InvalidInputError: Naming the key, its value and what it may be.
+    """
+    if not isinstance(document, ExperimentDocument):
+        document = construct(ExperimentDocument, document, "")
+    published = _arm(document.arm)
+    limits = _limits(published, document.limits)
+    arm = published.with_limits(limits)
+    seeks_posture = issubclass(law_class(document), PostureLaw)
+    start = start_posture(arm, document.start, OUTSIDE if seeks_posture else 0.0)
+    path = _path(document, seeks_posture)
+    law = make_law(document, limits, start)
+    feedback = _feedback(document)
+    warnings = [*_widened(published, limits), *_outside(arm, start)]
+    delay = filter_delay(document, feedback, limits, law)
+    warnings += loop_delay_doubts(document, law, delay.loop)
+    circumstances = Circumstances(
+        loop_delay=delay.loop,
+        reference_is_delayed=delay.path > 0.0,
+        pressing_force=None if document.force is None else document.force.value,
+    )
+    warnings += law.doubts(circumstances)
+    target = None
+    if isinstance(law, PostureLaw):
+        target, changes = reachable_target(document, arm, start, law.target)
+        law = replace(law, target=target)
+        warnings += changes
+    contact, doubts = make_contact(document, law, path, arm, start)
+    kinematics = arm.kinematics()
+    return Experiment(
+        document=document,
+        arm=arm,
+        limits=limits,
+        law=law,
+        path=path,
+        start=start,
+        p_WE_start=kinematics.p_WE(start),
+        R_WE_start=kinematics.R_WE(start),
+        target=target,
+        holds_orientation=named_task(document.task).with_orientation
+        or "R_WE_desired" in law.inputs,
+        contact=contact,
+        feedback=feedback,
+        path_delay=delay.path,
+        warnings=(*warnings, *doubts),
+    )
+
+
+def _feedback(document: ExperimentDocument) -> Feedback:
+    """Which arm the law sees, once the level has been asked whether it may."""
+    body = BODIES[document.level]
+    feedback = body.default_feedback if document.feedback is None else document.feedback
+    body.check_loop(document.period, feedback)
+    settings, period = document.plant, document.period
+    if settings is not None and not body.has_motors:
+        raise InvalidInputError("plant: only at level: dynamic")
+    if settings is not None and period is not None and settings.time_step > period:
+        raise InvalidInputError(
+            f"plant.time_step: may be at most the controller's period, {period:g} s, "
+            f"not {settings.time_step:g}"
+        )
+    return feedback
+
+
+def _path(document: ExperimentDocument, seeks_posture: bool) -> Path:
+    if seeks_posture:
+        if document.path is not None:
+            raise InvalidInputError(
+                "path: this law holds the end effector where it is; leave the path out"
+            )
+        return Rest()
+    if document.on_unreachable != "refuse":
+        raise InvalidInputError("on_unreachable: only for a law that seeks a target posture")
+    if document.path is None:
+        raise InvalidInputError("path: must be given")
+    kind = kind_of(document.path, PATHS, "path")
+    path: Path = construct(kind, without_kind(document.path), "path")
+    return path
+
+
+def _widened(arm: Arm, limits: JointLimits) -> list[str]:
+    """Where the experiment lets a joint go although the arm itself cannot."""
+    if not np.isfinite(limits.position_upper - limits.position_lower).any():
+        return []
+    beyond = np.maximum(
+        arm.limits.position_lower - limits.position_lower,
+        limits.position_upper - arm.limits.position_upper,
+    )
+    worst = int(np.argmax(beyond))
+    if beyond[worst] <= 1e-3:
+        return []
+    return [
+        f"limits: {arm.joints[worst]} may go {beyond[worst]:.3g} rad beyond what {arm.name} can, "
+        f"{arm.limits.position_lower[worst]:.4g} to {arm.limits.position_upper[worst]:.4g} rad"
+    ]
+
+
+def _outside(arm: Arm, start: Array) -> list[str]:
+    return [
+        f"start: {name} is at {q:.6g} rad, {excess:.3g} rad outside its limits; it is brought back"
+        for name, q, excess in zip(arm.joints, start, arm.limits.violation(start), strict=True)
+        if excess > 0
+    ]
+
+
+def _arm(description: str | Mapping[str, Any]) -> Arm:
+    if isinstance(description, str):
+        return load_arm(description)
+    fields = dict(description)
+    if not isinstance(model := fields.pop("model", None), str):
+        raise InvalidInputError("arm.model: must be given: a shipped arm or a model file")
+    return load_arm(model, **fields)
+
+
+def _limits(arm: Arm, bounds: Mapping[str, Any] | str) -> JointLimits:
+    if isinstance(bounds, str):
+        return JointLimits.unlimited(arm.n)
+    names = list(field_names(JointLimits))
+    for name in bounds:
+        if name not in names:
+            raise InvalidInputError(f"limits.{name}: no such key; " + nearest(name, names))
+        entries = bounds[name]
+        if isinstance(entries, (list, np.ndarray)) and len(entries) != arm.n:
+            raise InvalidInputError(
+                f"limits.{name}: must have {arm.n} entries, one a joint of {arm.name}, not "
+                f"{len(entries)}"
+            )
+    return construct(JointLimits, arm.limits.merged(bounds), "limits")

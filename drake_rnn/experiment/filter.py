@@ -1,0 +1,85 @@
+"""What an experiment's filter means for its law and its path."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ..diagrams import check_filter
+from ..errors import InvalidInputError
+from ..laws import Law
+from ..robot.limits import JointLimits
+from ..systems.body import Feedback
+from ..systems.moving_average import averaging_delay, averaging_windows
+from .document import ExperimentDocument
+
+
+class FilterDelay(NamedTuple):
+    """What a filter delays.
+
+    Attributes:
+        path: How long ago the point was desired that the arm is to be at now [s].
+        loop: Delay between the law's command and what it sees [s].
+    """
+
+    path: float = 0.0
+    loop: float = 0.0
+
+
+def filter_delay(
+    document: ExperimentDocument, feedback: Feedback, limits: JointLimits, law: Law
+) -> FilterDelay:
+    """Return what the experiment's filter delays; nothing without one.
+
+    Raises:
+        InvalidInputError: If the filter does not go with feedback, noise, law or duration.
+    """
+    settings = document.filter
+    check_filter(settings is not None, feedback, document.dither)
+    if settings is None:
+        return FilterDelay()
+    if document.period is None:
+        raise InvalidInputError("filter: is sampled like the law; give a period, no integrator")
+    delay = averaging_delay(averaging_windows(limits, document.period), document.period)
+    if delay >= document.duration:
+        raise InvalidInputError(
+            f"filter: these limits make its delay {delay:.4g} s; the duration must be more than "
+            f"that, not {document.duration:g}"
+        )
+    if feedback == "unfiltered":
+        if settings.delay_desired:
+            raise InvalidInputError("filter.delay_desired: only with feedback: commanded")
+        return FilterDelay(path=delay)
+    if settings.precompensate:
+        raise InvalidInputError("filter.precompensate: only with feedback: unfiltered")
+    if settings.delay_desired and not {"p_WE_desired", "v_WE_desired"} <= law.inputs.parts.keys():
+        raise InvalidInputError(
+            "filter.delay_desired: only for a law that sees p_WE_desired and v_WE_desired"
+        )
+    return FilterDelay(path=delay * settings.delay_desired, loop=delay)
+
+
+def loop_delay_doubts(document: ExperimentDocument, law: Law, delay: float) -> list[str]:
+    """Return what is doubtful about a delay in the law's loop.
+
+    Args:
+        document: Names the law.
+        law: The law.
+        delay: Between its command and what it sees [s].
+
+    Raises:
+        InvalidInputError: If a gain of the law is too high for it.
+    """
+    if delay == 0.0:
+        return []
+    for name, gain in law.loop_gains.items():
+        if gain * delay >= 1.0:
+            raise InvalidInputError(
+                f"law.{name}: must be below {1.0 / delay:.4g} /s with the filter's delay of "
+                f"{delay:.4g} s in its loop, not {gain:g}; or give feedback: unfiltered"
+            )
+    if law.loop_gains:
+        return []
+    return [
+        f"filter: delays the law's loop by {delay:.4g} s; nothing is known of whether "
+        f"{document.law['kind']} stays stable with it: see feedback: unfiltered"
+    ]

@@ -1,0 +1,78 @@
+"""The law that an experiment's document describes."""
+
+from __future__ import annotations
+
+from typing import Any, get_args
+
+from ..errors import InvalidInputError
+from ..inputs.documents import construct, kind_of, without_kind
+from ..inputs.fields import Array, field_names
+from ..laws import LAWS, Law
+from ..robot.limits import JointLimits
+from ..robot.task import TASKS
+from .document import ExperimentDocument
+
+# Where the fields of a law come from that a document does not give.
+_ORIGINS = {"limits": "arm and limits", "home": "start", "task_size": "task"}
+
+
+def law_class(document: ExperimentDocument) -> type[Law]:
+    """Return the class that ``law.kind`` names.
+
+    Raises:
+        InvalidInputError: If it names none.
+    """
+    return kind_of(document.law, LAWS, "law")
+
+
+def make_law(document: ExperimentDocument, limits: JointLimits, start: Array) -> Law:
+    """Return the law, with the fields that follow from arm, start and task.
+
+    Args:
+        document: What is described.
+        limits: Bounds that hold in the experiment.
+        start: Posture to start from, shape (n,) [rad].
+
+    Raises:
+        InvalidInputError: If a field is wrong, or follows from something else; or the law is not
+            for this task, cannot be sampled at this period, or not be integrated.
+    """
+    kind, task = law_class(document), document.task
+    known = {"limits": limits, "home": start, "task_size": TASKS[task].size}
+    filled = {name: value for name, value in known.items() if name in field_names(kind)}
+    for name in filled.keys() & document.law.keys():
+        raise InvalidInputError(f"law.{name}: follows from {_ORIGINS[name]}; leave it out")
+    _require_size(task, kind)
+    law: Law = construct(kind, {**filled, **without_kind(document.law)}, "law")
+    _require_rows(task, law)
+    if document.period is not None:
+        law.sampled(document.period)
+    else:
+        law.continuous()
+    if document.dither is not None and "velocity" not in law.inputs:
+        raise InvalidInputError("dither: this law does not learn; it has nothing to excite")
+    return law
+
+
+def _require_size(task: str, kind: Any) -> None:
+    """Raise an InvalidInputError for a task whose size the law's own field does not admit."""
+    if "task_size" not in field_names(kind):
+        return
+    sizes = get_args(kind.__pydantic_fields__["task_size"].annotation)
+    if TASKS[task].size not in sizes:
+        able = ", ".join(name for name, known in TASKS.items() if known.size in sizes)
+        raise InvalidInputError(f"task: may be {able} for this law, not {task}")
+
+
+def _require_rows(task: str, law: Law) -> None:
+    """Raise an InvalidInputError for a task that does not fit what the law sees."""
+    sizes = {name: shape[0] for name, (_, shape) in law.inputs.parts.items()}
+
+    def suits(name: str) -> bool:
+        known = TASKS[name]
+        axes = len(known.axes)
+        return sizes.get("p_WE", axes) == axes and sizes.get("J", known.size) == known.size
+
+    if not suits(task):
+        able = ", ".join(filter(suits, TASKS))
+        raise InvalidInputError(f"task: may be {able} for this law, not {task}")

@@ -1,0 +1,128 @@
+"""Reading experiments: by their shipped name or from a YAML file, with changes by dotted keys."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path as File
+from typing import Any
+
+from ..diagrams import EXPERIMENTS
+from ..errors import InvalidInputError
+from ..inputs.complaints import nearest
+from ..inputs.documents import parse_yaml, read_yaml
+from .experiment import Experiment, make_experiment
+
+
+def shipped_experiments() -> list[str]:
+    """Return the names of the experiments that come with this package.
+
+    All but ``state_adjustment_printed`` can be run; that one is there to be refused.
+    """
+    return sorted(file.stem for file in EXPERIMENTS.glob("*/*.yaml"))
+
+
+def load_experiment(experiment: str | File, changes: Mapping[str, Any] | None = None) -> Experiment:
+    """Return an experiment by its shipped name or from a YAML file, checked as a whole.
+
+    Args:
+        experiment: A name from `shipped_experiments`, or a file.
+        changes: New values by dotted keys, e.g. ``{"law.kappa": 8}``; None removes a key.
+            Setting one of period and integrator removes the other; a duration that ends
+            before the document's window removes that, and what was expected in it.
+
+    Raises:
+        InvalidInputError: Naming the key, its value and what it may be.
+    """
+    return make_experiment(read_document(experiment, changes))
+
+
+def read_document(
+    experiment: str | File, changes: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """Return the contents of an experiment's document, with ``changes``, not yet checked.
+
+    Raises:
+        InvalidInputError: If there is no such experiment, or it is no document.
+    """
+    name = str(experiment)
+    if name in shipped_experiments():
+        (file,) = EXPERIMENTS.glob(f"*/{name}.yaml")
+    elif File(name).suffix in {".yaml", ".yml"}:
+        file = File(name)
+    else:
+        raise InvalidInputError(
+            f"experiment: no experiment {name!r}; "
+            + nearest(name, shipped_experiments())
+            + ", or a .yaml file"
+        )
+    document = read_yaml(file)
+    if not isinstance(document, dict):
+        raise InvalidInputError(f"{file}: must be a mapping of keys to values")
+    # Models and CSV files are named relative to the document that names them.
+    _resolve_files(document, file.parent)
+    rivals = {key.split(".")[0] for key, value in (changes or {}).items() if value is not None}
+    if {"period", "integrator"} <= rivals:
+        raise InvalidInputError("period: stands beside integrator; change one of them")
+    for key, value in (changes or {}).items():
+        _change(document, key, value)
+    _cut_short(document, changes or {})
+    return {"name": file.stem, **document}
+
+
+def parse_change(text: str) -> tuple[str, Any]:
+    """Key and value of ``KEY=VALUE``; the value is read as YAML.
+
+    Raises:
+        InvalidInputError: If there is no ``=``, or the value is no YAML.
+    """
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip():
+        raise InvalidInputError(f"--set: must be KEY=VALUE, not {text!r}")
+    return key.strip(), parse_yaml(value, f"--set {key.strip()}")
+
+
+def _change(document: dict[str, Any], key: str, value: Any) -> None:
+    *folders, last = key.split(".")
+    place = document
+    for depth, folder in enumerate(folders):
+        inner = place.setdefault(folder, {})
+        if not isinstance(inner, dict):
+            where = ".".join(folders[: depth + 1])
+            raise InvalidInputError(f"{key}: {where} is {inner!r}, which has no keys")
+        place = inner
+    if value is None:
+        place.pop(last, None)
+    else:
+        place[last] = value
+    rival = {"period": "integrator", "integrator": "period"}.get(key.split(".")[0])
+    if rival is not None and value is not None:
+        document.pop(rival, None)
+
+
+def _cut_short(document: dict[str, Any], changes: Mapping[str, Any]) -> None:
+    if "duration" not in changes or "window" in changes:
+        return
+    duration, window, numbers = document.get("duration"), document.get("window"), (int, float)
+    until = window[-1] if isinstance(window, list) and window else None
+    if isinstance(duration, numbers) and isinstance(until, numbers) and until > duration:
+        document.pop("window")
+        if not any(key.split(".")[0] == "accept" for key in changes):
+            document.pop("accept", None)
+
+
+def _resolve_files(document: dict[str, Any], folder: File) -> None:
+    arm, path = _section(document, "arm"), _section(document, "path")
+    packages, environment = _section(arm, "packages"), _section(document, "environment")
+    files = ((arm, "model"), (path, "file"), (environment, "model"))
+    for section, key in (*files, *((packages, key) for key in packages)):
+        value = section.get(key)
+        # A shipped arm's name may also be that of a folder.
+        found = File.is_dir if section is packages else File.is_file
+        if isinstance(value, str) and found(folder / value):
+            # Whole, so that the document means the same wherever it is written next.
+            section[key] = str((folder / value).resolve())
+
+
+def _section(document: dict[str, Any], key: str) -> dict[str, Any]:
+    section = document.get(key)
+    return section if isinstance(section, dict) else {}

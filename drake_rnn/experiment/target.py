@@ -1,0 +1,88 @@
+"""Can a target posture be reached while the end effector stays, and what if it cannot?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import InvalidInputError
+from ..inputs.fields import Array
+from ..robot.arm import Arm
+from ..robot.self_motion import SelfMotion
+from ..robot.task import TASKS
+from .document import ExperimentDocument
+
+# The end effector may be this far from its place in a target posture, and the target from where
+# the self-motion towards it ends: further, and the law would trade one for the other.
+_MISS, _TURN, _SHORT = 1e-4, 1e-3, 0.01
+
+
+def reachable_target(
+    document: ExperimentDocument, arm: Arm, start: Array, target: Array
+) -> tuple[Array, list[str]]:
+    """The target to seek, and what there is to say about it.
+
+    Raises:
+        InvalidInputError: If no self-motion leads to it and ``on_unreachable`` is ``refuse``.
+    """
+    motion = SelfMotion(arm, start, document.task)
+    if motion.free_dimensions == 0:
+        raise InvalidInputError(
+            f"task: {document.task} leaves {arm.name} no self-motion at its start: of its "
+            f"{arm.n} joints 0 free dimensions remain"
+        )
+    closest = motion.towards(target)
+    _require_plane(document.task, arm, start, closest)
+    short = np.abs(closest - target)
+    distance, angle = motion.distance(target), motion.angle(target)
+    if distance <= _MISS and angle <= _TURN and short.max() <= _SHORT:
+        return target, _detours(arm, start, target)
+    faults = []
+    if distance > _MISS:
+        faults.append(f"moves the end effector {distance:.3g} m from where it starts")
+    if angle > _TURN:
+        faults.append(f"turns it by {angle:.3g} rad")
+    if not faults:
+        faults.append("is not reached by the self-motion from the start, which gets stuck")
+    worst = int(np.argmax(short))
+    lower, upper = arm.limits.position_lower, arm.limits.position_upper
+    what = (
+        f"law.target: {' and '.join(faults)}; the nearest posture that can be reached is "
+        f"[{', '.join(map(_typed, closest, lower, upper))}], {short[worst]:.3g} rad off in "
+        f"{arm.joints[worst]}"
+    )
+    if arm.limits.violation(closest).any():
+        raise InvalidInputError(f"{what}, which is outside its limits; start nearer to them")
+    if document.on_unreachable == "refuse":
+        raise InvalidInputError(f"{what}; give that, or on_unreachable: project")
+    return closest, [f"{what}: taken in its place", *_detours(arm, start, closest)]
+
+
+def _require_plane(task: str, arm: Arm, start: Array, target: Array) -> None:
+    """A planar task must not let the end effector leave its plane without a word."""
+    kinematics = arm.kinematics()
+    moved = np.abs(kinematics.p_WE(target) - kinematics.p_WE(start))
+    moved[list(TASKS[task].axes)] = 0.0
+    if moved.max() > _MISS:
+        raise InvalidInputError(
+            f"task: {task} leaves the end effector free along {'xyz'[int(np.argmax(moved))]}, by "
+            f"{moved.max():.3g} m on the way to law.target; hold it with task: xyz"
+        )
+
+
+def _typed(q: float, lower: float, upper: float) -> str:
+    """A joint position to six decimals, or more where it would be rounded out of its limits."""
+    text = f"{q:.6f}"
+    return text if lower <= float(text) <= upper else repr(float(q))
+
+
+def _detours(arm: Arm, start: Array, target: Array) -> list[str]:
+    """Joints that go more than half a turn although the same posture is nearer."""
+    other = target - 2 * np.pi * np.round((target - start) / (2 * np.pi))
+    lower, upper = arm.limits.position_lower, arm.limits.position_upper
+    detour = (np.abs(target - start) > np.pi) & (lower <= other) & (other <= upper)
+    return [
+        f"law.target: {name} has {abs(to - begin):.3g} rad to go; at {near:.6g} rad the posture "
+        "is the same, and nearer"
+        for name, begin, to, near, so in zip(arm.joints, start, target, other, detour, strict=True)
+        if so
+    ]

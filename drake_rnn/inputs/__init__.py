@@ -1,0 +1,1 @@
+"""Arguments that check themselves, what is said of bad ones, and YAML documents."""

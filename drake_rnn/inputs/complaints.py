@@ -1,0 +1,196 @@
+"""What is wrong with an argument, in one sentence: the key, its value and what it may be."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import is_dataclass
+from difflib import get_close_matches
+from types import NoneType, UnionType
+from typing import Annotated, Any, NamedTuple, Union, get_args, get_origin
+
+import numpy as np
+from pydantic import ValidationError
+
+from ..errors import InvalidInputError
+
+
+def sentence(cls: type, error: ValidationError, key: str) -> str:
+    """Of the first thing wrong; the rest is often its consequence.
+
+    Args:
+        cls: That was to be constructed.
+        error: Why it was not.
+        key: Where its values stand in a document; may be empty.
+    """
+    errors = _fitting(cls, error.errors(include_url=False))
+    # Behind a misspelt key there is often one that is missing.
+    first = next((e for e in errors if e["type"] in _UNKNOWN_KEY), errors[0])
+    place = _place(cls, first)
+    keys = place.keys
+    where = ".".join([key, *keys] if key else keys)
+    if first["type"] in _UNKNOWN_KEY:
+        known = getattr(place.within, "__dataclass_fields__", {})
+        return f"{where}: no such key; " + nearest(keys[-1], list(known))
+    if first["type"] in _MISSING:
+        return f"{where}: must be given"
+    cause = first.get("ctx", {}).get("error")
+    if isinstance(cause, InvalidInputError):
+        # It says itself which key is to blame.
+        return str(cause)
+    # The members of a union that have been tried at this place.
+    tried = [first]
+    if first["type"] != "value_error":
+        tried = [e for e in errors if _place(cls, e).keys == keys]
+    message = " or ".join(dict.fromkeys(_message(e) for e in tried)).replace(" or must be ", " or ")
+    if cause is not None and re.match(r"\w+: ", message):
+        # A class names the field of its own that is wrong.
+        return f"{where}.{message}" if where else message
+    prefix = f"{where}: " if where else ""
+    # Of an object as a whole, the message says what matters.
+    if (cause is not None and is_dataclass(place.type)) or ", not " in message:
+        return prefix + message
+    return f"{prefix}{message}, not {short(first['input'])}"
+
+
+_UNKNOWN_KEY = {"unexpected_keyword_argument", "extra_forbidden"}
+_MISSING = {"missing", "missing_argument", "missing_keyword_only_argument"}
+# What pydantic says of a type, in the words of a YAML file.
+_WORDS = {
+    "bool_type": "must be true or false",
+    "bool_parsing": "must be true or false",
+    "dataclass_type": "must be a mapping of keys to values",
+    "dict_type": "must be a mapping of keys to values",
+    "float_parsing": "must be a number",
+    "float_type": "must be a number",
+    "int_from_float": "must be an integer",
+    "int_parsing": "must be an integer",
+    "int_type": "must be an integer",
+    "list_type": "must be a list",
+    "string_type": "must be a text",
+    "tuple_type": "must be a list",
+}
+# Of a member of a union: that another one was meant.
+_OF_ANOTHER_KIND = {*_WORDS, "is_instance_of", "literal_error"}
+
+
+def _message(error: Any) -> str:
+    if error["type"] in _WORDS:
+        return _WORDS[error["type"]]
+    if error["type"] in {"too_long", "too_short"}:
+        limits = error["ctx"]
+        size = limits.get("max_length", limits.get("min_length"))
+        return f"must have {size} entries, not {limits['actual_length']}"
+    message = str(error["msg"]).removeprefix("Value error, ")
+    message = message.replace("Input should be", "must be", 1)
+    return message[:1].lower() + message[1:]
+
+
+class _Place(NamedTuple):
+    """Where in a document an error lies.
+
+    Attributes:
+        keys: That lead there.
+        within: The type that the last key belongs to.
+        type: Of the value there.
+        whole: Whether it is about the whole value, for one member of a union.
+    """
+
+    keys: list[str]
+    within: Any
+    type: Any
+    whole: bool
+
+
+def _place(cls: type, error: Any) -> _Place:
+    keys: list[str] = []
+    at: Any = cls
+    within, whole = at, False
+    for step in error["loc"]:
+        members = _members(at)
+        # Pydantic names the member of a union that it has tried; of None it says nothing.
+        whole = len(members) > 1
+        if whole:
+            at = _member(members, step)
+        elif step != "[key]":
+            within = members[0]
+            at = _inner(within, step)
+            keys.append(str(step))
+    return _Place(keys, within, _members(at)[0], whole)
+
+
+def _fitting(cls: type, errors: list[Any]) -> list[Any]:
+    """The errors without those of a union's members that are for values of another kind."""
+
+    def misfit(error: Any) -> bool:
+        return error["type"] in _OF_ANOTHER_KIND and _place(cls, error).whole
+
+    meant = [error["loc"] for error in errors if not misfit(error)]
+
+    def stays(error: Any) -> bool:
+        union = error["loc"][:-1]
+        return not misfit(error) or all(loc[: len(union)] != union for loc in meant)
+
+    return [error for error in errors if stays(error)]
+
+
+def _members(annotation: Any) -> list[Any]:
+    """The members of a union, but for None; of another type, itself."""
+    if get_origin(annotation) is Annotated:
+        return _members(get_args(annotation)[0])
+    if get_origin(annotation) not in {Union, UnionType}:
+        return [annotation]
+    return [member for member in get_args(annotation) if member is not NoneType]
+
+
+def _member(members: list[Any], name: object) -> Any:
+    """The member that pydantic calls ``name``: a class by its own, others by what they are."""
+    named = [member for member in members if getattr(member, "__name__", None) == name]
+    return (named or [m for m in members if not is_dataclass(m)] or members)[0]
+
+
+def _inner(annotation: Any, step: object) -> Any:
+    """The type of what stands at ``step`` of a value; Any where that is not known."""
+    fields = getattr(annotation, "__pydantic_fields__", {})
+    if step in fields:
+        return fields[step].annotation
+    types = get_args(annotation)
+    if isinstance(step, int) and step < len(types) and get_origin(annotation) is tuple:
+        return types[step]
+    return types[-1] if get_origin(annotation) in {dict, list} else Any
+
+
+def short(value: Any) -> str:
+    """``value`` in at most 60 characters."""
+    try:
+        text = repr(plain(value))
+    except RecursionError:
+        # A YAML alias may stand within what it stands for.
+        text = f"a {type(value).__name__} within itself"
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def require_type(key: str, value: object, *kinds: type) -> None:
+    """Raise an InvalidInputError if ``value`` is of none of these classes."""
+    if isinstance(value, kinds):
+        return
+    names = ["None" if kind is NoneType else kind.__name__ for kind in kinds]
+    given = short(value) if type(value).__module__ == "builtins" else type(value).__name__
+    raise InvalidInputError(f"{key}: must be of class {' or '.join(names)}, not {given}")
+
+
+def nearest(name: str, names: list[str]) -> str:
+    """What to try instead of ``name``: the closest of ``names``, or all of them."""
+    close = get_close_matches(name, names, n=3, cutoff=0.5)
+    return "nearest: " + ", ".join(close) if close else "it may be " + ", ".join(names)
+
+
+def plain(value: Any) -> Any:
+    """``value`` with arrays as lists and NumPy numbers as Python's."""
+    if isinstance(value, Mapping):
+        return {key: plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(entry) for entry in value]
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    return value

@@ -1,0 +1,104 @@
+"""YAML documents in and out, and objects made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from io import StringIO
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import TypeAdapter, ValidationError
+from ruamel.yaml import YAML
+from ruamel.yaml.constructor import DuplicateKeyError
+from ruamel.yaml.error import YAMLError
+from ruamel.yaml.scalarstring import DoubleQuotedScalarString
+
+from ..errors import InvalidInputError
+from .complaints import nearest, plain, sentence
+
+T = TypeVar("T")
+
+
+def parse_yaml(text: str, source: str) -> Any:
+    """Contents of a YAML 1.2 document; duplicate keys are refused."""
+    try:
+        return YAML(typ="safe", pure=True).load(text)
+    except DuplicateKeyError as error:
+        key = str(error.problem).split('"')[1]
+        raise InvalidInputError(f"{source}: the key {key!r} stands twice") from None
+    except YAMLError as error:
+        mark, problem = getattr(error, "problem_mark", None), getattr(error, "problem", None)
+        place = f"line {mark.line + 1}, column {mark.column + 1}: " if mark is not None else ""
+        problem = " ".join(str(problem or error).split()).removeprefix("but ")
+        raise InvalidInputError(f"{source}: not a YAML document: {place}{problem}") from None
+
+
+def read_yaml(file: Path) -> Any:
+    """Contents of a YAML 1.2 file.
+
+    Raises:
+        InvalidInputError: If it is missing, unreadable or holds a key twice.
+    """
+    try:
+        text = file.read_text()
+    except OSError as error:
+        raise InvalidInputError(f"{file}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise InvalidInputError(f"{file}: not a text file") from None
+    return parse_yaml(text, str(file))
+
+
+def to_yaml(document: Mapping[str, Any]) -> str:
+    """YAML text of plain data and arrays; reading it gives the same numbers, bit for bit."""
+    yaml = YAML()
+    yaml.default_flow_style = None
+    yaml.width = 100
+    stream = StringIO()
+    yaml.dump(_quoted(plain(document)), stream)
+    return stream.getvalue()
+
+
+def _quoted(value: Any) -> Any:
+    """``value`` with texts in quotes whose first sign may mean something else to YAML."""
+    if isinstance(value, dict):
+        return {_quoted(key): _quoted(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_quoted(entry) for entry in value]
+    if isinstance(value, str) and not value[:1].isalnum():
+        return DoubleQuotedScalarString(value)
+    return value
+
+
+def construct(cls: type[T], values: Any, key: str) -> T:
+    """An object of a validated class; ``key`` is where ``values`` stand in the document.
+
+    Raises:
+        InvalidInputError: In one line: the key, the value and what it may be.
+    """
+    if not isinstance(values, Mapping):
+        raise InvalidInputError(f"{key}: must be a mapping of keys to values, not {values!r}")
+    try:
+        return TypeAdapter(cls).validate_python(dict(values))
+    except ValidationError as error:
+        raise InvalidInputError(sentence(cls, error, key)) from None
+
+
+def kind_of(document: Mapping[str, Any], kinds: Mapping[str, type], key: str) -> type:
+    """The class that a section's ``kind`` names, among ``kinds``.
+
+    Raises:
+        InvalidInputError: If it names none.
+    """
+    kind = document.get("kind")
+    if kind is None:
+        raise InvalidInputError(f"{key}.kind: must be given; it may be {', '.join(kinds)}")
+    if not isinstance(kind, str) or kind not in kinds:
+        raise InvalidInputError(
+            f"{key}.kind: no {key} {kind!r}; " + nearest(str(kind), list(kinds))
+        )
+    return kinds[kind]
+
+
+def without_kind(document: Mapping[str, Any]) -> dict[str, Any]:
+    """The rest of such a section."""
+    return {name: value for name, value in document.items() if name != "kind"}

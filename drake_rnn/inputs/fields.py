@@ -1,0 +1,100 @@
+"""Arguments that check themselves, in Python and in a YAML file alike."""
+
+from __future__ import annotations
+
+from functools import wraps
+from typing import Annotated, Any, dataclass_transform
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic.dataclasses import dataclass
+
+from ..errors import InvalidInputError
+from .complaints import sentence
+
+Array = NDArray[np.float64]
+
+
+def _vector(value: Any) -> Array:
+    """A read-only copy, so that whoever holds it can rely on it."""
+    if not isinstance(value, (list, tuple, np.ndarray)):
+        raise ValueError("must be a list of numbers")
+    try:
+        given = np.array(value)
+    except ValueError:
+        raise ValueError("must be one list of numbers") from None
+    # Neither true nor "4" is a number.
+    if given.size and given.dtype.kind not in "iuf":
+        raise ValueError("must be a list of numbers")
+    vector = given.astype(float)
+    if vector.ndim != 1 or np.isnan(vector).any():
+        raise ValueError("must be one list of numbers, none of them NaN")
+    vector.setflags(write=False)
+    return vector
+
+
+def _finite(vector: Array) -> Array:
+    if not np.isfinite(vector).all():
+        raise ValueError("must be finite")
+    return vector
+
+
+def _finite_vector(value: Any) -> Array:
+    return _finite(_vector(value))
+
+
+def _point(value: Any) -> Array:
+    vector = _finite_vector(value)
+    if vector.size != 3:
+        raise ValueError(f"must have 3 entries, not {vector.size}")
+    return vector
+
+
+def zeros() -> Array:
+    """The default of a `Point`, read-only as any."""
+    return _point([0.0, 0.0, 0.0])
+
+
+Bounds = Annotated[Array, BeforeValidator(_vector)]
+Vector = Annotated[Array, BeforeValidator(_finite_vector)]
+Point = Annotated[Array, BeforeValidator(_point)]
+# Strict: true and "4" are no numbers, 4 is.
+Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(strict=True, ge=0, allow_inf_nan=False)]
+Count = Annotated[int, Field(strict=True, ge=1)]
+Seed = Annotated[int, Field(strict=True, ge=0)]
+
+
+def field_names(cls: type) -> tuple[str, ...]:
+    """Return the names of a dataclass's fields; none of another class."""
+    return tuple(getattr(cls, "__dataclass_fields__", ()))
+
+
+def _example(cls: type) -> str:
+    names = [name for name in field_names(cls) if name != "kind"]
+    return f"{cls.__name__}({names[0]}=...)"
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True)
+def validated(cls: type) -> type:
+    """A frozen, keyword-only dataclass whose fields are checked, unknown ones refused.
+
+    What is wrong is an `InvalidInputError` of one sentence.
+    """
+    config = ConfigDict(extra="forbid", arbitrary_types_allowed=True)
+    made = dataclass(frozen=True, eq=False, kw_only=True, config=config)(cls)
+    construct = made.__init__
+
+    @wraps(construct)
+    def init(self: Any, *args: Any, **fields: Any) -> None:
+        if args:
+            raise InvalidInputError(f"{cls.__name__}: takes keywords only, as in {_example(made)}")
+        try:
+            construct(self, **fields)
+        except ValidationError as error:
+            raise InvalidInputError(sentence(made, error, cls.__name__)) from None
+
+    setattr(made, "__init__", init)  # noqa: B010  mypy forbids the assignment
+    return made

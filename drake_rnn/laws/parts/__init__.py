@@ -1,0 +1,1 @@
+"""What several laws are made of, one idea a file."""

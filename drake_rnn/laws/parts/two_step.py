@@ -1,0 +1,175 @@
+r"""A sampled reading of acceleration laws whose fast terms are linear: two steps back, implicit.
+
+The second-order backward differentiation formula,
+
+.. math::
+    (3 x_{k+1} - 4 x_k + x_{k-1}) / 2h = f(x_{k+1}),
+
+solves for v and omega at the next sample in one linear system, since f is linear in them once
+J and Jdot_v are extrapolated from this sample and the one before, and the desired signals are
+known ahead. The arm moves with the ramp from one v to the next, which is exact for its joint
+positions, and whose slope, the acceleration, is what the bounds clip.
+
+With the velocity held over a sample instead, the position error of NALJDF grows 200-fold; with
+one step back it is twice as large; without what J does meanwhile the step is unstable.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from ...inputs.fields import Array
+from ..law import Layout, SampledReading, Signals
+
+_AHEAD = {"p_preview": "p_WE_desired", "v_preview": "v_WE_desired", "a_preview": "a_WE_desired"}
+
+# When the ramp began, before there is one [s].
+_NEVER = -1.0
+
+
+@dataclass(frozen=True)
+class LinearForm:
+    """Rates that are linear in the state, at one posture and time.
+
+    v_dot = a_v v + a_omega omega + a_0, before it is clipped, and omega_dot likewise with b.
+    """
+
+    a_v: Array
+    a_omega: Array
+    a_0: Array
+    b_v: Array
+    b_omega: Array
+    b_0: Array
+
+
+class AccelerationLaw(Protocol):
+    """What `TwoStep` needs of a law with the state v and omega."""
+
+    @property
+    def home(self) -> Array:
+        """Posture with one entry a joint, shape (n,) [rad]."""
+
+    @property
+    def task_size(self) -> int:
+        """Rows of J, m."""
+
+    @property
+    def measured(self) -> Mapping[str, tuple[int, ...]]:
+        """Shapes of the signals it sees of the arm."""
+
+    @property
+    def observables(self) -> Layout:
+        """Signals that `observed` returns."""
+
+    def linear_form(self, u: Signals, q: Array, p_WE: Array, ahead: float = 0.0) -> LinearForm:
+        """Return the rates at the posture q + ahead v, the end effector at p_WE + ahead J v."""
+
+    def bounded(self, demand: Array, q: Array, v: Array, period: float) -> Array:
+        """Return the accelerations next to ``demand`` that may be held, shape (n,) [rad/s^2]."""
+
+    def observed(self, demand: Array, v_dot: Array, v: Array, u: Signals) -> Signals:
+        """Return the observables, from accelerations asked for and allowed."""
+
+
+class TwoStep(SampledReading):
+    """An acceleration law as a sampled controller runs it.
+
+    It asks for the desired signals one period ahead. Its state is v at the end of the present
+    ramp, omega, where the ramp began, ``v_from`` at the time ``since``, its ``slope`` and the
+    ``demand`` before that was clipped, and what it remembers of the sample before.
+
+    Args:
+        law: The law.
+    """
+
+    # Heun's step integrates a ramp of the velocity exactly.
+    integration_scheme = "runge_kutta2"
+
+    def __init__(self, law: AccelerationLaw) -> None:
+        self.law = law
+
+    @cached_property
+    def state(self) -> Layout:
+        n, m = self.law.home.size, self.law.task_size
+        return Layout(
+            v=(n,),
+            omega=(m,),
+            v_from=(n,),
+            slope=(n,),
+            demand=(n,),
+            since=(1,),
+            omega_before=(m,),
+            J_before=(m, n),
+            Jdot_v_before=(m,),
+        )
+
+    @cached_property
+    def inputs(self) -> Layout:
+        ahead = {name: (self.law.task_size,) for name in _AHEAD}
+        return Layout(**self.law.measured, **ahead)
+
+    @cached_property
+    def observables(self) -> Layout:
+        return self.law.observables
+
+    def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
+        x = np.zeros(self.state.size)
+        x[self._places["since"]] = _NEVER
+        return x
+
+    def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
+        law, h = self.law, period
+        n = law.home.size
+        at = self._places
+        v, omega = x[at["v"]], x[at["omega"]]
+        q, J, Jdot_v = u["position"], u["J"], u["Jdot_v"]
+        if x[at["since"].start] != _NEVER:
+            J_next = 2.0 * J - x[at["J_before"]].reshape(J.shape)
+            Jdot_v_next = 2.0 * Jdot_v - x[at["Jdot_v_before"]]
+            lead = 1.5 / h
+            known_v = (4.0 * v - x[at["v_from"]]) / (2.0 * h)
+            known_omega = (4.0 * omega - x[at["omega_before"]]) / (2.0 * h)
+        else:
+            # The first sample has none before it.
+            J_next, Jdot_v_next = J, Jdot_v
+            lead, known_v, known_omega = 1.0 / h, v / h, omega / h
+        next_u = {**u, "J": J_next, "Jdot_v": Jdot_v_next}
+        for preview, desired in _AHEAD.items():
+            next_u[desired] = u[preview]
+        half = h / 2.0
+        form = law.linear_form(next_u, q + half * v, u["p_WE"] + half * J.dot(v), half)
+
+        size = n + law.task_size
+        A = np.empty((size, size))
+        A[:n, :n], A[:n, n:] = form.a_v, form.a_omega
+        A[n:, :n], A[n:, n:] = form.b_v, form.b_omega
+        A.flat[:: size + 1] -= lead
+        known = np.concatenate((form.a_0 + known_v, form.b_0 + known_omega))
+        sought = np.linalg.solve(A, -known)
+        demand = (sought[:n] - v) / h
+        slope = law.bounded(demand, q, v, h)
+        ramp = (v + h * slope, sought[n:], v, slope, demand, (t,))
+        return np.concatenate((*ramp, omega, J.ravel(), Jdot_v))
+
+    def commanded_velocity(self, t: float, x: Array) -> Array:
+        v_from, since, slope = self._ramp
+        ramp: Array = x[v_from] + (t - x[since]) * x[slope]
+        return ramp
+
+    @cached_property
+    def _places(self) -> dict[str, slice]:
+        return {name: place for name, (place, _) in self.state.parts.items()}
+
+    @cached_property
+    def _ramp(self) -> tuple[slice, int, slice]:
+        at = self._places
+        return at["v_from"], at["since"].start, at["slope"]
+
+    def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
+        v, demand, slope = (self.state.part(x, name) for name in ("v", "demand", "slope"))
+        return self.law.observed(demand, slope, v, u)

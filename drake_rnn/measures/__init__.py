@@ -1,0 +1,22 @@
+"""What a run is measured by: what is recorded, and the metrics taken from it."""
+
+from .metrics import METRIC_NAMES, METRICS, TIMING_METRICS, Metric, shown_in
+from .motion import Motion, Pressing
+from .recorder import Recorder
+from .series import UNITS
+from .taken import ARRIVED, law_metrics, motion_metrics
+
+__all__ = [
+    "ARRIVED",
+    "METRICS",
+    "METRIC_NAMES",
+    "TIMING_METRICS",
+    "UNITS",
+    "Metric",
+    "Motion",
+    "Pressing",
+    "Recorder",
+    "law_metrics",
+    "motion_metrics",
+    "shown_in",
+]

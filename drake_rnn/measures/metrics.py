@@ -1,0 +1,331 @@
+"""The list of metrics: their names, units and meaning, and where each is shown.
+
+From it come the keys that an experiment's ``accept`` may have, the tables on a terminal, the table
+of the overview figure, and the page of metrics in the documentation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+#: Steps that a metric is taken over: those of the experiment's window, those of the whole run, or
+#: none, where it tells of the machine that ran it.
+Over = Literal["window", "run", "machine"]
+
+#: Kinds of run whose overview shows a metric, by what the run is about, and the table of a sweep.
+Shown = Literal["path", "posture", "return", "force", "sweep"]
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A number taken from a run.
+
+    Attributes:
+        name: Key in ``metrics.json``, with its unit at the end.
+        unit: SI unit; "1" for a pure number.
+        meaning: What it says.
+        over: Steps it is taken over.
+        shown: Where it is shown beside the experiment's own expectations.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    over: Over = "run"
+    shown: frozenset[Shown] = frozenset()
+
+
+def _shown(*places: Shown) -> frozenset[Shown]:
+    return frozenset(places)
+
+
+#: All metrics, in the order in which they are shown.
+METRICS: tuple[Metric, ...] = (
+    Metric(
+        "position_error_max_m",
+        "m",
+        "largest norm of the position error; on a surface, of its part along the surface",
+        over="window",
+        shown=_shown("path", "return", "sweep"),
+    ),
+    Metric(
+        "position_error_component_max_m",
+        "m",
+        "largest position error along any axis",
+        over="window",
+    ),
+    Metric(
+        "position_error_rms_m",
+        "m",
+        "root mean square of the norm of the position error",
+        over="window",
+        shown=_shown("path", "sweep"),
+    ),
+    Metric(
+        "path_delay_s",
+        "s",
+        "delay at which the arm follows its path behind a filter",
+    ),
+    Metric(
+        "velocity_error_max_m_s",
+        "m/s",
+        "largest norm of the end effector's velocity error",
+        over="window",
+        shown=_shown("return", "sweep"),
+    ),
+    Metric(
+        "velocity_error_component_max_m_s",
+        "m/s",
+        "largest velocity error along any axis",
+        over="window",
+    ),
+    Metric(
+        "settling_time_s",
+        "s",
+        "time after which the position error stays below ``settling_tolerance_m``",
+        shown=_shown("path", "sweep"),
+    ),
+    Metric(
+        "force_error_mean_N",
+        "N",
+        "mean of the true normal force minus the desired one",
+        over="window",
+        shown=_shown("force"),
+    ),
+    Metric(
+        "force_error_rms_N",
+        "N",
+        "root mean square of the force error",
+        over="window",
+        shown=_shown("force", "sweep"),
+    ),
+    Metric(
+        "force_error_max_N",
+        "N",
+        "largest magnitude of the force error",
+        over="window",
+        shown=_shown("force", "sweep"),
+    ),
+    Metric(
+        "normal_force_peak_N",
+        "N",
+        "largest true force along the surface's normal",
+        shown=_shown("force", "sweep"),
+    ),
+    Metric(
+        "lateral_error_max_m",
+        "m",
+        "largest position error along the surface",
+        over="window",
+        shown=_shown("force", "sweep"),
+    ),
+    Metric(
+        "joint_error_max_rad",
+        "rad",
+        "distance of the farthest joint from the target posture at the end",
+        shown=_shown("posture", "sweep"),
+    ),
+    Metric(
+        "joint_settling_time_s",
+        "s",
+        "time after which all joints stay within 0.01 rad of the target posture",
+        shown=_shown("posture", "sweep"),
+    ),
+    Metric(
+        "end_effector_drift_max_m",
+        "m",
+        "largest distance of the end effector from its start",
+        shown=_shown("posture", "sweep"),
+    ),
+    Metric(
+        "end_effector_drift_end_m",
+        "m",
+        "distance of the end effector from its start at the end",
+        shown=_shown("posture"),
+    ),
+    Metric(
+        "orientation_error_max_rad",
+        "rad",
+        "largest angle off the orientation to hold",
+        over="window",
+        shown=_shown("posture", "force", "sweep"),
+    ),
+    Metric(
+        "orientation_rank_min",
+        "1",
+        "smallest rank of the rows by which the law holds the orientation",
+    ),
+    Metric(
+        "contact_lost_fraction",
+        "1",
+        "share of the steps without contact",
+        over="window",
+        shown=_shown("force"),
+    ),
+    Metric(
+        "contact_lost_time_s",
+        "s",
+        "time at which contact was lost for more than 50 ms, or the law took it for lost",
+        shown=_shown("force"),
+    ),
+    Metric(
+        "invariant_error_max_m",
+        "m",
+        "largest distance of the end effector from where the multipliers imply it is",
+        shown=_shown("posture"),
+    ),
+    Metric(
+        "shortest_duration_s",
+        "s",
+        "shortest duration of the path under the limits (`drake-rnn fastest`)",
+    ),
+    Metric(
+        "joint_drift_mean_rad",
+        "rad",
+        "mean over the joints of the distance between the window's first and last posture",
+        over="window",
+        shown=_shown("return", "sweep"),
+    ),
+    Metric(
+        "joint_drift_max_rad",
+        "rad",
+        "the same of the joint that drifts most",
+        over="window",
+        shown=_shown("path", "return", "sweep"),
+    ),
+    Metric(
+        "joint_velocity_initial_rad_s",
+        "rad/s",
+        "largest joint speed after the first step",
+        shown=_shown("posture"),
+    ),
+    Metric(
+        "joint_acceleration_initial_rad_s2",
+        "rad/s^2",
+        "largest joint acceleration over the first step",
+        shown=_shown("posture"),
+    ),
+    Metric(
+        "joint_velocity_max_rad_s",
+        "rad/s",
+        "largest joint speed",
+        shown=_shown("path", "posture", "return", "force"),
+    ),
+    Metric(
+        "joint_acceleration_max_rad_s2",
+        "rad/s^2",
+        "largest joint acceleration: the secant over the time for which a velocity is held",
+        shown=_shown("path", "posture", "return", "force", "sweep"),
+    ),
+    Metric(
+        "network_acceleration_max_rad_s2",
+        "rad/s^2",
+        "the same of the law's own velocity, where that differs from the arm's",
+        shown=_shown("path", "sweep"),
+    ),
+    Metric(
+        "joint_acceleration_demand_max_rad_s2",
+        "rad/s^2",
+        "largest acceleration that the law asked for before it was bounded",
+        shown=_shown("return"),
+    ),
+    Metric(
+        "joint_limit_margin_min_rad",
+        "rad",
+        "smallest distance to a position limit; negative beyond it",
+        shown=_shown("path", "posture", "force"),
+    ),
+    Metric(
+        "jacobian_error_median",
+        "m",
+        "median of the Frobenius norm of J - J_hat",
+        over="window",
+        shown=_shown("path", "force", "sweep"),
+    ),
+    Metric(
+        "jacobian_error_max",
+        "m",
+        "largest Frobenius norm of J - J_hat",
+        over="window",
+        shown=_shown("sweep"),
+    ),
+    Metric(
+        "jacobian_error_excited_median",
+        "m",
+        "median of the norm of J - J_hat along the joints' motion",
+        over="window",
+    ),
+    Metric(
+        "singular_value_min",
+        "m",
+        "smallest singular value of J; of a pose, rotation rows included",
+        shown=_shown("path", "posture", "return", "force"),
+    ),
+    Metric(
+        "saturated_fraction",
+        "1",
+        "share of the steps in which a bound cut what the law asked for",
+        shown=_shown("path", "posture", "return", "force", "sweep"),
+    ),
+    Metric(
+        "limit_ratio_1_max",
+        "1",
+        "largest joint speed over its bound",
+    ),
+    Metric(
+        "limit_ratio_2_max",
+        "1",
+        "largest joint acceleration over its bound",
+    ),
+    Metric(
+        "limit_ratio_3_max",
+        "1",
+        "largest jerk over its bound, from differences of the velocity over 10 ms",
+    ),
+    Metric(
+        "limit_ratio_4_max",
+        "1",
+        "largest snap over its bound, likewise",
+    ),
+    Metric(
+        "limit_ratio_5_max",
+        "1",
+        "largest crackle over its bound, likewise",
+    ),
+    Metric(
+        "limit_violation_max",
+        "mixed",
+        "largest excess over any bound, each in the unit of its own bound",
+        shown=_shown("return"),
+    ),
+    Metric(
+        "real_time_factor",
+        "1",
+        "simulated time over wall time of the run",
+        over="machine",
+    ),
+    Metric(
+        "wall_time_s",
+        "s",
+        "wall time of run and evaluation",
+        over="machine",
+    ),
+    Metric(
+        "control_step_us",
+        "us",
+        "median cost of one sample of the law alone",
+        over="machine",
+    ),
+)
+
+#: Names of all metrics.
+METRIC_NAMES: tuple[str, ...] = tuple(metric.name for metric in METRICS)
+
+#: Names of the metrics of the machine rather than of the run; they differ from run to run.
+TIMING_METRICS: tuple[str, ...] = tuple(m.name for m in METRICS if m.over == "machine")
+
+
+def shown_in(place: Shown) -> tuple[str, ...]:
+    """Return the names of the metrics that are shown there, in their order."""
+    return tuple(metric.name for metric in METRICS if place in metric.shown)

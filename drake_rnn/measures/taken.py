@@ -1,0 +1,246 @@
+"""The metrics of a motion, taken over every step."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..inputs.fields import Array
+from ..laws.law import Signals
+from ..robot.limits import DERIVATIVE_UNITS, JointLimits
+from .motion import Motion, Pressing
+
+_HIGHER = ("jerk", "snap", "crackle")
+# Between the velocities of which those are differences [s].
+_DIFFERENCE = 0.01
+
+# A gap in the contact that is longer than this is a loss of it [s].
+_LOST = 0.05
+
+# Joint error below which the arm has arrived at its target [rad].
+ARRIVED = 0.01
+
+
+def motion_metrics(
+    motion: Motion,
+    limits: JointLimits,
+    window: tuple[float, float] | None,
+    settling_tolerance: float,
+) -> dict[str, float]:
+    """The metrics of a motion that apply to it, by name.
+
+    Errors, drift and Jacobian figures are taken over ``window`` [s]; velocities,
+    accelerations, margins and violations always over the whole run.
+
+    Args:
+        motion: What happened.
+        limits: Bounds that were to hold.
+        window: Times between which errors are taken; None for the whole run.
+        settling_tolerance: Position error below which the arm has settled [m].
+    """
+    if motion.time.size == 0:
+        return {}
+    # A run that diverged may hold numbers whose squares overflow: what is not finite is left out.
+    with np.errstate(over="ignore", invalid="ignore"):
+        metrics = _errors(motion, window, settling_tolerance)
+        metrics |= _drift(motion, window)
+        metrics |= _joints(motion, limits)
+        metrics |= _posture(motion, window)
+        if motion.pressing is not None:
+            metrics |= _contact(motion, motion.pressing, window)
+        if motion.J_hat is not None:
+            metrics |= _jacobian(motion, motion.J_hat, window)
+    return {name: float(value) for name, value in metrics.items() if np.isfinite(value)}
+
+
+def law_metrics(motion: Motion, observed: Signals) -> dict[str, float]:
+    """The metrics of what a law tells of itself, by name, over the whole run.
+
+    Args:
+        motion: What happened.
+        observed: The law's observables at every step.
+    """
+    if motion.time.size == 0:
+        return {}
+    metrics = {}
+    if "saturated" in observed:
+        metrics["saturated_fraction"] = np.mean(observed["saturated"])
+    if "acceleration_demand" in observed:
+        demand = np.abs(observed["acceleration_demand"])
+        metrics["joint_acceleration_demand_max_rad_s2"] = demand.max()
+    if "orientation_rank" in observed:
+        metrics["orientation_rank_min"] = observed["orientation_rank"].min()
+    if "contact_lost" in observed and observed["contact_lost"].any():
+        # What the law takes for a loss counts, though a trace of contact be left.
+        metrics["contact_lost_time_s"] = motion.time[np.argmax(observed["contact_lost"][:, 0])]
+    if "displacement" in observed:
+        with np.errstate(over="ignore", invalid="ignore"):
+            moved = motion.p_WE - motion.p_WE[0]
+            told = observed["displacement"] - observed["displacement"][0]
+            metrics["invariant_error_max_m"] = np.linalg.norm(moved - told, axis=1).max()
+    return {name: float(value) for name, value in metrics.items() if np.isfinite(value)}
+
+
+def _within(motion: Motion, window: tuple[float, float] | None) -> NDArray[np.bool_]:
+    if window is None:
+        return np.ones(motion.time.size, dtype=bool)
+    # Step times carry rounding errors.
+    return (motion.time >= window[0] - 1e-9) & (motion.time <= window[1] + 1e-9)
+
+
+def _errors(
+    motion: Motion, window: tuple[float, float] | None, tolerance: float
+) -> dict[str, float]:
+    metrics = {}
+    within = _within(motion, window)
+    error = motion.aside(motion.p_WE - motion.p_WE_desired)
+    norm = np.linalg.norm(error, axis=1)
+    if within.any():
+        slip = motion.aside(motion.v_WE - motion.v_WE_desired)
+        metrics = {
+            "position_error_max_m": norm[within].max(),
+            "position_error_component_max_m": np.abs(error[within]).max(),
+            "position_error_rms_m": np.sqrt(np.mean(norm[within] ** 2)),
+            "velocity_error_max_m_s": np.linalg.norm(slip[within], axis=1).max(),
+            "velocity_error_component_max_m_s": np.abs(slip[within]).max(),
+        }
+    settled = _settled(motion.time, norm, tolerance)
+    if settled is not None:
+        metrics["settling_time_s"] = settled
+    return metrics
+
+
+def _drift(motion: Motion, window: tuple[float, float] | None) -> dict[str, float]:
+    metrics = {}
+    within = np.flatnonzero(_within(motion, window))
+    # On the way to a target the joints are meant to move.
+    if within.size > 1 and motion.target is None:
+        drift = np.abs(motion.position[within[-1]] - motion.position[within[0]])
+        metrics = {"joint_drift_max_rad": drift.max(), "joint_drift_mean_rad": drift.mean()}
+    moved = np.linalg.norm(motion.p_WE - motion.p_WE[0], axis=1)
+    return metrics | {
+        "end_effector_drift_max_m": moved.max(),
+        "end_effector_drift_end_m": moved[-1],
+    }
+
+
+def _posture(motion: Motion, window: tuple[float, float] | None) -> dict[str, float]:
+    metrics = {}
+    if motion.orientation_error is not None and (within := _within(motion, window)).any():
+        metrics["orientation_error_max_rad"] = motion.orientation_error[within].max()
+    if motion.target is None:
+        return metrics
+    error = np.abs(motion.position - motion.target).max(axis=1)
+    metrics["joint_error_max_rad"] = error[-1]
+    settled = _settled(motion.time, error, ARRIVED)
+    if settled is not None:
+        metrics["joint_settling_time_s"] = settled
+    return metrics
+
+
+def _contact(
+    motion: Motion, pressing: Pressing, window: tuple[float, float] | None
+) -> dict[str, float]:
+    metrics = {"normal_force_peak_N": pressing.force.max()}
+    touching = pressing.force > 0.0
+    if (within := _within(motion, window)).any():
+        error = (pressing.force - pressing.desired)[within]
+        lateral = motion.aside(motion.p_WE - motion.p_WE_desired)[within]
+        metrics |= {
+            "force_error_mean_N": error.mean(),
+            "force_error_rms_N": np.sqrt(np.mean(error**2)),
+            "force_error_max_N": np.abs(error).max(),
+            "lateral_error_max_m": np.linalg.norm(lateral, axis=1).max(),
+            "contact_lost_fraction": np.mean(~touching[within]),
+        }
+    made = int(np.argmax(touching))
+    if touching.any():
+        # The time since the tool last touched, from the first touch on.
+        time = motion.time[made:]
+        last = np.maximum.accumulate(np.where(touching[made:], time, -np.inf))
+        gap = time - last
+        if (gap > _LOST).any():
+            metrics["contact_lost_time_s"] = last[int(np.argmax(gap > _LOST))]
+    return metrics
+
+
+def _settled(time: Array, error: Array, tolerance: float) -> float | None:
+    """The first time after which ``error`` stays below ``tolerance``; None if it does not."""
+    late = np.flatnonzero(~(error < tolerance))
+    if late.size == 0:
+        return float(time[0])
+    return float(time[late[-1] + 1]) if late[-1] + 1 < error.size else None
+
+
+def _joints(motion: Motion, limits: JointLimits) -> dict[str, float]:
+    speed = np.abs(motion.velocity)
+    margin = np.minimum(
+        motion.position - limits.position_lower, limits.position_upper - motion.position
+    )
+    gram = motion.J @ np.swapaxes(motion.J, 1, 2)
+    metrics = {
+        "joint_velocity_max_rad_s": speed.max(),
+        "joint_limit_margin_min_rad": margin.min(),
+        "singular_value_min": np.sqrt(np.maximum(0.0, np.linalg.eigvalsh(gram)[:, 0].min())),
+    }
+    derivatives = [("velocity", speed)]
+    if motion.time.size > 1:
+        acceleration = np.abs(motion.joint_acceleration())
+        derivatives.append(("acceleration", acceleration))
+        metrics |= {
+            "joint_acceleration_max_rad_s2": acceleration.max(),
+            "joint_velocity_initial_rad_s": speed[1].max(),
+            "joint_acceleration_initial_rad_s2": acceleration[0].max(),
+        }
+        # A ramp ends at its law's velocity but for rounding.
+        if not np.allclose(motion.network_velocity, motion.velocity, rtol=1e-9, atol=1e-12):
+            network = np.abs(motion.network_acceleration())
+            metrics["network_acceleration_max_rad_s2"] = network.max()
+    for name, values in _higher_derivatives(motion, limits).items():
+        derivatives.append((name, values))
+    excess = [-margin.min()]
+    for name, values in derivatives:
+        order = 1 + list(DERIVATIVE_UNITS).index(name)
+        bound = getattr(limits, name)
+        if bound is not None and np.isfinite(bound).any():
+            excess.append((values - bound).max())
+            metrics[f"limit_ratio_{order}_max"] = (values / bound).max()
+    if np.isfinite(excess).any():
+        metrics["limit_violation_max"] = max(0.0, float(np.max(excess)))
+    return metrics
+
+
+def _higher_derivatives(motion: Motion, limits: JointLimits) -> dict[str, Array]:
+    """Jerk, snap and crackle in magnitude, where they are bounded.
+
+    From differences of the velocity over 10 ms: over a thousandth of a second, the rounding of
+    positions would make up all of the fifth derivative.
+    """
+    wanted = [name for name in _HIGHER if getattr(limits, name) is not None]
+    if not wanted or motion.time[-1] - motion.time[0] < 6 * _DIFFERENCE:
+        return {}
+    time = np.arange(motion.time[0], motion.time[-1] + 1e-9, _DIFFERENCE)
+    # The step that ends at a time, or the first after it.
+    at = np.minimum(np.searchsorted(motion.time, time - 1e-9), motion.time.size - 1)
+    velocity = motion.velocity[at]
+    return {
+        name: np.abs(np.diff(velocity, n=order, axis=0)) / _DIFFERENCE**order
+        for order, name in enumerate(_HIGHER, start=2)
+        if name in wanted
+    }
+
+
+def _jacobian(motion: Motion, J_hat: Array, window: tuple[float, float] | None) -> dict[str, float]:
+    within = _within(motion, window)
+    difference = (motion.J - J_hat)[within]
+    if difference.size == 0:
+        return {}
+    v = motion.network_velocity[within]
+    speed = np.linalg.norm(v, axis=1)
+    moving = speed > 1e-6
+    size = np.linalg.norm(difference, axis=(1, 2))
+    metrics = {"jacobian_error_median": np.median(size), "jacobian_error_max": size.max()}
+    if moving.any():
+        along = np.linalg.norm(np.einsum("kmn,kn->km", difference, v), axis=1)
+        metrics["jacobian_error_excited_median"] = np.median(along[moving] / speed[moving])
+    return metrics

@@ -1,0 +1,1 @@
+"""The robot: its model, kinematics, limits, task and tool."""

@@ -1,0 +1,367 @@
+"""Arms: a robot model, the frame that works, the joints that are controlled, and their limits."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from copy import copy
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+from pydrake.geometry import SceneGraph
+from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import (
+    BodyIndex,
+    FrameIndex,
+    Joint,
+    ModelInstanceIndex,
+)
+
+from ..errors import InvalidInputError
+from ..inputs.complaints import nearest
+from ..inputs.documents import construct, read_yaml
+from ..inputs.fields import Array, Finite, Point, Positive, Vector, validated
+from ..models import MODELS
+from .drake_log import quiet_drake
+from .kinematics import ArmKinematics
+from .limits import DERIVATIVE_UNITS, JointLimits
+
+_EARTH = (0.0, 0.0, -9.81)
+
+
+@validated
+class ArmDescription:
+    """What makes an arm out of a model file; the contents of an ``arm.yaml``.
+
+    Args:
+        model: URDF, SDF or MJCF file.
+        frame: Frame E whose motion the task is about.
+        tip: Frame of the tool's contact point, if there is one.
+        joints: Controlled joints, base to tip; by default all between base and ``frame``.
+        lock: Positions of joints that stand still [rad]; those neither controlled nor
+            named here stand at the model's default.
+        packages: Folders for ``package://`` names in the model.
+        home: Posture to start from, shape (n,) [rad].
+        gravity: Gravity in the base frame [m/s^2].
+        mass_scale: Factor on the masses and inertias of the model.
+    """
+
+    model: str
+    frame: str
+    tip: str | None = None
+    joints: list[str] | None = None
+    lock: dict[str, Finite] = Field(default_factory=dict)
+    packages: dict[str, str] = Field(default_factory=dict)
+    home: Vector | None = None
+    gravity: Point = Field(default_factory=lambda: np.array(_EARTH))
+    mass_scale: Positive = 1.0
+
+
+class Arm:
+    """A model of which some joints are controlled and one frame, E, does the task.
+
+    Args:
+        description: The model and what of it is used.
+        name: Name in figures and messages.
+        limits: Of the controlled joints; by default those that the model file states.
+
+    Attributes:
+        joints: Names of the n controlled joints.
+        limits: Their limits.
+        home: Posture to start from, shape (n,) [rad], or None.
+
+    Raises:
+        InvalidInputError: If the file, a frame or a joint does not exist, or sizes differ.
+    """
+
+    def __init__(
+        self, description: ArmDescription, name: str, limits: JointLimits | None = None
+    ) -> None:
+        self.description = description
+        self.name = name
+        self.model = Path(description.model)
+        if not self.model.is_file():
+            raise InvalidInputError(f"arm.model: no file {description.model!r}")
+        for package, folder in description.packages.items():
+            if not Path(folder).is_dir():
+                raise InvalidInputError(f"arm.packages.{package}: no folder {folder!r}")
+        self.frame = description.frame
+        self.tip = description.tip
+        self.home = description.home
+        self.gravity = description.gravity
+
+        self._check_model()
+        plant = self.plant()
+        self._require_frame(plant, self.frame, "frame")
+        if self.tip is not None:
+            self._require_frame(plant, self.tip, "tip")
+        self.joints = self._controlled_joints(plant)
+        self.limits = limits if limits is not None else self._stated_limits(plant)
+        self._require_size("limits", self.limits.size)
+        if self.home is not None:
+            self._require_size("home", self.home.size)
+
+    @property
+    def n(self) -> int:
+        """Number of controlled joints."""
+        return len(self.joints)
+
+    @cached_property
+    def effort(self) -> Array:
+        """Largest torque of each joint's motor, shape (n,) [Nm]; infinite where none is known."""
+        plant = self.plant()
+        motors = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
+        known = {motor.joint().name(): motor.effort_limit() for motor in motors}
+        return np.array([known.get(name, np.inf) for name in self.joints])
+
+    def replace(self, **changes: Any) -> Arm:
+        """The same arm with other fields of its description, e.g. ``frame="tip"``.
+
+        Joints that are still controlled keep their limits and their part of ``home``; those
+        that are no more stand where ``lock`` says, else at home. A joint that ``lock`` names
+        is no longer controlled, unless ``joints`` says so as well.
+        """
+        fields = {name: getattr(self.description, name) for name in _DESCRIPTION_FIELDS}
+        description = construct(ArmDescription, {**fields, **changes}, "arm")
+        if "model" in changes:
+            return Arm(description, self.name)
+        if "joints" not in changes and description.joints is not None:
+            joints = [name for name in description.joints if name not in description.lock]
+            description = replace(description, joints=joints)
+        arm = Arm(replace(description, home=changes.get("home")), self.name)
+        if not set(arm.joints) <= set(self.joints):
+            return arm
+        kept = [self.joints.index(name) for name in arm.joints]
+        home = arm.home
+        if self.home is not None:
+            at_home = {n: q for n, q in zip(self.joints, self.home, strict=True)}
+            locked = {n: q for n, q in at_home.items() if n not in arm.joints}
+            description = replace(description, lock={**locked, **description.lock})
+            home = self.home[kept] if home is None else home
+        return Arm(replace(description, home=home), self.name, self.limits.select(kept))
+
+    def with_limits(self, limits: JointLimits) -> Arm:
+        """The same arm with other limits."""
+        self._require_size("limits", limits.size)
+        arm = copy(self)
+        arm.limits = limits
+        return arm
+
+    def add_to(self, plant: MultibodyPlant) -> ModelInstanceIndex:
+        """Parse the model into ``plant``, before it is finalized, welded to the world.
+
+        A base that the model leaves free is welded where the model puts it.
+        """
+        # What the parser warns of has been said when this arm was made.
+        with quiet_drake(logging.ERROR):
+            bodies_before = plant.num_bodies()
+            instance = self._parse(plant)
+        for number, X_WB in self._floating_bases:
+            body = plant.get_body(BodyIndex(bodies_before + number))
+            plant.WeldFrames(plant.world_frame(), body.body_frame(), X_WB)
+        return instance
+
+    def plant(self, time_step: float = 0.0) -> MultibodyPlant:
+        """A finalized plant of this arm alone, in its gravity."""
+        plant = MultibodyPlant(time_step)
+        self.add_to(plant)
+        plant.mutable_gravity_field().set_gravity_vector(self.gravity)
+        plant.Finalize()
+        return plant
+
+    def posture(self, plant: MultibodyPlant, q: Array) -> Array:
+        """Positions of the whole ``plant``, shape (nq,), with the controlled joints at ``q``."""
+        positions = self._locked_positions(plant)
+        positions[self._indices(plant)] = q
+        return positions
+
+    def kinematics(self) -> ArmKinematics:
+        """Its kinematics and dynamics as functions of the controlled joints."""
+        plant = self.plant()
+        positions = self.posture(plant, np.zeros(self.n))
+        scale = self.description.mass_scale
+        return ArmKinematics(plant, self.frame, self.joints, positions, scale)
+
+    def _check_model(self) -> None:
+        """Read it with its geometry, so that files it needs are missed now; warnings are seen."""
+        scene_graph = SceneGraph()
+        plant = MultibodyPlant(0.0)
+        plant.RegisterAsSourceForSceneGraph(scene_graph)
+        self._parse(plant)
+        try:
+            plant.Finalize()
+        except RuntimeError as error:
+            raise InvalidInputError(f"arm.model: {self.model}: {_one_line(error)}") from None
+        del plant  # it points to the scene graph
+
+    def _parse(self, plant: MultibodyPlant) -> ModelInstanceIndex:
+        parser = Parser(plant)
+        parser.SetAutoRenaming(True)
+        for package, folder in self.description.packages.items():
+            try:
+                parser.package_map().Add(package, folder)
+            except RuntimeError as error:
+                raise InvalidInputError(f"arm.packages.{package}: {_one_line(error)}") from None
+        try:
+            instances = parser.AddModels(str(self.model))
+        except RuntimeError as error:
+            hint = (
+                "; arm.packages says where packages lie" if "unknown package" in str(error) else ""
+            )
+            raise InvalidInputError(
+                f"arm.model: {self.model} cannot be read: {_one_line(error)}{hint}"
+            ) from None
+        if len(instances) != 1:
+            raise InvalidInputError(
+                f"arm.model: {self.model} holds {len(instances)} models; it must hold one"
+            )
+        return instances[0]
+
+    @cached_property
+    def _floating_bases(self) -> list[tuple[int, RigidTransform]]:
+        """Bodies that the model does not hold, counted from its first, and where it puts them."""
+        plant = MultibodyPlant(0.0)
+        bodies_before = plant.num_bodies()
+        with quiet_drake(logging.ERROR):
+            self._parse(plant)
+        plant.Finalize()
+        bodies = [plant.get_body(index) for index in plant.GetFloatingBaseBodies()]
+        return [
+            (int(body.index()) - bodies_before, plant.GetDefaultFloatingBaseBodyPose(body))
+            for body in bodies
+        ]
+
+    def _require_size(self, key: str, size: int) -> None:
+        if size != self.n:
+            raise InvalidInputError(f"arm.{key}: has {size} entries for {self.n} joints")
+
+    def _require_frame(self, plant: MultibodyPlant, name: str, key: str) -> None:
+        if not plant.HasFrameNamed(name):
+            frames = [plant.get_frame(FrameIndex(i)) for i in range(plant.num_frames())]
+            names = sorted({frame.name() for frame in frames} - {""})
+            raise InvalidInputError(
+                f"arm.{key}: no frame {name!r} in {self.model.name}; " + nearest(name, names)
+            )
+
+    def _controlled_joints(self, plant: MultibodyPlant) -> tuple[str, ...]:
+        movable = {}
+        parents: dict[str, Joint] = {}
+        for index in plant.GetJointIndices():
+            joint = plant.get_joint(index)
+            parents[joint.child_body().scoped_name().get_full()] = joint
+            if joint.num_positions():
+                movable[joint.name()] = joint
+        for name in [*self.description.lock, *(self.description.joints or ())]:
+            if name not in movable:
+                key = "lock" if name in self.description.lock else "joints"
+                raise InvalidInputError(
+                    f"arm.{key}: no movable joint {name!r} in {self.model.name}; "
+                    + nearest(name, list(movable))
+                )
+        if self.description.joints is not None:
+            joints = list(self.description.joints)
+            if len(set(joints)) < len(joints):
+                twice = next(name for name in joints if joints.count(name) > 1)
+                raise InvalidInputError(f"arm.joints: {twice!r} stands twice")
+        else:
+            joints = []
+            body = plant.GetFrameByName(self.frame).body()
+            while (joint := parents.get(body.scoped_name().get_full())) is not None:
+                if joint.name() in movable and joint.name() not in self.description.lock:
+                    joints.insert(0, joint.name())
+                body = joint.parent_body()
+        if both := set(joints) & set(self.description.lock):
+            raise InvalidInputError(f"arm.lock: {sorted(both)[0]!r} is also a controlled joint")
+        if not joints:
+            raise InvalidInputError(
+                f"arm.frame: no movable joint between the base and {self.frame!r}"
+            )
+        for name in [*joints, *self.description.lock]:
+            if movable[name].num_positions() != 1 or movable[name].num_velocities() != 1:
+                key = "lock" if name in self.description.lock else "joints"
+                raise InvalidInputError(f"arm.{key}: {name!r} must have one degree of freedom")
+        for name, value in self.description.lock.items():
+            (lower,) = movable[name].position_lower_limits()
+            (upper,) = movable[name].position_upper_limits()
+            if not lower <= value <= upper:
+                raise InvalidInputError(
+                    f"arm.lock.{name}: may be {lower:g} to {upper:g}, not {value:g}"
+                )
+        return tuple(joints)
+
+    def _stated_limits(self, plant: MultibodyPlant) -> JointLimits:
+        joints = [plant.GetJointByName(name) for name in self.joints]
+        acceleration = np.array([joint.acceleration_upper_limits()[0] for joint in joints])
+        return construct(
+            JointLimits,
+            {
+                "position_lower": np.array([joint.position_lower_limits()[0] for joint in joints]),
+                "position_upper": np.array([joint.position_upper_limits()[0] for joint in joints]),
+                "velocity": np.array([joint.velocity_upper_limits()[0] for joint in joints]),
+                "acceleration": acceleration if np.isfinite(acceleration).any() else None,
+            },
+            "arm.model",
+        )
+
+    def _locked_positions(self, plant: MultibodyPlant) -> Array:
+        positions = plant.GetDefaultPositions()
+        for name, value in self.description.lock.items():
+            positions[plant.GetJointByName(name).position_start()] = value
+        return np.asarray(positions, dtype=float)
+
+    def _indices(self, plant: MultibodyPlant) -> list[int]:
+        return [plant.GetJointByName(name).position_start() for name in self.joints]
+
+
+_DESCRIPTION_FIELDS = tuple(ArmDescription.__dataclass_fields__)
+
+
+def shipped_arms() -> list[str]:
+    """Names of the arms that come with this package."""
+    return sorted(path.parent.name for path in MODELS.glob("*/arm.yaml"))
+
+
+def load_arm(model: str | Path, **changes: Any) -> Arm:
+    """An arm by its shipped name, or from a model file.
+
+    Args:
+        model: A name from `shipped_arms`, or a URDF, SDF or MJCF file.
+        changes: Fields of `ArmDescription`; a model file needs at least ``frame``.
+
+    Raises:
+        InvalidInputError: If there is no such arm, or as `Arm` does.
+    """
+    name = str(model)
+    folder = MODELS / name
+    if name in shipped_arms():
+        description = read_yaml(folder / "arm.yaml")
+        description["model"] = str(folder / description["model"])
+        limits = _published_limits(folder / "limits.yaml")
+        arm = Arm(construct(ArmDescription, description, "arm"), name, limits)
+        return arm.replace(**changes) if changes else arm
+    if Path(name).suffix.lower() not in {".urdf", ".sdf", ".xml"}:
+        raise InvalidInputError(
+            f"arm: no arm {name!r}; {nearest(name, shipped_arms())}, or a .urdf, .sdf or .xml file"
+        )
+    return Arm(construct(ArmDescription, {"model": name, **changes}, "arm"), Path(name).stem)
+
+
+def _published_limits(file: Path) -> JointLimits:
+    sheet: Mapping[str, Mapping[str, Any]] = read_yaml(file)
+    keys = ("position_lower", "position_upper", *DERIVATIVE_UNITS)
+    published = {
+        key: sheet[key]["value"]
+        for key in keys
+        if key in sheet and sheet[key]["value"] != "unpublished"
+    }
+    return construct(JointLimits, published, f"{file.parent.name}/{file.name}")
+
+
+def _one_line(error: RuntimeError) -> str:
+    return " ".join(str(error).split())

@@ -1,0 +1,189 @@
+"""An arm's kinematics and dynamics as functions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import Body, BodyIndex, Frame, JacobianWrtVariable, SpatialInertia
+from pydrake.systems.framework import Context
+
+from ..errors import InvalidInputError
+from ..inputs.fields import Array
+
+_ORIGIN = np.zeros((3, 1))
+
+
+class ArmKinematics:
+    """Kinematics and dynamics of an arm as pure functions of its controlled joints.
+
+    Positions ``q`` and velocities ``v`` have shape (n,) [rad, rad/s]; W is the world frame,
+    to which the base is welded, E the arm's task frame. Repeated calls at one posture share
+    what Drake has computed for it.
+
+    Args:
+        plant: Finalized; holds the arm, alone.
+        frame: Name of E.
+        joints: Names of the n controlled joints.
+        positions: Of the whole plant; those of the other joints stay, shape (nq,).
+        mass_scale: Factor on all masses and inertias.
+    """
+
+    def __init__(
+        self,
+        plant: MultibodyPlant,
+        frame: str,
+        joints: Sequence[str],
+        positions: Array,
+        mass_scale: float = 1.0,
+    ) -> None:
+        self._plant = plant
+        self._context: Context = plant.CreateDefaultContext()
+        self._frame: Frame = plant.GetFrameByName(frame)
+        self._world: Frame = plant.world_frame()
+        self._positions = positions.copy()
+        controlled = [plant.GetJointByName(name) for name in joints]
+        self._indices = np.array([joint.position_start() for joint in controlled])
+        self._velocity_indices = np.array([joint.velocity_start() for joint in controlled])
+        self._bodies = _chain(plant, self._frame)
+        self._is_whole = np.array_equal(self._indices, np.arange(positions.size))
+        self._at_q = b""
+        # At that posture, once they are asked for: X_WE and the spatial Jacobian.
+        self._X_WE: Array | None = None
+        self._J_spatial: Array | None = None
+        if mass_scale != 1.0:
+            _scale_masses(plant, self._context, mass_scale)
+
+    def _set(self, q: Array) -> None:
+        q = np.asarray(q, dtype=float)
+        key = q.tobytes()
+        if key == self._at_q:
+            return
+        # Drake ends the process over this.
+        if q.size != self._indices.size or not isfinite(sum(q.tolist())):
+            raise InvalidInputError(
+                f"position: must be {self._indices.size} finite numbers, not {q.tolist()}"
+            )
+        if self._is_whole:
+            self._plant.SetPositions(self._context, q)
+        else:
+            self._positions[self._indices] = q
+            self._plant.SetPositions(self._context, self._positions)
+        self._at_q = key
+        self._X_WE = self._J_spatial = None
+
+    def _set_velocity(self, v: Array) -> None:
+        v = np.asarray(v, dtype=float)
+        if v.size != self._velocity_indices.size or not isfinite(sum(v.tolist())):
+            raise InvalidInputError(
+                f"velocity: must be {self._velocity_indices.size} finite numbers, not {v.tolist()}"
+            )
+        if self._is_whole:
+            self._plant.SetVelocities(self._context, v)
+            return
+        velocities = np.zeros(self._plant.num_velocities())
+        velocities[self._velocity_indices] = v
+        self._plant.SetVelocities(self._context, velocities)
+
+    def _pose(self, q: Array) -> Array:
+        """[R_WE, p_WE], shape (3, 4)."""
+        self._set(q)
+        if self._X_WE is None:
+            X_WE = self._frame.CalcPoseInWorld(self._context)
+            self._X_WE = np.asarray(X_WE.GetAsMatrix34())
+        return self._X_WE
+
+    def _columns(self, J: Array) -> Array:
+        return J if self._is_whole else J[:, self._velocity_indices]
+
+    def p_WE(self, q: Array) -> Array:
+        """Position of E's origin, shape (3,) [m]."""
+        return self._pose(q)[:, 3].copy()
+
+    def skeleton(self, q: Array) -> Array:
+        """Origins of the frames of all bodies from the base to E, and E's, shape (k, 3) [m]."""
+        self._set(q)
+        poses = [body.EvalPoseInWorld(self._context) for body in self._bodies]
+        return np.array([*(X_WB.translation() for X_WB in poses), self.p_WE(q)])
+
+    def R_WE(self, q: Array) -> Array:
+        """Orientation of E, shape (3, 3)."""
+        return self._pose(q)[:, :3].copy()
+
+    def J(self, q: Array) -> Array:
+        """Jacobian of E's origin, shape (3, n): v_WE = J v."""
+        self._set(q)
+        if self._J_spatial is not None:
+            return self._J_spatial[3:].copy()
+        J = self._plant.CalcJacobianTranslationalVelocity(
+            self._context, JacobianWrtVariable.kV, self._frame, _ORIGIN, self._world, self._world
+        )
+        return self._columns(J)
+
+    def J_omega(self, q: Array) -> Array:
+        """Jacobian of E's angular velocity, shape (3, n)."""
+        self._set(q)
+        if self._J_spatial is None:
+            # Who asks for this one mostly asks for J as well.
+            J = self._plant.CalcJacobianSpatialVelocity(
+                self._context,
+                JacobianWrtVariable.kV,
+                self._frame,
+                _ORIGIN,
+                self._world,
+                self._world,
+            )
+            self._J_spatial = self._columns(J)
+        return self._J_spatial[:3].copy()
+
+    def Jdot_v(self, q: Array, v: Array) -> Array:
+        """What of E's acceleration is not due to joint accelerations, shape (3,) [m/s^2]."""
+        self._set(q)
+        self._set_velocity(v)
+        bias = self._plant.CalcBiasTranslationalAcceleration(
+            self._context, JacobianWrtVariable.kV, self._frame, _ORIGIN, self._world, self._world
+        )
+        return bias.ravel()
+
+    def M(self, q: Array) -> Array:
+        """Mass matrix, shape (n, n) [kg m^2]."""
+        self._set(q)
+        M = self._plant.CalcMassMatrixViaInverseDynamics(self._context)
+        return M[np.ix_(self._velocity_indices, self._velocity_indices)]
+
+    def bias(self, q: Array, v: Array) -> Array:
+        """Coriolis and centrifugal torques C(q, v) v, shape (n,) [Nm]."""
+        self._set(q)
+        self._set_velocity(v)
+        return np.asarray(self._plant.CalcBiasTerm(self._context))[self._velocity_indices]
+
+    def gravity(self, q: Array) -> Array:
+        """Torques that gravity exerts on the joints, shape (n,) [Nm]."""
+        self._set(q)
+        torques = self._plant.CalcGravityGeneralizedForces(self._context)
+        return np.asarray(torques)[self._velocity_indices]
+
+
+def _chain(plant: MultibodyPlant, frame: Frame) -> list[Body]:
+    """Bodies from the one next to the world to that of ``frame``."""
+    parents = {
+        joint.child_body().index(): joint.parent_body()
+        for joint in map(plant.get_joint, plant.GetJointIndices())
+    }
+    body, chain = frame.body(), []
+    while body.index() in parents:
+        chain.append(body)
+        body = parents[body.index()]
+    return chain[::-1]
+
+
+def _scale_masses(plant: MultibodyPlant, context: Context, scale: float) -> None:
+    for index in range(1, plant.num_bodies()):
+        body = plant.get_body(BodyIndex(index))
+        inertia = body.CalcSpatialInertiaInBodyFrame(context)
+        scaled = SpatialInertia(
+            scale * inertia.get_mass(), inertia.get_com(), inertia.get_unit_inertia()
+        )
+        body.SetSpatialInertiaInBodyFrame(context, scaled)

@@ -1,0 +1,101 @@
+"""The tool of an arm: the body that touches, and the joint at which its load is felt."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.geometry import GeometryId, SceneGraph, Sphere
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import Body, Frame, Joint
+
+from ..errors import InvalidInputError
+from ..inputs.fields import Array
+from .arm import Arm
+
+
+@dataclass(frozen=True)
+class Tool:
+    """A tool in a plant.
+
+    Attributes:
+        body: That touches.
+        joint: By which the arm holds it, mostly a weld: where a force-torque sensor would sit.
+        mass: Of all that this joint holds [kg].
+        geometries: Collision geometries of the body.
+    """
+
+    body: Body
+    joint: Joint
+    mass: float
+    geometries: tuple[GeometryId, ...]
+
+
+def find_tool(plant: MultibodyPlant, frame: Frame) -> Tool:
+    """The body next to ``frame``, on the way to the base, that can touch anything.
+
+    Args:
+        plant: Registered with a SceneGraph.
+        frame: E of an arm.
+
+    Raises:
+        InvalidInputError: If there is none that moves with the frame.
+    """
+    holders = {
+        joint.child_body().index(): joint for joint in map(plant.get_joint, plant.GetJointIndices())
+    }
+    body = frame.body()
+    while not (geometries := plant.GetCollisionGeometriesForBody(body)):
+        holder = holders.get(body.index())
+        if holder is None or holder.num_positions():
+            raise InvalidInputError(
+                f"arm.frame: nothing that moves with {frame.name()!r} has collision geometry; "
+                "contact needs a tool's frame, e.g. tip"
+            )
+        body = holder.parent_body()
+    if body.index() not in holders:
+        raise InvalidInputError(f"arm.frame: {body.name()!r} is not held by any joint")
+    joint = holders[body.index()]
+    held, queue = 0.0, [body]
+    while queue:
+        part = queue.pop()
+        held += part.default_mass()
+        queue += [j.child_body() for j in holders.values() if j.parent_body() == part]
+    return Tool(body, joint, held, tuple(geometries))
+
+
+def standoff(arm: Arm, q: Array, normal: Array) -> float:
+    """From E's origin to the tool's outermost point against ``normal`` [m].
+
+    Args:
+        arm: The arm.
+        q: Its posture, shape (n,) [rad].
+        normal: Of a surface, towards the tool, shape (3,).
+
+    Raises:
+        InvalidInputError: If the tool is made of anything but balls.
+    """
+    scene_graph = SceneGraph()
+    plant = MultibodyPlant(0.0)
+    plant.RegisterAsSourceForSceneGraph(scene_graph)
+    arm.add_to(plant)
+    plant.Finalize()
+    frame = plant.GetFrameByName(arm.frame)
+    tool = find_tool(plant, frame)
+    context = plant.CreateDefaultContext()
+    plant.SetPositions(context, arm.posture(plant, q))
+    p_WE = frame.CalcPoseInWorld(context).translation()
+    X_WB = tool.body.EvalPoseInWorld(context)
+    inspector = scene_graph.model_inspector()
+    reach = []
+    for geometry in tool.geometries:
+        shape = inspector.GetShape(geometry)
+        if not isinstance(shape, Sphere):
+            raise InvalidInputError(
+                f"environment.standoff: must be given for the tool {tool.body.name()!r}, which is "
+                "no ball"
+            )
+        centre = X_WB.multiply(inspector.GetPoseInFrame(geometry).translation())
+        reach.append(shape.radius() - float(normal.dot(centre - p_WE)))
+    del plant  # it points to the scene graph
+    return float(np.max(reach))

@@ -1,0 +1,137 @@
+"""What a run comes to: from recorded steps to series and metrics."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import Diagram
+
+from ..diagrams import Loop
+from ..experiment import Experiment
+from ..inputs.fields import Array
+from ..laws import Reading, Signals
+from ..measures import Motion, Recorder, law_metrics, motion_metrics
+from .motion import motion_of, observed_signals, seen_motion
+from .result import Result
+
+
+def evaluate(
+    experiment: Experiment,
+    recorder: Recorder,
+    warnings: list[str],
+    diagram: Diagram,
+    loop: Loop,
+) -> Result:
+    """Return the result of a run, complete or not.
+
+    Args:
+        experiment: What was run.
+        recorder: What it recorded.
+        warnings: What the user should know already.
+        diagram: What was simulated.
+        loop: Systems of its loop.
+    """
+    reading = loop.controller.reading
+    motion = motion_of(experiment, recorder, loop)
+    seen = seen_motion(experiment, recorder, loop, motion)
+    observed = observed_signals(experiment, seen, recorder.series("state"), reading)
+    metrics = _metrics(experiment, motion, seen, observed)
+    at = _samples(motion.time, experiment.document.log_period)
+    series = _series(motion, at) | _felt(motion, recorder, at)
+    series |= _remembered(recorder.series("state")[at], reading)
+    return Result(
+        experiment=experiment,
+        time=motion.time[at],
+        series=series | {name: values[at] for name, values in observed.items()},
+        metrics=metrics,
+        warnings=[*warnings, *experiment.law.caveats(metrics), *_contact_caveats(motion, metrics)],
+        graphviz=diagram.GetGraphvizString(max_depth=1),
+    )
+
+
+def _metrics(
+    experiment: Experiment, motion: Motion, seen: Motion, observed: Signals
+) -> dict[str, float]:
+    document = experiment.document
+    evaluation = (experiment.limits, document.window, document.settling_tolerance_m)
+    metrics = motion_metrics(motion, *evaluation)
+    if experiment.path_delay > 0.0:
+        metrics["path_delay_s"] = experiment.path_delay
+    if experiment.feedback == "unfiltered" and seen.J_hat is not None:
+        # What was learned is the Jacobian of the arm that the law saw.
+        metrics |= {
+            name: value
+            for name, value in motion_metrics(seen, *evaluation).items()
+            if name.startswith("jacobian_")
+        }
+    return metrics | law_metrics(seen, observed)
+
+
+def _contact_caveats(motion: Motion, metrics: dict[str, float]) -> list[str]:
+    caveats = []
+    if motion.pressing is not None and not motion.pressing.force.any():
+        caveats.append("contact: never made")
+    if "contact_lost_time_s" in metrics:
+        caveats.append(f"contact: lost at t = {metrics['contact_lost_time_s']:.4g} s")
+    return caveats
+
+
+def _series(motion: Motion, at: NDArray[np.intp]) -> dict[str, Array]:
+    """What every run has, at the steps to keep."""
+    series = {
+        "position": motion.position[at],
+        "velocity": motion.velocity[at],
+        "network_velocity": motion.network_velocity[at],
+        "p_WE": motion.p_WE[at],
+        "v_WE": motion.v_WE[at],
+        "p_WE_desired": motion.p_WE_desired[at],
+        "v_WE_desired": motion.v_WE_desired[at],
+        "J": motion.J[at],
+    }
+    for name, values in (
+        ("acceleration", motion.joint_acceleration()),
+        ("network_acceleration", motion.network_acceleration()),
+    ):
+        # The step that ends at a sample; before the first there is none.
+        series[name] = np.concatenate((np.zeros((1, values.shape[1])), values))[at]
+        series[f"{name}_peak"] = _peaks(np.abs(values), at)
+    return series
+
+
+def _felt(motion: Motion, recorder: Recorder, at: NDArray[np.intp]) -> dict[str, Array]:
+    """What only a run with a target posture, an orientation to hold or a contact has."""
+    series = {}
+    if motion.target is not None:
+        series["joint_error"] = (motion.position - motion.target)[at]
+    if motion.pressing is not None:
+        series["normal_force"] = motion.pressing.force[at]
+        series["normal_force_desired"] = motion.pressing.desired[at]
+        series["normal_force_measured"] = recorder.series("normal_force")[at, 0]
+        series["contact_force"] = recorder.series("contact_force")[at]
+    if motion.orientation_error is not None:
+        series["orientation_error"] = motion.orientation_error[at]
+    return series
+
+
+def _remembered(states: Array, reading: Reading) -> dict[str, Array]:
+    """The parts of the law's state; its velocity is a series of its own."""
+    names = [name for name in reading.state.parts if name != "v"]
+    return {name: reading.state.part(states, name) for name in names}
+
+
+def _samples(time: Array, period: float) -> NDArray[np.intp]:
+    """Numbers of the steps to keep: the first in each period, and the last, shape (j,)."""
+    number = np.floor(time / period + 1e-6)
+    kept = np.diff(number, prepend=-1.0) != 0
+    # One that ends a rounding error late has been kept as the period's first.
+    if time.size and time[-1] - time[kept][-1] > 1e-6 * period:
+        kept[-1] = True
+    return np.flatnonzero(kept)
+
+
+def _peaks(values: Array, at: NDArray[np.intp]) -> Array:
+    """Largest entry of the rows up to each of ``at`` since the one before, shape (len(at),)."""
+    peaks = np.zeros(at.size)
+    for k in range(1, at.size):
+        peaks[k] = values[at[k - 1] : at[k]].max(initial=0.0)
+    return peaks

@@ -1,0 +1,171 @@
+"""How fast can a path be run through under bounds on all derivatives of the joint positions?"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..errors import InvalidInputError
+from ..experiment import Experiment, make_experiment
+from ..laws import LAWS
+from ..robot.limits import DERIVATIVE_UNITS
+from .result import Result
+from .simulation import simulate
+
+_ORDERS = range(1, 1 + len(DERIVATIVE_UNITS))
+# Between which the largest ratio to a bound shall lie: not beyond, and near enough to be fast.
+_NEAR, _ADMISSIBLE = 0.99, 1.0
+_AIM = 0.998
+_TRIES = 8
+# What a run counts as whose law had to cut what it asked for.
+_CUT = 1.05
+#: Stretches beyond this are taken for a path that comes near a singularity.
+LONGEST_STRETCH = 5.0
+
+
+@dataclass(frozen=True)
+class Fastest:
+    """The shortest admissible run of a path.
+
+    Attributes:
+        experiment: The path at its shortest duration; run it again and get ``result``.
+        result: Its run; ``shortest_duration_s`` is among its metrics.
+        stretch: How much longer it takes than asked for.
+        binding: The derivative whose bound does not let it be faster.
+    """
+
+    experiment: Experiment
+    result: Result
+    stretch: float
+    binding: str
+
+
+def fastest(experiment: Experiment, told: Callable[[str], None] | None = None) -> Fastest:
+    """Run a path through, from rest to rest, as fast as the limits admit.
+
+    Stretched by kappa in time, the i-th derivative of the joint positions shrinks by kappa^i:
+    exactly so for a law that stays on its path, and nearly so for any other. So the path is
+    run, stretched by what its ratios to the bounds ask for, run again, and corrected until the
+    largest ratio lies between 0.99 and 1.
+
+    Args:
+        experiment: With a path on which the arm starts; its time law becomes "ramps", for one
+            lap.
+        told: Told what was tried.
+
+    Raises:
+        InvalidInputError: If there is nothing to stretch, nothing that bounds it, or position
+            limits or a singularity make it impossible at any speed.
+    """
+    document = _smooth(experiment, told)
+    _require_bounds(experiment)
+    _require_that_it_scales(experiment)
+    stretch = 1.0
+    asked = float(document["path"]["period"])
+    for _ in range(_TRIES):
+        tried = _stretched(document, asked * stretch)
+        result = simulate(tried)
+        ratios = _ratios(result)
+        _require_position_limits(result)
+        largest = max(ratios.values())
+        if result.metrics.get("saturated_fraction", 0.0) > 0.0:
+            # It keeps its bounds by leaving its path.
+            largest, ratios[1] = max(largest, _CUT), max(ratios.get(1, 0.0), _CUT)
+        if told is not None:
+            told(f"{asked * stretch:.4g} s: largest ratio {largest:.4g} ({_binding(ratios)})")
+        if _NEAR <= largest <= _ADMISSIBLE:
+            result.metrics["shortest_duration_s"] = asked * stretch
+            return Fastest(tried, result, stretch, _binding(ratios))
+        stretch *= max((ratio / _AIM) ** (1.0 / order) for order, ratio in ratios.items())
+        if stretch > LONGEST_STRETCH:
+            raise InvalidInputError(_too_slow(result, stretch, asked))
+    kind, longest = experiment.document.law["kind"], tried.document.duration
+    raise InvalidInputError(
+        f"path: no duration found at which {kind} just keeps its bounds; at {longest:.4g} s the "
+        f"largest ratio is {largest:.4g}: its motion does not follow the path closely enough to "
+        "scale with it"
+    )
+
+
+def _require_that_it_scales(experiment: Experiment) -> None:
+    if not experiment.law.stays_on_path:
+        able = ", ".join(kind for kind, law in LAWS.items() if law.stays_on_path)
+        raise InvalidInputError(
+            f"law.kind: may be {able} for a path to be stretched, not "
+            f"{experiment.document.law['kind']}, which keeps its bounds by leaving the path"
+        )
+    if experiment.document.filter is not None:
+        raise InvalidInputError(
+            "filter: keeps the bounds at any speed, by leaving the path; leave it out"
+        )
+    if experiment.path.offset.any():
+        raise InvalidInputError("path.offset: must be zero, for the arm to start on its path")
+
+
+def _smooth(experiment: Experiment, told: Callable[[str], None] | None) -> dict[str, Any]:
+    document = experiment.document.contents()
+    path = document.get("path")
+    if path is None or path["kind"] == "rest":
+        raise InvalidInputError("path: there is none to run through faster")
+    if (path.get("timing"), path.get("laps")) != ("ramps", 1) and told is not None:
+        told("path: one lap from rest to rest, timing: ramps")
+    path |= {"timing": "ramps", "laps": 1}
+    document["expect"] = "on its path, as fast as the limits admit"
+    document.pop("window", None)
+    document.pop("accept", None)
+    document["name"] = f"{experiment.name}_fastest"
+    return document
+
+
+def _require_bounds(experiment: Experiment) -> None:
+    limits = experiment.limits
+    for name in DERIVATIVE_UNITS:
+        bound = getattr(limits, name)
+        if bound is not None and np.isfinite(bound).any():
+            return
+    raise InvalidInputError("limits: none of the derivatives is bounded; any speed is admissible")
+
+
+def _stretched(document: dict[str, Any], period: float) -> Experiment:
+    path = {**document["path"], "period": period}
+    return make_experiment({**document, "path": path, "duration": period})
+
+
+def _ratios(result: Result) -> dict[int, float]:
+    """Largest ratio to its bound of each order that has one."""
+    names = {order: f"limit_ratio_{order}_max" for order in _ORDERS}
+    return {n: result.metrics[name] for n, name in names.items() if name in result.metrics}
+
+
+def _binding(ratios: dict[int, float]) -> str:
+    order = max(ratios, key=lambda n: ratios[n] ** (1.0 / n))
+    return list(DERIVATIVE_UNITS)[order - 1]
+
+
+def _require_position_limits(result: Result) -> None:
+    """No speed cures a path on which a joint leaves its limits."""
+    experiment = result.experiment
+    excess = experiment.limits.violation(result.series["position"])
+    k, joint = np.unravel_index(int(np.argmax(excess)), excess.shape)
+    if excess[k, joint] <= 0.0:
+        return
+    lower, upper = experiment.limits.position_lower[joint], experiment.limits.position_upper[joint]
+    raise InvalidInputError(
+        f"limits.position: {experiment.arm.joints[joint]} gets to "
+        f"{result.series['position'][k, joint]:.4g} rad at t = {result.time[k]:.4g} s, and may be "
+        f"{lower:.4g} to {upper:.4g}, however slowly; start from another posture"
+    )
+
+
+def _too_slow(result: Result, stretch: float, asked: float) -> str:
+    smallest = np.linalg.svd(result.series["J"], compute_uv=False)[:, -1]
+    k = int(np.argmin(smallest))
+    place = ", ".join(f"{value:.4g}" for value in result.series["p_WE_desired"][k])
+    return (
+        f"path.period: {asked:g} s would have to be stretched {stretch:.3g}-fold; near ({place}) m "
+        f"the smallest singular value of J is {smallest[k]:.3g}. If that is not the reason, ask "
+        f"for {asked * stretch:.3g} s"
+    )

@@ -1,0 +1,160 @@
+"""What happened in a run, step by step: recorded joints, and what follows from them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from ..diagrams import Loop
+from ..experiment import Experiment
+from ..inputs.fields import Array
+from ..laws import Reading, Signals
+from ..measures import Motion, Pressing, Recorder
+from ..robot.rotation import rotation_error
+
+
+def observed_signals(
+    experiment: Experiment, motion: Motion, states: Array, reading: Reading
+) -> Signals:
+    """Return what the law tells of itself, at every step; computed now, not while running.
+
+    Args:
+        experiment: What has run.
+        motion: As the law saw it.
+        states: Of the law, shape (k, state.size).
+        reading: Of the law.
+    """
+    u = {
+        "position": motion.position,
+        "p_WE": motion.p_WE,
+        "p_WE_desired": motion.p_WE_desired,
+        "v_WE_desired": motion.v_WE_desired,
+        "J": motion.J,
+    }
+    u |= _further(experiment, motion, [name for name in reading.inputs.parts if name not in u])
+    return reading.diagnostics(motion.time, states, u)
+
+
+def _further(experiment: Experiment, motion: Motion, names: Iterable[str]) -> Signals:
+    """Those of the signals that posture, velocity and time determine, at every step."""
+    arm = experiment.arm.kinematics()
+    axes = list(experiment.task.axes)
+    of_step: dict[str, Callable[[float, Array, Array], Array]] = {
+        "a_WE_desired": lambda t, q, v: experiment.path.evaluate(t)[2][axes],
+        "Jdot_v": lambda t, q, v: arm.Jdot_v(q, v)[axes],
+        "M": lambda t, q, v: arm.M(q),
+        "bias": lambda t, q, v: arm.bias(q, v),
+        "gravity": lambda t, q, v: arm.gravity(q),
+        "R_WE": lambda t, q, v: arm.R_WE(q),
+        "J_omega": lambda t, q, v: arm.J_omega(q),
+    }
+    if experiment.contact is not None:
+        normal = experiment.contact.surface.believed_normal_W
+        of_step["normal_WE"] = lambda t, q, v: normal
+    steps = list(zip(motion.time.tolist(), motion.position, motion.velocity, strict=True))
+    return {
+        name: np.array([of_step[name](*step) for step in steps])
+        for name in names
+        if name in of_step
+    }
+
+
+def seen_motion(experiment: Experiment, recorder: Recorder, loop: Loop, motion: Motion) -> Motion:
+    """Return the motion as the law saw it: another one where a path is followed with a delay."""
+    if experiment.path_delay == 0.0:
+        return motion
+    if experiment.feedback == "unfiltered":
+        return motion_of(experiment, recorder, loop, virtual=True)
+    axes = list(experiment.task.axes)
+    evaluate = experiment.path.evaluate
+    v_WE_desired = np.array([evaluate(t)[1][axes] for t in recorder.time.tolist()])
+    return replace(motion, v_WE_desired=v_WE_desired)
+
+
+def motion_of(
+    experiment: Experiment, recorder: Recorder, loop: Loop, *, virtual: bool = False
+) -> Motion:
+    """Return the recorded steps, and what follows from them: path and kinematics are functions.
+
+    Asking their ports while running would cost more than the law itself.
+
+    Args:
+        experiment: What has run.
+        recorder: What it recorded.
+        loop: Systems of its loop.
+        virtual: Whether of the virtual arm, which the path's delay does not concern.
+    """
+    prefix, delay = ("virtual_", 0.0) if virtual else ("", experiment.path_delay)
+    position, velocity = (recorder.series(prefix + name) for name in ("position", "velocity"))
+    state, layout = recorder.series("state"), loop.controller.reading.state
+    p_WE, J, turned = _task_motion(experiment, position)
+    p_WE_desired, v_WE_desired = _desired(experiment, recorder.time - delay)
+    return Motion(
+        time=recorder.time,
+        position=position,
+        velocity=velocity,
+        network_velocity=layout.part(state, "v"),
+        p_WE=p_WE,
+        v_WE=np.einsum("kmn,kn->km", J[:, -p_WE.shape[1] :], velocity),
+        p_WE_desired=p_WE_desired,
+        v_WE_desired=v_WE_desired,
+        J=J,
+        J_hat=layout.part(state, "J_hat") if "J_hat" in layout else None,
+        target=experiment.target,
+        orientation_error=turned,
+        pressing=_pressing(experiment, recorder),
+        tick=_tick(experiment, loop),
+        network_tick=experiment.document.period,
+    )
+
+
+def _task_motion(experiment: Experiment, position: Array) -> tuple[Array, Array, Array | None]:
+    """Position, Jacobian and angle off the orientation to hold, at every step."""
+    task, kinematics = experiment.task, experiment.arm.kinematics()
+    steps, n = position.shape
+    axes = list(task.axes)
+    p_WE, J = np.empty((steps, len(axes))), np.empty((steps, task.size, n))
+    turned = np.empty(steps) if experiment.holds_orientation else None
+    for k, q in enumerate(position):
+        p_WE[k] = kinematics.p_WE(q)[axes]
+        J[k] = task.J(kinematics, q)
+        if turned is not None:
+            turned[k] = np.linalg.norm(rotation_error(kinematics.R_WE(q), experiment.R_WE_start))
+    return p_WE, J, turned
+
+
+def _desired(experiment: Experiment, times: Array) -> tuple[Array, Array]:
+    """Desired position and velocity at these times."""
+    axes = list(experiment.task.axes)
+    origin = experiment.path.start_point(experiment.p_WE_start)
+    p_WE, v_WE = np.empty((times.size, len(axes))), np.empty((times.size, len(axes)))
+    for k, t in enumerate(times.tolist()):
+        p, v, _ = experiment.path.evaluate(t)
+        p_WE[k], v_WE[k] = (origin + p)[axes], v[axes]
+    return p_WE, v_WE
+
+
+def _pressing(experiment: Experiment, recorder: Recorder) -> Pressing | None:
+    """The force along the surface's true normal, as the contact knows it."""
+    contact = experiment.contact
+    if contact is None:
+        return None
+    n = contact.surface.normal_W
+    return Pressing(
+        normal=n,
+        force=recorder.series("contact_force") @ n,
+        desired=np.array([contact.force.at(t) for t in recorder.time.tolist()]),
+    )
+
+
+def _tick(experiment: Experiment, loop: Loop) -> float | None:
+    """Time for which the arm's velocity is held [s]; None if it changes all the time."""
+    if loop.arm.tick is not None:
+        return loop.arm.tick
+    document = experiment.document
+    dither, period = document.dither, document.period
+    if dither is None or dither.model != "actuated" or document.filter is not None:
+        return period
+    return dither.hold if period is None else min(dither.hold, period)

@@ -1,0 +1,102 @@
+"""What a run gives: named arrays with units, and metrics."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+
+from ..errors import InvalidInputError
+from ..experiment import Experiment, make_experiment
+from ..inputs.documents import parse_yaml
+from ..inputs.fields import Array
+
+
+@dataclass(frozen=True)
+class Result:
+    """A run's series and metrics.
+
+    Attributes:
+        experiment: What was run.
+        time: Of the stored samples, one each ``experiment.log_period``, shape (k,) [s].
+        series: Arrays with k rows, by name; ``UNITS`` has their units. A ``_peak`` is the
+            largest magnitude over all steps since the sample before.
+        metrics: Numbers taken over every step, by name.
+        warnings: What the user should know of this run.
+        graphviz: The diagram that ran, as Graphviz text.
+    """
+
+    experiment: Experiment
+    time: Array
+    series: dict[str, Array]
+    metrics: dict[str, float]
+    warnings: list[str] = field(default_factory=list)
+    graphviz: str = ""
+
+    @property
+    def position_error(self) -> Array:
+        """Norm of the position error, shape (k,) [m]; on a surface, of what lies in it."""
+        error = self.series["p_WE"] - self.series["p_WE_desired"]
+        if (contact := self.experiment.contact) is not None:
+            n = contact.surface.normal_W
+            error = error - np.outer(error @ n, n)
+        return np.asarray(np.linalg.norm(error, axis=1))
+
+    def save(self, folder: str | Path) -> Path:
+        """Write ``experiment.yaml``, ``result.npz``, ``metrics.json`` and ``diagram.dot``.
+
+        Returns:
+            The folder, made if it was not there.
+
+        Raises:
+            InvalidInputError: If the folder cannot be written to.
+        """
+        folder = Path(folder)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            header = "".join(f"# {line}\n" for line in versions())
+            (folder / "experiment.yaml").write_text(header + self.experiment.document.to_yaml())
+            arrays: dict[str, Any] = {"time": self.time, **self.series}
+            np.savez_compressed(folder / "result.npz", **arrays)
+            (folder / "metrics.json").write_text(json.dumps(self.metrics, indent=2) + "\n")
+            if self.graphviz:
+                (folder / "diagram.dot").write_text(self.graphviz)
+        except OSError as error:
+            raise InvalidInputError(f"output folder {folder}: {error.strerror}") from None
+        return folder
+
+    @classmethod
+    def load(cls, folder: str | Path) -> Result:
+        """What `save` has written.
+
+        Raises:
+            InvalidInputError: If the folder does not hold a result.
+        """
+        folder = Path(folder)
+        try:
+            document = parse_yaml((folder / "experiment.yaml").read_text(), str(folder))
+            with np.load(folder / "result.npz") as arrays:
+                series = {name: arrays[name] for name in arrays.files}
+            metrics = json.loads((folder / "metrics.json").read_text())
+            time = series.pop("time")
+        except (OSError, ValueError, KeyError, BadZipFile) as error:
+            raise InvalidInputError(f"{folder}: holds no result: {error}") from None
+        graph = folder / "diagram.dot"
+        return cls(
+            experiment=make_experiment(document),
+            time=time,
+            series=series,
+            metrics=metrics,
+            graphviz=graph.read_text() if graph.is_file() else "",
+        )
+
+
+def versions() -> list[str]:
+    """Versions that the numbers of a run may depend on."""
+    packages = ("drake-rnn", "drake", "numpy")
+    return [f"{package} {version(package)}" for package in packages]

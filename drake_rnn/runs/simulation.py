@@ -1,0 +1,280 @@
+"""Running an experiment."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
+
+from ..diagrams import AddLoop, Loop
+from ..errors import InterruptedRunError, InvalidInputError, SimulationError
+from ..experiment import OUTSIDE, Experiment, ExperimentDocument, check_reach
+from ..laws import Law
+from ..measures import Recorder
+from ..systems import (
+    Body,
+    ContinuousController,
+    Controller,
+    DelayedPathSource,
+    IdealArm,
+    JointReference,
+    MovingAverage,
+    PathSource,
+    PlantArm,
+    SampledController,
+    followed_path,
+)
+from .evaluation import evaluate
+from .result import Result
+
+#: Called with the simulated time [s] every so often.
+Progress = Callable[[float], None]
+
+_LONGEST_STEP = 0.01
+
+# What the tool feels: what is, and what the law is told of it.
+_FORCES = ("contact_force", "normal_force")
+
+
+def check_experiment(experiment: Experiment) -> list[str]:
+    """What a user should know of an experiment before it runs.
+
+    Raises:
+        InvalidInputError: If it cannot be run: its path is out of reach, or its diagram cannot
+            be built.
+    """
+    warnings = check_reach(experiment)
+    build_diagram(experiment)
+    return warnings
+
+
+def simulate(experiment: Experiment, progress: Progress | None = None) -> Result:
+    """Run an experiment.
+
+    The path is checked against the arm's reach before anything runs.
+
+    Args:
+        experiment: What to run.
+        progress: Told how far the run has come.
+
+    Raises:
+        InvalidInputError: If the path is out of reach.
+        SimulationError: If the run cannot go on; its ``result`` holds what there was until
+            then.
+    """
+    started = time.perf_counter()
+    warnings = check_reach(experiment)
+    simulator, loop = build_simulator(experiment)
+    root = simulator.get_mutable_context()
+    _set_initial_state(loop, root)
+    recorder = add_recorder(simulator, loop)
+    if progress is not None:
+        simulator.set_monitor(_with_progress(recorder, progress))
+
+    run_time, failure = _advance(simulator, experiment)
+    result = evaluate(experiment, recorder, warnings, simulator.get_system(), loop)
+    result.metrics["real_time_factor"] = root.get_time() / run_time
+    result.metrics["wall_time_s"] = time.perf_counter() - started
+    if isinstance(loop.controller, SampledController) and failure is None:
+        context = loop.controller.GetMyContextFromRoot(root)
+        result.metrics["control_step_us"] = _step_cost(loop.controller, context)
+    if failure is not None:
+        failure.result = result
+        raise failure
+    return result
+
+
+def _advance(simulator: Simulator, experiment: Experiment) -> tuple[float, SimulationError | None]:
+    """Return the wall time of the run [s], and why it could not go on, if it could not."""
+    root = simulator.get_context()
+    began = time.perf_counter()
+    failure: SimulationError | None = None
+    try:
+        simulator.Initialize()
+        began = time.perf_counter()
+        for stop in _stops(experiment):
+            simulator.AdvanceTo(stop)
+    except SimulationError as error:
+        failure = error
+        integrator = experiment.document.integrator
+        if integrator is not None and integrator.step is not None:
+            failure.args = (f"{error}; try a shorter integrator.step",)
+    except KeyboardInterrupt:
+        failure = InterruptedRunError("interrupted", root.get_time())
+    except (InvalidInputError, RuntimeError) as error:
+        # A posture that kinematics refuses, or an integrator of Drake's that finds no step.
+        failure = SimulationError(str(error), root.get_time())
+    return time.perf_counter() - began, failure
+
+
+def build_diagram(experiment: Experiment, law: Law | None = None) -> tuple[Diagram, Loop]:
+    """Return the diagram of an experiment, not yet simulated, and the systems of its loop.
+
+    Args:
+        experiment: What it consists of.
+        law: Instead of the experiment's own.
+
+    Raises:
+        InvalidInputError: If a part refuses what it is given.
+    """
+    document = experiment.document
+    law = experiment.law if law is None else law
+    builder = DiagramBuilder()
+    controller = _controller(law, document)
+    source = _add_path(builder, experiment, controller)
+    filter = _filter(experiment)
+    loop = AddLoop(
+        builder,
+        _body(experiment),
+        controller,
+        source,
+        task=document.task,
+        dither=document.dither,
+        filter=filter,
+        feedback=experiment.feedback,
+        signals=_add_previews(builder, experiment, law),
+        seed=document.seed,
+    )
+    diagram = builder.Build()
+    diagram.set_name(experiment.name or "experiment")
+    return diagram, loop
+
+
+def _controller(law: Law, document: ExperimentDocument) -> Controller:
+    if document.period is not None:
+        return SampledController(law, document.period, document.seed)
+    return ContinuousController(law, document.seed)
+
+
+def _body(experiment: Experiment) -> Body:
+    # What may lie outside the limits has been judged when the experiment was made.
+    arm, start, contact = experiment.arm, experiment.start, experiment.contact
+    if experiment.level is PlantArm:
+        return PlantArm(arm, start, contact, experiment.document.plant, outside=OUTSIDE)
+    return IdealArm(arm, start, contact, outside=OUTSIDE)
+
+
+def _add_path(
+    builder: DiagramBuilder, experiment: Experiment, controller: Controller
+) -> PathSource:
+    source = PathSource(
+        experiment.path,
+        experiment.p_WE_start,
+        experiment.document.task,
+        experiment.R_WE_start if experiment.holds_orientation else None,
+        preview=controller.period if "p_preview" in controller.reading.inputs else None,
+    )
+    return builder.AddNamedSystem("path", source)
+
+
+def _filter(experiment: Experiment) -> MovingAverage | None:
+    settings, period = experiment.document.filter, experiment.document.period
+    if settings is None or period is None:
+        return None
+    return MovingAverage(experiment.limits, period, precompensate=settings.precompensate)
+
+
+def _add_previews(
+    builder: DiagramBuilder, experiment: Experiment, law: Law
+) -> dict[str, OutputPort]:
+    """What the law sees of a time other than the present: joints ahead, a path that is delayed."""
+    document, path, start = experiment.document, experiment.path, experiment.start
+    signals: dict[str, OutputPort] = {}
+    if (preview := law.joint_preview) is not None:
+        until = document.duration + preview.count * preview.interval
+        positions_at = followed_path(path, experiment.arm, start, until, document.task)
+        ahead = JointReference(positions_at, experiment.arm.n, preview.interval, preview.count)
+        builder.AddNamedSystem("joint_reference", ahead)
+        signals["position_preview"] = ahead.GetOutputPort("position_preview")
+    if document.filter is not None and document.filter.delay_desired:
+        delay, p_WE = experiment.path_delay, experiment.p_WE_start
+        past = DelayedPathSource(delay, path, p_WE, document.task)
+        builder.AddNamedSystem("delayed_path", past)
+        signals["p_WE_desired"] = past.GetOutputPort("p_WE_desired")
+    return signals
+
+
+def build_simulator(experiment: Experiment, law: Law | None = None) -> tuple[Simulator, Loop]:
+    """A simulator of that diagram, set as the experiment asks, and not yet initialized."""
+    diagram, loop = build_diagram(experiment, law)
+    simulator = Simulator(diagram)
+    ApplySimulatorConfig(simulator_config(experiment, loop), simulator)
+    return simulator, loop
+
+
+def add_recorder(simulator: Simulator, loop: Loop) -> Recorder:
+    """A recorder of the loop, as the simulator's monitor."""
+    ports = {
+        "position": loop.arm.GetOutputPort("position"),
+        "velocity": loop.arm.GetOutputPort("velocity"),
+        "state": loop.controller.GetOutputPort("state"),
+    }
+    ports |= {name: loop.forces[name] for name in _FORCES if name in loop.forces}
+    if loop.virtual_arm is not None:
+        for name in ("position", "velocity"):
+            ports[f"virtual_{name}"] = loop.virtual_arm.GetOutputPort(name)
+    recorder = Recorder(simulator.get_context(), ports)
+    simulator.set_monitor(recorder)
+    return recorder
+
+
+def simulator_config(experiment: Experiment, loop: Loop) -> SimulatorConfig:
+    """Return Drake's settings for an experiment with this loop."""
+    config, document = SimulatorConfig(), experiment.document
+    settings = document.integrator
+    if settings is None:
+        config.integration_scheme = loop.controller.reading.integration_scheme
+        config.max_step_size = document.period
+        config.use_error_control = False
+        return config
+    config.integration_scheme = settings.scheme
+    config.use_error_control = settings.accuracy is not None
+    config.max_step_size = _LONGEST_STEP if settings.step is None else settings.step
+    if settings.accuracy is not None:
+        config.accuracy = settings.accuracy
+    return config
+
+
+def _stops(experiment: Experiment) -> list[float]:
+    """Times to end a step at: an integrator must not step over what jumps in the path."""
+    end = experiment.document.duration
+    if experiment.document.integrator is None:
+        return [end]
+    return [*(t for t in experiment.path.knots(end).tolist() if 0 < t < end), end]
+
+
+def _set_initial_state(loop: Loop, root: Context) -> None:
+    """The law's first state; it may be given J, which it need not see in the loop."""
+    J_port = loop.kinematics.GetOutputPort("J")
+    kinematics_context = loop.kinematics.GetMyContextFromRoot(root)
+    context = loop.controller.GetMyMutableContextFromRoot(root)
+    n = loop.kinematics.arm.n
+    J = J_port.Eval(kinematics_context).reshape(-1, n)
+    loop.controller.set_state(context, loop.controller.initial_state(context, J=J))
+
+
+def _with_progress(recorder: Recorder, progress: Progress) -> Callable[[Context], None]:
+    steps = 0
+
+    def monitor(context: Context) -> None:
+        nonlocal steps
+        recorder(context)
+        steps += 1
+        if steps % 256 == 0:
+            progress(context.get_time())
+
+    return monitor
+
+
+def _step_cost(controller: SampledController, context: Context, repeats: int = 200) -> float:
+    """Median cost of one sample of the law alone [us]; of a slow law, of few of them."""
+    u, x = controller.signals(context), controller.state(context)
+    costs: list[float] = []
+    while len(costs) < repeats and sum(costs) < 0.2:
+        begin = time.perf_counter()
+        controller.reading.step(context.get_time(), x, u, controller.period)
+        costs.append(time.perf_counter() - begin)
+    return float(np.median(costs)) * 1e6

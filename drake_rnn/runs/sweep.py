@@ -1,0 +1,137 @@
+"""Sweeps: one experiment at many values."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from itertools import product
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import DrakeRnnError, InterruptedRunError, InvalidInputError, SimulationError
+from ..experiment import load_experiment
+from ..inputs.documents import parse_yaml
+from ..inputs.fields import Array
+from .result import Result
+from .simulation import check_experiment, simulate
+
+
+@dataclass(frozen=True)
+class Row:
+    """One run of a sweep.
+
+    Attributes:
+        values: Of the swept keys, in their order.
+        metrics: Of the run; up to where it failed, if it did.
+        failure: Why it failed, or None.
+        learning: Time [s] and the Frobenius norm of J - J_hat then; None without a J_hat.
+    """
+
+    values: tuple[Any, ...]
+    metrics: dict[str, float]
+    failure: str | None = None
+    learning: tuple[Array, Array] | None = None
+
+
+def parse_axis(text: str) -> tuple[str, list[Any]]:
+    """Key and values of ``KEY=v1,v2,...``; values are read as YAML.
+
+    Raises:
+        InvalidInputError: If there is no key or no value.
+    """
+    key, equals, values = text.partition("=")
+    if not equals or not key.strip() or not values.strip():
+        raise InvalidInputError(f"--over: must be KEY=v1,v2,..., not {text!r}")
+    return key.strip(), parse_yaml(f"[{values}]", f"--over {key.strip()}")
+
+
+def sweep(
+    experiment: str | Path,
+    over: Mapping[str, Sequence[Any]],
+    changes: Mapping[str, Any] | None = None,
+    processes: int = 1,
+    done: Callable[[Row], None] | None = None,
+) -> list[Row]:
+    """Run an experiment at each combination of values.
+
+    Every combination is checked before the first one runs; a run that fails takes up a
+    row and does not stop the others.
+
+    Args:
+        experiment: A shipped name or a YAML file.
+        over: Values by dotted key.
+        changes: New values of other keys, the same in each run.
+        processes: How many runs at a time; the numbers do not depend on it.
+        done: Told each row as it is ready, in order.
+
+    Raises:
+        InvalidInputError: If a combination is no valid experiment, or its path is out of
+            reach; or a key is both swept and changed.
+    """
+    if both := sorted(over.keys() & (changes or {}).keys()):
+        raise InvalidInputError(f"--over: {both[0]!r} is also set; it cannot be both")
+    combinations = list(product(*over.values()))
+    jobs = []
+    for values in combinations:
+        changed = {**(changes or {}), **dict(zip(over, values, strict=True))}
+        check_experiment(load_experiment(experiment, changed))
+        jobs.append((experiment, changed, values))
+    rows = []
+    for row in _run_all(jobs, processes):
+        rows.append(row)
+        if done is not None:
+            done(row)
+    return rows
+
+
+def _run_all(jobs: list[Any], processes: int) -> Iterator[Row]:
+    if processes <= 1:
+        yield from map(_run, jobs)
+        return
+    # Drake has threads of its own by now, which a forked process would not inherit.
+    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+        yield from pool.map(_run, jobs)
+
+
+def _run(job: tuple[str | Path, dict[str, Any], tuple[Any, ...]]) -> Row:
+    experiment, changed, values = job
+    try:
+        result = simulate(load_experiment(experiment, changed))
+        return Row(values, result.metrics, learning=_learning(result))
+    except InterruptedRunError:
+        raise
+    except SimulationError as error:
+        metrics = {} if error.result is None else error.result.metrics
+        return Row(values, metrics, str(error))
+    except DrakeRnnError as error:
+        return Row(values, {}, str(error))
+
+
+def _learning(result: Result) -> tuple[Array, Array] | None:
+    if "J_hat" not in result.series:
+        return None
+    difference = result.series["J"] - result.series["J_hat"]
+    return result.time, np.asarray(np.linalg.norm(difference, axis=(1, 2)))
+
+
+def write_csv(file: Path, keys: Sequence[str], rows: Sequence[Row]) -> None:
+    """Write every value and metric of a sweep, one run a line.
+
+    Raises:
+        InvalidInputError: If the file cannot be written.
+    """
+    names = list(dict.fromkeys(name for row in rows for name in row.metrics))
+    try:
+        with file.open("w", newline="", encoding="utf-8") as stream:
+            writer = csv.writer(stream)
+            writer.writerow([*keys, *names, "failure"])
+            for row in rows:
+                metrics = [repr(row.metrics[n]) if n in row.metrics else "" for n in names]
+                writer.writerow([*row.values, *metrics, row.failure or ""])
+    except OSError as error:
+        raise InvalidInputError(f"table {file}: {error.strerror}") from None

@@ -1,0 +1,76 @@
+"""The arm at the kinematic level: it is where it is commanded to be."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import PassThrough
+
+from ..environments import ElasticSurface, Surface
+from ..errors import InvalidInputError
+from ..inputs.fields import Array
+from ..robot.arm import Arm
+from .body import Body, Feedback
+from .contact import Contact
+from .spring_contact import SpringContact
+
+
+class IdealArm(Body):
+    """An arm without mass; what it presses against gives way like a spring.
+
+    Ports are those of a `Body`; position and velocity out are those commanded.
+
+    Args:
+        arm: The arm.
+        start: Posture to start from, shape (n,) [rad]; by default the arm's home posture.
+        contact: With an `ElasticSurface`; None for an arm in free space.
+        outside: How far the start may lie outside the position limits [rad].
+
+    Raises:
+        InvalidInputError: As `Body` does.
+    """
+
+    level = "kinematic"
+    default_feedback: ClassVar[Feedback] = "commanded"
+    surfaces: ClassVar[type[Surface]] = ElasticSurface
+    has_motors = False
+
+    def __init__(
+        self,
+        arm: Arm,
+        start: Array | None = None,
+        contact: Contact | None = None,
+        *,
+        outside: float = 0.0,
+    ) -> None:
+        super().__init__(arm, start, contact, outside=outside)
+        builder = DiagramBuilder()
+        for name in ("position", "velocity"):
+            block = builder.AddNamedSystem(name, PassThrough(arm.n))
+            builder.ExportInput(block.get_input_port(), f"{name}_commanded")
+            builder.ExportOutput(block.get_output_port(), name)
+        if contact is not None and isinstance(contact.surface, ElasticSurface):
+            p_WS = contact.place(arm, self.start)
+            spring = SpringContact(contact.surface, p_WS, arm.n, self.kinematics)
+            builder.AddNamedSystem("contact", spring)
+            position = builder.GetSubsystemByName("position").get_output_port()
+            builder.Connect(position, spring.get_input_port())
+            for name in ("contact_force", "tool_force"):
+                builder.ExportOutput(spring.get_output_port(), name)
+        builder.BuildInto(self)
+
+    def check_task(self, size: int) -> None:
+        """Raise an InvalidInputError for a planar task with a contact; ``size`` axes."""
+        if self.contact is not None and size != 3:
+            raise InvalidInputError("task: must be xyz or pose with a contact, not xy")
+
+    @classmethod
+    def check_loop(cls, period: float | None, feedback: Feedback) -> None:
+        """Raise an InvalidInputError if ``feedback`` is measured: there is nothing to measure."""
+        super().check_loop(period, feedback)
+        if feedback == "measured":
+            raise InvalidInputError(
+                "feedback: measured is for level: dynamic; here the arm is where it is commanded "
+                "to be"
+            )

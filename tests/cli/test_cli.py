@@ -1,0 +1,385 @@
+"""The command line, as a user meets it."""
+
+import json
+import math
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from drake_rnn import Result, shipped_experiments, simulation
+from drake_rnn.cli.commands import app
+from drake_rnn.laws import SimultaneousLearning
+from drake_rnn.measures.metrics import TIMING_METRICS
+
+KNOWN, LEARNED = "slc_nephroid_known", "slc_nephroid"
+SHORT = ("--duration", "0.05")
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def run(out, *arguments, experiment=KNOWN):
+    """Run without a playback, and return the folder."""
+    result = call("run", experiment, "--out", out, "--no-playback", *arguments)
+    assert result.exit_code == 0, result.stderr
+    return out / experiment
+
+
+def sentence(result):
+    """What stderr says: one line, without a traceback, and where to look for it."""
+    assert result.exit_code == 2, (result.stdout, result.stderr, result.exception)
+    lines = result.stderr.splitlines()
+    assert len(lines) == 1, lines
+    assert lines[0].startswith("error ")
+    return lines[0].removeprefix("error ")
+
+
+def metrics(folder):
+    return json.loads((folder / "metrics.json").read_text())
+
+
+def numbers(folder):
+    return {name: value for name, value in metrics(folder).items() if name not in TIMING_METRICS}
+
+
+def assert_same_series(one, two):
+    """Bit for bit."""
+    with np.load(one / "result.npz") as a, np.load(two / "result.npz") as b:
+        assert set(a.files) == set(b.files)
+        for name in a.files:
+            np.testing.assert_array_equal(a[name], b[name], err_msg=name, strict=True)
+
+
+@pytest.fixture
+def drawn():
+    """For tests in which figures are drawn; it takes seconds."""
+
+
+@pytest.fixture(autouse=True)
+def undrawn(request, monkeypatch):
+    if "drawn" not in request.fixturenames:
+        monkeypatch.setattr("drake_rnn.figures.write_figures", lambda result, folder: [])
+
+
+@pytest.fixture
+def breaks(monkeypatch):
+    """A law whose numbers end at a time."""
+
+    def at(when):
+        step = SimultaneousLearning.step
+
+        def broken(self, t, x, u, period):
+            x = step(self, t, x, u, period)
+            return x * math.nan if t >= when - 1e-9 else x
+
+        monkeypatch.setattr(SimultaneousLearning, "step", broken)
+
+    return at
+
+
+# What it writes.
+
+
+def test_list_shows_every_experiment():
+    result = call("list")
+    assert result.exit_code == 0
+    for name in shipped_experiments():
+        assert name in result.stdout
+    for column in ("name", "paper", "arm", "law", "level", "what to expect"):
+        assert column in result.stdout
+
+
+def test_run_writes_a_folder_with_everything(tmp_path, drawn):
+    result = call("run", KNOWN, "--out", tmp_path, *SHORT)
+    assert result.exit_code == 0
+    assert result.stderr == ""
+    folder = tmp_path / KNOWN
+    picture = {"diagram.svg"} if shutil.which("dot") else set()
+    assert {path.name for path in folder.iterdir()} == picture | {
+        "experiment.yaml",
+        "result.npz",
+        "metrics.json",
+        "figures",
+        "playback.html",
+        "diagram.dot",
+    }
+    figures = list((folder / "figures").iterdir())
+    assert figures
+    assert {path.suffix for path in figures} == {".png"}
+    assert all(path.stat().st_size > 1000 for path in figures)
+    assert (folder / "playback.html").stat().st_size > 100_000
+    assert (folder / "diagram.dot").read_text().startswith("digraph")
+    for name in metrics(folder):
+        assert name in result.stdout
+    for name in ("playback.html", "figures", KNOWN):
+        assert name in result.stdout
+
+
+def test_metrics_are_one_flat_object_of_finite_numbers(tmp_path):
+    found = metrics(run(tmp_path, *SHORT))
+    assert found["joint_velocity_max_rad_s"] > 0
+    assert all(isinstance(value, float) and math.isfinite(value) for value in found.values())
+
+
+def test_the_experiment_written_says_the_versions_and_what_was_changed(tmp_path):
+    folder = run(tmp_path, *SHORT, "--set", "law.kappa=8", "--seed", 3)
+    text = (folder / "experiment.yaml").read_text()
+    for package in ("drake-rnn", "drake", "numpy"):
+        assert f"# {package} " in text
+    experiment = Result.load(folder).experiment
+    assert experiment.law["kappa"] == 8
+    assert experiment.seed == 3
+    assert experiment.duration == 0.05
+
+
+def test_several_experiments_have_a_folder_each(tmp_path):
+    names = [KNOWN, "slc_nephroid_unbounded"]
+    result = call("run", *names, "--out", tmp_path, "--no-playback", *SHORT)
+    assert result.exit_code == 0
+    assert {path.name for path in tmp_path.iterdir()} == set(names)
+
+
+def test_without_playback_no_page_is_written(tmp_path):
+    assert not (run(tmp_path, *SHORT) / "playback.html").exists()
+
+
+def test_warnings_of_the_path_are_told(tmp_path):
+    result = call(
+        "run", KNOWN, "--out", tmp_path, "--no-playback", *SHORT, "--set", "path.period=0.05"
+    )
+    assert result.exit_code == 0
+    assert "warning path: asks panda_joint" in result.stderr
+
+
+def notes(result):
+    return [line for line in result.stdout.splitlines() if line.startswith("note ")]
+
+
+def test_a_window_that_is_dropped_is_told(tmp_path):
+    result = call("run", KNOWN, "--out", tmp_path, "--no-playback", *SHORT)
+    assert notes(result) == [
+        f"note {KNOWN}: window [12, 20] s and what is expected in it are dropped: "
+        "the run ends at 0.05 s"
+    ]
+    # It is told where it is dropped, and only there.
+    assert Result.load(tmp_path / KNOWN).experiment.window is None
+    again = call("run", tmp_path / KNOWN / "experiment.yaml", "--out", tmp_path, "--no-playback")
+    assert (again.exit_code, notes(again)) == (0, [])
+    kept = (*SHORT, "--set", "window=[0, 0.05]")
+    result = call("run", KNOWN, "--out", tmp_path, "--no-playback", *kept)
+    assert (result.exit_code, notes(result)) == (0, [])
+
+
+def test_a_window_is_dropped_without_what_was_expected_where_that_is_set(tmp_path):
+    expected = ("--set", "accept={saturated_fraction: {at_most: 1}}")
+    result = call("run", KNOWN, "--out", tmp_path, "--no-playback", *SHORT, *expected)
+    (note,) = notes(result)
+    assert "window [12, 20] s is dropped: " in note
+
+
+def test_a_sweep_tells_of_windows_that_are_dropped(tmp_path):
+    result = call("sweep", KNOWN, "--over", "duration=0.01,0.02", "--out", tmp_path)
+    assert [note.split(" at ")[1] for note in notes(result)] == ["0.01 s", "0.02 s"]
+
+
+# The same again.
+
+
+def test_what_a_run_has_written_runs_again_to_the_same_numbers(tmp_path):
+    """Bit for bit."""
+    first = run(tmp_path / "a", "--duration", 0.02, "--seed", 5, experiment=LEARNED)
+    result = call("run", first / "experiment.yaml", "--out", tmp_path / "b", "--no-playback")
+    assert result.exit_code == 0, result.stderr
+    second = tmp_path / "b" / LEARNED
+    assert_same_series(first, second)
+    assert numbers(first) == numbers(second)
+    assert (first / "experiment.yaml").read_text() == (second / "experiment.yaml").read_text()
+
+
+def test_a_seed_gives_the_same_numbers_again_and_in_another_process(tmp_path):
+    """Bit for bit; and a run in a pipe has nothing to say on stderr."""
+    arguments = ("--duration", "0.02", "--seed", "5")
+    first = run(tmp_path / "a", *arguments, experiment=LEARNED)
+    second = run(tmp_path / "b", *arguments, experiment=LEARNED)
+    command = [sys.executable, "-m", "drake_rnn", "run", LEARNED, "--no-playback", *arguments]
+    process = subprocess.run(
+        [*command, "--out", tmp_path / "c"], capture_output=True, text=True, check=True
+    )
+    assert process.stderr == ""
+    third = tmp_path / "c" / LEARNED
+    assert numbers(first) == numbers(second) == numbers(third)
+    assert_same_series(first, second)
+    assert_same_series(first, third)
+    other = run(tmp_path / "d", "--duration", 0.02, "--seed", 6, experiment=LEARNED)
+    assert numbers(other) != numbers(first)
+
+
+# Bad input.
+
+
+@pytest.fixture
+def simulated(monkeypatch):
+    """Whether anything has been simulated."""
+    times = []
+    simulator = simulation.Simulator
+
+    def watched(diagram):
+        times.append(1)
+        return simulator(diagram)
+
+    monkeypatch.setattr(simulation, "Simulator", watched)
+    return times
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("slc_nefroid",), "experiment: no experiment 'slc_nefroid'; nearest: slc_nephroid"),
+        (("nowhere.yaml",), "nowhere.yaml: No such file or directory"),
+        ((KNOWN, "--set", "law.kapa=1"), "law.kapa: no such key; nearest: kappa"),
+        ((KNOWN, "--set", "law.kappa"), "--set: must be KEY=VALUE, not 'law.kappa'"),
+        ((KNOWN, "--set", "law.kappa=[1"), "--set law.kappa: not a YAML document: line 1"),
+        ((KNOWN, "--set", "law.kappa=-1"), "law.kappa: must be greater than 0, not -1"),
+        ((KNOWN, "--set", "law.kappa=[nan, 1]"), "law.kappa: must be a number, not ['nan', 1]"),
+        ((KNOWN, "--set", "law.kappa=[.nan, 1]"), "law.kappa: must be a number, not [nan, 1]"),
+        ((KNOWN, "--set", "law.kappa='[/red]'"), "law.kappa: must be a number, not '[/red]'"),
+        ((KNOWN, "--duration", "-1"), "duration: must be greater than 0, not -1"),
+        ((KNOWN, "--set", "path.size=2"), "path: out of reach: panda misses the point ("),
+        ((KNOWN, LEARNED, "--set", "law.jacobian=known"), f"{LEARNED}: dither: this law does"),
+    ],
+)
+def test_bad_input_is_one_sentence_and_nothing_runs(tmp_path, simulated, arguments, message):
+    result = call("run", *arguments, "--out", tmp_path / "out")
+    assert sentence(result).startswith(message)
+    assert not simulated
+    assert not list(tmp_path.rglob("*.json"))
+
+
+def test_usage_that_makes_no_sense_ends_with_2(tmp_path):
+    for arguments in (("run",), ("walk",), ("run", KNOWN, "--seed", "-1"), ("sweep", KNOWN)):
+        assert call(*arguments).exit_code == 2
+
+
+def test_a_path_out_of_reach_is_told_before_another_experiment_runs(tmp_path, simulated):
+    mine = run(tmp_path / "a", *SHORT) / "experiment.yaml"
+    simulated.clear()
+    far = tmp_path / "far.yaml"
+    far.write_text(
+        mine.read_text()
+        .replace(f"name: {KNOWN}", "name: far")
+        .replace("size: 0.04", "size: 2")
+        .replace("duration: 0.05", "duration: 1")
+    )
+    result = call("run", mine, far, "--out", tmp_path / "b", "--no-playback")
+    assert sentence(result).startswith("far: path: out of reach")
+    assert not simulated
+
+
+def test_a_folder_that_cannot_be_written_to_is_told_before_anything_runs(tmp_path, simulated):
+    (tmp_path / "file").write_text("here")
+    message = sentence(call("run", KNOWN, *SHORT, "--out", tmp_path / "file"))
+    assert "file" in message
+    assert "Not a directory" in message
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / KNOWN).write_text("here")
+    message = sentence(call("run", KNOWN, *SHORT, "--out", tmp_path / "out", "--no-playback"))
+    assert KNOWN in message
+    assert not simulated
+    assert (tmp_path / "out" / KNOWN).read_text() == "here"
+
+
+# Runs that fail.
+
+
+def test_a_run_that_fails_saves_what_there_was_and_names_the_time(tmp_path, breaks, drawn):
+    breaks(0.03)
+    result = call("run", KNOWN, "--out", tmp_path, "--no-playback", *SHORT)
+    assert result.exit_code == 1
+    assert "Traceback" not in result.stderr
+    (line,) = result.stderr.splitlines()
+    assert line.startswith("failed controller: ")
+    assert line.endswith("not finite any more (at t = 0.03 s)")
+    until_then = Result.load(tmp_path / KNOWN)
+    np.testing.assert_allclose(until_then.time, [0, 0.01, 0.02, 0.03], atol=1e-12)
+    assert np.isfinite(until_then.series["position"]).all()
+    assert until_then.metrics["joint_velocity_max_rad_s"] > 0
+    assert list((tmp_path / KNOWN / "figures").iterdir())
+
+
+def test_a_run_that_fails_at_once_is_told_as_well(tmp_path, breaks, drawn):
+    breaks(0.0)
+    result = call("run", KNOWN, "--out", tmp_path, *SHORT)
+    assert result.exit_code == 1
+    assert "(at t = 0 s)" in result.stderr
+    assert "Traceback" not in result.stderr
+    assert (tmp_path / KNOWN / "experiment.yaml").is_file()
+
+
+def test_after_a_run_that_fails_the_others_run(tmp_path, breaks):
+    breaks(0.03)
+    text = (run(tmp_path / "a", "--duration", 0.02) / "experiment.yaml").read_text()
+    for name, duration in {"broken": 0.05, "calm": 0.02}.items():
+        changed = text.replace(f"name: {KNOWN}", f"name: {name}")
+        changed = changed.replace("duration: 0.02", f"duration: {duration}")
+        (tmp_path / f"{name}.yaml").write_text(changed)
+    files = [tmp_path / "broken.yaml", tmp_path / "calm.yaml"]
+    result = call("run", *files, "--out", tmp_path / "b", "--no-playback")
+    assert result.exit_code == 1
+    assert Result.load(tmp_path / "b" / "broken").time[-1] == pytest.approx(0.03)
+    assert Result.load(tmp_path / "b" / "calm").time[-1] == pytest.approx(0.02)
+
+
+# Sweeps.
+
+
+def test_sweep_writes_a_table_and_a_picture(tmp_path):
+    over = ("--over", "law.kappa=2,8")
+    result = call("sweep", KNOWN, *over, "--out", tmp_path, *SHORT)
+    assert result.exit_code == 0, result.stderr
+    (folder,) = tmp_path.iterdir()
+    assert {path.name for path in folder.iterdir()} == {"sweep.csv", "sweep.png"}
+    header, first, second = (folder / "sweep.csv").read_text().splitlines()
+    assert header.startswith("law.kappa,position_error_max_m,")
+    assert first.startswith("2,")
+    assert second.startswith("8,")
+    assert "law.kappa" in result.stdout
+    assert "sweep.csv" in result.stdout
+    # In a pipe it is one table, however many columns it has.
+    assert result.stdout.count("law.kappa  ") == 1
+
+
+def test_a_sweep_in_which_a_run_fails_ends_with_1_and_shows_the_others(tmp_path, breaks):
+    breaks(0.03)
+    result = call("sweep", KNOWN, "--over", "duration=0.02,0.05", "--out", tmp_path)
+    assert result.exit_code == 1
+    assert "failed" in result.stdout
+    assert "duration=0.05: controller: " in result.stderr
+    assert "not finite any more (at t = 0.03 s)" in result.stderr
+    (table,) = tmp_path.rglob("sweep.csv")
+    assert len(table.read_text().splitlines()) == 3
+
+
+def test_bad_input_to_a_sweep_is_one_sentence_and_nothing_runs(tmp_path, simulated):
+    for over, message in (
+        (["law.kappa"], "--over: must be KEY=v1,v2,..., not 'law.kappa'"),
+        (["law.kappa=1,-1"], "law.kappa: must be greater than 0, not -1"),
+        (["law.kapa=1"], "law.kapa: no such key; nearest: kappa"),
+        (["seed=1", "seed=2"], "--over"),
+    ):
+        options = [part for axis in over for part in ("--over", axis)]
+        result = call("sweep", KNOWN, *options, "--out", tmp_path, *SHORT)
+        assert sentence(result).startswith(message)
+    assert not simulated
+
+
+def test_a_run_to_a_target_shows_every_joint(tmp_path):
+    changes = ("--duration", "0.05", "--no-playback")
+    result = call("run", "null_space_adjustment", "--out", tmp_path, *changes)
+    assert result.exit_code == 0
+    for text in ("start [rad]", "target [rad]", "|error| [rad]", "iiwa_joint_7", "1.5708"):
+        assert text in result.stdout

@@ -1,0 +1,332 @@
+"""Experiments as documents: what is read, what is refused, what is written."""
+
+from math import inf, nan
+
+import numpy as np
+import pytest
+
+from drake_rnn import (
+    InvalidInputError,
+    check_reach,
+    load_experiment,
+    make_experiment,
+    shipped_experiments,
+    simulate,
+    simulation,
+)
+from drake_rnn.experiment.document import parse_change
+from drake_rnn.inputs.documents import parse_yaml
+
+KNOWN, LEARNED = "slc_nephroid_known", "slc_nephroid"
+HOME = load_experiment(KNOWN).setup.start
+
+
+def refusal(experiment=KNOWN, changes=None):
+    """What the refusal says: always one line, in the words of the document."""
+    with pytest.raises(InvalidInputError) as caught:
+        load_experiment(experiment, changes)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert "http" not in message
+    assert "pydantic" not in message
+    return message
+
+
+# One is there to be refused.
+RUNNABLE = [name for name in shipped_experiments() if name != "state_adjustment_printed"]
+
+
+@pytest.fixture
+def file(tmp_path):
+    def write(text):
+        (tmp_path / "mine.yaml").write_text(text)
+        return tmp_path / "mine.yaml"
+
+    return write
+
+
+# Reading.
+
+
+@pytest.mark.parametrize("name", RUNNABLE)
+def test_shipped_experiments_load_and_say_what_they_are(name):
+    experiment = load_experiment(name)
+    assert experiment.name == name
+    assert experiment.paper
+    assert experiment.expect
+    assert experiment.setup.law.inputs.parts
+
+
+@pytest.mark.parametrize("name", RUNNABLE)
+def test_an_experiment_written_and_read_is_the_same(name):
+    experiment = load_experiment(name)
+    text = experiment.to_yaml()
+    again = make_experiment(parse_yaml(text, name))
+    assert again.document() == experiment.document()
+    assert again.to_yaml() == text
+    np.testing.assert_array_equal(again.setup.start, experiment.setup.start)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"start": [0.1, -0.7853981633974483, 0.0, -2.3, 0.0, 1.57, 1 / 3]},
+        {"limits": "none", "law.acceleration_bound": "none"},
+        {"limits": {"position_lower": [-inf] * 7, "velocity": inf}},
+        {"limits": {"acceleration": [1, 2, 3, 4, 5, 6, 7]}},
+        {"integrator": {"scheme": "radau3", "accuracy": 1e-6}},
+        {"arm": {"model": "panda", "frame": "tip", "joints": ["panda_joint2", "panda_joint4"]}},
+        {"paper": ": as 'printed' #1", "seed": 2**40, "window": None, "accept": None},
+    ],
+)
+def test_a_changed_experiment_written_and_read_is_the_same(changes):
+    experiment = load_experiment(KNOWN, changes)
+    again = make_experiment(parse_yaml(experiment.to_yaml(), "here"))
+    assert again.document() == experiment.document()
+    np.testing.assert_array_equal(again.setup.start, experiment.setup.start)
+    for bound in ("position_lower", "velocity", "acceleration"):
+        np.testing.assert_array_equal(
+            getattr(again.setup.limits, bound), getattr(experiment.setup.limits, bound)
+        )
+
+
+def test_what_arm_and_task_know_is_filled_into_the_law():
+    law = load_experiment(KNOWN).setup.law
+    np.testing.assert_array_equal(law.limits.velocity, [0.5] * 7)
+    np.testing.assert_array_equal(law.limits.acceleration, [1.0] * 7)
+    np.testing.assert_array_equal(law.home, HOME)
+    assert law.task_size == 3
+
+
+def test_limits_of_the_experiment_stand_above_those_of_the_arm():
+    limits = load_experiment(KNOWN, {"limits": {"velocity": 0.25}}).setup.limits
+    arm = load_experiment(KNOWN).setup.arm.limits
+    np.testing.assert_array_equal(limits.velocity, [0.25] * 7)
+    np.testing.assert_array_equal(limits.position_lower, arm.position_lower)
+
+
+def test_limits_none_leaves_no_limit():
+    experiment = load_experiment(KNOWN, {"limits": "none", "law.acceleration_bound": "none"})
+    assert np.isinf(experiment.setup.limits.velocity).all()
+    assert experiment.setup.limits.acceleration is None
+
+
+def test_a_start_outside_of_the_arms_limits_may_lie_inside_the_experiments():
+    start = [*HOME[:3], 0.0, *HOME[4:]]
+    assert "panda_joint4" in refusal(changes={"start": start})
+    load_experiment(KNOWN, {"start": start, "limits.position_upper": [3] * 7})
+
+
+def test_setting_period_removes_the_integrator_and_the_reverse():
+    continuous = load_experiment(KNOWN, {"integrator": {"scheme": "runge_kutta3", "step": 1e-3}})
+    assert continuous.period is None
+    assert load_experiment(KNOWN, {"integrator.accuracy": 1e-4}).period is None
+    sampled = load_experiment("slc_nephroid_known_continuous", {"period": 1e-3})
+    assert sampled.integrator is None
+
+
+def test_a_shorter_run_has_no_window_and_expects_nothing():
+    shortened = load_experiment(KNOWN, {"duration": 1})
+    assert shortened.window is None
+    assert shortened.accept == {}
+
+
+def test_changes_are_read_as_yaml():
+    assert parse_change("law.kappa=1e1") == ("law.kappa", 10.0)
+    assert parse_change(" a.b = [1, 2]") == ("a.b", [1, 2])
+    assert parse_change("a=b=c") == ("a", "b=c")
+    assert parse_change("window=") == ("window", None)
+    for text in ("law.kappa", "=3", " = 3"):
+        with pytest.raises(InvalidInputError, match="--set: must be KEY=VALUE"):
+            parse_change(text)
+
+
+def test_models_and_points_are_found_beside_the_document(tmp_path, monkeypatch, file):
+    """And still are when what was written is read in another place."""
+    (tmp_path / "loop.csv").write_text("0,0,0\n.01,0,0\n.01,.01,0\n0,.01,0\n")
+    source = load_experiment(KNOWN)
+    (tmp_path / "arm.urdf").write_bytes(source.setup.arm.model.read_bytes())
+    written = file(
+        "arm: {model: arm.urdf, frame: panda_link8}\n"
+        "path: {kind: points, file: loop.csv, period: 2}\n"
+        "law: {kind: simultaneous_learning}\n"
+        f"start: {HOME.tolist()}\n"
+        "period: 1e-3\n"
+        "duration: 1\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    experiment = load_experiment(written.name)
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "again.yaml").write_text(experiment.to_yaml())
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    assert load_experiment("again.yaml").setup.arm.joints == source.setup.arm.joints
+
+
+# Refusals.
+
+BAD = [
+    ({"durration": 3}, "durration: no such key; nearest: duration"),
+    ({"law.kapa": 3}, "law.kapa: no such key; nearest: kappa"),
+    ({"path.sise": 1}, "path.sise: no such key; nearest: size"),
+    ({"integrator": {"shceme": "radau3"}}, "integrator.shceme: no such key; nearest: scheme"),
+    ({"limits.velocty": 1}, "limits.velocty: no such key; nearest: velocity"),
+    ({"accept.a.at_mots": 1}, "accept.a.at_mots: no such key; nearest: at_most"),
+    ({"law.kappa": -1}, "law.kappa: must be greater than 0, not -1"),
+    ({"law.kappa": nan}, "law.kappa: must be a finite number, not nan"),
+    ({"law.kappa": "fast"}, "law.kappa: must be a number, not 'fast'"),
+    ({"law.rho": 0}, "law.rho: must be greater than 0, not 0"),
+    ({"law.jacobian": "guessed"}, "law.jacobian: must be 'known' or 'learned', not 'guessed'"),
+    ({"law": "pid"}, "law: must be a mapping of keys to values, not 'pid'"),
+    ({"law.kind": "simultaneous"}, "law.kind: no law 'simultaneous'; nearest: simultaneous_learn"),
+    ({"law.kind": [1]}, "law.kind: no law [1]; "),
+    ({"law.kind": None}, "law.kind: must be given; it may be joint_drift_free, "),
+    ({"path.kind": "nefroid"}, "path.kind: no path 'nefroid'; nearest: nephroid"),
+    ({"path.size": -1}, "path.size: must be greater than 0, not -1"),
+    ({"path.plane": "zx"}, "path.plane: must be 'xy', 'xz' or 'yz', not 'zx'"),
+    ({"path.offset": [1, 2]}, "path.offset: must have 3 entries, not 2"),
+    ({"arm": "pandas"}, "arm: no arm 'pandas'; nearest: panda"),
+    ({"arm": None}, "arm: must be given"),
+    ({"arm": {"model": "panda", "frame": "hand"}}, "arm.frame: no frame 'hand' in panda.urdf"),
+    ({"arm": {"model": "no.urdf", "frame": "x"}}, "arm.model: no file 'no.urdf'"),
+    ({"arm": {"frame": "x"}}, "arm.model: must be given"),
+    ({"task": "xz"}, "task: must be 'xyz', 'xy' or 'pose', not 'xz'"),
+    ({"level": "dynamical"}, "level: must be "),
+    ({"start": [0.0] * 6}, "start: has 6 entries for 7 joints"),
+    ({"start": [nan] * 7}, "start: must be one list of numbers, none of them NaN"),
+    ({"start": [0.0] * 7}, "start: panda_joint4 is at 0 rad; it may be -3.0718 to -0.0698"),
+    ({"start": "home"}, "start: must be a list of numbers, not 'home'"),
+    (
+        {"limits": {"position_lower": 1, "position_upper": -1}},
+        "limits.position_lower: must be below position_upper, not 1 and -1",
+    ),
+    ({"limits.velocity": -1}, "limits.velocity: must be positive, not [-1.0"),
+    ({"limits.velocity": nan}, "limits.velocity: must be one list of numbers, none of them NaN"),
+    ({"limits.velocity": [1, 2]}, "limits.velocity: must have 7 entries"),
+    ({"limits": "some"}, "limits: must be a mapping of keys to values or 'none', not 'some'"),
+    ({"limits": "none"}, "limits.acceleration: not known for this arm, but needed for"),
+    ({"duration": 0}, "duration: must be greater than 0, not 0"),
+    ({"duration": -1}, "duration: must be greater than 0, not -1"),
+    ({"duration": inf}, "duration: must be a finite number, not inf"),
+    ({"duration": "long"}, "duration: must be a number, not 'long'"),
+    ({"duration.long": 1}, "duration.long: duration is 20, which has no keys"),
+    ({"period": 0}, "period: must be greater than 0, not 0"),
+    ({"period": -1e-3}, "period: must be greater than 0, not -0.001"),
+    ({"period": 30}, "period: may be at most the duration, 20"),
+    ({"period": None}, "period: must be given, or integrator"),
+    ({"integrator": {"scheme": "radau3"}}, "integrator: give either accuracy or step"),
+    ({"integrator": {"scheme": "rk4", "step": 1e-3}}, "integrator: scheme may be "),
+    ({"integrator.accuracy": 0}, "integrator.accuracy: must be greater than 0, not 0"),
+    ({"dither": {"sigma": 0.1, "hold": 1e-3}}, "dither: this law does not learn"),
+    ({"dither": {"sigma": 0.1}}, "dither.hold: must be given"),
+    ({"window": [12, 30]}, "window: must be two rising times up to 20"),
+    ({"window": [13, 12]}, "window: must be two rising times up to 20"),
+    ({"window": [-1, 12]}, "window.0: must be greater than or equal to 0, not -1"),
+    ({"window": [1, 2, 3]}, "window: must have 2 entries, not 3"),
+    ({"seed": -1}, "seed: must be greater than or equal to 0, not -1"),
+    ({"seed": 0.5}, "seed: must be an integer, not 0.5"),
+    ({"log_period": 0}, "log_period: must be greater than 0, not 0"),
+]
+
+
+BAD_CONTACT = [
+    ({"law.stiffness": -8000}, "law.stiffness: must be greater than 0, not -8000"),
+    ({"law.stiffness": nan}, "law.stiffness: must be a finite number, not nan"),
+    (
+        {"law.stiffness": "soft"},
+        "law.stiffness: must be a number or a mapping of keys to values, not 'soft'",
+    ),
+    ({"law.stiffness": {"initial": -1}}, "law.stiffness.initial: must be greater than 0, not -1"),
+    ({"law.stiffness": {"initial": "x"}}, "law.stiffness.initial: must be a number, not 'x'"),
+    (
+        {"law.stiffness": {"inital": 1e4}},
+        "law.stiffness.inital: no such key; nearest: initial, initial_force",
+    ),
+    (
+        {"law.stiffness": {"k": 1e4}},
+        "law.stiffness.k: no such key; it may be initial, initial_force, floor, exponent, ",
+    ),
+    ({"law.contact_loss": 3}, "law.contact_loss: must be a mapping of keys to values, not 3"),
+    ({"environment.tip": 3}, "environment.tip: must be a mapping of keys to values, not 3"),
+    ({"environment.tip": {"modulus": 3}}, "environment.tip.modulus: no such key; "),
+    ({"environment.normal": {"z": 1}}, "environment.normal: must be a list of numbers, not {'z"),
+    ({"environment.believed_normal": 3}, "environment.believed_normal: must be a list of numb"),
+    ({"sensor": {"failure": "nan"}}, "sensor.failure: goes with fails_at; give both or neither"),
+    ({"sensor": {"delay": 1e7}}, "sensor.delay: must be less than or equal to 5, not 1"),
+    ({"over": {"a[0]": 3}}, "over.a[0]: must be a list, not 3"),
+]
+
+
+def test_what_is_wrong_with_an_object_as_a_whole_is_said_without_its_fields():
+    message = refusal(changes={"integrator": {"scheme": "radau3"}})
+    assert message == "integrator: give either accuracy or step"
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"), BAD_CONTACT, ids=[message for _, message in BAD_CONTACT]
+)
+def test_what_a_contact_cannot_be_is_refused_by_key_and_value(changes, message):
+    assert refusal("contact_circle", changes).startswith(message)
+
+
+@pytest.mark.parametrize(("changes", "message"), BAD, ids=[message for _, message in BAD])
+def test_what_cannot_be_is_refused_by_key_and_value(changes, message):
+    assert refusal(changes=changes).startswith(message)
+
+
+def test_an_unknown_experiment_is_refused_with_those_of_like_name():
+    assert refusal("slc_nefroid").startswith("experiment: no experiment 'slc_nefroid'; nearest: ")
+    assert "No such file" in refusal("nowhere.yaml")
+
+
+def test_period_and_integrator_in_one_document_are_refused():
+    document = {**load_experiment(KNOWN).document(), "integrator": {"step": 1e-3}}
+    with pytest.raises(InvalidInputError, match="period: stands beside integrator"):
+        make_experiment(document)
+
+
+@pytest.mark.parametrize("text", ["- arm\n- law\n", "", "arm\n", "3\n"])
+def test_a_document_that_is_no_mapping_is_refused(file, text):
+    assert refusal(file(text)).endswith("must be a mapping of keys to values")
+
+
+def test_a_key_that_stands_twice_is_refused(file):
+    assert refusal(file("seed: 1\nseed: 2\n")).endswith("the key 'seed' stands twice")
+
+
+def test_numbers_without_a_point_are_numbers(file):
+    """1e-6 is a string in YAML 1.1."""
+    text = load_experiment(LEARNED).to_yaml().replace("rho: 0.000001", "rho: 1e-6")
+    assert load_experiment(file(text)).setup.law.rho == 1e-6
+
+
+def test_a_path_out_of_reach_is_refused_before_anything_is_simulated(monkeypatch):
+    def simulator(diagram):
+        raise AssertionError("simulated")
+
+    monkeypatch.setattr(simulation, "Simulator", simulator)
+    with pytest.raises(InvalidInputError, match=r"^path: out of reach: panda misses the point \("):
+        simulate(load_experiment(KNOWN, {"path.size": 2}))
+
+
+@pytest.mark.parametrize("key", ["home", "limits", "task_size"])
+def test_what_arm_and_task_determine_cannot_be_given_to_the_law(key):
+    with pytest.raises(InvalidInputError, match=rf"law\.{key}: follows from .*; leave it out"):
+        load_experiment(KNOWN, {f"law.{key}": 2})
+
+
+def test_a_planar_task_takes_no_path_that_leaves_its_plane():
+    document = {"arm": "planar6", "task": "xy", "path.offset": [0, 0, 0], "duration": 1}
+    with pytest.raises(InvalidInputError, match=r"path: leaves the plane of task xy by 0\.3"):
+        check_reach(load_experiment(KNOWN, document))
+
+
+def test_period_and_integrator_cannot_both_be_changed():
+    with pytest.raises(InvalidInputError, match="period: stands beside integrator"):
+        load_experiment(KNOWN, {"period": 1e-3, "integrator": {"step": 1e-3}})
+
+
+def test_what_is_expected_survives_a_short_run_only_if_it_is_asked_for():
+    """The window ends after the run, and what was expected in it with it."""
+    accept = {"accept.joint_velocity_max_rad_s": {"at_most": 1}}
+    assert load_experiment(KNOWN, {"duration": 1}).accept == {}
+    assert "joint_velocity_max_rad_s" in load_experiment(KNOWN, {"duration": 1, **accept}).accept

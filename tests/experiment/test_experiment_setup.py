@@ -1,0 +1,264 @@
+"""Experiments that seek a target posture: what is checked before they run."""
+
+import re
+from math import nan, pi
+
+import numpy as np
+import pytest
+
+from drake_rnn import InvalidInputError, load_arm, load_experiment, make_experiment
+from drake_rnn.inputs.documents import parse_yaml
+from drake_rnn.paths import Rest
+
+MSA, NSA, SLC = "modified_state_adjustment", "null_space_adjustment", "slc_nephroid_known"
+UR5 = load_arm("ur5").home
+ON_UR5 = {"arm": "ur5", "start": None, "limits": {}, "law.target": UR5.tolist()}
+
+
+def refusal(changes, name=MSA):
+    """What the refusal says: always one line."""
+    with pytest.raises(InvalidInputError) as caught:
+        load_experiment(name, changes)
+    message = str(caught.value)
+    assert "\n" not in message
+    return message
+
+
+def moved(q, joint, by):
+    return (np.asarray(q) + by * np.eye(len(q))[joint]).tolist()
+
+
+# A target that cannot be reached.
+
+
+@pytest.mark.parametrize("name", [MSA, NSA])
+def test_the_papers_target_is_refused_with_the_way_off_it_and_the_nearest_posture(name):
+    message = refusal({"on_unreachable": "refuse"}, name)
+    assert message.startswith("law.target: moves the end effector 0.0223 m from where it starts")
+    assert "0.0662 rad off in iiwa_joint_4" in message
+    assert message.endswith("on_unreachable: project")
+
+
+def test_the_posture_that_a_refusal_offers_is_accepted():
+    """As printed, to 6 digits; and it is what would have been taken in the target's place."""
+    message = refusal({"on_unreachable": "refuse"})
+    offered = [float(q) for q in re.search(r"\[(.*)\]", message)[1].split(",")]
+    experiment = load_experiment(MSA, {"on_unreachable": "refuse", "law.target": offered})
+    assert experiment.setup.warnings == ()
+    np.testing.assert_array_equal(experiment.setup.target, offered)
+    np.testing.assert_allclose(load_experiment(MSA).setup.target, offered, atol=5e-7)
+
+
+def test_a_projected_target_is_said_to_be_one():
+    setup = load_experiment(MSA).setup
+    (warning,) = setup.warnings
+    assert warning.startswith("law.target: moves the end effector 0.0223 m")
+    assert warning.endswith("taken in its place")
+    np.testing.assert_array_equal(setup.law.target, setup.target)
+    kinematics = setup.arm.kinematics()
+    np.testing.assert_allclose(kinematics.p_WE(setup.target), setup.p_WE_start, atol=1e-10)
+
+
+def test_a_pose_is_left_by_more_than_its_position():
+    message = refusal({"on_unreachable": "refuse", "task": "pose"})
+    assert "0.0223 m from where it starts and turns it by 0.861 rad" in message
+    setup = load_experiment(MSA, {"task": "pose"}).setup
+    np.testing.assert_allclose(
+        setup.arm.kinematics().R_WE(setup.target), setup.R_WE_start, atol=1e-9
+    )
+
+
+def test_a_target_to_which_no_way_leads_is_refused_though_the_end_effector_is_in_its_place():
+    """The shoulder of the iiwa turned over: joint 2 comes from the other side."""
+    start = np.array([0.3, 0.6, 0.2, -1.2, 0.4, 0.7, 0.0])
+    over = start * [1, -1, 1, 1, 1, 1, 1] - np.array([pi, 0, pi, 0, 0, 0, 0])
+    changes = {"start": start.tolist(), "law.target": over.tolist()}
+    message = refusal({**changes, "on_unreachable": "refuse"})
+    assert message.startswith("law.target: is not reached by the self-motion from the start")
+    load_experiment(MSA, changes)
+
+
+def test_an_arm_without_self_motion_is_refused():
+    message = refusal({**ON_UR5, "task": "pose"})
+    assert message.startswith("task: pose leaves ur5 no self-motion at its start")
+    assert "0 free dimensions" in message
+    assert load_experiment(MSA, ON_UR5).setup.warnings == ()
+
+
+# Values that cannot be.
+
+
+@pytest.mark.parametrize("value", [0, -1, nan])
+@pytest.mark.parametrize(
+    ("name", "key"),
+    [(MSA, key) for key in ("rate", "rise_time", "time_constant", "limit_stiffness", "ramp_time")]
+    + [(NSA, key) for key in ("rate", "damping", "limit_stiffness", "ramp_time")],
+)
+def test_rates_and_times_must_be_positive(name, key, value):
+    message = refusal({f"law.{key}": value}, name)
+    assert re.match(rf"law\.{key}: must be (greater than 0|a finite number), not", message)
+
+
+@pytest.mark.parametrize(
+    ("target", "message"),
+    [
+        ([0.0] * 6, "law.target: must have 7 entries, one a joint, not 6"),
+        ([nan] * 7, "law.target: must be one list of numbers, none of them NaN"),
+        ([3.0, *[0.0] * 6], "law.target: joint 1 is at 3 rad; it may be -2.96706 to 2.96706"),
+        ("home", "law.target: must be a list of numbers, not 'home'"),
+        (None, "law.target: must be given"),
+    ],
+)
+def test_a_target_must_be_a_posture_within_the_limits(target, message):
+    assert refusal({"law.target": target}).startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "message"),
+    [
+        (MSA, {"path": {"kind": "circle", "size": 0.1, "period": 4}}, "path: this law holds the"),
+        (SLC, {"path": None}, "path: must be given"),
+        (SLC, {"on_unreachable": "project"}, "on_unreachable: only for a law that seeks a target"),
+        (MSA, {"on_unreachable": "ignore"}, "on_unreachable: must be 'refuse' or 'project', not"),
+        (SLC, {"task": "pose"}, "task: may be xyz, xy for this law, not pose"),
+        (MSA, {"task": "yaw"}, "task: must be 'xyz', 'xy' or 'pose', not 'yaw'"),
+        (MSA, {"law.task_size": 3}, "law.task_size: follows from task; leave it out"),
+        (MSA, {"dither": {"sigma": 0.1, "hold": 1e-3}}, "dither: this law does not learn"),
+        (NSA, {"integrator.step": 1e-3}, "integrator: null_space_adjustment is no differential"),
+        (
+            NSA,
+            {"period": 0.02},
+            "period: must be below 0.02 s with law.feedback at 50 /s, not 0.02",
+        ),
+        (NSA, {"law.feedback": 1e3}, "period: must be below 0.001 s with law.feedback at 1000 /s"),
+        (NSA, {"law.feedback": -1}, "law.feedback: must be greater than or equal to 0, not -1"),
+    ],
+)
+def test_what_does_not_fit_the_law_is_refused_by_name(name, changes, message):
+    assert refusal(changes, name).startswith(message)
+
+
+def test_without_feedback_longer_periods_will_do():
+    load_experiment(NSA, {"period": 0.019})
+    load_experiment(NSA, {"period": 0.04, "law.feedback": 0})
+
+
+# A start outside the limits.
+
+
+def outside(excess):
+    """The paper's start, that far beyond the limit of joint 1, towards which it goes."""
+    setup = load_experiment(MSA).setup
+    upper = [setup.start[0] - excess, *setup.limits.position_upper[1:]]
+    return {"limits.position_upper": upper}
+
+
+def test_a_start_a_little_outside_its_limits_is_brought_back_by_a_law_that_can():
+    setup = load_experiment(MSA, outside(0.05)).setup
+    assert (
+        "start: iiwa_joint_1 is at 0.981028 rad, 0.05 rad outside its limits" in setup.warnings[0]
+    )
+    assert not setup.limits.violation(setup.target).any()
+
+
+def test_a_start_far_outside_its_limits_is_refused():
+    message = refusal(outside(0.2))
+    assert message == "start: iiwa_joint_1 is at 0.981028 rad; it may be -3.06706 to 0.881028"
+
+
+def test_a_law_that_follows_a_path_must_start_inside_the_limits():
+    upper = load_arm("panda").limits.position_upper.tolist()
+    message = refusal({"limits.position_upper": [-0.05, *upper[1:]]}, SLC)
+    assert message == "start: panda_joint1 is at 0 rad; it may be -2.8973 to -0.05"
+
+
+@pytest.mark.parametrize("joint", range(7))
+def test_a_target_in_place_of_another_lies_within_the_limits_though_the_start_does_not(joint):
+    """Else the law would refuse what is offered to it."""
+    setup = load_experiment(MSA).setup
+    lower, upper = setup.limits.position_lower.copy(), setup.limits.position_upper.copy()
+    # Joint 6 is near its lower limit.
+    way = 1.0 if joint == 5 else -1.0
+    (lower if way > 0 else upper)[joint] = setup.start[joint] + way * 0.05
+    target = setup.start + 0.3 * np.linspace(-1, 1, 7) * (np.arange(7) != 5)
+    target[joint] = setup.start[joint] + way * 0.051
+    changes = {"position_lower": lower.tolist(), "position_upper": upper.tolist(), "velocity": 1.5}
+    made = load_experiment(MSA, {"limits": changes, "law.target": target.tolist()}).setup
+    assert not made.limits.violation(made.target).any()
+    assert "taken in its place" in made.warnings[1]
+
+
+# Detours.
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_joint_that_goes_more_than_half_a_turn_is_warned_of(way):
+    """The last joint of the UR5 turns the flange about its own axis."""
+    setup = load_experiment(MSA, {**ON_UR5, "law.target": moved(UR5, 5, way * 3.3)}).setup
+    (warning,) = setup.warnings
+    assert "wrist_3_joint has 3.3 rad to go" in warning
+    nearer = way * (3.3 - 2 * pi)
+    assert f"at {nearer:.6g} rad the posture is the same, and nearer" in warning
+
+
+def test_half_a_turn_or_one_that_has_no_other_way_is_not():
+    half = load_experiment(MSA, {**ON_UR5, "law.target": moved(UR5, 5, 3.1)})
+    assert half.setup.warnings == ()
+    limits = {"position_lower": [*[-2 * pi] * 5, -1]}
+    only = load_experiment(MSA, {**ON_UR5, "limits": limits, "law.target": moved(UR5, 5, 3.3)})
+    assert not any("to go" in warning for warning in only.setup.warnings)
+
+
+# Documents.
+
+
+@pytest.mark.parametrize("name", [MSA, NSA, SLC])
+def test_a_document_is_read_back_as_it_was_with_and_without_a_path(name):
+    experiment = load_experiment(name)
+    document = parse_yaml(experiment.to_yaml(), name)
+    assert ("path" in document) == (name == SLC)
+    again = make_experiment(document)
+    assert again.document() == experiment.document()
+    assert again.setup.warnings == experiment.setup.warnings
+    assert type(again.setup.path) is type(experiment.setup.path)
+    if name != SLC:
+        assert isinstance(again.setup.path, Rest)
+        np.testing.assert_array_equal(again.setup.target, experiment.setup.target)
+
+
+def test_an_offered_posture_at_a_limit_can_be_given_back():
+    """Six decimals of 17/18 pi lie outside it."""
+    document = load_experiment("modified_state_adjustment").document()
+    upper = document["limits"]["position_upper"]
+    target = [*document["law"]["target"][:6], upper[6]]
+    changes = {"law.target": target, "on_unreachable": "refuse"}
+    with pytest.raises(InvalidInputError) as caught:
+        load_experiment("modified_state_adjustment", changes)
+    offered = re.search(r"is \[(.*?)\]", str(caught.value)).group(1)
+    assert float(offered.split(", ")[6]) <= upper[6]
+    changes["law.target"] = [float(number) for number in offered.split(", ")]
+    load_experiment("modified_state_adjustment", changes)
+
+
+@pytest.mark.parametrize("name", ["position_lower", "position_upper", "velocity"])
+def test_limits_of_another_arm_are_refused_by_their_own_name(name):
+    message = f"limits.{name}: must have 7 entries, one a joint of iiwa14, not 6"
+    with pytest.raises(InvalidInputError, match=message):
+        load_experiment(MSA, {f"limits.{name}": [1.0] * 6})
+
+
+def test_limits_beyond_what_the_arm_can_are_warned_of():
+    upper = [*load_experiment(MSA).document()["limits"]["position_upper"][:6], 4.0]
+    warnings = load_experiment(MSA, {"limits.position_upper": upper}).setup.warnings
+    assert any("iiwa_joint_7 may go 0.946 rad beyond what iiwa14 can" in w for w in warnings)
+
+
+def test_a_planar_task_that_lets_the_end_effector_leave_its_plane_is_refused():
+    with pytest.raises(InvalidInputError, match="task: xy leaves the end effector free along z"):
+        load_experiment(MSA, {"task": "xy"})
+
+
+def test_bounds_that_open_must_be_there():
+    message = "law.rise_time: opens the bounds of the velocity, of which joint 1 has none"
+    with pytest.raises(InvalidInputError, match=message):
+        load_experiment(MSA, {"limits": "none"})

@@ -1,0 +1,132 @@
+"""Is a path within reach, and what does it come close to?"""
+
+import numpy as np
+import pytest
+
+from drake_rnn import InvalidInputError, check_reach, load_experiment, make_experiment
+from drake_rnn.experiment.document import shipped_experiments
+from drake_rnn.experiment.reach import follow
+
+KNOWN = "slc_nephroid_known"
+TWO_RODS = """<robot name="rods">
+  <link name="base"/><link name="upper"/><link name="lower"/><link name="tip"/>
+  <joint name="shoulder" type="continuous"><parent link="base"/><child link="upper"/>
+    <axis xyz="0 0 1"/></joint>
+  <joint name="elbow" type="continuous"><parent link="upper"/><child link="lower"/>
+    <origin xyz="0.5 0 0"/><axis xyz="0 0 1"/></joint>
+  <joint name="end" type="fixed"><parent link="lower"/><child link="tip"/>
+    <origin xyz="0.5 0 0"/></joint>
+</robot>
+"""
+
+
+@pytest.fixture
+def rods(tmp_path):
+    """Two rods of half a metre; a circle about their base is as far away all along."""
+    (tmp_path / "rods.urdf").write_text(TWO_RODS)
+
+    def circle(radius, start=(0.1, 0.9), **more):
+        path = {"kind": "circle", "size": radius, "centre": [0, 0, 0], "period": 8, **more}
+        return make_experiment(
+            {
+                "arm": {"model": str(tmp_path / "rods.urdf"), "frame": "tip"},
+                "task": "xy",
+                "start": list(start),
+                "path": path,
+                "law": {
+                    "kind": "simultaneous_learning",
+                    "jacobian": "known",
+                    "acceleration_bound": "none",
+                },
+                "period": 1e-3,
+                "duration": 8,
+            }
+        )
+
+    return circle
+
+
+def has_a_smooth_path(name):
+    """Not those with a target, and not squares whose corners are taken at speed."""
+    raw = {"recursive_square", "recursive_square_printed", "pinv_square", "rnn_square"}
+    raw |= {"horizon_square"}
+    # It leads over the plate's edge, to show what happens then.
+    raw |= {"contact_edge"}
+    return "adjustment" not in name and name not in raw
+
+
+@pytest.mark.parametrize("name", [*filter(has_a_smooth_path, shipped_experiments())])
+def test_the_paths_of_shipped_experiments_come_close_to_nothing(name):
+    assert check_reach(load_experiment(name)) == []
+
+
+def test_a_path_out_of_reach_is_refused_with_the_place():
+    with pytest.raises(InvalidInputError) as caught:
+        check_reach(load_experiment(KNOWN, {"path.size": 2}))
+    message = str(caught.value)
+    assert message.startswith("path: out of reach: panda misses the point (0.2069, ")
+    for part in (") m, at t = ", " mm; the farthest miss is ", " m at t = "):
+        assert part in message
+    assert "\n" not in message
+
+
+def test_the_place_of_a_miss_is_where_the_path_leaves_the_reach(rods):
+    """A circle of 0.5 m about (0.55, 0, 0): 0.05 m too far at its start, near x = 1.05."""
+    with pytest.raises(InvalidInputError, match=r"misses the point \(1\.05, 0\) m, at t = 0 s, by"):
+        check_reach(rods(0.5, centre=[0.55, 0, 0]))
+
+
+@pytest.mark.parametrize("radius", [0.9, 0.999, 0.99999, 1.0])
+def test_a_path_just_within_reach_is_found(rods, radius):
+    """1e-7 m: where the arm is straight, J is singular, and Newton's method merely halves."""
+    assert follow(rods(radius)).miss.max() < 1e-7
+
+
+def test_a_path_beyond_reach_by_less_than_a_millimetre_is_followed_as_near_as_can_be(rods):
+    """Of 1.0005 m one can reach 1 m; the 1e-6 m are an elbow that is not quite straight."""
+    np.testing.assert_allclose(follow(rods(1.0005)).miss, 0.0005, atol=1e-6)
+    check_reach(rods(1.0005))
+    with pytest.raises(InvalidInputError, match=r"by (1\.99|2) mm"):
+        check_reach(rods(1.002))
+
+
+def test_an_outstretched_arm_finds_its_way_back(rods):
+    """J is singular in just the direction to the path."""
+    experiment = rods(0.9, start=(0.0, 0.0))
+    assert follow(experiment).miss.max() < 1e-7
+
+
+def test_a_path_past_a_singular_posture_is_warned_of(rods):
+    warnings = check_reach(rods(0.99999))
+    assert len(warnings) == 1
+    assert warnings[0].startswith("path: near-singular posture near t = ")
+    assert "smallest singular value of J 0.00" in warnings[0]
+    assert check_reach(rods(0.8)) == []
+
+
+def test_a_path_in_another_plane_is_warned_of_with_figures():
+    """The nephroid of the xz plane leads past the shoulder's limit, and too fast."""
+    warnings = check_reach(load_experiment(KNOWN, {"path.plane": "xz"}))
+    text = "\n".join(warnings)
+    assert "panda_joint2 goes 0.1" in text
+    assert "rad beyond its limit near t = 5." in text
+    assert "for a velocity of 0.9" in text
+    assert "its limit is 0.5" in text
+    assert "for an acceleration of 2." in text
+
+
+def test_speed_asked_for_is_that_of_the_least_squares_motion(rods):
+    """1e-4: the circle's turn of 2 pi in 8 s is the shoulder's alone if the elbow is still.
+
+    The elbow is still, as the radius stays; least squares spreads nothing, J being square.
+    """
+    reach = follow(rods(0.8))
+    np.testing.assert_allclose(reach.velocity[:, 0], 2 * np.pi / 8, rtol=1e-4)
+    np.testing.assert_allclose(reach.velocity[:, 1], 0, atol=1e-4)
+    np.testing.assert_allclose(reach.acceleration, 0, atol=1e-3)
+
+
+def test_only_as_much_of_the_path_is_followed_as_the_run_is_long():
+    reach = follow(load_experiment(KNOWN, {"duration": 2}))
+    assert reach.time[-1] == 2
+    assert follow(load_experiment(KNOWN)).time[-1] == 8

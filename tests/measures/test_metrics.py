@@ -1,0 +1,340 @@
+"""Metrics of motions whose answers are known."""
+
+from math import inf, nan, pi
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drake_rnn import JointLimits
+from drake_rnn.measures.metrics import Motion, motion_metrics
+
+TOLERANCE = 1e-3
+FREE = JointLimits.unlimited(2)
+J = np.array([[1.0, 0.0], [0.0, 2.0]])
+
+
+def motion(time, **fields):
+    """A motion at rest, on its path, but for ``fields``."""
+    time = np.asarray(time, dtype=float)
+    k = time.size
+    still = {
+        name: np.zeros((k, 2))
+        for name in ("position", "velocity", "p_WE", "v_WE", "p_WE_desired", "v_WE_desired")
+    }
+    fields = {"J": np.broadcast_to(J, (k, 2, 2)), "J_hat": None, **fields}
+    fields = {"network_velocity": fields.get("velocity", still["velocity"]), **fields}
+    return Motion(time=time, **{**still, **fields})
+
+
+def metrics(motion, limits=FREE, window=None):
+    found = motion_metrics(motion, limits, window, TOLERANCE)
+    assert np.isfinite(list(found.values())).all()
+    assert all(type(value) is float for value in found.values())
+    return found
+
+
+def columns(first, second=None):
+    return np.column_stack([first, np.zeros_like(first) if second is None else second])
+
+
+# Joints.
+
+
+def test_a_sine_has_the_speed_and_acceleration_of_a_sine():
+    """0.3 sin(2 t): speed 0.6, acceleration 1.2 less (2 h)^2/24 of it, the error of a secant."""
+    h = 1e-3
+    time = np.arange(0, 2 * pi, h)
+    found = metrics(
+        motion(
+            time, position=columns(0.3 * np.sin(2 * time)), velocity=columns(0.6 * np.cos(2 * time))
+        )
+    )
+    assert found["joint_velocity_max_rad_s"] == 0.6
+    assert found["joint_acceleration_max_rad_s2"] == pytest.approx(1.2, rel=(2 * h) ** 2 / 20)
+    assert found["joint_velocity_initial_rad_s"] == pytest.approx(0.6 * np.cos(2 * h), rel=1e-15)
+    assert found["joint_acceleration_initial_rad_s2"] == pytest.approx(1.2 * h, rel=1e-5)
+
+
+def test_acceleration_is_the_change_of_velocity_over_each_steps_own_length():
+    found = metrics(motion([0, 1, 1.5, 4], velocity=columns([0.0, 1.0, 2.5, -2.5])))
+    assert found["joint_acceleration_max_rad_s2"] == 3.0
+    assert found["joint_acceleration_initial_rad_s2"] == 1.0
+
+
+@pytest.mark.parametrize("place", [0, 1, 2, 3])
+def test_steps_that_rounding_sets_apart_are_one_step(place):
+    """Their own secant would be noise divided by 1e-16 s; nor may the change be lost."""
+    time, velocity = np.arange(4.0), np.array([0.0, 2.0, 3.0, 3.0])
+    time = np.insert(time, place + 1, time[place] + 1e-12)
+    jumped = np.insert(velocity, place + 1, velocity[place])
+    found = metrics(motion(time, velocity=columns(jumped)))
+    assert found["joint_acceleration_max_rad_s2"] == pytest.approx(2.0, rel=1e-9)
+    lost = np.insert(velocity, place, velocity[place])
+    found = metrics(motion(time, velocity=columns(lost)))
+    assert found["joint_acceleration_max_rad_s2"] == pytest.approx(2.0, rel=1e-9)
+
+
+def test_velocities_are_taken_over_the_whole_run_and_errors_in_the_window():
+    time = np.arange(11.0)
+    early = np.where(time < 5, 1.0, 0.5)
+    moving = motion(time, velocity=columns(early), p_WE=columns(early), v_WE=columns(early))
+    found = metrics(moving, window=(5.0, 10.0))
+    assert found["joint_velocity_max_rad_s"] == 1.0
+    assert found["joint_acceleration_max_rad_s2"] == 0.5
+    assert found["position_error_max_m"] == found["position_error_rms_m"] == 0.5
+    assert found["velocity_error_max_m_s"] == 0.5
+    assert metrics(moving)["position_error_max_m"] == 1.0
+
+
+def test_a_windows_ends_belong_to_it_in_spite_of_rounding():
+    time = np.arange(0, 1, 0.1)
+    assert time[3] > 0.3
+    error = np.where(np.arange(10) == 3, 1.0, 0.0)
+    assert (
+        metrics(motion(time, p_WE=columns(error)), window=(0.1, 0.3))["position_error_max_m"] == 1
+    )
+
+
+# Errors.
+
+
+def test_errors_are_of_the_norm_and_of_the_worst_component():
+    found = metrics(
+        motion(
+            [0, 1], p_WE=[[3.0, 4.0], [0, 0]] * np.ones((2, 2)), v_WE=np.array([[0, 0], [5, 12]])
+        )
+    )
+    assert found["position_error_max_m"] == 5.0
+    assert found["position_error_component_max_m"] == 4.0
+    assert found["position_error_rms_m"] == pytest.approx(5 / np.sqrt(2), rel=1e-15)
+    assert found["velocity_error_max_m_s"] == 13.0
+
+
+def test_settling_time_is_the_first_for_good():
+    time = np.arange(6.0)
+    error = np.array([2, 0.5, 1.5, 0.9, 0.1, 0.2]) * TOLERANCE
+    settled = motion(time, p_WE=columns(error))
+    assert metrics(settled)["settling_time_s"] == 3.0
+    assert metrics(settled, window=(4.5, 5))["settling_time_s"] == 3.0
+
+
+@given(st.lists(st.floats(0, 3), min_size=1, max_size=20))
+def test_settling_time_is_the_first_after_which_no_error_is_too_large(errors):
+    error = np.array(errors) * TOLERANCE
+    found = metrics(motion(np.arange(error.size), p_WE=columns(error)))
+    settled = [k for k in range(error.size) if (error[k:] < TOLERANCE).all()]
+    assert found.get("settling_time_s") == (settled[0] if settled else None)
+
+
+def test_drift_is_between_the_ends_of_the_window():
+    time = np.arange(5.0)
+    position = columns([0.0, 1.0, 5.0, 1.25, 9.0], [0.0, 2.0, 5.0, 1.5, 9.0])
+    found = metrics(motion(time, position=position), window=(1, 3))
+    assert found["joint_drift_max_rad"] == 0.5
+    assert found["joint_drift_mean_rad"] == 0.375
+
+
+def test_end_effector_drift_is_from_its_start_over_the_whole_run():
+    time = np.arange(4.0)
+    found = metrics(motion(time, p_WE=columns([1.0, 4.0, 1.0, 2.0])), window=(1.5, 1.6))
+    assert found["end_effector_drift_max_m"] == 3.0
+    assert found["end_effector_drift_end_m"] == 1.0
+    assert "joint_drift_max_rad" not in found
+
+
+# Limits.
+
+LIMITS = JointLimits(
+    position_lower=np.array([-1.0, -2.0]),
+    position_upper=np.array([1.0, 2.0]),
+    velocity=np.array([0.5, 4.0]),
+    acceleration=np.array([10.0, 2.0]),
+)
+
+
+def test_within_the_limits_nothing_is_violated():
+    found = metrics(
+        motion([0, 1], position=columns([0.0, 0.75]), velocity=columns([0.0, 0.25])), LIMITS
+    )
+    assert found["joint_limit_margin_min_rad"] == 0.25
+    assert found["limit_violation_max"] == 0.0
+    assert found["limit_ratio_1_max"] == 0.5
+    assert found["limit_ratio_2_max"] == 0.025
+
+
+@pytest.mark.parametrize(
+    ("fields", "violation"),
+    [
+        ({"position": columns([0.0, 1.125])}, 0.125),
+        ({"position": columns([0.0, 0.0], [0.0, -2.25])}, 0.25),
+        ({"velocity": columns([0.0, 0.75])}, 0.25),
+        ({"velocity": columns([0.0, 0.0], [0.0, -3.0])}, 1.0),
+        ({"position": columns([0.0, 1.125]), "velocity": columns([0.0, 0.75])}, 0.25),
+    ],
+)
+def test_violation_is_in_the_unit_of_the_bound_that_is_violated(fields, violation):
+    found = metrics(motion([0, 1], **fields), LIMITS)
+    assert found["limit_violation_max"] == violation
+
+
+def test_a_bound_that_one_joint_has_is_that_joints_own():
+    half = JointLimits(
+        position_lower=np.array([-inf, -1.0]),
+        position_upper=np.array([inf, 1.0]),
+        velocity=np.array([inf, 2.0]),
+    )
+    found = metrics(motion([0, 1], velocity=columns([0.0, 50.0], [0.0, 1.0])), half)
+    assert found["limit_ratio_1_max"] == 0.5
+    assert found["joint_limit_margin_min_rad"] == 1.0
+
+
+def test_without_limits_there_are_no_metrics_of_limits():
+    found = metrics(motion([0, 1], velocity=columns([0.0, 1.0])))
+    assert not {name for name in found if "limit" in name}
+
+
+# Derivatives beyond the acceleration.
+
+HIGHER = {"jerk": 0.5, "snap": 0.25, "crackle": 2.0}
+STEP = 0.01  # between the velocities of which the metrics take differences [s]
+
+
+def swing(amplitude=0.3, rate=2.0, period=1e-3, until=2 * pi):
+    """Of the first joint; the second one swings the other way and half as far."""
+    time = np.arange(0, until, period)
+    velocity = amplitude * rate * np.cos(rate * time)
+    return motion(time, velocity=columns(velocity, -velocity / 2))
+
+
+def bounded(**bounds):
+    limits = {"velocity": 10.0, **bounds}
+    return FREE.replace(**limits)
+
+
+@pytest.mark.parametrize("period", [1e-4, 1e-3, 2e-3, 5e-3])
+def test_a_sine_has_the_jerk_snap_and_crackle_of_differences_over_10_ms(period):
+    """Of order i: A w (2 sin(w d / 2) / d)^(i - 1); 1e-4 for the crest between two samples."""
+    rate, amplitude = 2.0, 0.3
+    found = metrics(swing(amplitude, rate, period), bounded(**HIGHER))
+    for order, (name, bound) in enumerate(HIGHER.items(), start=3):
+        exact = amplitude * rate * (2 * np.sin(rate * STEP / 2) / STEP) ** (order - 1)
+        assert found[f"limit_ratio_{order}_max"] == pytest.approx(exact / bound, rel=1e-4), name
+        # Which in turn is the derivative but for (w d)^2 / 24 of it for each order.
+        assert exact == pytest.approx(amplitude * rate**order, rel=order * (rate * STEP) ** 2 / 20)
+    assert found["limit_violation_max"] == pytest.approx(0.3 * 2**5 - 2.0, rel=1e-3)
+
+
+def test_each_joint_has_its_own_bound():
+    found = metrics(swing(), bounded(jerk=[10.0, 0.1]))
+    assert found["limit_ratio_3_max"] == pytest.approx(0.3 * 8 / 2 / 0.1, rel=1e-3)
+
+
+@pytest.mark.parametrize("missing", HIGHER)
+def test_without_a_bound_there_is_no_ratio(missing):
+    kept = {name: bound for name, bound in HIGHER.items() if name != missing}
+    absent = f"limit_ratio_{3 + list(HIGHER).index(missing)}_max"
+    expected = {f"limit_ratio_{k}_max" for k in (1, 3, 4, 5)} - {absent}
+    for limits in (bounded(**kept), bounded(**kept, **{missing: inf})):
+        found = metrics(swing(), limits)
+        assert {name for name in found if name.startswith("limit_ratio")} == expected
+
+
+def test_of_a_run_too_short_for_differences_there_is_none():
+    found = metrics(swing(until=0.055), bounded(**HIGHER))
+    assert "limit_ratio_1_max" in found
+    assert not {f"limit_ratio_{k}_max" for k in (3, 4, 5)} & found.keys()
+
+
+def test_a_polynomial_has_exactly_its_derivatives():
+    """Velocity t^4 / 24 over 2 s: jerk 2 and snap 2 at the end but for the last 10 ms, crackle 1.
+
+    1e-4: rounding of a velocity of 0.7 rad/s by 1e-16, divided by (10 ms)^4.
+    """
+    time = np.linspace(0, 2, 2001)
+    found = metrics(
+        motion(time, velocity=columns(time**4 / 24)), bounded(jerk=1, snap=1, crackle=1)
+    )
+    assert found["limit_ratio_5_max"] == pytest.approx(1.0, rel=1e-4)
+    assert found["limit_ratio_4_max"] == pytest.approx(2.0 - 1.5 * STEP, rel=1e-6)
+    assert found["limit_ratio_3_max"] == pytest.approx((2.0 - STEP) ** 2 / 2, rel=1e-4)
+
+
+# The law.
+
+
+def test_jacobian_errors_are_of_the_window_and_those_along_the_motion_apart():
+    """J_hat is wrong by 3 in its second column, and by 4 in the first one at two times of four."""
+    wrong = np.array([[0.0, 3.0], [0.0, 0.0]])
+    worse = np.array([[4.0, 3.0], [0.0, 0.0]])
+    J_hat = J - np.array([wrong, wrong, worse, worse])
+    along_first = columns([0.0, 1.0, 2.0, 1.0])
+    learned = motion(np.arange(4.0), velocity=along_first, J_hat=J_hat)
+    found = metrics(learned, window=(1, 3))
+    assert found["jacobian_error_max"] == 5.0
+    assert found["jacobian_error_median"] == 5.0
+    assert found["jacobian_error_excited_median"] == 4.0
+    found = metrics(learned, window=(0, 1))
+    assert found["jacobian_error_max"] == 3.0
+    assert found["jacobian_error_excited_median"] == 0.0
+
+
+def test_what_is_learned_at_rest_is_not_along_any_motion():
+    found = metrics(motion([0, 1], J_hat=np.zeros((2, 2, 2))))
+    assert found["jacobian_error_max"] == pytest.approx(np.sqrt(5), rel=1e-15)
+    assert "jacobian_error_excited_median" not in found
+
+
+def test_the_networks_acceleration_is_told_where_it_is_not_the_arms():
+    arm, network = columns([0.0, 1.5]), columns([0.0, 1.0])
+    found = metrics(motion([0, 1], velocity=arm, network_velocity=network))
+    assert found["joint_acceleration_max_rad_s2"] == 1.5
+    assert found["network_acceleration_max_rad_s2"] == 1.0
+    same = metrics(motion([0, 1], velocity=arm))
+    assert "network_acceleration_max_rad_s2" not in same
+
+
+def test_smallest_singular_value_is_that_of_the_worst_posture():
+    """1e-8: it is found as the root of an eigenvalue of J J^T."""
+    found = metrics(motion([0, 1], J=np.array([J, [[1.0, 0.0], [0.0, 0.5]]])))
+    assert found["singular_value_min"] == pytest.approx(0.5, rel=1e-14)
+    singular = np.array([J, [[1.0, 1.0], [1.0, 1.0]]])
+    assert metrics(motion([0, 1], J=singular))["singular_value_min"] < 1e-7
+
+
+# What there is nothing to say of.
+
+
+def test_metrics_that_do_not_apply_are_absent():
+    found = metrics(motion([0, 1], p_WE=columns([1.0, 1.0])))
+    assert "settling_time_s" not in found
+    assert "jacobian_error_max" not in found
+    assert "limit_ratio_2_max" not in found
+
+
+def test_a_window_that_was_not_reached_leaves_its_metrics_out():
+    found = metrics(motion([0, 1], J_hat=np.zeros((2, 2, 2))), window=(5, 6))
+    assert not {name for name in found if "error" in name}
+    assert "joint_drift_max_rad" not in found
+    assert found["settling_time_s"] == 0.0
+    assert "joint_velocity_max_rad_s" in found
+
+
+def test_a_run_of_one_step_or_none_has_what_one_can_say_of_it():
+    found = metrics(motion([0.0], velocity=columns([0.25])), LIMITS)
+    assert found["joint_velocity_max_rad_s"] == 0.25
+    assert "joint_acceleration_max_rad_s2" not in found
+    assert metrics(motion([]), LIMITS) == {}
+
+
+def test_numbers_that_are_not_finite_are_left_out():
+    """A run that diverged; its squares overflow."""
+    huge = columns([0.0, 1e200])
+    found = metrics(motion([0, 1], p_WE=huge, velocity=huge), LIMITS)
+    assert found["joint_velocity_max_rad_s"] == 1e200
+    assert "position_error_rms_m" not in found
+    broken = columns([0.0, nan])
+    found = metrics(motion([0, 1], position=broken, velocity=broken), LIMITS)
+    assert "limit_violation_max" not in found
+    assert "joint_velocity_max_rad_s" not in found

@@ -1,0 +1,95 @@
+"""The recorder sees every step and changes none."""
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import Integrator, Sine, ZeroOrderHold
+
+from drake_rnn import load_experiment
+from drake_rnn.measures.metrics import TIMING_METRICS
+from drake_rnn.measures.recorder import Recorder
+from drake_rnn.runs.simulation import simulate
+
+
+def run(watched=True, duration=4.0, accuracy=1e-6):
+    """Integrate a sine, sampled every 0.3 s; watched by a recorder or not."""
+    builder = DiagramBuilder()
+    sine = builder.AddSystem(Sine(amplitude=1.0, frequency=2.0, phase=0.0, size=2))
+    integral = builder.AddSystem(Integrator(2))
+    hold = builder.AddSystem(ZeroOrderHold(0.3, 2))
+    builder.Connect(sine.get_output_port(0), integral.get_input_port())
+    builder.Connect(integral.get_output_port(), hold.get_input_port())
+    simulator = Simulator(builder.Build())
+    simulator.get_mutable_integrator().set_target_accuracy(accuracy)
+    root = simulator.get_mutable_context()
+    recorder = Recorder(
+        root,
+        {"integral": integral.get_output_port(), "held": hold.get_output_port()},
+    )
+    if watched:
+        simulator.set_monitor(recorder)
+    simulator.Initialize()
+    simulator.AdvanceTo(duration)
+    return simulator, recorder
+
+
+def steps(simulator):
+    return simulator.get_num_steps_taken(), simulator.get_num_discrete_updates()
+
+
+def test_every_step_is_seen_and_the_start():
+    simulator, recorder = run()
+    assert recorder.time.size == simulator.get_num_steps_taken() + 1
+    assert recorder.time[0] == 0
+    assert recorder.time[-1] == 4
+    assert (np.diff(recorder.time) > 0).all()
+
+
+def test_watching_changes_neither_steps_nor_numbers():
+    """Bit for bit."""
+    watched, recorder = run()
+    alone, _ = run(watched=False)
+    assert steps(watched) == steps(alone)
+    end = alone.get_context().get_continuous_state_vector().CopyToVector()
+    np.testing.assert_array_equal(recorder.series("integral")[-1], end)
+
+
+def test_what_is_recorded_is_what_the_ports_said():
+    """1e-5: the integrator's accuracy."""
+    _, recorder = run()
+    expected = (1 - np.cos(2 * recorder.time)) / 2
+    np.testing.assert_allclose(recorder.series("integral")[:, 1], expected, atol=1e-5)
+    held = recorder.series("held")[:, 0]
+    sampled = np.floor((recorder.time - 1e-9) / 0.3) * 0.3
+    np.testing.assert_allclose(held, (1 - np.cos(2 * np.maximum(sampled, 0))) / 2, atol=1e-5)
+
+
+def test_many_steps_are_kept():
+    """More than the room made at first."""
+    simulator, recorder = run(accuracy=1e-13, duration=20.0)
+    assert recorder.time.size == simulator.get_num_steps_taken() + 1 > 1024
+    assert np.isfinite(recorder.series("integral")).all()
+
+
+def test_metrics_do_not_depend_on_what_is_stored():
+    """Every metric but those of the machine, with a stored sample a step and one in a hundred."""
+    every, few = (
+        simulate(load_experiment("slc_nephroid_known", {"duration": 0.5, "log_period": log}))
+        for log in (1e-3, 0.1)
+    )
+    assert every.time.size > 50 * few.time.size
+    for name in every.metrics.keys() - set(TIMING_METRICS):
+        assert every.metrics[name] == few.metrics[name], name
+
+
+@pytest.mark.parametrize("period", [1e-3, 5e-4])
+def test_a_sampled_run_is_seen_at_every_sample(period):
+    """Speed is largest at one sample of many: a thinned log would miss it."""
+    experiment = load_experiment(
+        "slc_nephroid_known", {"duration": 0.05, "period": period, "log_period": 0.01}
+    )
+    result = simulate(experiment)
+    assert result.time.size == 6
+    peak = result.series["acceleration_peak"].max()
+    assert peak == result.metrics["joint_acceleration_max_rad_s2"]

@@ -1,0 +1,435 @@
+"""Playbacks, read without a browser: is the page the run?"""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import logging
+import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import umsgpack
+from pydrake.common.eigen_geometry import Quaternion
+
+from drake_rnn.errors import InvalidInputError
+from drake_rnn.experiment.document import load_experiment, make_experiment
+from drake_rnn.playback import write_playback
+from drake_rnn.robot.arm import load_arm
+from drake_rnn.robot.self_motion import SelfMotion
+from drake_rnn.runs.result import Result
+from drake_rnn.runs.simulation import simulate
+
+DURATION = 1.5
+PLANAR = {
+    "arm": "planar6",
+    "task": "xy",
+    "path": {"kind": "circle", "plane": "xy", "size": 0.05, "period": 1.0},
+    "law": {"kind": "simultaneous_learning", "jacobian": "known"},
+    "limits": {"acceleration": 20.0},
+    "period": 1e-3,
+    "duration": 1.0,
+}
+ADJUSTED = {
+    "arm": "planar6",
+    "task": "xy",
+    "integrator": {"scheme": "runge_kutta3", "step": 5e-4},
+    "duration": 2.0,
+}
+RESTING = {"path": {"kind": "rest", "offset": [0.05, 0, 0]}, "duration": 1.0, "window": None}
+
+
+class Page:
+    """What a playback tells the browser to do."""
+
+    def __init__(self, file: Path) -> None:
+        self.text = file.read_text(encoding="utf-8")
+        self.objects: dict[str, Any] = {}
+        self.properties: dict[tuple[str, str], Any] = {}
+        self.poses: dict[str, np.ndarray] = {}
+        self.tracks: dict[tuple[str, str], list[tuple[int, Any]]] = {}
+        self.options: dict[str, Any] = {}
+        for block in re.findall(r"fetch\(\"data:[^,]+;base64,([A-Za-z0-9+/=]+)\"", self.text):
+            self._take(umsgpack.unpackb(base64.b64decode(block)))
+
+    def _take(self, command: Mapping[str, Any]) -> None:
+        if command["type"] == "set_object":
+            self.objects[command["path"]] = command["object"]
+        elif command["type"] == "set_transform":
+            self.poses[command["path"]] = np.reshape(command["matrix"], (4, 4), order="F")
+        elif command["type"] == "set_target":
+            self.looks_at = command["value"]
+        elif command["type"] == "set_property":
+            self.properties[command["path"], command["property"]] = command["value"]
+        elif command["type"] == "set_animation":
+            self.options = command["options"]
+            for animation in command["animations"]:
+                self.rate = animation["clip"]["fps"]
+                for track in animation["clip"]["tracks"]:
+                    keys = [(key["time"], key["value"]) for key in track["keys"]]
+                    self.tracks[animation["path"], track["name"]] = keys
+
+
+@pytest.fixture(scope="module")
+def run() -> Result:
+    changes = {"duration": DURATION, "window": None}
+    return simulate(load_experiment("slc_nephroid_known", changes))
+
+
+@pytest.fixture(scope="module")
+def planar() -> Result:
+    return simulate(make_experiment(PLANAR))
+
+
+@pytest.fixture(scope="module")
+def page(run: Result, tmp_path_factory: pytest.TempPathFactory) -> Page:
+    file = tmp_path_factory.mktemp("playback") / "playback.html"
+    assert run.playback(file) == file
+    return Page(file)
+
+
+@pytest.fixture(scope="module")
+def adjusted() -> Result:
+    return simulate(load_experiment("modified_state_adjustment"))
+
+
+@pytest.fixture(scope="module")
+def adjusted_page(adjusted: Result, tmp_path_factory: pytest.TempPathFactory) -> Page:
+    return Page(adjusted.playback(tmp_path_factory.mktemp("playback") / "playback.html"))
+
+
+@pytest.fixture(scope="module")
+def planar_adjusted() -> Result:
+    arm = load_arm("planar6")
+    target = SelfMotion(arm, arm.home, "xy").somewhere(1.0)
+    law = {"kind": "state_adjustment", "target": target.tolist()}
+    return simulate(make_experiment({**ADJUSTED, "law": law}))
+
+
+def links(run: Result) -> list[str]:
+    return [f"panda_link{k}" for k in range(1, run.experiment.setup.arm.n + 1)]
+
+
+def pose(run: Result, sample: int, body: str) -> tuple[np.ndarray, np.ndarray]:
+    return pose_at(run, run.series["position"][sample], body)
+
+
+def pose_at(run: Result, q: np.ndarray, body: str) -> tuple[np.ndarray, np.ndarray]:
+    arm = run.experiment.setup.arm
+    plant = arm.plant()
+    context = plant.CreateDefaultContext()
+    plant.SetPositions(context, arm.posture(plant, q))
+    X_WB = plant.EvalBodyPoseInWorld(context, plant.GetBodyByName(body))
+    return X_WB.rotation().matrix(), X_WB.translation()
+
+
+def test_every_link_is_drawn(run: Result, page: Page) -> None:
+    for link in ("panda_link0", *links(run)):
+        assert any(path.startswith(f"/arm/panda/{link}/") for path in page.objects), link
+
+
+def test_both_paths_are_solid_and_of_different_colours(page: Page) -> None:
+    meshes = [page.objects[path] for path in ("/desired/path", "/traced/path/000")]
+    for mesh in meshes:
+        (geometry,) = mesh["geometries"]
+        assert geometry["type"] == "BufferGeometry"
+        # A line would be one pixel wide.
+        assert mesh["object"]["type"] == "Mesh"
+    desired, traced = (mesh["materials"][0]["color"] for mesh in meshes)
+    assert desired != traced
+
+
+@pytest.mark.parametrize("rate", [64, 30])
+def test_every_frame_of_every_link_is_there(run: Result, tmp_path: Path, rate: int) -> None:
+    page = Page(write_playback(run, tmp_path / "playback.html", rate))
+    assert page.rate == rate
+    frames = list(range(int(DURATION * rate) + 1))
+    for link in links(run):
+        for track in (".position", ".quaternion"):
+            keys = page.tracks[f"/arm/panda/{link}", track]
+            assert [time for time, _ in keys] == frames, (link, track)
+
+
+def test_the_arm_stands_where_the_run_had_it(run: Result, page: Page) -> None:
+    for link in links(run):
+        for sample in (0, -1):
+            R, p = pose(run, sample, link)
+            _, position = page.tracks[f"/arm/panda/{link}", ".position"][sample]
+            _, (x, y, z, w) = page.tracks[f"/arm/panda/{link}", ".quaternion"][sample]
+            np.testing.assert_allclose(position, p, atol=1e-9)
+            np.testing.assert_allclose(Quaternion([w, x, y, z]).rotation(), R, atol=1e-9)
+
+
+def test_points_move_along_what_was_asked_and_done(run: Result, page: Page) -> None:
+    for path, name in (("/desired/point", "p_WE_desired"), ("/traced/point", "p_WE")):
+        keys = page.tracks[path, ".position"]
+        assert len(keys) == DURATION * 64 + 1
+        for sample in (0, 75, -1):
+            _, point = keys[round(run.time[sample] * 64)]
+            np.testing.assert_allclose(point, run.series[name][sample], atol=1e-9)
+
+
+def test_the_trace_grows(page: Page) -> None:
+    pieces = sorted(path for path in page.objects if path.startswith("/traced/path/"))
+    assert len(pieces) >= 10
+    since = []
+    for path in pieces:
+        keys = dict(page.tracks[path, ".visible"])
+        assert keys[0] is False
+        appears = min(frame for frame, visible in keys.items() if visible)
+        assert all(visible for frame, visible in keys.items() if frame >= appears)
+        since.append(appears)
+    assert np.all(np.diff(since) > 0)
+    assert since[-1] == DURATION * 64
+
+
+def test_the_trace_lies_on_the_traced_path(run: Result, page: Page) -> None:
+    vertices = []
+    for path, mesh in page.objects.items():
+        if path.startswith("/traced/path/"):
+            attribute = mesh["geometries"][0]["data"]["attributes"]["position"]
+            data = attribute["array"]
+            data = data.data if isinstance(data, umsgpack.Ext) else bytes(data)
+            vertices.append(np.frombuffer(data, dtype=np.float32).reshape(-1, 3))
+    points = np.concatenate(vertices)
+    trace = run.series["p_WE"]
+    distance = np.linalg.norm(points[:, None] - trace[None], axis=2).min(axis=1)
+    assert distance.max() < 6e-3
+    # And all along it.
+    distance = np.linalg.norm(points[:, None] - trace[None], axis=2).min(axis=0)
+    assert distance.max() < 6e-3
+
+
+def test_it_plays_by_itself_over_and_over(page: Page) -> None:
+    assert page.options["play"] is True
+    assert page.options["loopMode"] == 2201  # three.js: repeat
+    assert page.options["repetitions"] >= 10**6
+    # Tracks repeat one by one: they stay together only if they are equally long.
+    ends = {keys[-1][0] for keys in page.tracks.values()}
+    assert ends == {DURATION * 64}
+
+
+def test_axes_are_hidden_and_the_camera_looks_at_the_arm(page: Page) -> None:
+    assert page.properties["/Axes", "visible"] is False
+    x, y, z = page.properties["/Cameras/default/rotated/<object>", "position"]
+    # Meshcat's camera has y upwards: (x, z, -y).
+    assert 1.0 < math.hypot(x, y, z) < 6.0
+    assert y > 0.0
+
+
+def test_a_planar_arm_is_seen_from_above(planar: Result, tmp_path: Path) -> None:
+    page = Page(planar.playback(tmp_path / "playback.html"))
+    x, height, z = page.properties["/Cameras/default/rotated/<object>", "position"]
+    assert height > 2.0 * math.hypot(x - 0.3, z + 0.4)
+    for path, name in (("/desired/point", "p_WE_desired"), ("/traced/point", "p_WE")):
+        _, point = page.tracks[path, ".position"][-1]
+        np.testing.assert_allclose(point[:2], planar.series[name][-1], atol=1e-9)
+        assert point[2] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_size_and_name(run: Result, page: Page) -> None:
+    # The viewer alone is 2.2 MB.
+    assert len(page.text) < 3e6
+    assert f"<title>{run.experiment.name}</title>" in page.text
+
+
+def test_nothing_is_loaded_from_elsewhere(page: Page) -> None:
+    # The viewer mentions addresses that it does not ask for; test_browser.py sees to that.
+    assert not re.findall(r"<(?:script|link|img)[^>]+(?:src|href)=", page.text)
+    assert not re.findall(r"@import|url\(\s*[\"']?http", page.text)
+    assert not re.findall(r"fetch\(\"(?!data:)", page.text)
+
+
+def test_a_name_is_text(run: Result, tmp_path: Path) -> None:
+    experiment = dataclasses.replace(run.experiment, name="<b>{x}")
+    named = dataclasses.replace(run, experiment=experiment)
+    text = named.playback(tmp_path / "playback.html").read_text()
+    assert "&lt;b&gt;{x}" in text
+    assert "<b>{x}" not in text
+
+
+def test_a_run_that_broke_off_plays_until_then(run: Result, tmp_path: Path) -> None:
+    position = run.series["position"].copy()
+    position[50:] = np.nan
+    broken = dataclasses.replace(run, series=run.series | {"position": position})
+    page = Page(broken.playback(tmp_path / "playback.html"))
+    keys = page.tracks["/arm/panda/panda_link7", ".position"]
+    assert len(keys) == math.ceil(run.time[49] * 64) + 1
+    assert np.isfinite([point for _, point in keys]).all()
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_the_shortest_runs_can_be_shown(run: Result, tmp_path: Path, count: int) -> None:
+    series = {name: values[:count] for name, values in run.series.items()}
+    short = dataclasses.replace(run, time=run.time[:count], series=series)
+    page = Page(short.playback(tmp_path / "playback.html"))
+    assert len(page.tracks["/arm/panda/panda_link7", ".position"]) == count
+    # Of a single sample no path is known.
+    assert ("/desired/path" in page.objects) == (count > 1)
+    assert "/desired/point" in page.objects
+
+
+def test_an_arm_that_rests_can_be_shown(run: Result, tmp_path: Path) -> None:
+    position = np.tile(run.series["position"][0], (run.time.size, 1))
+    resting = dataclasses.replace(run, series=run.series | {"position": position})
+    page = Page(resting.playback(tmp_path / "playback.html"))
+    assert len(page.tracks["/traced/point", ".position"]) == DURATION * 64 + 1
+
+
+def test_no_posture(run: Result, tmp_path: Path) -> None:
+    series = {name: values[:0] for name, values in run.series.items()}
+    empty = dataclasses.replace(run, time=run.time[:0], series=series)
+    with pytest.raises(InvalidInputError, match="no posture"):
+        empty.playback(tmp_path / "playback.html")
+
+
+@pytest.mark.parametrize("rate", [0, -1, 32.0, True, None])
+def test_rates_that_are_none(run: Result, tmp_path: Path, rate: Any) -> None:
+    with pytest.raises(InvalidInputError, match="frames_per_second: must be a positive integer"):
+        run.playback(tmp_path / "playback.html", rate)
+
+
+def test_files_that_cannot_be_written(run: Result, tmp_path: Path) -> None:
+    for file in (tmp_path, tmp_path / "absent" / "playback.html"):
+        with pytest.raises(InvalidInputError, match=re.escape(str(file))):
+            run.playback(file)
+
+
+def test_it_is_silent(
+    run: Result,
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    level = logging.getLogger("drake").level
+    run.playback(tmp_path / "playback.html")
+    assert capfd.readouterr() == ("", "")
+    assert not caplog.records
+    assert logging.getLogger("drake").level == level
+
+
+def test_a_tool_past_the_task_frame_is_not_drawn(tmp_path: Path) -> None:
+    """Its tip would look like what is to be on the path; the flange is."""
+    pages = {}
+    for frame in ("panda_link8", "tip"):
+        changes = {"duration": 0.1, "arm": {"model": "panda", "frame": frame}}
+        result = simulate(load_experiment("slc_nephroid_known", changes))
+        pages[frame] = Page(result.playback(tmp_path / f"{frame}.html"))
+    tool = ("/drake/arm/panda/tool", "visible"), ("/arm/panda/tool", "visible")
+    assert any(pages["panda_link8"].properties.get(place) is False for place in tool)
+    assert not any(pages["tip"].properties.get(place) is False for place in tool)
+
+
+def test_a_ghost_stands_in_the_target_posture(adjusted: Result, adjusted_page: Page) -> None:
+    page = adjusted_page
+    for k in range(1, 8):
+        R, p = pose_at(adjusted, adjusted.experiment.setup.target, f"iiwa_link_{k}")
+        ghost = f"/target/iiwa14/iiwa_link_{k}"
+        np.testing.assert_allclose(page.poses[ghost][:3, :3], R, atol=1e-9)
+        np.testing.assert_allclose(page.poses[ghost][:3, 3], p, atol=1e-9)
+        assert any(path.startswith(f"{ghost}/") for path in page.objects), ghost
+        # The arm comes to it, and it does not move.
+        _, position = page.tracks[f"/arm/iiwa14/iiwa_link_{k}", ".position"][-1]
+        np.testing.assert_allclose(position, p, atol=1e-4)
+    assert not [path for path, _ in page.tracks if path.startswith("/target")]
+
+
+def test_the_ghost_is_clear_and_gives_way_to_the_arm(adjusted_page: Page) -> None:
+    page = adjusted_page
+    (desired,) = page.objects["/desired/point"]["materials"]
+    layers = [path for path in page.objects if path.startswith("/target/")]
+    seen = []
+    for path in layers:
+        look = {name: value for (at, name), value in page.properties.items() if path in at}
+        # Two surfaces in one place would flicker: that of the ghost counts as farther away.
+        assert look["material.polygonOffset"] is True
+        assert look["material.polygonOffsetUnits"] > 0
+        assert look["castShadow"] is False
+        if look.get("material.colorWrite", True):
+            seen += page.objects[path]["materials"]
+    assert 2 * len(seen) == len(layers)
+    assert {material["color"] for material in seen} == {desired["color"]}
+    assert all(material["transparent"] and material["opacity"] <= 0.6 for material in seen)
+
+
+def test_no_ghost_of_base_and_tool(adjusted_page: Page) -> None:
+    bodies = {path.split("/")[3] for path in adjusted_page.objects if path.startswith("/target/")}
+    assert "iiwa_link_0" not in bodies
+    assert "tool" not in bodies
+
+
+def test_only_a_target_has_a_ghost_and_a_legend(page: Page, adjusted_page: Page) -> None:
+    assert "</span> target" in adjusted_page.text
+    assert "</span> target" not in page.text
+    assert not [path for path in page.objects if path.startswith("/target")]
+
+
+def test_the_ghost_of_a_mesh_has_the_ghosts_colour(planar_adjusted: Result, tmp_path: Path) -> None:
+    """A mesh has colours of its own: its hull stands in for it."""
+    corners = [f"v {x} {y} {z}" for x in (0, 1) for y in (0, 1) for z in (0, 1)]
+    faces = [f"f {face}" for face in ("1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5")]
+    own = ["mtllib part.mtl", "usemtl own"]
+    (tmp_path / "part.obj").write_text("\n".join(own + corners + faces))
+    (tmp_path / "part.mtl").write_text("newmtl own\nKd 1 0 0\n")
+    mesh = '<mesh filename="part.obj" scale="0.02 0.02 0.02"/>'
+    arm = planar_adjusted.experiment.setup.arm
+    model = re.sub("<cylinder [^>]*/>", mesh, arm.model.read_text())
+    (tmp_path / "meshed.urdf").write_text(model)
+    meshed = {"model": str(tmp_path / "meshed.urdf"), "frame": "tip", "home": arm.home.tolist()}
+    law = planar_adjusted.experiment.law
+    result = simulate(make_experiment({**ADJUSTED, "law": law, "arm": meshed, "duration": 0.1}))
+    page = Page(result.playback(tmp_path / "playback.html"))
+    kinds: dict[str, set[str]] = {"arm": set(), "target": set()}
+    for path, sent in page.objects.items():
+        if (place := path.split("/")[1]) in kinds:
+            kinds[place].add(sent["object"]["type"])
+    assert "_meshfile_object" in kinds["arm"]
+    assert kinds["target"] == {"Mesh"}
+
+
+@pytest.mark.parametrize("kind", ["adjusted", "planar_adjusted"])
+def test_start_and_target_are_in_view_and_apart(
+    kind: str, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    page = Page(request.getfixturevalue(kind).playback(tmp_path / "playback.html"))
+    ghosts = [path for path in page.poses if re.fullmatch("/target/[^/]+/[^/]+", path)]
+    last = np.array([page.poses[path][:3, 3] for path in ghosts])
+    first = np.array(
+        [page.tracks[path.replace("/target", "/arm"), ".position"][0][1] for path in ghosts]
+    )
+    # Meshcat's camera has y upwards: (x, z, -y).
+    x, y, z = page.properties["/Cameras/default/rotated/<object>", "position"]
+    eye = np.array([x, -z, y])
+    x, y, z = page.looks_at
+    ahead = np.array([x, -z, y]) - eye
+    ahead /= np.linalg.norm(ahead)
+    right = np.cross(ahead, [0, 0, 1])
+    right /= np.linalg.norm(right)
+    screen = np.stack((right, np.cross(right, ahead)))
+    for points in (first, last):
+        aside, above = screen @ (points - eye).T / ((points - eye) @ ahead)
+        assert np.abs(aside).max() < 1.5 * math.tan(math.radians(15.0))
+        assert np.abs(above).max() < math.tan(math.radians(15.0))
+    # What moves most is seen to move: much of it is across the line of sight.
+    most = np.argmax(np.linalg.norm(last - first, axis=1))
+    across = np.linalg.norm(screen @ (last - first)[most])
+    assert across > 0.7 * np.linalg.norm((last - first)[most])
+
+
+@pytest.mark.parametrize("kind", ["adjusted", "planar_adjusted", "resting"])
+def test_a_point_that_stays_is_a_ball_and_no_path(
+    kind: str, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    if kind == "resting":
+        result = simulate(load_experiment("slc_nephroid_known", RESTING))
+    else:
+        result = request.getfixturevalue(kind)
+    page = Page(result.playback(tmp_path / "playback.html"))
+    assert "/desired/path" not in page.objects
+    assert "/desired/point" in page.objects
+    camera = page.properties["/Cameras/default/rotated/<object>", "position"]
+    assert np.isfinite(camera).all()

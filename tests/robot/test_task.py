@@ -1,0 +1,36 @@
+"""Tasks: which rows of the end effector's motion they take."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drake_rnn import InvalidInputError, load_arm
+from drake_rnn.robot.task import TASKS, named_task
+
+PANDA = load_arm("panda")
+KINEMATICS = PANDA.kinematics()
+shares = st.lists(st.floats(0.05, 0.95), min_size=7, max_size=7).map(np.array)
+
+
+@given(shares)
+def test_rows_of_a_pose_are_rotation_then_position(share):
+    limits = PANDA.limits
+    q = limits.position_lower + share * (limits.position_upper - limits.position_lower)
+    J = TASKS["pose"].J(KINEMATICS, q)
+    np.testing.assert_array_equal(J[:3], KINEMATICS.J_omega(q))
+    np.testing.assert_array_equal(J[3:], TASKS["xyz"].J(KINEMATICS, q))
+    np.testing.assert_array_equal(J[3:5], TASKS["xy"].J(KINEMATICS, q))
+
+
+@pytest.mark.parametrize(("name", "size", "axes"), [("xyz", 3, 3), ("xy", 2, 2), ("pose", 6, 3)])
+def test_a_task_has_as_many_rows_as_its_size(name, size, axes):
+    task = named_task(name)
+    assert task.size == size
+    assert task.J(KINEMATICS, PANDA.home).shape == (size, 7)
+    np.testing.assert_array_equal(task.position(np.arange(3.0)), np.arange(float(axes)))
+
+
+def test_a_task_that_is_none_is_refused_with_those_that_are():
+    with pytest.raises(InvalidInputError, match=r"^task: may be xyz, xy, pose, not 'yz'"):
+        named_task("yz")

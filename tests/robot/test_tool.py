@@ -1,0 +1,104 @@
+"""The tool of an arm, found in its model."""
+
+import numpy as np
+import pytest
+from pydrake.geometry import SceneGraph
+from pydrake.multibody.plant import MultibodyPlant
+
+from drake_rnn import InvalidInputError, load_arm, shipped_arms
+from drake_rnn.robot.tool import find_tool, standoff
+
+RADIUS = 0.012
+UP = np.array([0.0, 0.0, 1.0])
+NORMALS = [UP, -UP, np.array([0.6, 0.0, 0.8]), np.array([-0.48, 0.6, 0.64])]
+# A ball at the end of a rod; what ``shape`` is.
+MODEL = """<robot name="one"><link name="base"/>
+  <link name="rod"><inertial><mass value="2"/>
+    <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>{collision}</link>
+  <link name="end"><inertial><mass value="0.5"/>
+    <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="turn" type="revolute"><parent link="base"/><child link="rod"/><axis xyz="0 1 0"/>
+    <limit lower="-3" upper="3" velocity="1" effort="100"/></joint>
+  <joint name="last" type="{last}"><parent link="rod"/><child link="end"/>
+    <origin xyz="0 0 0.3"/><axis xyz="0 1 0"/>
+    <limit lower="-3" upper="3" velocity="1" effort="100"/></joint></robot>"""
+BALL = """<collision><origin xyz="0 0 0.2"/><geometry><sphere radius="0.05"/></geometry>
+  </collision>"""
+BOX = """<collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>"""
+
+
+def found(arm, check):
+    scene_graph = SceneGraph()
+    plant = MultibodyPlant(0.0)
+    plant.RegisterAsSourceForSceneGraph(scene_graph)
+    arm.add_to(plant)
+    plant.Finalize()
+    try:
+        return check(find_tool(plant, plant.GetFrameByName(arm.frame)))
+    finally:
+        del plant  # it points to the scene graph
+
+
+def with_tip(name):
+    arm = load_arm(name)
+    return arm.replace(frame=arm.tip)
+
+
+def made(tmp_path, frame="end", collision=BALL, last="fixed"):
+    file = tmp_path / "one.urdf"
+    file.write_text(MODEL.format(collision=collision, last=last))
+    return load_arm(file, frame=frame)
+
+
+@pytest.mark.parametrize("name", shipped_arms())
+def test_every_shipped_arm_holds_its_tool_by_a_weld(name):
+    def check(tool):
+        assert len(tool.geometries) == 1
+        assert tool.joint.child_body() == tool.body
+        assert tool.joint.num_positions() == 0
+        return tool.mass
+
+    # Of the planar arm it is a point.
+    mass = found(with_tip(name), check)
+    assert mass > 0.0 or name == "planar6"
+
+
+@pytest.mark.parametrize("name", shipped_arms())
+@pytest.mark.parametrize("normal", NORMALS)
+def test_from_the_middle_of_the_ball_a_surface_is_its_radius_away(name, normal):
+    """Whichever way it faces, in whatever posture."""
+    arm = with_tip(name)
+    for q in (arm.home, arm.home + 0.1):
+        assert standoff(arm, q, normal) == pytest.approx(RADIUS, abs=1e-12)
+
+
+@pytest.mark.parametrize("normal", NORMALS)
+def test_from_elsewhere_on_the_tool_it_is_farther_by_the_way_to_the_ball(tmp_path, normal):
+    """The arm is turned by 0.7 rad about y; E is 0.1 m past the ball's middle."""
+    way = 0.1 * np.array([np.sin(0.7), 0.0, np.cos(0.7)])
+    reach = standoff(made(tmp_path), np.array([0.7]), normal)
+    assert reach == pytest.approx(0.05 + normal.dot(way), abs=1e-12)
+
+
+def test_what_a_joint_holds_is_all_that_hangs_on_it(tmp_path):
+    assert found(made(tmp_path), lambda tool: (tool.body.name(), tool.mass)) == ("rod", 2.5)
+    assert found(made(tmp_path), lambda tool: tool.joint.name()) == "turn"
+
+
+@pytest.mark.parametrize("name", ["iiwa14", "panda", "ur5"])
+def test_a_flange_without_the_tool_is_refused(name):
+    """The ball is farther out: E would not be on it."""
+    arm = load_arm(name)
+    message = rf"arm\.frame: nothing that moves with '{arm.frame}' has collision geometry"
+    with pytest.raises(InvalidInputError, match=message):
+        standoff(arm, arm.home, UP)
+
+
+def test_collision_geometry_beyond_another_joint_is_no_tool(tmp_path):
+    with pytest.raises(InvalidInputError, match=r"arm\.frame: nothing that moves with 'end'"):
+        standoff(made(tmp_path, last="revolute"), np.zeros(2), UP)
+
+
+def test_a_tool_that_is_no_ball_needs_a_standoff(tmp_path):
+    with pytest.raises(InvalidInputError, match=r"environment\.standoff: must be given .*'rod'"):
+        standoff(made(tmp_path, collision=BOX), np.zeros(1), UP)

@@ -1,0 +1,225 @@
+"""One experiment at many values."""
+
+import csv
+import io
+import re
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from drake_rnn import InvalidInputError, SimulationError, load_experiment, simulate
+from drake_rnn import sweep as sweeping
+from drake_rnn.cli.tables import WIDE, sweep_tables
+from drake_rnn.figures.sweep import sweep_figure
+from drake_rnn.measures.metrics import TIMING_METRICS
+from drake_rnn.runs.sweep import Row, parse_axis, sweep, write_csv
+
+KNOWN = "slc_nephroid_known"
+SHORT = {"duration": 0.05}
+
+
+def numbers(metrics):
+    return {name: value for name, value in metrics.items() if name not in TIMING_METRICS}
+
+
+@pytest.mark.parametrize(
+    ("text", "axis"),
+    [
+        ("law.kappa=1,2e0, 4", ("law.kappa", [1, 2.0, 4])),
+        ("dither.model=actuated,virtual", ("dither.model", ["actuated", "virtual"])),
+        ("limits=none,{velocity: 1, acceleration: 2}", None),
+        ("path.offset=[0, 0, 0],[0.1, 0, 0]", ("path.offset", [[0, 0, 0], [0.1, 0, 0]])),
+        (" seed =3", ("seed", [3])),
+    ],
+)
+def test_values_are_read_as_yaml(text, axis):
+    axis = axis or ("limits", ["none", {"velocity": 1, "acceleration": 2}])
+    assert parse_axis(text) == axis
+
+
+@pytest.mark.parametrize("text", ["law.kappa", "=1", "law.kappa=", "law.kappa= "])
+def test_an_axis_needs_key_and_values(text):
+    with pytest.raises(InvalidInputError, match=r"--over: must be KEY=v1,v2,\.\.\., not"):
+        parse_axis(text)
+
+
+def test_values_that_are_no_yaml_are_refused():
+    with pytest.raises(InvalidInputError, match="--over seed: not a YAML document"):
+        parse_axis("seed=1,{2")
+
+
+def test_rows_come_in_the_order_of_the_values_with_the_metrics_of_each_run():
+    told = []
+    rows = sweep(KNOWN, {"law.kappa": [8, 2, 4]}, SHORT, done=told.append)
+    assert [row.values for row in rows] == [(8,), (2,), (4,)]
+    assert rows == told
+    for row in rows:
+        alone = simulate(load_experiment(KNOWN, {**SHORT, "law.kappa": row.values[0]}))
+        assert numbers(row.metrics) == numbers(alone.metrics)
+        assert row.failure is None
+
+
+def test_two_axes_give_every_pair_the_last_one_fastest():
+    rows = sweep(KNOWN, {"law.kappa": [1, 2], "path.size": [0.02, 0.04]}, SHORT)
+    assert [row.values for row in rows] == [(1, 0.02), (1, 0.04), (2, 0.02), (2, 0.04)]
+    errors = {row.metrics["position_error_rms_m"] for row in rows}
+    assert len(errors) == 4
+
+
+def test_every_combination_is_checked_before_the_first_runs(monkeypatch):
+    def simulate(experiment):
+        raise AssertionError("simulated")
+
+    monkeypatch.setattr(sweeping, "simulate", simulate)
+    with pytest.raises(InvalidInputError, match=r"law\.kappa: must be greater than 0, not -1"):
+        sweep(KNOWN, {"law.kappa": [1, 2, -1]}, SHORT)
+
+
+def test_a_run_that_fails_takes_a_row_and_the_others_run(monkeypatch):
+    def simulate_or_fail(experiment):
+        if experiment.seed == 2:
+            error = SimulationError("controller: v not finite any more", 0.01)
+            error.result = simulate(experiment)
+            raise error
+        return simulate(experiment)
+
+    monkeypatch.setattr(sweeping, "simulate", simulate_or_fail)
+    rows = sweep(KNOWN, {"seed": [1, 2, 3]}, SHORT)
+    assert [row.failure is None for row in rows] == [True, False, True]
+    assert rows[1].failure == "controller: v not finite any more (at t = 0.01 s)"
+    assert "joint_velocity_max_rad_s" in rows[1].metrics
+
+
+def test_a_path_out_of_reach_is_refused_before_anything_runs():
+    done = []
+    with pytest.raises(InvalidInputError, match="path: out of reach"):
+        sweep(KNOWN, {"path.size": [0.04, 2]}, {"duration": 1, "law.kappa": 5}, done=done.append)
+    assert not done
+
+
+def test_a_key_that_is_swept_may_not_be_set_as_well():
+    with pytest.raises(InvalidInputError, match=r"--over: 'law\.kappa' is also set"):
+        sweep(KNOWN, {"law.kappa": [1, 2]}, {"law.kappa": 3})
+
+
+def test_numbers_do_not_depend_on_how_many_run_at_a_time():
+    """Bit for bit."""
+    over = {"law.kappa": [2, 4, 8]}
+    one = sweep("slc_nephroid", over, {"duration": 0.02})
+    two = sweep("slc_nephroid", over, {"duration": 0.02}, processes=2)
+    assert [row.values for row in one] == [row.values for row in two]
+    for a, b in zip(one, two, strict=True):
+        assert numbers(a.metrics) == numbers(b.metrics)
+
+
+def test_the_table_holds_every_value_and_metric_to_the_last_bit(tmp_path):
+    rows = [
+        Row((1, "none"), {"a_m": 1 / 3, "b_s": 2e-9}),
+        Row((2, [0.1, 0.0]), {"a_m": -0.1}, 'failed, "here"\nand there'),
+    ]
+    write_csv(tmp_path / "sweep.csv", ["law.kappa", "limits"], rows)
+    with (tmp_path / "sweep.csv").open(newline="") as stream:
+        first, second = csv.DictReader(stream)
+    assert list(first) == ["law.kappa", "limits", "a_m", "b_s", "failure"]
+    assert first["law.kappa"] == "1"
+    assert (float(first["a_m"]), float(first["b_s"])) == (1 / 3, 2e-9)
+    assert first["failure"] == ""
+    assert second["limits"] == "[0.1, 0.0]"
+    assert (float(second["a_m"]), second["b_s"]) == (-0.1, "")
+    assert second["failure"] == 'failed, "here"\nand there'
+
+
+def test_a_table_that_cannot_be_written_is_refused(tmp_path):
+    with pytest.raises(InvalidInputError, match=r"^table .*: Is a directory$"):
+        write_csv(tmp_path, ["a"], [])
+
+
+def test_a_tables_numbers_are_those_of_the_runs(tmp_path):
+    rows = sweep(KNOWN, {"law.kappa": [1, 2]}, SHORT)
+    write_csv(tmp_path / "sweep.csv", ["law.kappa"], rows)
+    with (tmp_path / "sweep.csv").open(newline="") as stream:
+        read = [float(line["position_error_rms_m"]) for line in csv.DictReader(stream)]
+    np.testing.assert_array_equal(read, [row.metrics["position_error_rms_m"] for row in rows])
+
+
+# The picture.
+
+
+def rows(*found):
+    return [Row((k + 1, "a"), {"error": value}) for k, value in enumerate(found)]
+
+
+def test_the_picture_has_a_panel_for_each_metric(tmp_path):
+    file = sweep_figure(["x", "y"], rows(1.0, 2.0, 4.0), ["error"], tmp_path / "sweep.png")
+    assert file.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("table", "metrics"),
+    [
+        (rows(1.0), []),
+        ([Row(("left",), {"error": 1.0})], ["error"]),
+        ([Row((1,), {}, "failed")], ["error"]),
+    ],
+)
+def test_there_is_no_picture_of_nothing(tmp_path, table, metrics):
+    assert sweep_figure(["x"], table, metrics, tmp_path / "sweep.png") is None
+    assert not (tmp_path / "sweep.png").exists()
+
+
+@pytest.mark.parametrize("decades", [0.91, 1.0, 1.4, 2.3, 6.0])
+@pytest.mark.parametrize("start", [1e-5, 1.05e-5, 2.1e-5, 9.5e-5])
+def test_a_logarithmic_axis_has_two_labels(decades, start, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr("drake_rnn.figures.sweep.save", lambda figure, _: drawn.append(figure))
+    values = start * np.geomspace(1.0, 10**decades, 12)
+    table = [Row((float(v),), {"error": 3.0 * float(v)}) for v in values]
+    sweep_figure(["x"], table, ["error"], tmp_path / "sweep.png")
+    (ax,) = drawn[0].get_axes()
+    assert ax.get_xscale() == ax.get_yscale() == "log"
+    for axis, (low, high) in ((ax.xaxis, ax.get_xlim()), (ax.yaxis, ax.get_ylim())):
+        places = axis.get_majorticklocs()
+        texts = axis.get_major_formatter().format_ticks(places)
+        labels = [text for at, text in zip(places, texts, strict=True) if low <= at <= high]
+        assert sum(map(bool, labels)) >= 2, labels
+        assert len(labels) <= 9
+
+
+# The table on a terminal.
+
+
+NAMES = ("position_error_max_m", "orientation_error_max_rad", "velocity_error_max_m_s")
+
+
+def printed(width, table):
+    """Lines of the tables on a terminal, without its rules."""
+    stream = io.StringIO()
+    console = Console(file=stream, width=WIDE)
+    for part in sweep_tables(["law.kappa"], table, width):
+        console.print(part)
+    return [line for line in stream.getvalue().splitlines() if set(line) - set(" ─")]
+
+
+@pytest.mark.parametrize("width", [20, 30, 42, 43, 60, 200])
+def test_a_narrow_table_breaks_no_number_and_no_word(width):
+    table = [Row((k,), {name: 4.344e-05 * (k + j) for j, name in enumerate(NAMES)}) for k in (1, 2)]
+    lines = printed(width, table)
+    # The swept value and one metric are always beside one another.
+    assert max(map(len, lines)) <= max(width, 30)
+    tokens = " ".join(lines).split()
+    for row in table:
+        for value in row.metrics.values():
+            assert f"{value:.4g}" in tokens
+    parts = {f"{part}_" for name in NAMES for part in name.split("_")}
+    parts |= {name.split("_")[-1] for name in NAMES}
+    numbers = {f"{value:.4g}" for row in table for value in row.metrics.values()}
+    for token in {*tokens} - numbers - {"law.kappa", "1", "2"}:
+        assert set(re.findall("[^_]*_|[^_]+", token)) <= parts, token
+    # What does not fit beside it is told below, with the values it belongs to.
+    assert tokens.count("law.kappa") == {20: 3, 30: 3, 42: 3, 43: 2, 60: 1, 200: 1}[width]
+
+
+def test_a_run_that_failed_is_told_in_each_table():
+    table = [Row((1,), {name: 1.0 for name in NAMES}), Row((2,), {}, "lost")]
+    assert sum("failed" in line for line in printed(30, table)) == 3

@@ -7,7 +7,7 @@ WORKERS ?= 2
 .PHONY: demo test long bench tables check clean
 
 demo: $(VENV)/installed
-	$(BIN)/drake-rnn run slc_nephroid --out out
+	$(BIN)/drake-rnn run slc_nephroid_warm_up --out out
 
 test: $(VENV)/installed-dev
 	MPLBACKEND=Agg $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal -m "not long"
@@ -29,7 +29,7 @@ check: $(VENV)/installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/mypy --config-file pyproject.toml diagrams/*.py
+	$(BIN)/lint-imports --no-cache
 
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \

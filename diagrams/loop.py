@@ -13,7 +13,7 @@ from pydrake.systems.primitives import Adder, Integrator, MatrixGain
 
 from ..errors import InvalidInputError
 from ..inputs.complaints import require_type
-from ..inputs.fields import field_names
+from ..inputs.dataclass_fields import field_names
 from ..robot.task import TASKS, named_task
 from ..systems.body import Body, Feedback
 from ..systems.contact import Contact
@@ -58,7 +58,7 @@ class Loop:
     systems: Mapping[str, System]
 
 
-def AddLoop(
+def AddLoop(  # noqa: PLR0913  the entry point: what a loop may have, each by its name
     builder: DiagramBuilder,
     body: Body,
     controller: Controller,

@@ -22,6 +22,7 @@ from .experiment import (
     shipped_experiments,
 )
 from .figures import write_figures
+from .inputs.fields import Finite, NonNegative, Positive, Vector, validated
 from .laws import (
     LAWS,
     Circumstances,
@@ -112,6 +113,7 @@ __all__ = [
     "ExperimentDocument",
     "Fastest",
     "FilterSettings",
+    "Finite",
     "ForceProfile",
     "FourRing",
     "IdealArm",
@@ -127,6 +129,7 @@ __all__ = [
     "MotionForce",
     "MovingAverage",
     "Nephroid",
+    "NonNegative",
     "NullSpaceAdjustment",
     "OnlineStiffness",
     "Parallelogram",
@@ -136,6 +139,7 @@ __all__ = [
     "PlantSettings",
     "Plate",
     "Points",
+    "Positive",
     "PostureLaw",
     "Pseudoinverse",
     "RecedingHorizon",
@@ -152,6 +156,7 @@ __all__ = [
     "StateAdjustment",
     "Surface",
     "TipMaterial",
+    "Vector",
     "WarmUp",
     "build_diagram",
     "check_experiment",
@@ -164,6 +169,7 @@ __all__ = [
     "shipped_experiments",
     "simulate",
     "sweep",
+    "validated",
     "write_figures",
     "write_playback",
 ]

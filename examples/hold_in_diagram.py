@@ -1,11 +1,18 @@
-"""In one's own diagram: to another posture, the end effector's position and orientation held."""
+"""In a diagram of your own: to another posture, the end effector's pose held."""
 
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_rnn import NullSpaceAdjustment, PathSource, SampledController, SelfMotion, load_arm
-from drake_rnn.diagrams.kinematic import AddKinematicLoop
-from drake_rnn.paths import Rest
+from drake_rnn import (
+    AddLoop,
+    IdealArm,
+    NullSpaceAdjustment,
+    PathSource,
+    Rest,
+    SampledController,
+    SelfMotion,
+    load_arm,
+)
 
 arm = load_arm("iiwa14")
 kinematics, start = arm.kinematics(), arm.home
@@ -15,7 +22,7 @@ builder = DiagramBuilder()
 place = PathSource(Rest(), kinematics.p_WE(start), "pose", kinematics.R_WE(start))
 builder.AddNamedSystem("place", place)
 controller = SampledController(law, period=1e-3)
-loop = AddKinematicLoop(builder, arm, controller, place, start=start, task="pose")
+loop = AddLoop(builder, IdealArm(arm, start), controller, place, task="pose")
 simulator = Simulator(builder.Build())
 simulator.AdvanceTo(4.0)
 q = loop.arm.GetOutputPort("position").Eval(loop.arm.GetMyContextFromRoot(simulator.get_context()))

@@ -15,17 +15,18 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 
 from drake_rnn import (
+    AddLoop,
+    Circle,
+    Contact,
     ContactModel,
     ForceProfile,
     MotionForce,
     OnlineStiffness,
     PathSource,
+    PlantArm,
     SampledController,
     load_arm,
 )
-from drake_rnn.diagrams.dynamic import AddDynamicLoop
-from drake_rnn.paths import Circle
-from drake_rnn.systems.contact import Contact
 
 RADIUS = 0.3
 
@@ -72,12 +73,11 @@ def main() -> None:
     builder.AddNamedSystem("path", path)
     normal = builder.AddNamedSystem("normal", DomeNormal(centre))
     law = MotionForce(limits=arm.limits, stiffness=OnlineStiffness())
-    loop = AddDynamicLoop(
+    loop = AddLoop(
         builder,
-        arm,
+        PlantArm(arm, contact=contact),
         SampledController(law, period=1e-3),
         path,
-        contact=contact,
         signals={"normal_WE": normal.get_output_port()},
     )
     builder.Connect(loop.kinematics.GetOutputPort("p_WE"), normal.get_input_port())

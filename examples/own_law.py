@@ -1,57 +1,94 @@
-"""A law of one's own: the damped pseudoinverse, what one would do without a network.
+"""A law of your own: one class, and one entry in `LAWS` by which experiments name it.
 
-What it asks for under ``inputs`` is what the diagram wires to it, by name.
+What it asks for under ``inputs`` is what the diagram wires to it, by name. Filter, `fastest` and
+full dynamics take it like any other law.
 """
 
+from functools import cached_property
+
 import numpy as np
-from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
 
-from drake_rnn import Layout, PathSource, SampledController, load_arm
-from drake_rnn.diagrams.kinematic import AddKinematicLoop
-from drake_rnn.paths import Nephroid
+from drake_rnn import (
+    LAWS,
+    JointLimits,
+    Layout,
+    NonNegative,
+    Positive,
+    SampledLaw,
+    fastest,
+    make_experiment,
+    simulate,
+    validated,
+)
 
 
-class DampedPseudoinverse:
-    """Joint velocities J^T (J J^T + damping^2 I)^-1 (v_d + kappa (p_d - p))."""
+@validated
+class DampedLeastSquares(SampledLaw):
+    """Joint velocities J^T (J J^T + damping^2 I)^-1 (v_d + gain (p_d - p)).
 
-    state = Layout(v=(7,))
-    inputs = Layout(p_WE=(3,), J=(3, 7), p_WE_desired=(3,), v_WE_desired=(3,))
-    observables = Layout()
-    holds_command = True
+    Args:
+        limits: Limits of the joints; only their number is used.
+        gain: Feedback of the position error [1/s].
+        damping: Damping of the pseudoinverse [m].
+    """
 
-    def __init__(self, kappa: float, damping: float) -> None:
-        self.kappa = kappa
-        self.damping = damping
+    limits: JointLimits
+    gain: Positive = 4.0
+    damping: NonNegative = 1e-3
 
-    def initial_state(self, rng, u):
-        return np.zeros(7)
+    # Its joint velocities scale with the speed of the path: `fastest` may stretch it.
+    stays_on_path = True
+
+    @property
+    def loop_gains(self):
+        """The gain that a filter's delay limits."""
+        return {"gain": self.gain}
+
+    @cached_property
+    def state(self):
+        return Layout(v=(self.limits.size,))
+
+    @cached_property
+    def inputs(self):
+        n = self.limits.size
+        return Layout(p_WE=(3,), J=(3, n), p_WE_desired=(3,), v_WE_desired=(3,))
 
     def step(self, t, x, u, period):
         J = u["J"]
-        asked = u["v_WE_desired"] + self.kappa * (u["p_WE_desired"] - u["p_WE"])
-        return J.T @ np.linalg.solve(J @ J.T + self.damping**2 * np.eye(3), asked)
-
-    def commanded_velocity(self, t, x):
-        return x
-
-    def diagnostics(self, t, x, u):
-        return {}
+        v_WE = u["v_WE_desired"] + self.gain * (u["p_WE_desired"] - u["p_WE"])
+        return J.T @ np.linalg.solve(J @ J.T + self.damping**2 * np.eye(3), v_WE)
 
 
-arm = load_arm("panda")
-builder = DiagramBuilder()
-nephroid = Nephroid(plane="yz", size=0.04, period=8.0)
-path = builder.AddNamedSystem("path", PathSource(nephroid, arm.kinematics().p_WE(arm.home)))
-controller = SampledController(DampedPseudoinverse(kappa=4.0, damping=1e-3), period=1e-3)
-loop = AddKinematicLoop(builder, arm, controller, path)
-simulator = Simulator(builder.Build())
-kinematics_context = loop.kinematics.GetMyContextFromRoot(simulator.get_context())
-path_context = path.GetMyContextFromRoot(simulator.get_context())
-worst = 0.0
-for t in np.linspace(0.01, 8.0, 800):
-    simulator.AdvanceTo(t)
-    p_WE = loop.kinematics.GetOutputPort("p_WE").Eval(kinematics_context)
-    desired = path.GetOutputPort("p_WE_desired").Eval(path_context)
-    worst = max(worst, float(np.linalg.norm(p_WE - desired)))
-print("largest position error:", worst, "m")
+LAWS["damped_least_squares"] = DampedLeastSquares
+
+DOCUMENT = {
+    "name": "own_law",
+    "arm": "panda",
+    "path": {"kind": "circle", "plane": "yz", "size": 0.05, "period": 4, "timing": "sin2"},
+    "law": {"kind": "damped_least_squares", "gain": 10},
+    "limits": {"velocity": 1.0, "acceleration": 4.0, "jerk": 80.0},
+    "period": 1e-3,
+    "duration": 4,
+}
+
+
+def main() -> None:
+    """Run the law as it is, behind a filter, with full dynamics, and as fast as limits admit."""
+    variants = {
+        "ideal arm": {},
+        "every bound held by a filter": {
+            "filter": {"kind": "moving_average", "precompensate": True},
+            "feedback": "unfiltered",
+        },
+        "full dynamics": {"level": "dynamic"},
+    }
+    for name, changes in variants.items():
+        metrics = simulate(make_experiment(DOCUMENT | changes)).metrics
+        error, jerk = metrics["position_error_max_m"], metrics["limit_ratio_3_max"]
+        print(f"{name}: at most {error:.1e} m off its path, jerk {jerk:.2f} of its bound")
+    found = fastest(make_experiment(DOCUMENT))
+    print(f"fastest lap: {found.experiment.document.duration:.3g} s, bound by the {found.binding}")
+
+
+if __name__ == "__main__":
+    main()

@@ -153,11 +153,8 @@ def sweep(
 ) -> None:
     """Run an experiment at many values: a table, a CSV and a picture."""
     with _errors():
-        named = [parse_axis(text) for text in over or []]
-        keys = [key for key, _ in named]
-        if twice := [key for key in keys if keys.count(key) > 1]:
-            raise InvalidInputError(f"--over: {twice[0]!r} stands twice; give all its values once")
-        axes = dict(named) or _load(experiment, changes, seed, duration).document.over
+        changed = _changes(changes, seed, duration)
+        axes = _axes(over) or load_experiment(experiment, changed).document.over
         if not axes:
             raise InvalidInputError(f"--over: must be given; {experiment} names no values itself")
         keys = list(axes)
@@ -168,7 +165,7 @@ def sweep(
             values = ", ".join(f"{key}={v}" for key, v in zip(keys, row.values, strict=True))
             err.print(escape(f"{values}: {row.failure or 'done'}"))
 
-        rows = run_sweep(experiment, axes, _changes(changes, seed, duration), jobs, done)
+        rows = run_sweep(experiment, axes, changed, jobs, done)
         write_csv(folder / "sweep.csv", keys, rows)
         pictures = [
             sweep_figure(keys, rows, varying_metrics(rows), folder / "sweep.png"),
@@ -176,17 +173,29 @@ def sweep(
         ]
     for length in axes.get("duration", [None]):
         swept = {} if length is None else {"duration": length}
-        _tell_of_window(experiment, _changes(changes, seed, duration) | swept)
+        _tell_of_window(experiment, changed | swept)
+    _print_sweep(keys, rows)
+    out.print(escape(f"table    {folder / 'sweep.csv'}"), soft_wrap=True)
+    for picture in filter(None, pictures):
+        out.print(escape(f"picture  {picture}"), soft_wrap=True)
+    if any(row.failure for row in rows):
+        raise typer.Exit(FAILED)
+
+
+def _axes(over: list[str] | None) -> dict[str, list[Any]]:
+    """Values by key of ``--over``."""
+    named = [parse_axis(text) for text in over or []]
+    keys = [key for key, _ in named]
+    if twice := [key for key in keys if keys.count(key) > 1]:
+        raise InvalidInputError(f"--over: {twice[0]!r} stands twice; give all its values once")
+    return dict(named)
+
+
+def _print_sweep(keys: list[str], rows: list[Row]) -> None:
     # In a pipe or a file there is room for all in one.
     wide = Console(width=WIDE, highlight=False)
     for table in sweep_tables(keys, rows, out.width if out.is_terminal else None):
         wide.print(table)
-    out.print(escape(f"table    {folder / 'sweep.csv'}"), soft_wrap=True)
-    for picture in pictures:
-        if picture is not None:
-            out.print(escape(f"picture  {picture}"), soft_wrap=True)
-    if any(row.failure for row in rows):
-        raise typer.Exit(FAILED)
 
 
 def main() -> None:

@@ -163,6 +163,6 @@ def _bounds(experiment: Experiment) -> dict[str, Acceptance]:
         bounds["joint_limit_margin_min_rad"] = Acceptance(at_least=0.0)
     # A secant around the bound carries rounding errors.
     for order, name in enumerate(DERIVATIVE_UNITS, start=1):
-        if getattr(limits, name) is not None:
+        if limits.bounds[name] is not None:
             bounds[f"limit_ratio_{order}_max"] = Acceptance(at_most=1.0 + 1e-9)
     return bounds

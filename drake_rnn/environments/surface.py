@@ -29,8 +29,7 @@ class Surface:
     believed_normal: Point | None = None
 
     def __post_init__(self) -> None:
-        for name in ("normal", "believed_normal"):
-            vector = getattr(self, name)
+        for name, vector in (("normal", self.normal), ("believed_normal", self.believed_normal)):
             if vector is not None and not np.linalg.norm(vector) > 0.0:
                 raise ValueError(f"{name}: must point somewhere, not be {vector.tolist()}")
         if not self.believed_normal_W.dot(self.normal_W) > 0.0:

@@ -11,8 +11,9 @@ from pydantic import Field
 from pydrake.systems.analysis import GetIntegrationSchemes
 
 from ..inputs.complaints import nearest, plain
+from ..inputs.dataclass_fields import fields_of
 from ..inputs.documents import to_yaml
-from ..inputs.fields import Finite, NonNegative, Positive, Seed, Vector, field_names, validated
+from ..inputs.fields import Finite, NonNegative, Positive, Seed, Vector, validated
 from ..measures import METRIC_NAMES
 from ..systems.body import Feedback
 from ..systems.contact_reference import ForceProfile
@@ -171,8 +172,7 @@ class ExperimentDocument:
     def contents(self) -> dict[str, Any]:
         """Return the document as plain data, without what is not set."""
         contents = {}
-        for name in field_names(type(self)):
-            value = getattr(self, name)
+        for name, value in fields_of(self).items():
             if value is None or (isinstance(value, (dict, str)) and not value):
                 continue
             if name == "accept":
@@ -188,5 +188,4 @@ class ExperimentDocument:
 
 
 def _given(value: Any) -> dict[str, Any]:
-    fields = {name: getattr(value, name) for name in field_names(type(value))}
-    return {name: entry for name, entry in fields.items() if entry is not None}
+    return {name: entry for name, entry in fields_of(value).items() if entry is not None}

@@ -10,8 +10,9 @@ import numpy as np
 
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest
+from ..inputs.dataclass_fields import field_names
 from ..inputs.documents import construct, kind_of, without_kind
-from ..inputs.fields import Array, field_names
+from ..inputs.fields import Array
 from ..laws import Circumstances, Law, PostureLaw
 from ..paths import PATHS, Path, Rest
 from ..robot.arm import Arm, load_arm

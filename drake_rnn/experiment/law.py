@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any, get_args
 
 from ..errors import InvalidInputError
+from ..inputs.dataclass_fields import field_names
 from ..inputs.documents import construct, kind_of, without_kind
-from ..inputs.fields import Array, field_names
+from ..inputs.fields import Array
 from ..laws import LAWS, Law
 from ..robot.limits import JointLimits
 from ..robot.task import TASKS

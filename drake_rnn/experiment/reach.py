@@ -106,29 +106,48 @@ def check_reach(experiment: Experiment) -> list[str]:
             f"the farthest miss is {reach.miss[worst]:.3g} m at t = {reach.time[worst]:.4g} s"
         )
     _require_torque(experiment, reach)
-    warnings = list(experiment.warnings)
+    return [
+        *experiment.warnings,
+        *_near_limits(experiment, reach),
+        *_near_singular(reach),
+        *_beyond_bounds(experiment, reach),
+    ]
+
+
+def _near_limits(experiment: Experiment, reach: Reach) -> list[str]:
     limits = experiment.limits
     margin = np.minimum(
         reach.position - limits.position_lower, limits.position_upper - reach.position
     )
     k, joint = np.unravel_index(np.argmin(margin), margin.shape)
-    if margin[k, joint] < 0.05:
-        left = float(margin[k, joint])
-        place = f"comes within {left:.3g} rad of" if left >= 0 else f"goes {-left:.3g} rad beyond"
-        warnings.append(
-            f"path: {experiment.arm.joints[joint]} {place} its limit near t = {reach.time[k]:.3g} s"
-        )
+    left = float(margin[k, joint])
+    if left >= 0.05:
+        return []
+    place = f"comes within {left:.3g} rad of" if left >= 0 else f"goes {-left:.3g} rad beyond"
+    name = experiment.arm.joints[joint]
+    return [f"path: {name} {place} its limit near t = {reach.time[k]:.3g} s"]
+
+
+def _near_singular(reach: Reach) -> list[str]:
     k = np.argmin(reach.singular_value)
-    if reach.singular_value[k] < 0.05:
-        warnings.append(
-            f"path: near-singular posture near t = {reach.time[k]:.3g} s: smallest singular "
-            f"value of J {reach.singular_value[k]:.3g}"
-        )
-    for article, name, unit in (("a", "velocity", "rad/s"), ("an", "acceleration", "rad/s^2")):
-        bound = getattr(limits, name)
+    if reach.singular_value[k] >= 0.05:
+        return []
+    return [
+        f"path: near-singular posture near t = {reach.time[k]:.3g} s: smallest singular "
+        f"value of J {reach.singular_value[k]:.3g}"
+    ]
+
+
+def _beyond_bounds(experiment: Experiment, reach: Reach) -> list[str]:
+    warnings = []
+    for article, name, unit, asked in (
+        ("a", "velocity", "rad/s", reach.velocity),
+        ("an", "acceleration", "rad/s^2", reach.acceleration),
+    ):
+        bound = experiment.limits.bounds[name]
         if bound is None:
             continue
-        ratio = np.abs(getattr(reach, name)) / bound
+        ratio = np.abs(asked) / bound
         k, joint = np.unravel_index(np.argmax(ratio), ratio.shape)
         if ratio[k, joint] > 1.0:
             warnings.append(

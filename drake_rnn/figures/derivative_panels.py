@@ -73,7 +73,7 @@ def stacked(
     """
     ratios = {} if ratios is None else ratios
     limits = result.experiment.limits
-    bounds = [getattr(limits, name) for name in DERIVATIVE_UNITS]
+    bounds = [limits.bounds[name] for name in DERIVATIVE_UNITS]
     units = ["rad", *DERIVATIVE_UNITS.values()]
     n = signals[0][1].shape[1]
     figure = Figure(figsize=(PAGE, 0.6 + 1.3 * len(signals)), layout="constrained")

@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from ..errors import InvalidInputError
+from .dataclass_fields import field_names
 
 
 def sentence(cls: type, error: ValidationError, key: str) -> str:
@@ -30,7 +31,7 @@ def sentence(cls: type, error: ValidationError, key: str) -> str:
     keys = place.keys
     where = ".".join([key, *keys] if key else keys)
     if first["type"] in _UNKNOWN_KEY:
-        known = getattr(place.within, "__dataclass_fields__", {})
+        known = field_names(place.within)
         return f"{where}: no such key; " + nearest(keys[-1], list(known))
     if first["type"] in _MISSING:
         return f"{where}: must be given"
@@ -145,12 +146,14 @@ def _members(annotation: Any) -> list[Any]:
 
 def _member(members: list[Any], name: object) -> Any:
     """The member that pydantic calls ``name``: a class by its own, others by what they are."""
+    # An annotation need not be a class, and then has no name.
     named = [member for member in members if getattr(member, "__name__", None) == name]
     return (named or [m for m in members if not is_dataclass(m)] or members)[0]
 
 
 def _inner(annotation: Any, step: object) -> Any:
     """The type of what stands at ``step`` of a value; Any where that is not known."""
+    # Only classes that pydantic checks have them.
     fields = getattr(annotation, "__pydantic_fields__", {})
     if step in fields:
         return fields[step].annotation

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from pydantic import TypeAdapter, ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.constructor import DuplicateKeyError
-from ruamel.yaml.error import YAMLError
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
 from ..errors import InvalidInputError
@@ -27,9 +27,12 @@ def parse_yaml(text: str, source: str) -> Any:
         key = str(error.problem).split('"')[1]
         raise InvalidInputError(f"{source}: the key {key!r} stands twice") from None
     except YAMLError as error:
-        mark, problem = getattr(error, "problem_mark", None), getattr(error, "problem", None)
-        place = f"line {mark.line + 1}, column {mark.column + 1}: " if mark is not None else ""
-        problem = " ".join(str(problem or error).split()).removeprefix("but ")
+        place, problem = "", str(error)
+        if isinstance(error, MarkedYAMLError):
+            problem = error.problem or problem
+            if (mark := error.problem_mark) is not None:
+                place = f"line {mark.line + 1}, column {mark.column + 1}: "
+        problem = " ".join(problem.split()).removeprefix("but ")
         raise InvalidInputError(f"{source}: not a YAML document: {place}{problem}") from None
 
 

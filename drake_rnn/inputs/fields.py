@@ -12,6 +12,7 @@ from pydantic.dataclasses import dataclass
 
 from ..errors import InvalidInputError
 from .complaints import sentence
+from .dataclass_fields import field_names
 
 Array = NDArray[np.float64]
 
@@ -65,11 +66,6 @@ Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(strict=True, ge=0, allow_inf_nan=False)]
 Count = Annotated[int, Field(strict=True, ge=1)]
 Seed = Annotated[int, Field(strict=True, ge=0)]
-
-
-def field_names(cls: type) -> tuple[str, ...]:
-    """Return the names of a dataclass's fields; none of another class."""
-    return tuple(getattr(cls, "__dataclass_fields__", ()))
 
 
 def _example(cls: type) -> str:

@@ -191,7 +191,6 @@ class JointDriftFree(ContinuousLaw):
             ahead: Time [s] after which q and p_WE have gone on with the v that is sought.
         """
         J = u["J"]
-        n, m, alpha = self.home.size, self.task_size, self._kinematic_weight
         gram = J.dot(J.T)
         feedback = self.task_beta * self.task_gamma
         slip = self.task_beta + self.task_gamma
@@ -209,10 +208,8 @@ class JointDriftFree(ContinuousLaw):
             drift_v = weight * (self.return_beta + self.return_gamma + stiffness * ahead)
             drift_0 = weight * stiffness * (q - self.home)
             if self.weighs_torque:
-                drift_v, drift_0 = (
-                    alpha * drift_v,
-                    alpha * drift_0,
-                )
+                alpha = self._kinematic_weight
+                drift_v, drift_0 = alpha * drift_v, alpha * drift_0
             if self.scheme in ("naljdf", "moaljdf"):
                 # I - J^+ J is symmetric: J^+ J = J^T S.
                 S = np.linalg.solve(gram + self._damping_matrix, J)
@@ -221,15 +218,7 @@ class JointDriftFree(ContinuousLaw):
             a_v -= drift_v * self._identity
             a_0 = a_0 - drift_0
         if self.weighs_torque:
-            M, zeta = u["M"], 1.0 - alpha
-            kept = alpha if self.scheme == "moaljdf" else 1.0
-            if self.scheme == "moaljdf_printed":
-                a_omega = alpha * a_omega
-            a_0 = a_0 - zeta * (M @ (u["bias"] - u["gravity"]))
-            terms = np.column_stack((a_v, a_omega, a_0))
-            solved = np.linalg.solve(kept * self._identity + zeta * (M @ M), terms)
-            a_v, a_omega, a_0 = (np.asarray(part) for part in np.split(solved, (n, n + m), axis=1))
-            a_0 = a_0[:, 0]
+            a_v, a_omega, a_0 = self._torque_weighted(u, a_v, a_omega, a_0)
 
         eta, delta = self.rate, self.position_gain
         b_v = (-eta * delta * (slip + feedback * ahead)) * J
@@ -240,6 +229,21 @@ class JointDriftFree(ContinuousLaw):
         if self.scheme == "moaljdf":
             b_v, b_omega, b_0 = b_v - eta * (J @ a_v), -eta * (J @ a_omega), b_0 - eta * (J @ a_0)
         return LinearForm(a_v, a_omega, a_0, b_v, b_omega, b_0)
+
+    def _torque_weighted(
+        self, u: Signals, a_v: Array, a_omega: Array, a_0: Array
+    ) -> tuple[Array, Array, Array]:
+        """Rates of v that weigh the torque beside the acceleration: (43), printed or corrected."""
+        n, m, alpha = self.home.size, self.task_size, self._kinematic_weight
+        M, zeta = u["M"], 1.0 - alpha
+        kept = alpha if self.scheme == "moaljdf" else 1.0
+        if self.scheme == "moaljdf_printed":
+            a_omega = alpha * a_omega
+        a_0 = a_0 - zeta * (M @ (u["bias"] - u["gravity"]))
+        terms = np.column_stack((a_v, a_omega, a_0))
+        solved = np.linalg.solve(kept * self._identity + zeta * (M @ M), terms)
+        a_v, a_omega, a_0 = (np.asarray(part) for part in np.split(solved, (n, n + m), axis=1))
+        return a_v, a_omega, a_0[:, 0]
 
     def derivatives(self, t: float, x: Array, u: Signals) -> Array:
         """Right-hand side of (19), (29) or (43)."""

@@ -201,7 +201,7 @@ def _joints(motion: Motion, limits: JointLimits) -> dict[str, float]:
     excess = [-margin.min()]
     for name, values in derivatives:
         order = 1 + list(DERIVATIVE_UNITS).index(name)
-        bound = getattr(limits, name)
+        bound = limits.bounds[name]
         if bound is not None and np.isfinite(bound).any():
             excess.append((values - bound).max())
             metrics[f"limit_ratio_{order}_max"] = (values / bound).max()
@@ -216,7 +216,7 @@ def _higher_derivatives(motion: Motion, limits: JointLimits) -> dict[str, Array]
     From differences of the velocity over 10 ms: over a thousandth of a second, the rounding of
     positions would make up all of the fifth derivative.
     """
-    wanted = [name for name in _HIGHER if getattr(limits, name) is not None]
+    wanted = [name for name in _HIGHER if limits.bounds[name] is not None]
     if not wanted or motion.time[-1] - motion.time[0] < 6 * _DIFFERENCE:
         return {}
     time = np.arange(motion.time[0], motion.time[-1] + 1e-9, _DIFFERENCE)

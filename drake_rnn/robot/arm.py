@@ -25,6 +25,7 @@ from pydrake.multibody.tree import (
 
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest
+from ..inputs.dataclass_fields import fields_of
 from ..inputs.documents import construct, read_yaml
 from ..inputs.fields import Array, Finite, Point, Positive, Vector, validated
 from ..models import MODELS
@@ -127,8 +128,7 @@ class Arm:
         that are no more stand where ``lock`` says, else at home. A joint that ``lock`` names
         is no longer controlled, unless ``joints`` says so as well.
         """
-        fields = {name: getattr(self.description, name) for name in _DESCRIPTION_FIELDS}
-        description = construct(ArmDescription, {**fields, **changes}, "arm")
+        description = construct(ArmDescription, fields_of(self.description) | changes, "arm")
         if "model" in changes:
             return Arm(description, self.name)
         if "joints" not in changes and description.joints is not None:
@@ -250,42 +250,40 @@ class Arm:
             )
 
     def _controlled_joints(self, plant: MultibodyPlant) -> tuple[str, ...]:
-        movable = {}
-        parents: dict[str, Joint] = {}
-        for index in plant.GetJointIndices():
-            joint = plant.get_joint(index)
-            parents[joint.child_body().scoped_name().get_full()] = joint
-            if joint.num_positions():
-                movable[joint.name()] = joint
-        for name in [*self.description.lock, *(self.description.joints or ())]:
-            if name not in movable:
-                key = "lock" if name in self.description.lock else "joints"
-                raise InvalidInputError(
-                    f"arm.{key}: no movable joint {name!r} in {self.model.name}; "
-                    + nearest(name, list(movable))
-                )
-        if self.description.joints is not None:
-            joints = list(self.description.joints)
-            if len(set(joints)) < len(joints):
-                twice = next(name for name in joints if joints.count(name) > 1)
-                raise InvalidInputError(f"arm.joints: {twice!r} stands twice")
-        else:
-            joints = []
-            body = plant.GetFrameByName(self.frame).body()
-            while (joint := parents.get(body.scoped_name().get_full())) is not None:
-                if joint.name() in movable and joint.name() not in self.description.lock:
-                    joints.insert(0, joint.name())
-                body = joint.parent_body()
-        if both := set(joints) & set(self.description.lock):
+        joints = map(plant.get_joint, plant.GetJointIndices())
+        movable = {joint.name(): joint for joint in joints if joint.num_positions()}
+        self._require_movable(list(movable))
+        chosen = self.description.joints
+        joints_used = self._chain(plant) if chosen is None else list(chosen)
+        if len(set(joints_used)) < len(joints_used):
+            twice = next(name for name in joints_used if joints_used.count(name) > 1)
+            raise InvalidInputError(f"arm.joints: {twice!r} stands twice")
+        if both := set(joints_used) & set(self.description.lock):
             raise InvalidInputError(f"arm.lock: {sorted(both)[0]!r} is also a controlled joint")
-        if not joints:
+        if not joints_used:
             raise InvalidInputError(
                 f"arm.frame: no movable joint between the base and {self.frame!r}"
             )
-        for name in [*joints, *self.description.lock]:
-            if movable[name].num_positions() != 1 or movable[name].num_velocities() != 1:
-                key = "lock" if name in self.description.lock else "joints"
-                raise InvalidInputError(f"arm.{key}: {name!r} must have one degree of freedom")
+        for key, names in (("joints", joints_used), ("lock", self.description.lock)):
+            for name in names:
+                if movable[name].num_positions() != 1 or movable[name].num_velocities() != 1:
+                    raise InvalidInputError(f"arm.{key}: {name!r} must have one degree of freedom")
+        self._require_lockable(movable)
+        return tuple(joints_used)
+
+    def _require_movable(self, movable: list[str]) -> None:
+        """Raise an InvalidInputError if a joint that the description names cannot move."""
+        described = (("lock", self.description.lock), ("joints", self.description.joints or ()))
+        for key, names in described:
+            for name in names:
+                if name not in movable:
+                    raise InvalidInputError(
+                        f"arm.{key}: no movable joint {name!r} in {self.model.name}; "
+                        + nearest(name, movable)
+                    )
+
+    def _require_lockable(self, movable: Mapping[str, Joint]) -> None:
+        """Raise an InvalidInputError if a joint is locked beyond its limits."""
         for name, value in self.description.lock.items():
             (lower,) = movable[name].position_lower_limits()
             (upper,) = movable[name].position_upper_limits()
@@ -293,7 +291,20 @@ class Arm:
                 raise InvalidInputError(
                     f"arm.lock.{name}: may be {lower:g} to {upper:g}, not {value:g}"
                 )
-        return tuple(joints)
+
+    def _chain(self, plant: MultibodyPlant) -> list[str]:
+        """Joints that move between the base and the task frame, but for those that are locked."""
+        holders = {
+            joint.child_body().index(): joint
+            for joint in map(plant.get_joint, plant.GetJointIndices())
+        }
+        names: list[str] = []
+        body = plant.GetFrameByName(self.frame).body()
+        while (joint := holders.get(body.index())) is not None:
+            if joint.num_positions() and joint.name() not in self.description.lock:
+                names.insert(0, joint.name())
+            body = joint.parent_body()
+        return names
 
     def _stated_limits(self, plant: MultibodyPlant) -> JointLimits:
         joints = [plant.GetJointByName(name) for name in self.joints]
@@ -317,9 +328,6 @@ class Arm:
 
     def _indices(self, plant: MultibodyPlant) -> list[int]:
         return [plant.GetJointByName(name).position_start() for name in self.joints]
-
-
-_DESCRIPTION_FIELDS = tuple(ArmDescription.__dataclass_fields__)
 
 
 def shipped_arms() -> list[str]:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInputError
+from ..inputs.dataclass_fields import fields_of
 from ..inputs.fields import Array, Bounds, validated
 
 #: Bounds of the derivatives of the joint positions, first to fifth, and their units.
@@ -20,8 +21,6 @@ DERIVATIVE_UNITS = {
     "snap": "rad/s^4",
     "crackle": "rad/s^5",
 }
-
-_NAMES = ("position_lower", "position_upper", *DERIVATIVE_UNITS)
 
 
 @validated
@@ -44,8 +43,9 @@ class JointLimits:
     crackle: Bounds | None = None
 
     def __post_init__(self) -> None:
-        bounds = {name: getattr(self, name) for name in DERIVATIVE_UNITS}
-        known = {name: bound for name, bound in bounds.items() if bound is not None}
+        known = {
+            name: bound for name in DERIVATIVE_UNITS if (bound := self.bounds[name]) is not None
+        }
         for name, bound in {"position_upper": self.position_upper, **known}.items():
             if bound.size != self.position_lower.size:
                 raise ValueError(
@@ -70,6 +70,11 @@ class JointLimits:
         infinite = np.full(size, np.inf)
         return cls(position_lower=-infinite, position_upper=infinite, velocity=infinite)
 
+    @cached_property
+    def bounds(self) -> Mapping[str, Array | None]:
+        """Every bound by the name of its field; None where none is known."""
+        return fields_of(self)
+
     @property
     def size(self) -> int:
         """Number of joints."""
@@ -77,7 +82,7 @@ class JointLimits:
 
     def merged(self, bounds: Mapping[str, Any]) -> dict[str, Any]:
         """The fields of these limits with ``bounds`` in place; a number stands for every joint."""
-        fields: dict[str, Any] = {name: getattr(self, name) for name in _NAMES}
+        fields: dict[str, Any] = dict(self.bounds)
         for name, bound in bounds.items():
             is_number = isinstance(bound, Real) and not isinstance(bound, bool)
             fields[name] = np.full(self.size, float(bound)) if is_number else bound
@@ -89,9 +94,8 @@ class JointLimits:
 
     def select(self, joints: Sequence[int]) -> JointLimits:
         """The limits of some joints, by their numbers."""
-        bounds = {name: getattr(self, name) for name in _NAMES}
         known: dict[str, Any] = {
-            n: bound[joints] for n, bound in bounds.items() if bound is not None
+            name: bound[joints] for name, bound in self.bounds.items() if bound is not None
         }
         return JointLimits(**known)
 
@@ -101,7 +105,7 @@ class JointLimits:
         Raises:
             InvalidInputError: If it is not known.
         """
-        bound = getattr(self, name)
+        bound = self.bounds[name]
         if bound is None:
             raise InvalidInputError(
                 f"limits.{name}: not known for this arm, but needed for {reason}; give it"

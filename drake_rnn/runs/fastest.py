@@ -123,7 +123,7 @@ def _smooth(experiment: Experiment, told: Callable[[str], None] | None) -> dict[
 def _require_bounds(experiment: Experiment) -> None:
     limits = experiment.limits
     for name in DERIVATIVE_UNITS:
-        bound = getattr(limits, name)
+        bound = limits.bounds[name]
         if bound is not None and np.isfinite(bound).any():
             return
     raise InvalidInputError("limits: none of the derivatives is bounded; any speed is admissible")

@@ -67,7 +67,7 @@ def averaging_windows(limits: JointLimits, period: float) -> NDArray[np.intp]:
         InvalidInputError: Naming the bound that is missing.
     """
     names = list(DERIVATIVE_UNITS)
-    known = [name for name in names if getattr(limits, name) is not None]
+    known = [name for name in names if limits.bounds[name] is not None]
     chain = names[: max(2, 1 + names.index(known[-1]))]
     bounds = np.array([limits.require(name, "filter: moving_average") for name in chain])
     for level, name in enumerate(chain[:-1]):

@@ -1,10 +1,10 @@
-"""The wiring of a controller and an arm, and the experiments that come with this package."""
+"""Closed loops of a controller and an arm as diagrams, and the shipped experiments."""
 
 from pathlib import Path
 
 from .loop import AddLoop, Loop, check_filter
 
-#: Folder of the shipped experiments: a folder a scheme, a YAML file an experiment.
+#: Folder of the shipped experiments: one folder per kind of law, one YAML file per experiment.
 EXPERIMENTS = Path(__file__).parent / "experiments"
 
 __all__ = ["EXPERIMENTS", "AddLoop", "Loop", "check_filter"]

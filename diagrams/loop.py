@@ -1,4 +1,4 @@
-"""The loop of a controller, a body and a reference, joined by the names of their ports."""
+"""The closed loop of a controller, a body and a reference, connected by port names."""
 
 from __future__ import annotations
 
@@ -34,18 +34,19 @@ from .wiring import Ports, Wiring, ports_of
 
 @dataclass(frozen=True)
 class Loop:
-    """The systems that `AddLoop` has added.
+    """Systems added by `AddLoop`.
 
     Attributes:
-        controller: The law as a system.
-        kinematics: Kinematics of the arm that moves.
-        joint_command: Integrator of the commanded velocity: the only owner of joint positions.
-        arm: The body that moves.
-        filter: What the command goes through on its way to the arm, or None.
-        virtual_arm: With ``feedback: unfiltered`` the arm that the law sees, else None.
-        forces: Output ports of what the tool feels, by name: ``contact_force``, ``tool_force`` and
-            ``normal_force``; empty without a contact.
-        systems: All systems that were added, by name without the prefix.
+        controller: Controller that runs the law.
+        kinematics: Kinematics of ``arm``.
+        joint_command: Integrator of the commanded velocity; its output is the commanded joint
+            position.
+        arm: The body.
+        filter: Filter between the command and the arm, or None.
+        virtual_arm: Arm that the law sees with ``feedback: unfiltered``; None otherwise.
+        forces: Output ports of the forces on the tool, by name: ``contact_force``, ``tool_force``
+            and ``normal_force``; empty without a contact.
+        systems: All added systems, by name without the prefix.
     """
 
     controller: Controller
@@ -58,7 +59,7 @@ class Loop:
     systems: Mapping[str, System]
 
 
-def AddLoop(  # noqa: PLR0913  the entry point: what a loop may have, each by its name
+def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
     builder: DiagramBuilder,
     body: Body,
     controller: Controller,
@@ -72,35 +73,35 @@ def AddLoop(  # noqa: PLR0913  the entry point: what a loop may have, each by it
     seed: int = 0,
     prefix: str = "",
 ) -> Loop:
-    """Close the loop of a law and an arm, and join it to a reference.
+    """Add the closed loop of a controller and a body, and connect it to a reference.
 
-    Ports are joined by their names: each input of the law to the output of that name that the
-    kinematics, the body, the contact or the reference offer. A law that does not ask for ``J`` is
-    not given it.
+    Ports are connected by name: each input of the law to the output of the same name that the
+    kinematics, the body, the contact or the reference offers. A law without the input ``J`` never
+    sees the Jacobian.
 
     Args:
-        builder: Takes the systems.
-        body: The arm, at the kinematic level an `IdealArm`, with full dynamics a `PlantArm`; not
-            yet in ``builder``.
-        controller: The law as a system, not yet in ``builder``.
-        reference: System in ``builder`` with the desired signals among its output ports, e.g. a
-            `PathSource`; None for a law that asks for none.
-        task: Rows of the task: a key of `drake_rnn.robot.task.TASKS`.
-        dither: Excitation of the joints, if any.
-        filter: What the command goes through on its way to the arm, not yet in ``builder``.
-        feedback: Arm that the law sees: ``commanded``, the one that the filtered command moves;
-            ``measured``, the body itself; or ``unfiltered``, a virtual arm that its own command
-            moves, so that no loop runs through the filter's delay, and the arm does later what the
-            virtual one did. By default the body's own.
-        signals: Output ports in ``builder`` that the law sees in place of those offered here
-            by the same names.
-        seed: Of dither and sensor.
-        prefix: Of the systems' names, for more than one loop in a diagram.
+        builder: Diagram builder that the systems are added to.
+        body: The arm, not yet in ``builder``: an `IdealArm` at the kinematic level, a `PlantArm`
+            with full dynamics.
+        controller: Controller that runs the law, not yet in ``builder``.
+        reference: System in ``builder`` that offers the desired signals as output ports, e.g. a
+            `PathSource`; None for a law that needs none.
+        task: Task: a key of `drake_rnn.robot.task.TASKS`.
+        dither: Excitation of the joints; None for none.
+        filter: Filter between the command and the arm, not yet in ``builder``; None for none.
+        feedback: Arm that the law sees: ``commanded``, the arm that the filtered command moves;
+            ``measured``, the body itself; or ``unfiltered``, a virtual arm that the unfiltered
+            command moves. With ``unfiltered`` the filter's delay lies outside the loop, and the
+            body repeats the virtual arm's motion with that delay. By default the body's own
+            ``default_feedback``.
+        signals: Output ports in ``builder`` that replace, by name, those offered here.
+        seed: Seed of dither and force sensor.
+        prefix: Prefix of the systems' names, for several loops in one diagram.
 
     Raises:
-        InvalidInputError: If the law asks for what nothing here offers, or for another size; if
-            the filter does not go with controller, feedback or noise; if the body refuses this
-            loop; or if an argument is of another class.
+        InvalidInputError: If the law needs an input that nothing offers, or of another size; if
+            the filter does not fit controller, feedback or dither; if the body cannot run in this
+            loop; or if an argument has the wrong type.
     """
     require_type("body", body, Body)
     feedback = body.default_feedback if feedback is None else feedback
@@ -108,7 +109,7 @@ def AddLoop(  # noqa: PLR0913  the entry point: what a loop may have, each by it
     given = dict(signals or {})
     wiring = Wiring(builder, prefix)
     wiring.add("controller", controller)
-    # The law sees the arm itself, or a virtual one in front of the filter.
+    # The law sees the arm itself, or a virtual arm ahead of the filter.
     virtual = _virtual_arm(body) if feedback == "unfiltered" else None
     seen = _add_moved(wiring, virtual or body, task, "" if virtual is None else "virtual_")
     command = controller.GetOutputPort("commanded_velocity")
@@ -164,7 +165,7 @@ def _check(
 
 
 class _Moved(NamedTuple):
-    """A body, the joint positions it is sent to, and where that takes its end effector."""
+    """A body with the integrator of its command and its kinematics."""
 
     kinematics: Kinematics
     joint_command: Integrator
@@ -172,7 +173,13 @@ class _Moved(NamedTuple):
 
 
 class _Velocity(NamedTuple):
-    """Which joint velocity moves the arm, which ``v_WE`` belongs to, and which the law sees."""
+    """Joint velocities in the loop, shape (n,) [rad/s].
+
+    Attributes:
+        moved: Velocity that moves the arm.
+        measured: Velocity that ``v_WE`` is computed from.
+        shown: Velocity that the law sees.
+    """
 
     moved: OutputPort
     measured: OutputPort
@@ -180,7 +187,7 @@ class _Velocity(NamedTuple):
 
 
 def _virtual_arm(body: Body) -> IdealArm:
-    # Whether the start may lie outside the limits has been judged when the body was made.
+    # The body has already checked how far the start lies outside the limits.
     return IdealArm(body.arm, body.start, outside=np.inf)
 
 
@@ -193,7 +200,7 @@ def _add_moved(wiring: Wiring, body: Body, task: str, name: str = "") -> _Moved:
 
 
 def _move(wiring: Wiring, moved: _Moved, velocity: OutputPort) -> None:
-    """Send a body where ``velocity`` leads."""
+    """Connect a joint velocity and its integral to a body as its command."""
     wiring.connect(velocity, moved.joint_command.get_input_port())
     position = moved.joint_command.get_output_port()
     wiring.connect(position, moved.body.GetInputPort("position_commanded"))
@@ -201,7 +208,7 @@ def _move(wiring: Wiring, moved: _Moved, velocity: OutputPort) -> None:
 
 
 def _add_behind_filter(wiring: Wiring, body: Body, task: str, filter: MovingAverage) -> _Moved:
-    """Add the arm that does later what the virtual one did."""
+    """Add the arm behind the filter, which repeats the virtual arm's motion with a delay."""
     moved, velocity = _add_moved(wiring, body, task), filter.get_output_port()
     _move(wiring, moved, velocity)
     _evaluate(wiring, moved.kinematics, moved.joint_command.get_output_port(), velocity)
@@ -229,7 +236,7 @@ def _add_dither(
 def _joints_seen(
     seen: _Moved, velocity: _Velocity, feedback: Feedback
 ) -> tuple[OutputPort, OutputPort, OutputPort]:
-    """Return the joints' position, the velocity that moves them, and the one the law is shown."""
+    """Return joint position, velocity that ``v_WE`` is computed from, velocity the law sees."""
     if feedback == "measured":
         measured = seen.body.GetOutputPort("velocity")
         return seen.body.GetOutputPort("position"), measured, measured
@@ -237,7 +244,7 @@ def _joints_seen(
 
 
 def _evaluate(wiring: Wiring, system: System, position: OutputPort, velocity: OutputPort) -> Ports:
-    """Return what a function of the joints' state offers at this one."""
+    """Connect joint position and velocity to a system and return its output ports."""
     wiring.connect(position, system.GetInputPort("position"))
     wiring.connect(velocity, system.GetInputPort("velocity"))
     return ports_of(system)
@@ -251,13 +258,13 @@ def _offer_contact(
     given: Mapping[str, OutputPort],
     seed: int,
 ) -> tuple[Ports, Ports]:
-    """Offer what a law may know of a contact; and what the tool feels, by name."""
+    """Add the contact's signals; return those the law may see and the forces on the tool."""
     reference = ContactReference(contact.surface.believed_normal_W, contact.force)
     wiring.add("contact_reference", reference)
     told = ports_of(reference)
     tool_force = body.GetOutputPort("tool_force")
     if (normal := given.get("normal_WE")) is None:
-        # A constant one is left to Drake, which is faster.
+        # For a constant normal Drake's own block is faster.
         row = contact.surface.believed_normal_W[np.newaxis, :]
         pressing: System = wiring.add("normal_force", MatrixGain(row))
     else:
@@ -281,19 +288,19 @@ def _offer_contact(
 
 def _add_watch(wiring: Wiring, body: Body, normal_force: OutputPort, period: float) -> None:
     position = body.GetOutputPort("position")
-    # Rarely: each look costs, and a sensor that is stuck stays so.
+    # Every tenth sample only: each check costs time, and a stuck sensor stays stuck.
     watch = wiring.add("force_watch", ForceWatch(position.size(), 10 * period))
     wiring.connect(normal_force, watch.GetInputPort("normal_force"))
     wiring.connect(position, watch.GetInputPort("position"))
 
 
 def check_filter(filtered: bool, feedback: Feedback, dither: DitherSettings | None) -> None:
-    """Raise an InvalidInputError if feedback or noise do not go with the filter, or its absence.
+    """Raise an InvalidInputError if feedback or dither does not fit the filter, or its absence.
 
     Args:
-        filtered: Whether the command goes through a filter.
-        feedback: Which arm the law sees.
-        dither: Excitation of the joints, if any.
+        filtered: Whether the command passes through a filter.
+        feedback: Arm that the law sees.
+        dither: Excitation of the joints; None for none.
     """
     if feedback == "unfiltered" and not filtered:
         raise InvalidInputError("feedback: unfiltered is for a loop with a filter; give one")
@@ -328,7 +335,7 @@ def _require_same_period(controller: Controller, filter: MovingAverage | None) -
 def _require_ahead(
     controller: Controller, reference: System | None, offered: Mapping[str, OutputPort]
 ) -> None:
-    """Raise an InvalidInputError if a law is shown another time ahead than it plans for."""
+    """Raise an InvalidInputError if a preview shows another time than the law plans for."""
     inputs, period = controller.reading.inputs, controller.period
     if "p_preview" in inputs and isinstance(reference, PathSource) and period is not None:
         ahead = reference.preview
@@ -366,7 +373,7 @@ def _require_offered(controller: Controller, offered: Mapping[str, OutputPort]) 
 def _require_task(
     controller: Controller, kinematics: Kinematics, task: str, offered: Mapping[str, OutputPort]
 ) -> None:
-    """Raise an InvalidInputError if the law is for another task than the kinematics' own."""
+    """Raise an InvalidInputError if the law is made for another task than the kinematics."""
     inputs = controller.reading.inputs.parts
     names = [name for name in inputs if offered[name].get_system() is kinematics]
 
@@ -380,7 +387,7 @@ def _require_task(
         return
     able = [name for name in TASKS if fits(Kinematics(kinematics.arm, name))]
     if not able:
-        return  # nothing to advise: the port that does not fit is named when it is connected
+        return  # fits no task: connecting the ports will name the one of the wrong size
     law = type(controller.law)
     takes_size = "task_size" in field_names(law)
     hint = f"; or give the law task_size={TASKS[task].size}" if takes_size else ""

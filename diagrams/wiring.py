@@ -1,4 +1,4 @@
-"""Named systems in a diagram, and connections whose sizes are checked."""
+"""Helpers that add named systems to a diagram and check port sizes when connecting them."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class Wiring:
     """A part of a diagram under construction.
 
     Args:
-        builder: Takes the systems.
-        prefix: Of the systems' names in ``builder``.
+        builder: Diagram builder that the systems are added to.
+        prefix: Prefix of the systems' names in ``builder``.
 
     Attributes:
         systems: Systems added so far, by name without the prefix.
@@ -40,7 +40,7 @@ class Wiring:
         """Connect two ports.
 
         Raises:
-            InvalidInputError: If they differ in size.
+            InvalidInputError: If the ports differ in size.
         """
         if output.size() != port.size():
             raise InvalidInputError(

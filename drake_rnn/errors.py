@@ -1,4 +1,4 @@
-"""What this package raises. Whoever catches DrakeRnnError catches all of it."""
+"""The exceptions that this package raises; catching `DrakeRnnError` catches all of them."""
 
 from __future__ import annotations
 
@@ -6,22 +6,22 @@ from typing import Any
 
 
 class DrakeRnnError(Exception):
-    """Base of all errors raised on purpose by this package."""
+    """Base class of all errors raised on purpose by this package."""
 
 
 class InvalidInputError(DrakeRnnError, ValueError):
-    """Something given is not what it may be; says which thing, its value and what it may be."""
+    """An invalid input; the message gives its name, its value and what it may be."""
 
 
 class SimulationError(DrakeRnnError, RuntimeError):
-    """A run could not go on.
+    """A run that could not continue.
 
     Attributes:
-        time: Simulated time at which it stopped [s].
-        result: The `drake_rnn.Result` that `drake_rnn.simulate` had until then, or None.
+        time: Simulated time at which the run stopped [s].
+        result: The `drake_rnn.Result` of `drake_rnn.simulate` up to that time, or None.
     """
 
-    # Errors stand below everything else: they do not import what raises them.
+    # Typed as Any, because this module must not import the modules that raise its errors.
     result: Any = None
 
     def __init__(self, message: str, time: float) -> None:
@@ -30,4 +30,4 @@ class SimulationError(DrakeRnnError, RuntimeError):
 
 
 class InterruptedRunError(SimulationError):
-    """A run was interrupted from the keyboard."""
+    """A run that was interrupted from the keyboard."""

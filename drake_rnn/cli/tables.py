@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from itertools import groupby
 from typing import Literal
 
 import numpy as np
@@ -32,22 +33,27 @@ _HEADER, _VALUE = 13, 40
 
 
 def experiments_table() -> Table:
-    """The shipped experiments."""
+    """Return a table of the shipped experiments, law by law."""
+    # Documents only: one of them is there to be refused.
+    documents = [
+        construct(ExperimentDocument, read_document(name), name) for name in shipped_experiments()
+    ]
+    documents.sort(key=lambda document: (str(document.law["kind"]), document.name))
     table = Table(box=SIMPLE_HEAD)
-    for column in ("name", "paper", "arm", "law", "level", "what to expect"):
+    for column in ("law", "name", "paper", "arm", "level", "what to expect"):
         table.add_column(column, overflow="fold", no_wrap=column in {"name", "arm", "law"})
-    for name in shipped_experiments():
-        # Not the whole of it: one is there to be refused.
-        document = construct(ExperimentDocument, read_document(name), name)
-        arm = document.arm
-        table.add_row(
-            name,
-            document.paper,
-            arm if isinstance(arm, str) else str(arm["model"]),
-            str(document.law["kind"]),
-            document.level,
-            document.expect,
-        )
+    for kind, group in groupby(documents, key=lambda document: str(document.law["kind"])):
+        for number, document in enumerate(group):
+            arm = document.arm
+            table.add_row(
+                kind if number == 0 else "",
+                document.name,
+                document.paper,
+                arm if isinstance(arm, str) else str(arm["model"]),
+                document.level,
+                document.expect,
+            )
+        table.add_section()
     return table
 
 

@@ -1,4 +1,4 @@
-"""What a tool is pressed against: as a spring, or as bodies in contact."""
+"""Surfaces that a tool is pressed against, modelled as a spring or as bodies in contact."""
 
 from .contact_model import ContactModel, TipMaterial
 from .elastic_surface import ElasticSurface

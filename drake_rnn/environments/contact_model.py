@@ -1,4 +1,4 @@
-"""What every environment has that is in contact with the tool of an arm with full dynamics."""
+"""The base class of surfaces made of bodies, for arms with full dynamics."""
 
 # No postponed annotations: see `surface`.
 from abc import ABC, abstractmethod
@@ -11,13 +11,13 @@ from .surface import Surface
 
 @validated
 class TipMaterial:
-    """The compliant ball of the tool; what is None stays as the arm's model says.
+    """Material of the tool's compliant ball; None keeps the value of the arm's model.
 
     Args:
-        hydroelastic_modulus: Pressure at full depth [Pa]. Not a stiffness: that depends on
-            radius, depth and mesh; measure it.
-        mesh_resolution: Edge of the ball's mesh [m].
-        dissipation: Hunt and Crossley's [s/m].
+        hydroelastic_modulus: Pressure at full depth [Pa]. It is not a stiffness, which depends on
+            radius, depth and mesh as well and has to be measured.
+        mesh_resolution: Edge length of the ball's mesh [m].
+        dissipation: Hunt-Crossley dissipation [s/m].
     """
 
     hydroelastic_modulus: Positive | None = None
@@ -31,10 +31,10 @@ class ContactModel(Surface, ABC):
 
     Args:
         normal, gap, believed_normal: See `Surface`.
-        standoff: From E's origin to the tool's outermost point towards the surface [m]; by
-            default that of the ball in the arm's model.
+        standoff: Distance from E's origin to the tool's outermost point towards the surface [m];
+            by default that of the ball in the arm's model.
         tip: Material of the tool's ball.
-        friction: Of ball and surface; None keeps what their models say.
+        friction: Friction coefficient of ball and surface; None keeps the values of their models.
     """
 
     standoff: NonNegative | None = None
@@ -43,9 +43,9 @@ class ContactModel(Surface, ABC):
 
     @abstractmethod
     def add_to(self, plant: MultibodyPlant, p_WS: Array) -> None:
-        """Add its bodies and geometry to a plant that is not yet finalized.
+        """Add the surface's bodies and geometry to a plant that is not yet finalized.
 
         Args:
-            plant: Registered with a SceneGraph.
-            p_WS: The point of the surface below the tool at the start, shape (3,) [m].
+            plant: Plant, registered with a SceneGraph.
+            p_WS: Point of the surface below the tool at the start, shape (3,) [m].
         """

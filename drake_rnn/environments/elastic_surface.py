@@ -1,4 +1,4 @@
-"""A surface that gives way like a spring."""
+"""A surface that acts like a spring."""
 
 # No postponed annotations: see `surface`.
 from typing import Literal
@@ -9,11 +9,11 @@ from .surface import Surface
 
 @validated
 class ElasticSurface(Surface):
-    """At the kinematic level: E's origin is met by a force proportional to how deep it is.
+    """A spring for the kinematic level: the force on E's origin is proportional to its depth.
 
     Args:
         normal, gap, believed_normal: See `Surface`.
-        stiffness: Force over depth [N/m].
+        stiffness: Force per depth [N/m].
     """
 
     kind: Literal["elastic_surface"] = "elastic_surface"

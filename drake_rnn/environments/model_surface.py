@@ -1,4 +1,4 @@
-"""A surface of the user's own."""
+"""A surface from a model file."""
 
 # No postponed annotations: see `surface`.
 from pathlib import Path
@@ -16,7 +16,7 @@ from .contact_model import ContactModel
 
 @validated
 class ModelSurface(ContactModel):
-    """A model file, placed so that its origin lies on the surface below the tool.
+    """A surface given by a model file; the model's origin lies on it, below the tool.
 
     Args:
         normal, gap, believed_normal: See `Surface`.
@@ -24,7 +24,7 @@ class ModelSurface(ContactModel):
         model: URDF, SDF or MJCF file. Its first body is welded to the world, so the file must
             leave it free; its collision geometry needs hydroelastic properties.
         rotation: Roll, pitch and yaw of the model in the base frame [rad].
-        offset: Of the model's origin, in the base frame [m].
+        offset: Offset of the model's origin, in the base frame, shape (3,) [m].
     """
 
     kind: Literal["model"] = "model"
@@ -41,7 +41,8 @@ class ModelSurface(ContactModel):
         """See `ContactModel.add_to`.
 
         Raises:
-            InvalidInputError: If the model cannot be read, or is not one that can be welded.
+            InvalidInputError: If the file cannot be read, does not hold exactly one model, or the
+                model has no body that can be welded.
         """
         parser = Parser(plant)
         parser.SetAutoRenaming(True)

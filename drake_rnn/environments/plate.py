@@ -1,4 +1,4 @@
-"""A rigid plate."""
+"""A rigid or compliant plate."""
 
 # No postponed annotations: see `surface`.
 from typing import Annotated, Literal
@@ -21,16 +21,16 @@ from .contact_model import ContactModel
 
 @validated
 class Plate(ContactModel):
-    """A plate with its middle below the tool, its upper face the surface.
+    """A square plate centred below the tool; its face towards the tool is the surface.
 
     Args:
         normal, gap, believed_normal: See `Surface`.
         standoff, tip: See `ContactModel`.
-        friction: Of ball and plate.
-        size: Length of its edges [m].
-        thickness: [m].
-        offset: Of its middle from below the tool, in the base frame [m].
-        hydroelastic_modulus: Of a compliant plate [Pa]; None for a rigid one.
+        friction: Friction coefficient of ball and plate.
+        size: Edge length [m].
+        thickness: Thickness [m].
+        offset: Offset of the centre along the plate, in the base frame, shape (3,) [m].
+        hydroelastic_modulus: Hydroelastic modulus of a compliant plate [Pa]; None for a rigid one.
     """
 
     kind: Literal["plate"] = "plate"
@@ -46,10 +46,14 @@ class Plate(ContactModel):
             raise ValueError(f"offset: must be along the plate; {off:.3g} m of it is a gap")
 
     def pose(self, p_WS: Array) -> RigidTransform:
-        """Of its middle, z along the normal, for a surface through ``p_WS``, shape (3,) [m]."""
+        """Return the pose of the plate's centre in the base frame, z along the normal.
+
+        Args:
+            p_WS: Point of the surface below the tool at the start, shape (3,) [m].
+        """
         n = self.normal_W
         R = RotationMatrix.MakeFromOneVector(n, 2)
-        # Edges along the base's axes where the plate is level.
+        # The edges of a level plate lie along the base's axes.
         if abs(n[2]) > 1.0 - 1e-12:
             R = RotationMatrix() if n[2] > 0.0 else RotationMatrix.MakeXRotation(np.pi)
         return RigidTransform(R, p_WS + self.offset - self.thickness / 2.0 * n)

@@ -1,6 +1,6 @@
-"""What every surface has that a tool may be pressed against."""
+"""The base class of all surfaces that a tool can be pressed against."""
 
-# No postponed annotations: older pydantic looks for inherited ones in the subclass's module.
+# No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
 import numpy as np
 from pydantic import Field
 
@@ -18,10 +18,11 @@ class Surface:
     """A plane below the tool.
 
     Args:
-        normal: Out of the surface, towards the tool, in the base frame; of any length.
+        normal: Normal out of the surface, towards the tool, in the base frame, shape (3,); of any
+            length.
         gap: Distance of the tool from the surface at the start, along the normal [m];
             negative for a tool that is pressed in.
-        believed_normal: What the law takes for the normal; by default the normal itself.
+        believed_normal: Normal that the law assumes, shape (3,); by default the true one.
     """
 
     normal: Point = Field(default_factory=_up)
@@ -33,7 +34,7 @@ class Surface:
             if vector is not None and not np.linalg.norm(vector) > 0.0:
                 raise ValueError(f"{name}: must point somewhere, not be {vector.tolist()}")
         if not self.believed_normal_W.dot(self.normal_W) > 0.0:
-            # Who presses the other way sees no force, and presses on.
+            # A law that presses the other way measures no force and keeps moving.
             raise ValueError(
                 "believed_normal: must be less than a right angle from the normal, "
                 f"{self.normal.tolist()}, not {np.asarray(self.believed_normal).tolist()}"
@@ -41,12 +42,12 @@ class Surface:
 
     @property
     def normal_W(self) -> Array:
-        """The normal, of length 1, shape (3,)."""
+        """Unit normal in the base frame, shape (3,)."""
         return np.asarray(self.normal / np.linalg.norm(self.normal))
 
     @property
     def believed_normal_W(self) -> Array:
-        """The normal that the law takes for true, of length 1, shape (3,)."""
+        """Unit normal that the law assumes, in the base frame, shape (3,)."""
         if self.believed_normal is None:
             return self.normal_W
         return np.asarray(self.believed_normal / np.linalg.norm(self.believed_normal))

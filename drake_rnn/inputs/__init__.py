@@ -1,1 +1,1 @@
-"""Arguments that check themselves, what is said of bad ones, and YAML documents."""
+"""Validated arguments, error messages for invalid ones, and YAML documents."""

@@ -1,4 +1,4 @@
-"""What is wrong with an argument, in one sentence: the key, its value and what it may be."""
+"""One-sentence messages about invalid arguments: the key, its value and what it may be."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from .dataclass_fields import field_names
 
 
 def sentence(cls: type, error: ValidationError, key: str) -> str:
-    """Of the first thing wrong; the rest is often its consequence.
+    """Return a message about the first error; the others often follow from it.
 
     Args:
-        cls: That was to be constructed.
-        error: Why it was not.
-        key: Where its values stand in a document; may be empty.
+        cls: Class that could not be constructed.
+        error: Error that pydantic raised.
+        key: Key of the values in a document; may be empty.
     """
     errors = _fitting(cls, error.errors(include_url=False))
-    # Behind a misspelt key there is often one that is missing.
+    # A misspelt key often makes another one missing: report the misspelt one.
     first = next((e for e in errors if e["type"] in _UNKNOWN_KEY), errors[0])
     place = _place(cls, first)
     keys = place.keys
@@ -37,18 +37,18 @@ def sentence(cls: type, error: ValidationError, key: str) -> str:
         return f"{where}: must be given"
     cause = first.get("ctx", {}).get("error")
     if isinstance(cause, InvalidInputError):
-        # It says itself which key is to blame.
+        # The message already names the invalid key.
         return str(cause)
-    # The members of a union that have been tried at this place.
+    # All members of a union that were tried at this place.
     tried = [first]
     if first["type"] != "value_error":
         tried = [e for e in errors if _place(cls, e).keys == keys]
     message = " or ".join(dict.fromkeys(_message(e) for e in tried)).replace(" or must be ", " or ")
     if cause is not None and re.match(r"\w+: ", message):
-        # A class names the field of its own that is wrong.
+        # The class itself named the invalid field.
         return f"{where}.{message}" if where else message
     prefix = f"{where}: " if where else ""
-    # Of an object as a whole, the message says what matters.
+    # A message about a whole object needs no value, and some messages already contain it.
     if (cause is not None and is_dataclass(place.type)) or ", not " in message:
         return prefix + message
     return f"{prefix}{message}, not {short(first['input'])}"
@@ -56,7 +56,7 @@ def sentence(cls: type, error: ValidationError, key: str) -> str:
 
 _UNKNOWN_KEY = {"unexpected_keyword_argument", "extra_forbidden"}
 _MISSING = {"missing", "missing_argument", "missing_keyword_only_argument"}
-# What pydantic says of a type, in the words of a YAML file.
+# Messages for pydantic's type errors, in the terms of a YAML file.
 _WORDS = {
     "bool_type": "must be true or false",
     "bool_parsing": "must be true or false",
@@ -71,7 +71,7 @@ _WORDS = {
     "string_type": "must be a text",
     "tuple_type": "must be a list",
 }
-# Of a member of a union: that another one was meant.
+# For a member of a union, these errors mean that another member was intended.
 _OF_ANOTHER_KIND = {*_WORDS, "is_instance_of", "literal_error"}
 
 
@@ -88,13 +88,13 @@ def _message(error: Any) -> str:
 
 
 class _Place(NamedTuple):
-    """Where in a document an error lies.
+    """Place of an error in a document.
 
     Attributes:
-        keys: That lead there.
-        within: The type that the last key belongs to.
-        type: Of the value there.
-        whole: Whether it is about the whole value, for one member of a union.
+        keys: Keys that lead there.
+        within: Type that the last key belongs to.
+        type: Type of the value there.
+        whole: Whether the error is about the whole value as one member of a union.
     """
 
     keys: list[str]
@@ -109,7 +109,7 @@ def _place(cls: type, error: Any) -> _Place:
     within, whole = at, False
     for step in error["loc"]:
         members = _members(at)
-        # Pydantic names the member of a union that it has tried; of None it says nothing.
+        # For a union, except X | None, pydantic adds the name of the member that it tried.
         whole = len(members) > 1
         if whole:
             at = _member(members, step)
@@ -121,7 +121,7 @@ def _place(cls: type, error: Any) -> _Place:
 
 
 def _fitting(cls: type, errors: list[Any]) -> list[Any]:
-    """The errors without those of a union's members that are for values of another kind."""
+    """Return the errors without those of union members intended for other kinds of values."""
 
     def misfit(error: Any) -> bool:
         return error["type"] in _OF_ANOTHER_KIND and _place(cls, error).whole
@@ -136,7 +136,7 @@ def _fitting(cls: type, errors: list[Any]) -> list[Any]:
 
 
 def _members(annotation: Any) -> list[Any]:
-    """The members of a union, but for None; of another type, itself."""
+    """Return the members of a union except None; for any other type, the type itself."""
     if get_origin(annotation) is Annotated:
         return _members(get_args(annotation)[0])
     if get_origin(annotation) not in {Union, UnionType}:
@@ -145,15 +145,18 @@ def _members(annotation: Any) -> list[Any]:
 
 
 def _member(members: list[Any], name: object) -> Any:
-    """The member that pydantic calls ``name``: a class by its own, others by what they are."""
-    # An annotation need not be a class, and then has no name.
+    """Return the union member that pydantic calls ``name``.
+
+    If no class has this name, it is the first member that is no dataclass.
+    """
+    # An annotation that is not a class may have no name.
     named = [member for member in members if getattr(member, "__name__", None) == name]
     return (named or [m for m in members if not is_dataclass(m)] or members)[0]
 
 
 def _inner(annotation: Any, step: object) -> Any:
-    """The type of what stands at ``step`` of a value; Any where that is not known."""
-    # Only classes that pydantic checks have them.
+    """Return the type of the value at ``step`` within a value; Any if it is not known."""
+    # Only classes that pydantic validates have this attribute.
     fields = getattr(annotation, "__pydantic_fields__", {})
     if step in fields:
         return fields[step].annotation
@@ -164,17 +167,23 @@ def _inner(annotation: Any, step: object) -> Any:
 
 
 def short(value: Any) -> str:
-    """``value`` in at most 60 characters."""
+    """Return ``value`` as a text of at most 60 characters."""
     try:
         text = repr(plain(value))
     except RecursionError:
-        # A YAML alias may stand within what it stands for.
+        # A YAML alias may refer to a value that contains it.
         text = f"a {type(value).__name__} within itself"
     return text if len(text) <= 60 else text[:57] + "..."
 
 
 def require_type(key: str, value: object, *kinds: type) -> None:
-    """Raise an InvalidInputError if ``value`` is of none of these classes."""
+    """Raise an InvalidInputError unless ``value`` is an instance of one of ``kinds``.
+
+    Args:
+        key: Name of the value in the message.
+        value: Value to check.
+        kinds: Classes that it may be of.
+    """
     if isinstance(value, kinds):
         return
     names = ["None" if kind is NoneType else kind.__name__ for kind in kinds]
@@ -183,13 +192,13 @@ def require_type(key: str, value: object, *kinds: type) -> None:
 
 
 def nearest(name: str, names: list[str]) -> str:
-    """What to try instead of ``name``: the closest of ``names``, or all of them."""
+    """Return a hint what to use instead of ``name``: the closest of ``names``, or all of them."""
     close = get_close_matches(name, names, n=3, cutoff=0.5)
     return "nearest: " + ", ".join(close) if close else "it may be " + ", ".join(names)
 
 
 def plain(value: Any) -> Any:
-    """``value`` with arrays as lists and NumPy numbers as Python's."""
+    """Return ``value`` with arrays as lists and NumPy numbers as Python numbers."""
     if isinstance(value, Mapping):
         return {key: plain(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):

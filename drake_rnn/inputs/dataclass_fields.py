@@ -6,12 +6,12 @@ from typing import Any
 
 
 def field_names(cls: type) -> tuple[str, ...]:
-    """Return the names of a dataclass's fields; none of another class."""
-    # What makes a class a dataclass is this attribute; others do not have it.
+    """Return the names of a dataclass's fields; an empty tuple for any other class."""
+    # Only dataclasses have this attribute.
     return tuple(getattr(cls, "__dataclass_fields__", ()))
 
 
 def fields_of(value: object) -> dict[str, Any]:
-    """Return the fields of a dataclass's object, by name."""
-    # By name, so that what copies or writes an object takes every field, future ones too.
+    """Return the fields of a dataclass object by name; an empty mapping for any other object."""
+    # Not listed one by one, so that code that copies or writes an object covers new fields too.
     return {name: getattr(value, name) for name in field_names(type(value))}

@@ -1,4 +1,4 @@
-"""YAML documents in and out, and objects made of them."""
+"""Reading and writing of YAML documents, and construction of objects from them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,15 @@ T = TypeVar("T")
 
 
 def parse_yaml(text: str, source: str) -> Any:
-    """Contents of a YAML 1.2 document; duplicate keys are refused."""
+    """Return the contents of a YAML 1.2 document.
+
+    Args:
+        text: The document.
+        source: Name of the document in messages.
+
+    Raises:
+        InvalidInputError: If it is not YAML or holds a key twice.
+    """
     try:
         return YAML(typ="safe", pure=True).load(text)
     except DuplicateKeyError as error:
@@ -37,10 +45,10 @@ def parse_yaml(text: str, source: str) -> Any:
 
 
 def read_yaml(file: Path) -> Any:
-    """Contents of a YAML 1.2 file.
+    """Return the contents of a YAML 1.2 file.
 
     Raises:
-        InvalidInputError: If it is missing, unreadable or holds a key twice.
+        InvalidInputError: If the file is missing, unreadable, not YAML, or holds a key twice.
     """
     try:
         text = file.read_text()
@@ -52,7 +60,7 @@ def read_yaml(file: Path) -> Any:
 
 
 def to_yaml(document: Mapping[str, Any]) -> str:
-    """YAML text of plain data and arrays; reading it gives the same numbers, bit for bit."""
+    """Return plain data and arrays as YAML; reading it gives the same numbers, bit for bit."""
     yaml = YAML()
     yaml.default_flow_style = None
     yaml.width = 100
@@ -62,7 +70,7 @@ def to_yaml(document: Mapping[str, Any]) -> str:
 
 
 def _quoted(value: Any) -> Any:
-    """``value`` with texts in quotes whose first sign may mean something else to YAML."""
+    """Return ``value`` with quotes around texts that YAML may misread by their first character."""
     if isinstance(value, dict):
         return {_quoted(key): _quoted(entry) for key, entry in value.items()}
     if isinstance(value, list):
@@ -73,10 +81,16 @@ def _quoted(value: Any) -> Any:
 
 
 def construct(cls: type[T], values: Any, key: str) -> T:
-    """An object of a validated class; ``key`` is where ``values`` stand in the document.
+    """Return an object of a validated class.
+
+    Args:
+        cls: The class.
+        values: Its arguments by name.
+        key: Key of the values in the document, for messages.
 
     Raises:
-        InvalidInputError: In one line: the key, the value and what it may be.
+        InvalidInputError: If a value is invalid; in one line, the key, the value and what it
+            may be.
     """
     if not isinstance(values, Mapping):
         raise InvalidInputError(f"{key}: must be a mapping of keys to values, not {values!r}")
@@ -87,10 +101,15 @@ def construct(cls: type[T], values: Any, key: str) -> T:
 
 
 def kind_of(document: Mapping[str, Any], kinds: Mapping[str, type], key: str) -> type:
-    """The class that a section's ``kind`` names, among ``kinds``.
+    """Return the class that a section's ``kind`` names.
+
+    Args:
+        document: The section.
+        kinds: Classes by their ``kind``.
+        key: Key of the section in the document, for messages.
 
     Raises:
-        InvalidInputError: If it names none.
+        InvalidInputError: If ``kind`` is missing or none of ``kinds``.
     """
     kind = document.get("kind")
     if kind is None:
@@ -103,5 +122,5 @@ def kind_of(document: Mapping[str, Any], kinds: Mapping[str, type], key: str) ->
 
 
 def without_kind(document: Mapping[str, Any]) -> dict[str, Any]:
-    """The rest of such a section."""
+    """Return a section without its ``kind``."""
     return {name: value for name, value in document.items() if name != "kind"}

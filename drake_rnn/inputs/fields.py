@@ -1,4 +1,4 @@
-"""Arguments that check themselves, in Python and in a YAML file alike."""
+"""Validated arguments, the same in Python and in a YAML file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 def _vector(value: Any) -> Array:
-    """A read-only copy, so that whoever holds it can rely on it."""
+    """Return a read-only copy of ``value`` as floats, so that it cannot change later."""
     if not isinstance(value, (list, tuple, np.ndarray)):
         raise ValueError("must be a list of numbers")
     try:
@@ -53,14 +53,14 @@ def _point(value: Any) -> Array:
 
 
 def zeros() -> Array:
-    """The default of a `Point`, read-only as any."""
+    """Return a read-only zero vector, shape (3,), the default of a `Point`."""
     return _point([0.0, 0.0, 0.0])
 
 
 Bounds = Annotated[Array, BeforeValidator(_vector)]
 Vector = Annotated[Array, BeforeValidator(_finite_vector)]
 Point = Annotated[Array, BeforeValidator(_point)]
-# Strict: true and "4" are no numbers, 4 is.
+# Strict: 4 is a number; true and "4" are not.
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(strict=True, ge=0, allow_inf_nan=False)]
@@ -75,9 +75,9 @@ def _example(cls: type) -> str:
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
 def validated(cls: type) -> type:
-    """A frozen, keyword-only dataclass whose fields are checked, unknown ones refused.
+    """Make ``cls`` a frozen, keyword-only dataclass that checks its fields and refuses others.
 
-    What is wrong is an `InvalidInputError` of one sentence.
+    Its constructor raises an `InvalidInputError` of one sentence for invalid arguments.
     """
     config = ConfigDict(extra="forbid", arbitrary_types_allowed=True)
     made = dataclass(frozen=True, eq=False, kw_only=True, config=config)(cls)

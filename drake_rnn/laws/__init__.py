@@ -1,4 +1,4 @@
-"""Neural dynamics, one scheme a file: arrays in, arrays out, no Drake."""
+"""Neural dynamics as functions of arrays, without Drake; one file per scheme."""
 
 from .joint_drift_free import JointDriftFree
 from .law import (

@@ -18,8 +18,8 @@ the network is
     \dot v = P(-\varrho J^T (\dot p - \dot p_d) + J^T \omega - \lambda Q c), \qquad
     \dot\omega = \eta (\ddot p_d - \dot J v - J J^T \omega - \delta d),
 
-where Q is I in GALJDF, I - J^+ J in NALJDF, and lambda = 0 in MAN. MOALJDF weights the torque
-tau = M v_dot + h, h being Coriolis and gravity terms, with zeta = 1 - alpha as well:
+where Q is I in GALJDF, I - J^+ J in NALJDF, and lambda = 0 in MAN. MOALJDF also weights the torque
+tau = M v_dot + h, where h holds the Coriolis and gravity terms, by zeta = 1 - alpha:
 
 .. math::
     \text{printed:} \quad & \dot v = P((I + \zeta M M)^{-1}
@@ -34,28 +34,29 @@ paper         here                meaning
 q             position            joint positions
 q_dot         v                   joint velocities (state)
 omega         omega               compensation of the acceleration (state)
-r, r_d        p_WE, p_WE_desired  end effector's position, and what it should be
-lambda        return_weight       of the drift index
+r, r_d        p_WE, p_WE_desired  end effector's position, actual and desired
+lambda        return_weight       weight of the drift index
 beta1, gamma1 return_beta, .._gamma  roots of the joints' return [1/s]
-beta2, gamma2 task_beta, .._gamma    of the position feedback [1/s]
-delta         position_gain       of the position feedback
-varrho        velocity_gain       of the gradient of the velocity error [1/(m^2 s)]
-eta           rate                of omega [1/(m^2 s)]
+beta2, gamma2 task_beta, .._gamma    roots of the position feedback [1/s]
+delta         position_gain       gain of the position feedback
+varrho        velocity_gain       gain of the gradient of the velocity error [1/(m^2 s)]
+eta           rate                rate of omega [1/(m^2 s)]
 nu            limits.acceleration largest joint acceleration [rad/s^2]
-alpha         alpha               weight of kinematics; 1 - alpha of the torque
+alpha         alpha               weight of the kinematics; 1 - alpha of the torque
 ============  ==================  ==============================================
 
 Corrected: (42) is not the optimality condition of (41): the projection is missing, the weight of
-the acceleration is alpha, not 1, and omega must answer for all of J v_dot, not for J J^T omega. The
-text calls alpha the weight of dynamics and zeta that of kinematics; they are the other way
-round. The errors' roots are negative: e'' + delta ((beta2 + gamma2) e' + beta2 gamma2 e) = 0.
+the acceleration is alpha, not 1, and omega must account for all of J v_dot, not for J J^T omega.
+The text calls alpha the weight of dynamics and zeta that of kinematics; it is the other way round.
+The roots of the errors are negative: e'' + delta ((beta2 + gamma2) e' + beta2 gamma2 e) = 0.
 
 Not in the paper:
-    ``composite_gain`` k_p adds it to the velocity error, -varrho J^T (e_dot + k_p e): without it,
-    and against Theorem 2, a position error decays with 1/varrho only, over minutes. The bound
-    P is a plain clip of which omega is not told: while it is active this is not the solution of
-    the quadratic program. J^+ is damped, J^T (J J^T + mu^2 I)^-1, so that it exists everywhere.
-    Initial v and omega are not given; they are zero here.
+    ``composite_gain`` k_p adds the position error to the velocity error,
+    -varrho J^T (e_dot + k_p e): without it, contrary to Theorem 2, a position error decays only
+    with 1/varrho, over minutes. The bound P is a plain clip that does not act on omega: while it
+    is active, the network does not solve the quadratic program. J^+ is damped,
+    J^T (J J^T + mu^2 I)^-1, so that it exists everywhere. The paper gives no initial v and omega;
+    here they are zero.
 """
 
 from __future__ import annotations
@@ -81,20 +82,20 @@ class JointDriftFree(ContinuousLaw):
     """MAN, GALJDF (19), NALJDF (29), and MOALJDF (43) as printed and corrected.
 
     Args:
-        scheme: Which of them.
-        limits: Acceleration limits of the joints; with ``bounds: all`` those of position and
-            velocity as well.
+        scheme: Name of the scheme; ``moaljdf`` is the corrected one.
+        limits: Acceleration limits of the joints; with ``bounds: all`` position and velocity
+            limits as well.
         home: Posture that the joints return to, shape (n,) [rad].
-        task_size: Rows of J.
-        return_weight: Of the drift index.
+        task_size: Number of rows of J.
+        return_weight: Weight of the drift index.
         return_beta, return_gamma: Roots of the joints' return [1/s].
         task_beta, task_gamma: Roots of the position feedback [1/s].
-        position_gain: Of the position feedback.
-        velocity_gain: Of the gradient of the velocity error [1/(m^2 s)].
-        composite_gain: Of the position error beside the velocity error [1/s].
-        rate: Of omega [1/(m^2 s)].
-        alpha: Weight of kinematics in MOALJDF, 0.995 by default; 1 - alpha is the torque's.
-        damping: Of the pseudoinverse [m].
+        position_gain: Gain of the position feedback.
+        velocity_gain: Gain of the gradient of the velocity error [1/(m^2 s)].
+        composite_gain: Gain of the position error added to the velocity error [1/s].
+        rate: Rate of omega [1/(m^2 s)].
+        alpha: Weight of the kinematics in MOALJDF, 0.995 by default; the torque's is 1 - alpha.
+        damping: Damping mu of the pseudoinverse [m].
         bounds: ``acceleration``, clipped as in the paper; or ``all``, which a sampled law
             keeps by braking in time.
     """
@@ -132,7 +133,7 @@ class JointDriftFree(ContinuousLaw):
         """Return the law itself.
 
         Raises:
-            InvalidInputError: If ``bounds`` is ``all``, which only a sampled law keeps.
+            InvalidInputError: If ``bounds`` is ``all``, which only a sampled law can keep.
         """
         if self.bounds == "all":
             raise InvalidInputError(
@@ -142,7 +143,7 @@ class JointDriftFree(ContinuousLaw):
         return super().continuous()
 
     def sampled(self, period: float) -> SampledReading:
-        """Return the law in implicit steps of second order, for any period."""
+        """Return a `TwoStep` of the law: implicit steps of second order, for any period."""
         return TwoStep(self)
 
     @cached_property
@@ -151,7 +152,7 @@ class JointDriftFree(ContinuousLaw):
 
     @property
     def weighs_torque(self) -> bool:
-        """Whether it needs the arm's dynamics."""
+        """Whether the scheme weights the torque and so needs the arm's dynamics."""
         return self.scheme.startswith("moaljdf")
 
     @cached_property
@@ -166,7 +167,7 @@ class JointDriftFree(ContinuousLaw):
 
     @cached_property
     def measured(self) -> dict[str, tuple[int, ...]]:
-        """Shapes of what it sees of the arm."""
+        """Shapes of the input signals that come from the arm, by name."""
         n, m = self.home.size, self.task_size
         shapes: dict[str, tuple[int, ...]] = {"position": (n,), "p_WE": (m,)}
         shapes |= {"J": (m, n), "Jdot_v": (m,)}
@@ -182,13 +183,14 @@ class JointDriftFree(ContinuousLaw):
         return Layout(**shapes, **own)
 
     def linear_form(self, u: Signals, q: Array, p_WE: Array, ahead: float = 0.0) -> LinearForm:
-        """The network at the posture q + ahead v, the end effector at p_WE + ahead J v.
+        """Return the network at posture q + ahead v and end-effector position p_WE + ahead J v.
 
         Args:
-            u: J, Jdot_v, the desired signals and, for MOALJDF, M, bias and gravity, of there.
+            u: J, Jdot_v, the desired signals and, for MOALJDF, M, bias and gravity, all at that
+                posture and time.
             q: Joint positions, shape (n,) [rad].
             p_WE: End effector's position, shape (m,) [m].
-            ahead: Time [s] after which q and p_WE have gone on with the v that is sought.
+            ahead: Time for which q and p_WE advance with the unknown v [s].
         """
         J = u["J"]
         gram = J.dot(J.T)
@@ -233,7 +235,7 @@ class JointDriftFree(ContinuousLaw):
     def _torque_weighted(
         self, u: Signals, a_v: Array, a_omega: Array, a_0: Array
     ) -> tuple[Array, Array, Array]:
-        """Rates of v that weigh the torque beside the acceleration: (43), printed or corrected."""
+        """Return a_v, a_omega and a_0 with the torque weighted: (43), printed or corrected."""
         n, m, alpha = self.home.size, self.task_size, self._kinematic_weight
         M, zeta = u["M"], 1.0 - alpha
         kept = alpha if self.scheme == "moaljdf" else 1.0
@@ -246,24 +248,31 @@ class JointDriftFree(ContinuousLaw):
         return a_v, a_omega, a_0[:, 0]
 
     def derivatives(self, t: float, x: Array, u: Signals) -> Array:
-        """Right-hand side of (19), (29) or (43)."""
+        """Return the right-hand side of (19), (29) or (43)."""
         demand, omega_dot = self._rates(x, u)
         return self.state.join(self.clipped(demand), omega_dot)
 
     def _rates(self, x: Array, u: Signals) -> tuple[Array, Array]:
-        """The accelerations asked for, and omega's rate, at one instant."""
+        """Return the demanded accelerations and the rate of omega at one instant."""
         v, omega = self.state.split(x)
         form = self.linear_form(u, u["position"], u["p_WE"])
         demand = form.a_v @ v + form.a_omega @ omega + form.a_0
         return demand, form.b_v @ v + form.b_omega @ omega + form.b_0
 
     def clipped(self, demand: Array) -> Array:
-        """Accelerations within their bounds, shape (..., n) [rad/s^2]."""
+        """Return the accelerations clipped to their bounds, shape (..., n) [rad/s^2]."""
         bound = self._bound
         return np.minimum(np.maximum(demand, -bound), bound)
 
     def bounded(self, demand: Array, q: Array, v: Array, period: float) -> Array:
-        """Accelerations within the bounds that ``bounds`` names, held for a period [rad/s^2]."""
+        """Return the accelerations clipped to what ``bounds`` allows, shape (n,) [rad/s^2].
+
+        Args:
+            demand: Demanded accelerations, shape (n,) [rad/s^2].
+            q: Joint positions, shape (n,) [rad].
+            v: Joint velocities, shape (n,) [rad/s].
+            period: Time for which the accelerations are held [s].
+        """
         if self.bounds == "acceleration":
             return self.clipped(demand)
         lower, upper = self.limits.acceleration_box(q, v, period)
@@ -282,7 +291,7 @@ class JointDriftFree(ContinuousLaw):
         return self.limits.require("acceleration", f"scheme: {self.scheme}")
 
     def caveats(self, metrics: Mapping[str, float]) -> list[str]:
-        """What makes the figures of a run differ from what the paper's theorems say."""
+        """Return the reasons why a run with these metrics may not obey the paper's theorems."""
         found = []
         saturated = metrics.get("saturated_fraction", 0.0)
         if saturated > 0.0:
@@ -321,12 +330,19 @@ class JointDriftFree(ContinuousLaw):
         else:
             instants = ({name: value[k] for name, value in u.items()} for k in range(len(x)))
             each = [self._rates(row, then)[0] for row, then in zip(x, instants, strict=True)]
-            # Of no instant at all, too.
+            # The reshape also handles a history without any instants.
             demand = np.array(each).reshape(v.shape)
         return self.observed(demand, self.clipped(demand), v, u)
 
     def observed(self, demand: Array, v_dot: Array, v: Array, u: Signals) -> Signals:
-        """What `observables` names, from the accelerations asked for and those allowed."""
+        """Return the signals of `observables`.
+
+        Args:
+            demand: Demanded accelerations, shape (..., n) [rad/s^2].
+            v_dot: Accelerations within the bounds, shape (..., n) [rad/s^2].
+            v: Joint velocities, shape (..., n) [rad/s].
+            u: Signals at the same instants.
+        """
         cut = (np.abs(v_dot - demand) > 1e-9).any(axis=-1, keepdims=True)
         seen: dict[str, Array] = {"acceleration_demand": demand, "saturated": cut.astype(float)}
         if self.weighs_torque:
@@ -335,7 +351,7 @@ class JointDriftFree(ContinuousLaw):
         return seen | {"velocity_error_predicted": self._velocity_error(v, u)}
 
     def _velocity_error(self, v: Array, u: Signals) -> Array:
-        """What the velocity error tends to, by Theorem 1, shape (..., m) [m/s]."""
+        """Return the limit of the velocity error by Theorem 1, shape (..., m) [m/s]."""
         J, error = u["J"], u["p_WE"] - u["p_WE_desired"]
         slip = np.einsum("...mn,...n->...m", J, v) - u["v_WE_desired"]
         d = (self.task_beta + self.task_gamma) * slip + self.task_beta * self.task_gamma * error

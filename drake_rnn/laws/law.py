@@ -1,8 +1,8 @@
-"""What a law is: neural dynamics as plain functions of arrays, without Drake.
+"""The base classes of all laws: neural dynamics as functions of arrays, without Drake.
 
-A scheme is a `Law`. A clock runs its sampled reading, Drake's integrators its continuous one; most
-laws are their own readings, and say so by the class they extend: `SampledLaw`, `ContinuousLaw`, or
-both.
+Each scheme is a `Law`. A controller runs one of its readings: the sampled one at a fixed period, or
+the continuous one with a Drake integrator. Most laws are their own readings and extend
+`SampledLaw`, `ContinuousLaw`, or both.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Layout:
     """The named parts of a flat vector, in order.
 
     Args:
-        parts: Name and shape of each part, e.g. ``v=(7,), J_hat=(3, 7)``.
+        parts: Shape of each part by name, e.g. ``v=(7,), J_hat=(3, 7)``.
     """
 
     def __init__(self, **parts: tuple[int, ...]) -> None:
@@ -42,43 +42,43 @@ class Layout:
         return name in self.parts
 
     def split(self, x: Array) -> list[Array]:
-        """Views of the parts of ``x``, shape (..., size), in order."""
+        """Return views of the parts of ``x``, shape (..., size), in order."""
         if x.ndim == 1:
-            # Read at every sample: flat parts need no reshaping.
+            # Called at every sample: reshaping only the parts that need it saves time.
             return [x[at] if len(s) == 1 else x[at].reshape(s) for at, s in self._places]
         lead = x.shape[:-1]
         return [x[..., at].reshape(lead + shape) for at, shape in self._places]
 
     def part(self, x: Array, name: str) -> Array:
-        """View of one part of ``x``, shape (..., size)."""
+        """Return a view of one part of ``x``, shape (..., size)."""
         at, shape = self.parts[name]
         return x[..., at].reshape(x.shape[:-1] + shape)
 
     def join(self, *values: Array) -> Array:
-        """The flat vector, shape (size,), of the given parts."""
+        """Return the flat vector of the given parts, shape (size,)."""
         return np.concatenate([value.ravel() for value in values])
 
 
 class Reading(ABC):
-    """What a controller runs: a state, the signals it sees, and the joint velocities it commands.
+    """The form of a law that a controller runs: a state, its inputs and the commanded velocity.
 
-    A reading holds its gains and never changes; what varies in time is the state, a flat vector
-    that the controller keeps.
+    A reading holds the gains and never changes. The state, a flat vector, is kept by the
+    controller.
     """
 
-    #: Drake's integration scheme one step of which integrates the command over a sample exactly:
-    #: Euler's for a velocity that is held, a higher one for a command that varies with time.
+    #: Name of the Drake scheme that integrates the command over a sample exactly in one step:
+    #: Euler's for a velocity that is held, one of higher order for a command that varies with time.
     integration_scheme = "explicit_euler"
 
     @property
     @abstractmethod
     def state(self) -> Layout:
-        """Parts of the state; ``v`` among them, the joint velocities it commands."""
+        """Parts of the state, including ``v``, the joint velocities that it commands."""
 
     @property
     @abstractmethod
     def inputs(self) -> Layout:
-        """Signals it sees, by port name. One without ``J`` is blind to the robot's structure."""
+        """Input signals, by port name; without ``J``, it does not know the robot's structure."""
 
     @property
     def observables(self) -> Layout:
@@ -91,23 +91,23 @@ class Reading(ABC):
         return self.integration_scheme == "explicit_euler"
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
-        """Return the state to start from, shape (state.size,): zero by default.
+        """Return the initial state, shape (state.size,); zero by default.
 
         Args:
-            rng: Carries the experiment's seed.
+            rng: Random generator with the experiment's seed.
             u: Signals at the start.
         """
         return np.zeros(self.state.size)
 
     def commanded_velocity(self, t: float, x: Array) -> Array:
-        """Return the commanded joint velocities, shape (n,) [rad/s]: of time and state alone."""
+        """Return the commanded joint velocities, shape (n,) [rad/s], from time and state alone."""
         return x[self._v]
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
-        """Return what to record beside the state, by name; nothing in the loop may use it.
+        """Return the observables, by name; they are recorded, and nothing in the loop may use them.
 
-        It is asked at one instant, or at many at once: then all arrays have a leading dimension,
-        and ``u`` holds the signals that follow from posture, path and time, not measured ones.
+        For many instants at once, all arrays have a leading dimension, and ``u`` holds signals
+        computed from posture, path and time, not measured ones.
         """
         return {}
 
@@ -117,7 +117,7 @@ class Reading(ABC):
 
 
 class SampledReading(Reading):
-    """A reading that a clock runs."""
+    """A reading that runs at a fixed sampling period."""
 
     @abstractmethod
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
@@ -125,8 +125,8 @@ class SampledReading(Reading):
 
         Args:
             t: Time of the sample [s].
-            x: State, shape (state.size,); must not be written to.
-            u: Signals seen at the sample.
+            x: State, shape (state.size,); must not be modified.
+            u: Signals at the sample.
             period: Time until the next sample [s].
         """
 
@@ -141,11 +141,11 @@ class ContinuousReading(Reading):
 
 @dataclass(frozen=True)
 class JointPreview:
-    """Desired joint positions that a law sees ahead of time, as ``position_preview``.
+    """Spacing and number of the future joint positions in a law's input ``position_preview``.
 
     Attributes:
-        interval: Time between two of them [s].
-        count: How many; the first is one interval ahead.
+        interval: Time between two positions [s].
+        count: Number of positions; the first is one interval ahead.
     """
 
     interval: float
@@ -153,12 +153,12 @@ class JointPreview:
 
 
 class Circumstances(NamedTuple):
-    """What a law may need to know of the loop it is to run in.
+    """Properties of the loop that a law is to run in.
 
     Attributes:
-        loop_delay: Delay of the filter between its command and what it sees [s]; 0 for none.
-        reference_is_delayed: Whether the desired position is delayed by as much.
-        pressing_force: Force the tool is to press with [N]; None without a contact.
+        loop_delay: Delay of the filter between the law's command and its inputs [s]; 0 for none.
+        reference_is_delayed: Whether the desired position is delayed by the same time.
+        pressing_force: Desired pressing force of the tool [N]; None without a contact.
     """
 
     loop_delay: float = 0.0
@@ -167,33 +167,38 @@ class Circumstances(NamedTuple):
 
 
 class Law(Reading):
-    """Neural dynamics of one scheme; the defaults are what most laws are."""
+    """Neural dynamics of one scheme; the defaults suit most laws."""
 
-    #: Whether its joint velocities scale with the speed of the path, so that `drake_rnn.fastest`
+    #: Whether the joint velocities scale with the speed of the path, so that `drake_rnn.fastest`
     #: may stretch the path in time.
     stays_on_path = False
-    #: Whether a part ``levels`` of its state holds derivatives of the joint positions, and not
-    #: signals that stand for them.
-    levels_are_derivatives = True
+
+    @property
+    def levels_are_derivatives(self) -> bool:
+        """Whether the part ``levels`` of its state, if any, holds derivatives of joint positions.
+
+        If not, it holds other signals that stand for them.
+        """
+        return True
 
     @property
     def loop_gains(self) -> Mapping[str, float]:
-        """Gains of the position feedback, by field [1/s]: a delay in the loop limits them.
+        """Gains of the position feedback, by field [1/s]; a delay in the loop limits them.
 
-        Empty if it is not known how the law takes a delay.
+        Empty if the effect of a delay on the law is not known.
         """
         return {}
 
     @property
     def joint_preview(self) -> JointPreview | None:
-        """Desired joint positions it sees ahead of time; None by default."""
+        """Future joint positions that the law needs as an input; None by default."""
         return None
 
     def sampled(self, period: float) -> SampledReading:
-        """Return the reading that a clock runs.
+        """Return the reading that runs at a fixed period.
 
         Args:
-            period: Time between two samples [s].
+            period: Sampling period [s].
 
         Raises:
             InvalidInputError: If the law cannot be sampled, or not at this period.
@@ -206,7 +211,7 @@ class Law(Reading):
         """Return the reading that Drake integrates.
 
         Raises:
-            InvalidInputError: If the law, with these arguments, is no differential equation.
+            InvalidInputError: If the law, with its arguments, is not a differential equation.
         """
         raise InvalidInputError(
             f"integrator: {type(self).__name__} is no differential equation; "
@@ -214,7 +219,7 @@ class Law(Reading):
         )
 
     def doubts(self, circumstances: Circumstances) -> list[str]:
-        """Return what a user should be warned of before a run.
+        """Return warnings to show before a run.
 
         Raises:
             InvalidInputError: If the law cannot run in these circumstances.
@@ -222,21 +227,21 @@ class Law(Reading):
         return []
 
     def caveats(self, metrics: Mapping[str, float]) -> list[str]:
-        """Return what a user should be warned of after a run with these metrics."""
+        """Return warnings to show after a run with these metrics."""
         return []
 
 
 class SampledLaw(Law, SampledReading):
-    """A law with a `step` of its own."""
+    """A law that implements `step`."""
 
     def sampled(self, period: float) -> SampledReading:
-        """Return the law itself; a law that cannot take any period overrides this."""
+        """Return the law itself; laws that do not accept every period override this."""
         return self
 
 
 class ContinuousLaw(Law, ContinuousReading):
-    """A law with `derivatives` of its own."""
+    """A law that implements `derivatives`."""
 
     def continuous(self) -> ContinuousReading:
-        """Return the law itself; a law that is not always continuous overrides this."""
+        """Return the law itself; laws that are not always continuous override this."""
         return self

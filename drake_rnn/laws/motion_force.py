@@ -1,10 +1,10 @@
-r"""Data-driven motion-force control: follow a path on a surface and press against it.
+r"""Data-driven motion-force control: the arm follows a path on a surface and presses against it.
 
 Source:
     "Data-driven motion-force control scheme for redundant manipulators: a kinematic
     perspective". RNN (19) knows the Jacobian, (21) and (22) learn it.
 
-At every instant the network seeks
+At every instant the network tracks the solution of
 
 .. math::
     \min_v \tfrac12 v^T v \quad \text{s.t.} \quad A J v = W, \quad H v = w_d, \quad
@@ -16,50 +16,50 @@ by the projected primal-dual dynamics
     \delta \dot v = -v + P(-J^T A^T \lambda_1 - H^T \lambda_2), \qquad
     \delta \dot\lambda_1 = A J v - W, \qquad \delta \dot\lambda_2 = H v - w_d,
 
-where A takes a velocity of the tip apart into what presses, along the surface's normal n, and
-what moves along the surface: P_n = n n^T and P_t = I - P_n, and
+where A splits the velocity of the tip into the part along the surface's normal n, which presses,
+and the part along the surface, with P_n = n n^T and P_t = I - P_n, and
 
 .. math:: W = A\,[P_t (\dot p_d + k (p_d - p)) + k\, e\, n], \qquad e = (F - F_d) / \eta
 
-is what is asked of it. ``jacobian: learned`` puts a learned J in the place of J.
+is the desired value of A J v. ``jacobian: learned`` replaces J by a learned Jacobian.
 
 ========  =======================  ==========================================
 paper     here                     meaning
 ========  =======================  ==========================================
 q         position                 joint positions
 q-dot     v                        joint velocities (state)
-lambda_1  multipliers              of the position's rows (state)
-lambda_2  orientation_multipliers  of the orientation's rows (state)
+lambda_1  multipliers              multipliers of the position rows (state)
+lambda_2  orientation_multipliers  multipliers of the orientation rows (state)
 J-tilde   J_hat                    learned Jacobian of the position (state)
 R         R_WE                     orientation, the tool's axes as columns
 f_b, f_d  normal_force(_desired)   pressing force, >= 0 [N]
-eta       stiffness                of the surface [N/m]
-delta     time_constant            of the network [s]
-k         gain                     of position and force [1/s]
-rho       rho                      of the learning [rad^2/s]
-alpha     limit_stiffness          how hard a position limit brakes [1/s]
+eta       stiffness                stiffness of the surface [N/m]
+delta     time_constant            time constant of the network [s]
+k         gain                     gain of position and force feedback [1/s]
+rho       rho                      time constant of the learning [rad^2/s]
+alpha     limit_stiffness          velocity per radian to a position limit [1/s]
 -         normal_WE                outward normal n of the surface
 ========  =======================  ==========================================
 
 Corrected:
-    (8) turns with R where its own columns ask for R^T; n is the surface's normal. (3) swaps
-    its bounds, (28a) repeats lambda_1. (21a) and (22a) use the true J^T in a scheme for an
-    unknown structure: ``jacobian: printed`` does so too; ``learned`` uses the learned one.
-    w = [b2, b3, c2, c3] (11) has rank 1 instead of 3 for a tool that points straight down:
-    ``orientation: printed`` drifts there. ``rotation`` takes the angular velocity instead,
+    (8) rotates by R, but its columns require R^T; n is the surface's normal. (3) has its
+    bounds swapped, and (28a) repeats lambda_1. (21a) and (22a) use the true J^T although the
+    structure is unknown: ``jacobian: printed`` does so too, ``learned`` uses the learned one.
+    w = [b2, b3, c2, c3] (11) has rank 1 instead of 3 for a tool that points straight down,
+    so ``orientation: printed`` drifts there. ``rotation`` uses the angular velocity instead,
     H = J_omega, with feedback of the rotation error.
 
 Not in the paper:
-    Dividing the force's rows by eta, so that A = [P_n; P_t], and merging the two multipliers
-    of each direction, which the joints cannot tell apart: ``form: normalised`` has three
-    multipliers for the paper's six and can be sampled at 1 kHz. The network's fastest mode
-    rings at eta |J| / (2 pi delta), several kHz for ``form: literal``, which takes substeps of
-    20 us. It also divides what is left of the force error by eta^2, at the price of them.
-    The paper knows F only as eta times what its own kinematics says the tip has sunk in,
-    ``force_feedback: assumed``; ``measured`` takes what a sensor says, and eta is then a gain:
-    integral control of the force, at the rate k K / eta of a contact of stiffness K.
-    `OnlineStiffness` learns it, ``approach_speed`` bounds how fast the tip is lowered, and
-    `ContactLoss` says what to do without contact.
+    ``form: normalised`` divides the force rows by eta, so that A = [P_n; P_t], and merges the
+    two multipliers of each direction, which have the same effect on the joints. It has three
+    multipliers instead of the paper's six and can be sampled at 1 kHz. The network's fastest
+    mode oscillates at eta |J| / (2 pi delta), several kHz for ``form: literal``, which
+    therefore takes substeps of 20 us; in return, its remaining force error is smaller by a
+    factor of eta^2. The paper computes F as eta times the depth of the tip according to its
+    own kinematics, ``force_feedback: assumed``. ``measured`` uses a sensor, and eta then acts
+    as a gain: integral control of the force, with the rate k K / eta for a contact of
+    stiffness K. `OnlineStiffness` learns eta, ``approach_speed`` bounds the speed along the
+    normal, and `ContactLoss` defines the reaction to a lost contact.
 """
 
 from __future__ import annotations
@@ -95,23 +95,23 @@ _MOST_SUBSTEPS = 1000
 
 @validated
 class MotionForce(SampledLaw, ContinuousLaw):
-    """RNN (19), (21) or (22), and what a real contact asks for beside it.
+    """RNN (19), (21) or (22), with extensions for a real contact.
 
     Args:
-        limits: Of positions and velocities.
-        stiffness: Of the surface [N/m], assumed, or learned.
-        jacobian: ``known``; ``learned``; or ``printed``: learned, but for J^T in (22a).
-        J_hat_initial: Of a learned Jacobian: ``zero``, or the true one, ``exact``.
-        rho: How slowly it is learned [rad^2/s].
-        gain: Of position and force error [1/s].
+        limits: Position and velocity limits of the joints.
+        stiffness: Stiffness of the surface [N/m], or an `OnlineStiffness` that learns it.
+        jacobian: ``known``; ``learned``; or ``printed``, learned except for J^T in (22a).
+        J_hat_initial: Initial value of a learned Jacobian: ``zero``, or ``exact``, the true one.
+        rho: Time constant of the learning [rad^2/s].
+        gain: Gain of the position and force feedback [1/s].
         orientation: ``rotation``, or the paper's ``printed``.
-        orientation_gain: Of the rotation error [1/s]; not used by ``printed``.
+        orientation_gain: Gain of the rotation error [1/s]; not used by ``printed``.
         form: ``normalised``, or the paper's ``literal``.
         force_feedback: ``measured``, or the paper's ``assumed``.
-        approach_speed: Largest speed along the normal that is asked for [m/s]; None for any.
-        contact_loss: What to do without contact; None: go on.
-        time_constant: Of the network [s].
-        limit_stiffness: How hard a joint brakes before its position limit [1/s].
+        approach_speed: Largest commanded speed along the normal [m/s]; None for no bound.
+        contact_loss: Reaction to a lost contact; None to ignore it.
+        time_constant: Time constant of the network [s].
+        limit_stiffness: Velocity allowed per radian left to a position limit [1/s].
     """
 
     kind: Literal["motion_force"] = "motion_force"
@@ -158,7 +158,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
 
     @cached_property
     def _assumed_stiffness(self) -> float:
-        """The stiffness that is given [N/m], for the forms that refuse to learn it."""
+        """The given stiffness [N/m], for options with which it cannot be learned."""
         assert isinstance(self._surface, FixedStiffness)
         return self._surface.value
 
@@ -229,7 +229,8 @@ class MotionForce(SampledLaw, ContinuousLaw):
         """Return the law itself.
 
         Raises:
-            InvalidInputError: If it learns the stiffness or watches the contact, sample by sample.
+            InvalidInputError: If ``stiffness`` is learned or ``contact_loss`` is given; both are
+                updated sample by sample.
         """
         for name in ("stiffness", "contact"):
             if name in self.state:
@@ -243,7 +244,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
         """Return the law itself.
 
         Raises:
-            InvalidInputError: If its feedback would overshoot at this period [s], or its network
+            InvalidInputError: If the feedback would overshoot at this period, or the network
                 would take too many substeps.
         """
         gains = {"gain": self.gain, "orientation_gain": self.orientation_gain}
@@ -251,7 +252,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
         scale, key = 1.0, "time_constant"
         if self.form == "literal":
             scale, key = max(1.0, self._assumed_stiffness), "form"
-        # Of a Jacobian of norm 2.
+        # Estimated for a Jacobian of norm 2.
         count = substeps(period, 2.0 * scale, self.time_constant)
         if count > _MOST_SUBSTEPS:
             raise InvalidInputError(
@@ -262,7 +263,8 @@ class MotionForce(SampledLaw, ContinuousLaw):
         return super().sampled(period)
 
     def derivatives(self, t: float, x: Array, u: Signals) -> Array:
-        """Right-hand side of (19), (21) or (22)."""
+        """Return the right-hand side of (19), (21) or (22)."""
+        self.continuous()  # refuses a law that is not
         J_hat = self.state.part(x, "J_hat") if self._learns else u["J"]
         z_dot = self._network(x, u, J_hat).rate(x[: self._dual_end])
         if not self._learns:
@@ -271,7 +273,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
         return np.concatenate((z_dot, rate.ravel()))
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
-        """Learning exactly, with its inputs held; then the network by a Runge-Kutta method."""
+        """Integrate the learning exactly, with its inputs held; then the network by Runge-Kutta."""
         x = self._learn(x, u, period)
         J_hat = self.state.part(x, "J_hat") if self._learns else u["J"]
         z = self._network(x, u, J_hat).after(x[: self._dual_end], period)
@@ -300,10 +302,11 @@ class MotionForce(SampledLaw, ContinuousLaw):
         return told
 
     def doubts(self, circumstances: Circumstances) -> list[str]:
-        """Return nothing.
+        """Return no warnings.
 
         Raises:
-            InvalidInputError: If the force is so small that contact counts as lost at once.
+            InvalidInputError: If the pressing force is not above ``contact_loss.floor`` and would
+                count as no contact.
         """
         loss, force = self.contact_loss, circumstances.pressing_force
         if loss is not None and force is not None and loss.floor >= force:
@@ -322,12 +325,13 @@ class MotionForce(SampledLaw, ContinuousLaw):
                 "orientation is not held; see orientation: rotation"
             )
         if self.contact_loss is not None and "contact_lost_time_s" in metrics:
-            found.append(f"law.contact_loss: without contact, {self.contact_loss.reaction}")
+            does = {"hold": "holds still", "retreat": "retreats"}[self.contact_loss.reaction]
+            found.append(f"law.contact_loss: without contact the end effector {does}")
         return found
 
     @cached_property
     def _known(self) -> slice:
-        """Where the state holds what is learned of the stiffness."""
+        """Place of the learned stiffness in the state; empty if it is not learned."""
         return self.state.parts["stiffness"][0] if self._learns_stiffness else slice(0, 0)
 
     @cached_property
@@ -335,7 +339,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
         return self.state.parts["orientation_multipliers"][0].stop
 
     def _learn(self, x: Array, u: Signals, period: float) -> Array:
-        """The state with what a sample teaches: Jacobian, stiffness, contact."""
+        """Return the state with Jacobian, stiffness and contact updated from one sample."""
         feels = "stiffness" in self.state or "contact" in self.state
         if not (self._learns or feels):
             return x
@@ -348,7 +352,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
         return x
 
     def _feel(self, x: Array, u: Signals, period: float) -> None:
-        """Update what a force tells of the surface, in place."""
+        """Update stiffness and contact from the measured force, in place."""
         force, desired = float(u["normal_force"][0]), float(u["normal_force_desired"][0])
         if self._learns_stiffness:
             known = self.state.part(x, "stiffness")
@@ -359,7 +363,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
             contact[:] = self.contact_loss.update(contact, force, desired, period)
 
     def _network(self, x: Array, u: Signals, J_hat: Array) -> PrimalDual:
-        """What does not change within a sample."""
+        """Return the network with its inputs held for one sample."""
         J_drive = J_hat if self.jacobian == "learned" else u["J"]
         rows, drive = self._rows(J_hat, J_drive, u)
         wanted = self._tip_velocity(x, u)
@@ -373,7 +377,13 @@ class MotionForce(SampledLaw, ContinuousLaw):
         return PrimalDual(drive, rows, aims, lower, upper, self.time_constant)
 
     def _rows(self, J_sense: Array, J_drive: Array, u: Signals) -> tuple[Array, Array]:
-        """[A J; H] with the Jacobian that is believed, and with that which drives the joints."""
+        """Return [A J; H] for the constraints, with J_sense, and for the drive, with J_drive.
+
+        Args:
+            J_sense: Jacobian that predicts the tip's velocity, shape (..., 3, n).
+            J_drive: Jacobian by which the multipliers drive the joints, shape (..., 3, n).
+            u: Signals at the sample.
+        """
         H = self._orientation_rows(u)
         A = self._split(u) if self.form == "literal" else None
 
@@ -387,7 +397,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
         J_omega = u["J_omega"]
         if self.orientation == "rotation":
             return J_omega
-        # The columns b and c of R turn with the angular velocity: b' = omega x b.
+        # The columns b and c of R rotate with the angular velocity: b' = omega x b.
         turned = [
             np.cross(J_omega, u["R_WE"][..., :, axis, np.newaxis], axis=-2)[..., 1:, :]
             for axis in (1, 2)
@@ -395,13 +405,13 @@ class MotionForce(SampledLaw, ContinuousLaw):
         return np.concatenate(turned, axis=-2)
 
     def _split(self, u: Signals) -> Array:
-        """A of (9), shape (..., 6, 3)."""
+        """Return A of (9), shape (..., 6, 3)."""
         n = u["normal_WE"]
         P_n = n[..., :, np.newaxis] * n[..., np.newaxis, :]
         return np.concatenate((self._assumed_stiffness * P_n, np.eye(3) - P_n), axis=-2)
 
     def _tip_velocity(self, x: Array, u: Signals) -> Array:
-        """What is asked of the tip, shape (3,) [m/s]."""
+        """Return the desired velocity of the tip, shape (3,) [m/s]."""
         n = u["normal_WE"]
         if self.contact_loss is not None:
             contact = self.state.part(x, "contact")

@@ -1,16 +1,16 @@
-r"""Null-space adjustment: the arm goes to a target posture, the end effector held by feedback.
+r"""Null-space adjustment: the arm moves to a target posture while feedback holds the end effector.
 
-Not in any paper: what state adjustment (see `state_adjustment`) comes to when its network has
-settled, and what it lacks added, a feedback of the end effector's position. Without it, what a
-sampled law loses in every sample is lost for good. Per sample
+Not in any paper: the equilibrium of the network of state adjustment (see `state_adjustment`), plus
+feedback of the end effector's position. Without this feedback the errors that a sampled law makes
+in each sample would never be corrected. At each sample
 
 .. math::
     v = J^+ k (p_d - p) - S(t)\, r\, (I - J^+ J)(q - q_d), \qquad
     J^+ = J^T (J J^T + \mu^2 I)^{-1},
 
-where S rises smoothly from 0 to 1: the pull sets in, rather than the bounds opening. Joints that
-would leave their bounds are held at them, the worst first, and the others make up for them;
-where too few are left, the whole motion is slowed.
+where S rises smoothly from 0 to 1: the pull is ramped, not the bounds. Joints that would exceed
+their bounds are held at them, the worst first, and the others compensate; where too few are left,
+the whole motion is slowed down.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ from .posture_law import PostureLaw
 
 @validated
 class NullSpaceAdjustment(PostureLaw):
-    """A sampled law without memory; its state is the velocity it asks for.
+    """A sampled law without memory; its state is the commanded velocity.
 
-    It holds a point and does not track one: there is no feed-forward in it.
+    It holds a fixed point and does not track a moving one, because it has no feed-forward.
 
     Args:
         target, limits, rate, limit_stiffness, task_size: See `PostureLaw`.
-        ramp_time: Time over which the pull towards the target sets in [s].
-        feedback: Of the end effector's displacement [1/s].
-        damping: Of the pseudoinverse [m]; small beside the singular values of J.
+        ramp_time: Time over which the pull towards the target rises [s].
+        feedback: Gain of the feedback of the end effector's displacement [1/s].
+        damping: Damping mu of the pseudoinverse [m]; small compared to the singular values of J.
     """
 
     kind: Literal["null_space_adjustment"] = "null_space_adjustment"
@@ -67,9 +67,9 @@ class NullSpaceAdjustment(PostureLaw):
         return Layout(velocity_lower=(n,), velocity_upper=(n,), saturated=(1,))
 
     def velocity_box(self, t: float | Array, q: Array) -> tuple[Array, Array]:
-        """Velocities allowed at time ``t``: lower and upper, shape (..., n) [rad/s].
+        """Return the velocities allowed at time ``t``: lower and upper, shape (..., n) [rad/s].
 
-        A joint that starts outside its limits is brought back as the pull sets in.
+        A joint that starts outside its limits is brought back gradually, like the pull.
         """
         lower, upper = self.limits.velocity_box(q, self.limit_stiffness)
         share = np.asarray(smooth_rise(t, self.ramp_time))[..., np.newaxis]
@@ -96,7 +96,7 @@ class NullSpaceAdjustment(PostureLaw):
     def _bounded(
         self, J: Array, task_velocity: Array, pull: Array, lower: Array, upper: Array
     ) -> Array:
-        """Nearest to ``pull`` of the velocities that bring about ``task_velocity``."""
+        """Return the velocities within bounds, nearest to ``pull``, that give ``task_velocity``."""
         m, n = J.shape
         damping = self.damping**2 * np.eye(m)
         free = np.ones(n)
@@ -113,7 +113,7 @@ class NullSpaceAdjustment(PostureLaw):
                 break
             free[worst] = 0.0
             held[worst] = min(max(v[worst], lower[worst]), upper[worst])
-        # From the velocity nearest to rest towards that one, as far as all bounds admit.
+        # Go from the allowed velocity nearest to rest towards v, as far as all bounds permit.
         rest = np.minimum(np.maximum(0.0, lower), upper)
         change = v - rest
         room = np.where(change > 0, upper - rest, rest - lower)

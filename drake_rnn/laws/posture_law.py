@@ -1,6 +1,6 @@
-"""What laws that seek a posture while the end effector stays have in common."""
+"""The base class of laws that move to a target posture while the end effector stays in place."""
 
-# No postponed annotations: older pydantic looks for inherited ones in the subclass's module.
+# No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
 from typing import Literal
 
 from ..inputs.fields import Positive, Vector, validated
@@ -14,11 +14,11 @@ class PostureLaw(SampledLaw):
     """A law with a target posture.
 
     Args:
-        target: Posture to reach, shape (n,) [rad].
+        target: Target posture, shape (n,) [rad].
         limits: Position and velocity limits of the joints.
-        rate: Speed of convergence to the target [1/s].
+        rate: Rate of convergence to the target [1/s].
         limit_stiffness: Velocity allowed per radian left to a position limit [1/s].
-        task_size: Rows of J, all of which are held; of 6 the first three are rotation.
+        task_size: Number of rows of J, all of them held; of 6 rows the first three are rotation.
     """
 
     target: Vector
@@ -37,14 +37,14 @@ class PostureLaw(SampledLaw):
 
     @property
     def rates(self) -> dict[str, float]:
-        """What a period must be shorter than the inverse of, by key [1/s]."""
+        """Rates by key [1/s]; the sampling period must be below the inverse of each."""
         return {"rate": self.rate, "limit_stiffness": self.limit_stiffness}
 
     def sampled(self, period: float) -> SampledReading:
         """Return the law itself.
 
         Raises:
-            InvalidInputError: If it would overshoot at this period [s].
+            InvalidInputError: If the law would overshoot at this period.
         """
         check_sampling_rate(period, self.rates)
         return super().sampled(period)

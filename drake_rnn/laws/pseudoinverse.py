@@ -1,11 +1,12 @@
-r"""The pseudoinverse with feed-forward: what one would do without a network.
+r"""The pseudoinverse with feed-forward: the usual method, without a network.
 
 .. math::
     v = J^+ \left( \frac{p_d(t + h) - p_d(t)}{h} + k (p_d - p) \right), \qquad
     J^+ = J^T (J J^T + \mu^2 I)^{-1}.
 
-Its feed-forward is the secant of the desired positions over the sample for which v is held: with
-the derivative instead, the error of a fast path is several times as large. It knows of no bounds.
+The feed-forward is the secant of the desired positions over the sample for which v is held; with
+the derivative instead, the error on a fast path is several times as large. Joint limits are
+ignored.
 """
 
 from __future__ import annotations
@@ -23,14 +24,14 @@ from .parts.sampling_rate import check_sampling_rate
 
 @validated
 class Pseudoinverse(SampledLaw):
-    """A sampled law without memory; its state is the velocity it asks for.
+    """A sampled law without memory; its state is the commanded velocity.
 
     Args:
-        limits: Of the joints; it takes only their number from them.
-        task_size: Rows of J.
-        feedback: Of the position error [1/s].
-        feed_forward: Whether the path's own velocity is asked for as well.
-        damping: Of the pseudoinverse [m].
+        limits: Joint limits; only the number of joints is used.
+        task_size: Number of rows of J.
+        feedback: Gain of the position feedback [1/s].
+        feed_forward: Whether the velocity of the path is added.
+        damping: Damping mu of the pseudoinverse [m].
     """
 
     kind: Literal["pseudoinverse"] = "pseudoinverse"
@@ -60,7 +61,7 @@ class Pseudoinverse(SampledLaw):
         """Return the law itself.
 
         Raises:
-            InvalidInputError: If its feedback would overshoot at this period [s].
+            InvalidInputError: If the feedback would overshoot at this period.
         """
         check_sampling_rate(period, self.loop_gains)
         return super().sampled(period)

@@ -1,30 +1,31 @@
-r"""A receding horizon for a chain of five integrators: six bounds held at every instant.
+r"""A receding horizon for a chain of five integrators, with six bounds held at every instant.
 
-For each joint, every ``interval`` h anew, over the next H intervals,
+For each joint, once per ``interval`` h, it solves over the next H intervals
 
 .. math::
     \min \sum_{k=1}^H (q(t + k h) - q_d(t + k h))^2
         + w \sum_{k=0}^{H-1} (u_k / b_5)^2, \qquad |q^{(i)}| \le b_i, \quad
     q_- \le q \le q_+, \quad \text{at rest from } t + H h \text{ on},
 
-where the fifth derivative, u_k, is constant over each interval. Beyond the paper, whose recursive
-network bounds only its highest level.
+where the fifth derivative, u_k, is constant over each interval. This goes beyond the paper of the
+`recursive` network, which bounds only its highest level.
 
-A joint that moves so is a quintic spline with equal knots, and the unknowns are its coefficients
-c_0 .. c_H. With D the differences of neighbours, the coefficients of the i-th derivative are
-D^i c / h^i, and a spline lies between the least and the largest of its coefficients. Hence bounds
-on these hold at every instant, not at samples only. They are stricter than need be by no more than
-h^2 b_{i+2} / 4 or so. c_0 .. c_4 are where the joint is now; from c_H on they are all equal, for
-there it rests. A plan that is shifted by one interval is a plan again, made of the same numbers:
-there is always one that holds all bounds, and where the solver finds none, that one is followed.
+Such a motion is a quintic spline with equally spaced knots; the unknowns are its coefficients
+c_0 .. c_H. With D the difference of neighbours, the coefficients of the i-th derivative are
+D^i c / h^i. A spline lies between its smallest and its largest coefficient, so bounds on the
+coefficients hold at every instant, not only at samples. They are stricter than necessary by at most
+about h^2 b_{i+2} / 4. c_0 .. c_4 give the present state of the joint; from c_H on all coefficients
+are equal, because the joint is at rest there. A plan shifted by one interval is again a plan, with
+the same coefficients. So there is always a plan that holds all bounds, and it is kept where the
+solver finds no other.
 
 The program is solved by a primal-dual method with Mehrotra's corrector, for all joints at once,
 from the shifted plan. The normal matrix has five diagonals on each side, and its entries are linear
-in the weights. Some ten iterations do; OSQP did not converge in 20000. PIQP would be as fast, at
-the price of a dependency; Drake's Clarabel takes some four times as long.
+in the weights. About ten iterations suffice; OSQP did not converge in 20000. PIQP would be as fast
+but add a dependency; Drake's Clarabel takes about four times as long.
 
-Not modelled: the plan is followed from the instant at which it is made, and where the joints are
-measured to be is not fed back. ``slip`` tells how far they are from the plan.
+The time to compute a plan is not modelled, and the measured joint positions are not fed back;
+``slip`` is their deviation from the plan.
 """
 
 from __future__ import annotations
@@ -43,28 +44,27 @@ from .law import JointPreview, Layout, SampledLaw, SampledReading, Signals
 from .parts.horizon_program import HorizonProgram
 from .parts.quintic_spline import EXPONENTS, FACTORS, ORDER, PIECE
 
-# When the plan was made, before there is one [s].
+# Value of ``since`` before the first plan [s].
 _NEVER = -1.0
 
 
 @validated
 class RecedingHorizon(SampledLaw):
-    """A sampled law that follows ``position_preview`` as closely as six bounds let it.
+    """A sampled law that follows ``position_preview`` as closely as six bounds allow.
 
-    Its state is v and the ``levels`` above, acceleration to crackle, at the end of the present
-    sample; the ``plan``, coefficients of the spline that began at the time ``since``; and, of each
-    joint, in how many intervals the plan before was kept, as ``fallbacks``.
+    The state holds v and the ``levels`` above it, acceleration to crackle, at the end of the
+    present sample; the ``plan``, coefficients of the spline that began at time ``since``; and
+    ``fallbacks``, for each joint the number of intervals in which the previous plan was kept.
 
     ``position_preview`` holds the desired joint positions at the ends of the next ``horizon``
-    intervals, shape (horizon, n) [rad]; what of it lies beyond the position limits counts as
-    at the limit.
+    intervals, shape (horizon, n) [rad]; they are clipped to the position limits.
 
     Args:
-        limits: Of the joint positions and of all five derivatives; all finite.
-        interval: Between two plans [s]; a multiple of the period.
-        horizon: Intervals a plan looks ahead.
-        effort: Weight of crackle, as a share of its bound [rad^2].
-        margin: Share of the bounds of the derivatives that a plan may use.
+        limits: Limits of the joint positions and of all five derivatives; all finite.
+        interval: Time between two plans [s]; a multiple of the sampling period.
+        horizon: Number of intervals that a plan covers.
+        effort: Weight w of the crackle relative to its bound [rad^2].
+        margin: Fraction of the derivatives' bounds that a plan may use.
     """
 
     kind: Literal["receding_horizon"] = "receding_horizon"
@@ -74,9 +74,9 @@ class RecedingHorizon(SampledLaw):
     effort: Positive = 1e-6
     margin: Annotated[float, Field(strict=True, gt=0, le=1)] = 0.998
 
-    # The command is a quartic in time. Over a period h of 10 ms Simpson's rule, of third order, is
-    # wrong by b_5 h^5 / 2880, below 1e-14 rad; the trapezoidal rule, of second order, by up to
-    # h^2 b_2 / 12, some 1e-6 rad.
+    # The command is a quartic in time. Over a period h of 10 ms the error of Simpson's rule (third
+    # order) is b_5 h^5 / 2880, below 1e-14 rad; that of the trapezoidal rule (second order) is up
+    # to h^2 b_2 / 12, about 1e-6 rad.
     integration_scheme = "runge_kutta3"
 
     def __post_init__(self) -> None:
@@ -115,7 +115,7 @@ class RecedingHorizon(SampledLaw):
         """Return the law itself.
 
         Raises:
-            InvalidInputError: Unless the interval is a multiple of ``period`` [s].
+            InvalidInputError: If ``interval`` is not a multiple of the period.
         """
         samples = self.interval / period
         if round(samples) < 1 or abs(samples - round(samples)) > 1e-6:
@@ -125,10 +125,10 @@ class RecedingHorizon(SampledLaw):
         return super().sampled(period)
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
-        """At rest where the joints are.
+        """Return the state at rest at the present joint positions.
 
         Raises:
-            InvalidInputError: If they are outside their position limits, or known to move.
+            InvalidInputError: If the joints are outside their position limits, or known to move.
         """
         q = u["position"]
         if (self.limits.violation(q) > 0.0).any():
@@ -166,11 +166,16 @@ class RecedingHorizon(SampledLaw):
         plan, since, n = self._places
         first = x[plan.start : plan.start + (ORDER + 1) * n].reshape(ORDER + 1, n)
         velocity: Array = self._derivatives(t - x[since.start])[1] @ first
-        # Before the first sample there is no plan, and the joints rest.
+        # Before the first sample there is no plan, and the joints are at rest.
         return velocity if x[since.start] != _NEVER else np.zeros(n)
 
     def planned_position(self, t: float | Array, x: Array) -> Array:
-        """Joint positions at ``t``, within the plan's first interval, shape (..., n) [rad]."""
+        """Return the planned joint positions, shape (..., n) [rad].
+
+        Args:
+            t: Time within the plan's first interval [s].
+            x: State, shape (..., state.size).
+        """
         plan, since = self.state.part(x, "plan"), self.state.part(x, "since")[..., 0]
         tau = np.where(since == _NEVER, 0.0, t - since)
         powers = (tau[..., np.newaxis] / self.interval) ** np.arange(ORDER + 1)
@@ -187,7 +192,7 @@ class RecedingHorizon(SampledLaw):
 
     @cached_property
     def _bounds(self) -> Array:
-        """Of the five derivatives, shape (5, n)."""
+        """Bounds of the five derivatives, shape (5, n) [rad/s .. rad/s^5]."""
         return np.array([self.limits.require(name, "its level") for name in DERIVATIVE_UNITS])
 
     @cached_property
@@ -197,7 +202,7 @@ class RecedingHorizon(SampledLaw):
         )
 
     def _derivatives(self, tau: float) -> Array:
-        """Rows i that make of c_0 .. c_5 the i-th derivative at tau [s], shape (6, 6)."""
+        """Return the weights of c_0 .. c_5 in the i-th derivative at tau [s] as row i, (6, 6)."""
         powers = FACTORS * (tau / self.interval) ** EXPONENTS
         return np.asarray(powers @ PIECE / self._units)
 
@@ -206,7 +211,7 @@ class RecedingHorizon(SampledLaw):
         return np.asarray(self.interval ** np.arange(ORDER + 1.0))[:, np.newaxis]
 
     def _within_bounds(self, plan: Array) -> NDArray[np.bool_]:
-        """Of each joint, whether a plan keeps all bounds at every instant, shape (n,)."""
+        """Return for each joint whether a plan keeps all bounds at every instant, shape (n,)."""
         within = (plan >= self.limits.position_lower) & (plan <= self.limits.position_upper)
         kept = within.all(axis=0)
         level = np.concatenate((plan, np.repeat(plan[-1:], ORDER, axis=0)))

@@ -1,4 +1,4 @@
-r"""The recursive network: bounds on the joints' derivatives up to the fifth, level by level.
+r"""The recursive network: bounds on the derivatives of the joints up to the fifth, by levels.
 
 Source:
     "Recursive recurrent neural network: a novel model for manipulator control with different
@@ -10,29 +10,29 @@ With the levels x_1 = v, x_2, ... and the targets
 .. math::
     w_1 = P_1(-k_1 J^T (p - p_d)), \qquad w_{i+1} = P_{i+1}(-k_{i+1} (x_i - w_i)),
 
-``printed`` integrates the chain x_1' = x_2, ..., x_{n-1}' = w_n, whose top is the n-th derivative
-of the joint positions; ``filters`` lets every level follow its own target,
-:math:`\epsilon_i \dot x_i = w_i - x_i`, and moves the arm with the first.
+``printed`` integrates the chain x_1' = x_2, ..., x_{n-1}' = w_n, with the n-th derivative of the
+joint positions at its top. In ``filters`` every level follows its own target,
+:math:`\epsilon_i \dot x_i = w_i - x_i`, and the first level moves the arm.
 
 =========  =================  ================================================
 paper      here               meaning
 =========  =================  ================================================
 theta      position           joint positions q
 x_1        v                  joint velocities (state)
-x_2 ..     levels             of the chain, or displayed signals (state)
-r, r_d     p_WE, .._desired   end effector's position, and what it should be
-k_i        gains              of the levels [1/(m^2 s), 1/s, ...]
-epsilon_i  time_constants     of the filters [s]
-kappa      limit_stiffness    how hard a position limit brakes [1/s]
+x_2 ..     levels             levels of the chain, or filtered signals (state)
+r, r_d     p_WE, .._desired   end effector's position, actual and desired
+k_i        gains              gains of the levels [1/(m^2 s), 1/s, ...]
+epsilon_i  time_constants     time constants of the filters [s]
+kappa      limit_stiffness    velocity per radian to a position limit [1/s]
 =========  =================  ================================================
 
-Corrected: the constant epsilon of each level is given in the paper's parameters and stands in none
-of its equations; ``filters`` is the reading in which it has a meaning, and which its figures fit.
+Corrected: the paper lists a constant epsilon for each level among its parameters but uses it in no
+equation. It has a meaning in the reading ``filters``, which matches the paper's figures.
 
-Not in the paper: of the printed law only the bound of the top level is structural. The others
-bound the targets w_i, not the levels x_i, and each level is a relay of a high gain: from n = 3 on
-the chain swings in a limit cycle. In ``filters`` the signals x_2 .. x_n stay within their bounds
-because they are filtered from clipped targets, but they are no derivatives of the joint angles.
+Not in the paper: in the printed law only the bound of the top level is structural. The others
+bound the targets w_i, not the levels x_i, and each level is a high-gain relay: from n = 3 on the
+chain oscillates in a limit cycle. In ``filters`` the signals x_2 .. x_n stay within their bounds
+because they are filtered from clipped targets, but they are not derivatives of the joint angles.
 """
 
 from __future__ import annotations
@@ -52,15 +52,15 @@ _ORDERS = tuple(DERIVATIVE_UNITS)
 
 @validated
 class Recursive(SampledLaw):
-    """The recursive network of n = 1 to 5 levels, printed or as filters.
+    """The recursive network of n = 1 to 5 levels, as printed or as filters.
 
     Args:
-        limits: Of the joint positions, and of their derivatives up to the n-th.
-        gains: Of the n levels.
-        reading: ``printed``, or ``filters``.
-        time_constants: Of the n filters [s].
+        limits: Limits of the joint positions and of their derivatives up to the n-th.
+        gains: Gains of the n levels, shape (n,).
+        reading: ``printed`` or ``filters``.
+        time_constants: Time constants of the n filters, shape (n,) [s]; only for ``filters``.
         limit_stiffness: Velocity allowed per radian left to a position limit [1/s].
-        task_size: Rows of J.
+        task_size: Number of rows of J.
     """
 
     kind: Literal["recursive"] = "recursive"
@@ -91,7 +91,7 @@ class Recursive(SampledLaw):
             self.limits.require(name, f"{n} gains")
 
     @property
-    def levels_are_derivatives(self) -> bool:  # type: ignore[override]
+    def levels_are_derivatives(self) -> bool:
         return self.reading == "printed"
 
     @cached_property
@@ -114,7 +114,7 @@ class Recursive(SampledLaw):
         return [self.limits.require(name, "its level") for name in _ORDERS[: self.gains.size]]
 
     def targets(self, x: Array, u: Signals) -> Array:
-        """w_1 to w_n, (8), shape (..., n, joints)."""
+        """Return the targets w_1 to w_n of (8), shape (..., n, joints)."""
         levels = x.reshape(*x.shape[:-1], -1, self.limits.size)
         error = u["p_WE"] - u["p_WE_desired"]
         lower, upper = self.limits.velocity_box(u["position"], self.limit_stiffness)
@@ -126,7 +126,7 @@ class Recursive(SampledLaw):
         return np.stack(found, axis=-2)
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
-        """Targets held over the period; the chain or the filters exactly."""
+        """Integrate the chain or the filters exactly, with the targets held over the period."""
         targets = self.targets(x, u)
         if self.time_constants is not None:
             left = np.exp(-period / self.time_constants)[:, np.newaxis]
@@ -138,7 +138,7 @@ class Recursive(SampledLaw):
 
     @staticmethod
     def _powers(period: float, size: int) -> Array:
-        """What a chain of integrators comes to in a period, shape (size, size)."""
+        """Return the transition matrix of a chain of integrators, shape (size, size)."""
         return np.array(
             [
                 [period ** (k - i) / factorial(k - i) if k >= i else 0.0 for k in range(size)]

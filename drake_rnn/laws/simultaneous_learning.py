@@ -4,16 +4,16 @@ Source:
     Liu, Fan, Zheng, Li, Jin, "A simultaneous learning and control scheme for redundant
     manipulators with physical constraints on decision variable and its derivative", IEEE
     Transactions on Industrial Electronics 69 (2022). RNN (16) has J and no bound on the
-    acceleration, (19) has J and the bound, (20) learns J_hat in its place.
+    acceleration, (19) has J and the bound, (20) learns J_hat instead of J.
 
-At every instant the network seeks
+At every instant the network tracks the solution of
 
 .. math::
     \min_v \tfrac12 v^T v + d (q - q_0)^T v \quad \text{s.t.} \quad
     J v = \dot p_d - \kappa (p - p_d), \quad \underline{v}(q) \le v \le \overline{v}(q)
 
-by the projected primal-dual dynamics, slowed by :math:`\eta \ge 1` wherever it would
-accelerate the joints beyond their bound,
+by the projected primal-dual dynamics, slowed down by :math:`\eta \ge 1` whenever they would
+accelerate the joints beyond their bounds,
 
 .. math::
     \dot v = \tfrac{\delta}{\eta} (P(J^T \lambda - d (q - q_0)) - v), \qquad
@@ -23,30 +23,30 @@ accelerate the joints beyond their bound,
 paper          here                meaning
 =============  ==================  =============================================
 theta          position            joint positions q
-theta_dot      v                   joint velocities asked for (state)
-lambda         multipliers         of the task's equation (state)
+theta_dot      v                   commanded joint velocities (state)
+lambda         multipliers         multipliers of the task equation (state)
 J-hat          J_hat               learned Jacobian (state)
 theta_dot - n  velocity            joint velocities with the injected noise n
 p_r-dot        v_WE                end effector's velocity
-delta          rate                of the network [1/s]
-kappa          kappa               feedback of the position error [1/s]
-d              return_gain         pull towards the first posture [1/s]
-alpha          limit_stiffness     how hard a position limit brakes [1/s]
-rho            rho                 learning: the smaller, the faster [rad^2/s]
+delta          rate                rate of the network [1/s]
+kappa          kappa               gain of the position feedback [1/s]
+d              return_gain         pull towards the initial posture q_0 [1/s]
+alpha          limit_stiffness     velocity per radian to a position limit [1/s]
+rho            rho                 time constant of the learning [rad^2/s]
 c_max          limits.acceleration largest joint acceleration [rad/s^2]
 =============  ==================  =============================================
 
 Corrected: rho = tau / xi gives 1e6 for the printed values; they are swapped, and rho is 1e-6.
-(18) is 0/0 at rest; as (25) has it, eta = max(1, |v_dot| / c_max). The text's "(12e)" is (12d).
+(18) is 0/0 at rest; as in (25), eta = max(1, |v_dot| / c_max). The text's "(12e)" is (12d).
 Joint 4's upper limit is printed as +0.0698 rad; the Panda's is -0.0698.
 
 Not in the paper:
-    The noise n is no business of the law: it is a wiring. With ``velocity`` = v - n and
-    ``v_WE`` = J v, as printed, J_hat is biased and the arm does not follow its path; it learns
-    if ``v_WE`` is what ``velocity`` brings about. v and the multipliers must share one eta, or
-    the multipliers wind up. eta slows the feedback as well: if kappa times the position error
-    asks for more than the arm can accelerate to, the loop cycles for ever. ``feedback_limit``
-    bounds that speed.
+    The noise n is added in the diagram, not by the law. With ``velocity`` = v - n and
+    ``v_WE`` = J v, as printed, J_hat is biased and the arm does not follow its path; learning
+    succeeds if ``v_WE`` is the velocity that ``velocity`` causes. v and the multipliers must
+    share one eta, or the multipliers wind up. eta slows the feedback as well: if kappa times
+    the position error is more than the arm can accelerate to, the loop enters a limit cycle.
+    ``feedback_limit`` bounds that speed.
 """
 
 from __future__ import annotations
@@ -71,23 +71,24 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
     """RNN (16), (19) and (20): velocity level, with bounds on velocity and acceleration.
 
     Args:
-        limits: Position, velocity and, unless ``acceleration_bound`` is none, acceleration.
-        home: Posture that the joints are drawn to, shape (n,) [rad].
-        task_size: Rows of J.
-        kappa: Feedback of the position error [1/s].
-        rate: Of the network [1/s].
+        limits: Position and velocity limits of the joints, and acceleration limits unless
+            ``acceleration_bound`` is ``none``.
+        home: Posture that the joints are pulled towards, shape (n,) [rad].
+        task_size: Number of rows of J.
+        kappa: Gain of the position feedback [1/s].
+        rate: Rate of the network [1/s].
         return_gain: Pull towards ``home`` [1/s].
         limit_stiffness: Velocity allowed per radian left to a position limit [1/s]. A joint
-            can brake for its limit if this is at most acceleration / velocity.
-        feedback_limit: Largest speed asked for by the feedback [m/s]; None for no bound.
-        acceleration_bound: ``scalar`` holds all joints to the smallest of their bounds, as
-            the paper does, ``per_joint`` each to its own; ``none`` is RNN (16).
-        jacobian: ``known`` reads J; ``learned`` sees ``velocity`` and ``v_WE`` instead.
+            can brake in time if this is at most acceleration / velocity.
+        feedback_limit: Largest speed commanded by the feedback [m/s]; None for no bound.
+        acceleration_bound: ``scalar`` limits all joints to the smallest of their bounds, as in
+            the paper; ``per_joint`` limits each joint to its own; ``none`` is RNN (16).
+        jacobian: ``known`` reads J; ``learned`` reads ``velocity`` and ``v_WE`` instead.
         rho: Time constant of the learning [rad^2/s].
-        J_hat_initial: ``uniform`` in [0, 1], ``zero``, or ``exact``: the arm's own.
-        warm_up: Moves every joint a little before the task begins, in place of noise.
-        substeps: Euler steps of the network in one sample; by default as many as keep it
-            stable: rate times step at most 1, and 1 / |J|^2 for arms of more than a metre.
+        J_hat_initial: Initial J_hat: ``uniform`` in [0, 1], ``zero``, or ``exact``, the arm's own.
+        warm_up: Small motion of every joint before the task begins, in place of noise.
+        substeps: Euler steps of the network per sample; by default as many as keep it stable:
+            rate times step is at most 1, and at most 1 / |J|^2 where |J| exceeds 1.
     """
 
     kind: Literal["simultaneous_learning"] = "simultaneous_learning"
@@ -157,7 +158,7 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
 
     @cached_property
     def _inverse_bound(self) -> Array | None:
-        """Shape (n,) [s^2/rad]; a product is cheaper than a quotient."""
+        """Inverse of the acceleration bounds, shape (n,) [s^2/rad]; multiplying is cheaper."""
         if self.acceleration_bound == "none":
             return None
         bound = self.limits.require("acceleration", "the acceleration bound")
@@ -184,7 +185,7 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
         return self.state.join(*at_rest, J_hat)
 
     def derivatives(self, t: float, x: Array, u: Signals) -> Array:
-        """Right-hand side of (16), (19) or (20)."""
+        """Return the right-hand side of (16), (19) or (20)."""
         if self.warm_up is not None and t < self.warm_up.duration(self.home.size):
             return self._warm_up_derivatives(self.warm_up, t, x, u)
         if self.jacobian == "known":
@@ -197,7 +198,7 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
         )
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
-        """Learning exactly, with its inputs held; then the network by Euler's method."""
+        """Integrate the learning exactly, with its inputs held; then the network by Euler steps."""
         if self.warm_up is not None and t + period <= self.warm_up.duration(self.home.size):
             return self._warm_up_step(self.warm_up, t, x, u, period)
         if self.jacobian == "known":
@@ -256,7 +257,7 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
         return self.state.join(v, still, learned)
 
     def _terms(self, u: Signals) -> tuple[Array, Array, Array, Array]:
-        """What does not change within a sample: pull, lower, upper, task velocity."""
+        """Return what is constant within a sample: pull, lower, upper, task velocity."""
         q = u["position"]
         lower, upper = self.limits.velocity_box(q, self.limit_stiffness)
         feedback = self.kappa * (u["p_WE_desired"] - u["p_WE"])
@@ -276,7 +277,7 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
         upper: Array,
         task_velocity: Array,
     ) -> tuple[Array, Array]:
-        """Time derivatives of v and of the multipliers."""
+        """Return the time derivatives of v and of the multipliers."""
         v_dot = self.rate * (_clip(multipliers.dot(J) - pull, lower, upper) - v)
         multipliers_dot = self.rate * (task_velocity - J.dot(v))
         if self._inverse_bound is not None:
@@ -292,7 +293,7 @@ def _clip(value: Array, lower: Array, upper: Array) -> Array:
 
 
 def _slowing(v_dot: Array, inverse_bound: Array) -> float:
-    """How many times too large the accelerations are, the worst joint counting."""
+    """Return the largest ratio of a joint's acceleration to its bound."""
     # For a handful of joints Python's max is three times as fast as NumPy's.
     ratios = (v_dot * inverse_bound).tolist()
     return float(max(max(ratios), -min(ratios)))

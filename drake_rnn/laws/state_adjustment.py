@@ -1,10 +1,10 @@
-r"""State adjustment: the arm goes to a target posture while its end effector stays.
+r"""State adjustment: the arm moves to a target posture while its end effector stays in place.
 
 Source:
     Jin, He, Huang, Wang, "Recurrent neural network for state adjustment of redundant
     manipulators", IEEE Access 8 (2020). SA is (9) with (19), MSA is (10), (11) with (18).
 
-At every instant the network seeks
+At every instant the network tracks the solution of
 
 .. math::
     \min_v \tfrac12 v^T v + r (q - q_d)^T v \quad \text{s.t.} \quad J v = 0, \quad
@@ -20,26 +20,27 @@ by the projected primal-dual dynamics
 paper     here                   meaning
 ========  =====================  ==========================================
 sigma     position               joint positions q
-sigma_s   target                 posture to reach q_d
+sigma_s   target                 target posture q_d
 omega     v                      joint velocities (state)
-gamma     multipliers            of J v = 0 (state)
-r         rate                   speed of convergence [1/s]
-T         rise_time              over which the velocity bounds open [s]
-epsilon   time_constant          of the network [s]
-lambda    limit_stiffness        how hard a position limit brakes [1/s]
+gamma     multipliers            multipliers of J v = 0 (state)
+r         rate                   rate of convergence [1/s]
+T         rise_time              time over which the velocity bounds open [s]
+epsilon   time_constant          time constant of the network [s]
+lambda    limit_stiffness        velocity per radian to a position limit [1/s]
 ========  =====================  ==========================================
 
 Corrected: the paper's envelope sin(pi t / 2T) turns negative after 2T and inverts the
 bounds; here it stays at 1 after T. Its (23) lacks a factor 1/2, which changes nothing. Its
-text names two joints that start at their speed limit in SA; three do.
+text names two joints that start at their speed limit in SA; in fact three do.
 
 Not in the paper:
     J v = epsilon d(multipliers)/dt, so the end effector's displacement is exactly epsilon
-    times their change: it is held by integral action, moves meanwhile, and is back at the end
-    only if the target lies on the self-motion manifold of the start. While the opening bounds
-    of MSA are tight the multipliers wind up, and MSA moves the end effector ten times as far
-    as SA. ``ramp_time`` lets the pull set in instead of the bounds, and has no wind-up.
-    Initial v and multipliers are not given; zero reproduces the paper's seventh joint.
+    times the change of the multipliers: integral action holds the end effector, which moves
+    during the adjustment and returns only if the target lies on the self-motion manifold of
+    the start. While the opening bounds of MSA are tight the multipliers wind up, and MSA moves
+    the end effector ten times as far as SA. ``ramp_time`` ramps the pull instead of the bounds
+    and causes no wind-up. The paper gives no initial v and multipliers; zero reproduces its
+    seventh joint.
 """
 
 from __future__ import annotations
@@ -58,14 +59,15 @@ from .posture_law import PostureLaw
 
 @validated
 class StateAdjustment(PostureLaw, ContinuousLaw):
-    """SA; with a ``rise_time`` MSA, which starts from rest; with a ``ramp_time`` a gentler SA.
+    """SA; with a ``rise_time`` MSA, which starts from rest; with a ``ramp_time`` a smoother SA.
 
     Args:
         target, limits, rate, limit_stiffness, task_size: See `PostureLaw`.
         rise_time: Time over which the velocity bounds open [s]; None keeps them open.
-        ramp_time: Time over which the pull towards the target sets in, without a jump of
-            velocity or acceleration [s]; None for at once. Not in the paper.
-        time_constant: Of the network [s]; the end effector's drift is proportional to it.
+        ramp_time: Time over which the pull towards the target rises, without a jump of
+            velocity or acceleration [s]; None for the full pull at once. Not in the paper.
+        time_constant: Time constant of the network [s]; the end effector's drift is
+            proportional to it.
     """
 
     kind: Literal["state_adjustment"] = "state_adjustment"
@@ -101,7 +103,7 @@ class StateAdjustment(PostureLaw, ContinuousLaw):
         )
 
     def velocity_box(self, t: float | Array, q: Array) -> tuple[Array, Array]:
-        """Velocities allowed at time ``t``: lower and upper, shape (..., n) [rad/s]."""
+        """Return the velocities allowed at time ``t``: lower and upper, shape (..., n) [rad/s]."""
         lower, upper = self.limits.velocity_box(q, self.limit_stiffness)
         if self.rise_time is None:
             return lower, upper
@@ -109,7 +111,7 @@ class StateAdjustment(PostureLaw, ContinuousLaw):
         return opening * lower, opening * upper
 
     def derivatives(self, t: float, x: Array, u: Signals) -> Array:
-        """Right-hand side of (18) and (19)."""
+        """Return the right-hand side of (18) and (19)."""
         v, multipliers = self.state.split(x)
         sought = self._pull(t, u["position"]) - multipliers @ u["J"]
         lower, upper = self.velocity_box(t, u["position"])
@@ -117,7 +119,7 @@ class StateAdjustment(PostureLaw, ContinuousLaw):
         return self.state.join(v_dot, u["J"] @ v) / self.time_constant
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
-        """Heun's method with the inputs held, in as many steps as keep the network stable."""
+        """Integrate by Heun's method, with inputs held, in steps that keep the network stable."""
         J = u["J"].ravel()
         substeps = ceil(period / self.time_constant * max(1.0, float(J @ J)) - 1e-9)
         h = period / substeps

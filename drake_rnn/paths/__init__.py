@@ -1,7 +1,7 @@
-r"""Closed curves and how they are run through, with exact first and second derivatives.
+r"""Closed curves with time laws, and their exact first and second derivatives.
 
 A planar curve maps a phase f in [0, 2 pi] to the complex number z(f) = x + i y, relative
-to an origin of its own; a time law (see `timing`) turns time into phase.
+to an origin of its own; a time law (see `timing`) maps time to phase.
 
 =============  =======================================================================
 kind           z(f); a = size
@@ -15,20 +15,20 @@ cat            a R(S) e^{iS}, S = f - pi/2: a head with two ears, from the chin
 square         side a, from a corner: -x, +y, +x, -y; the origin is its centre
 parallelogram  sides u, v: +u, +v, -u, -v; the origin is its centre
 points         periodic cubic spline through given points, in three dimensions
-rest           a point that stays
+rest           a fixed point
 =============  =======================================================================
 
 Source:
-    Classical curves. The papers whose experiments follow a nephroid, a four-ring, a
-    four-leaf clover, a tricuspid or a cat name them and print no formula; these are ours.
+    Classical curves. The papers that follow a nephroid, a four-ring, a four-leaf clover, a
+    tricuspid or a cat give no formula for it; these formulas are this package's own.
 
 The cat's outline is R = 1 + .4 g(.32 pi, .17) + .4 g(.68 pi, .17) - .12 g(.5 pi, .2)
 - .1 g(1.5 pi, .5) - .1 g(-.5 pi, .5), with g(c, w) = exp(-(S - c)^2 / (2 w^2)); its two ends
 meet within 1e-30.
 
-Straight edges of "sharp" figures take equal times, and the time law holds on each of them:
-all but "uniform" rest at the corners; "uniform" keeps its speed along an edge, and the
-velocity jumps at the corners. Everything else is one stretch a lap.
+The straight edges of "sharp" figures take equal times, and the time law applies to each of
+them. With "uniform" the speed is constant along an edge and the velocity jumps at the corners;
+with all other time laws the point rests at the corners. Every other curve is one segment.
 """
 
 from .cat import Cat

@@ -1,4 +1,4 @@
-"""A cat's head: a circle with bumps; the package's docstring has the formula."""
+"""A cat's head: a circle with bumps; `drake_rnn.paths` gives the formula."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Literal
 from ..inputs.fields import Positive, validated
 from .path import Planar
 
-# Height, place S and width of each bump on the cat's round head.
+# Height, position S and width of each bump on the circle.
 _BUMPS = (
     (0.4, 0.32 * math.pi, 0.17),
     (0.4, 0.68 * math.pi, 0.17),

@@ -1,6 +1,6 @@
-"""What a path is: a closed curve and its time law, in space (`Path`) or in a plane (`Planar`)."""
+"""The base classes of paths: closed curves with time laws, in space (`Path`) or in a plane."""
 
-# No postponed annotations: older pydantic looks for inherited ones in the subclass's module.
+# No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
 import math
 from abc import ABC, abstractmethod
 from cmath import exp
@@ -18,7 +18,7 @@ from .timing import TimeLaw, Timing, time_at, time_law
 Triple = tuple[float, float, float]
 
 TURN = 2.0 * math.pi
-_INSTANT = 1e-12  # of a segment: closer than this to its end counts as the next one's start
+_INSTANT = 1e-12  # share of a segment; this close to its end counts as the start of the next one
 
 
 @validated
@@ -26,11 +26,11 @@ class Path(ABC):
     """A closed curve with a time law.
 
     Args:
-        period: Time of one lap [s].
+        period: Duration of one lap [s].
         timing: Time law of each segment.
-        ramp: Share of a segment's time taken by each of the two ramps of "ramps".
-        laps: After so many the point rests at the start; None goes on for ever.
-        offset: Where the arm starts, relative to the path's first point [m].
+        ramp: Fraction of a segment's time taken by each of the two ramps of "ramps".
+        laps: Number of laps, after which the point rests at the start; None for no end.
+        offset: Arm's start relative to the path's first point, shape (3,) [m].
     """
 
     period: Annotated[float, Field(strict=True, ge=1e-3, allow_inf_nan=False)]
@@ -41,25 +41,25 @@ class Path(ABC):
 
     @property
     def segments(self) -> int:
-        """Stretches of equal duration per lap, on each of which the time law holds."""
+        """Number of segments of a lap; all have the same duration and the same time law."""
         return 1
 
     @property
     def bends(self) -> tuple[float, ...]:
-        """Phases of a one-segment curve at which its own derivatives jump [rad]."""
+        """Phases of a one-segment curve at which its derivatives by phase jump [rad]."""
         return ()
 
     @property
     def duration(self) -> float:
-        """Of all laps [s]; infinite without ``laps``."""
+        """Duration of all laps [s]; infinite without ``laps``."""
         return math.inf if self.laps is None else self.laps * self.period
 
     @abstractmethod
     def trace(self, phase: float) -> tuple[Triple, Triple, Triple]:
-        """Displacement from the first point, and its two derivatives with the phase [m]."""
+        """Return the displacement from the first point and its two derivatives by phase [m]."""
 
     def start_point(self, p_WE: Array) -> Array:
-        """The path's first point for an arm that starts at ``p_WE``, shape (3,) [m]."""
+        """Return the path's first point for an arm that starts at ``p_WE``, shape (3,) [m]."""
         return p_WE - self.offset
 
     @cached_property
@@ -75,13 +75,17 @@ class Path(ABC):
         return math.inf if self.laps is None else float(self.laps * self.segments)
 
     def evaluate(self, t: float) -> tuple[Array, Array, Array]:
-        """Where the point is at time ``t``; where a derivative jumps, its value after that.
+        """Return the motion of the point at time ``t`` [s].
 
-        Before t = 0 and after the last lap it rests at the start.
+        Before t = 0 and after the last lap, the point rests at the start. Where a derivative
+        jumps, the value after the jump is returned.
 
         Returns:
             Displacement from the first point [m], velocity [m/s], acceleration [m/s^2]; each
             of shape (3,), in the base frame.
+
+        Raises:
+            InvalidInputError: If ``t`` is not finite.
         """
         elapsed = t * self._frequency
         done = (elapsed + _INSTANT) // 1.0
@@ -102,10 +106,13 @@ class Path(ABC):
         )
 
     def knots(self, until: float) -> Array:
-        """Times in [0, until] at which a derivative may jump or the point rests [s].
+        """Return the times in [0, until] at which a derivative may jump or the point rests [s].
 
-        That is the start, the end of the last lap, the ends of segments (but not where a
-        smooth curve is run through uniformly), and ``bends``.
+        These are the start, the end of the last lap, the ends of segments (except on a smooth
+        curve with uniform timing), and ``bends``.
+
+        Raises:
+            InvalidInputError: If ``until`` and the duration are both infinite.
         """
         until = min(until, self.duration)
         if not math.isfinite(until):
@@ -121,7 +128,7 @@ class Path(ABC):
         return times[times <= until]
 
     def sample(self, count: int) -> Array:
-        """One lap for drawing: displacements at equal steps of phase, closed, (count, 3) [m]."""
+        """Return one closed lap of displacements at equal steps of phase, shape (count, 3) [m]."""
         return np.array([self.trace(phase)[0] for phase in np.linspace(0.0, TURN, count)])
 
 
@@ -134,10 +141,10 @@ class Planar(Path):
 
     Args:
         plane: Axes of the base frame along which the curve's x and y lie.
-        angle: Turns the curve within its plane, from x to y [rad].
-        rotation: Roll, pitch, yaw: turns the plane about the base's fixed axes [rad].
-        centre: Where the curve's own origin lies in the base frame [m]; None lets the path
-            start at the arm's start, ``offset`` aside.
+        angle: Rotation of the curve within its plane, from x to y [rad].
+        rotation: Roll, pitch and yaw of the plane about the base's fixed axes, shape (3,) [rad].
+        centre: Position of the curve's own origin in the base frame, shape (3,) [m]; if None, the
+            path starts at the arm's start, apart from ``offset``.
     """
 
     plane: Literal["xy", "xz", "yz"] = "xy"
@@ -151,11 +158,11 @@ class Planar(Path):
 
     @abstractmethod
     def curve(self, phase: float) -> tuple[complex, complex, complex]:
-        """Place z from the curve's own origin, and its two derivatives with the phase [m]."""
+        """Return z relative to the curve's own origin, and its two derivatives by phase [m]."""
 
     @cached_property
     def _components(self) -> tuple[complex, complex, complex]:
-        """Weights w with which Re(w z) is the component of z along x, y and z of the base."""
+        """Weights w such that Re(w z) is the component of z along x, y and z of the base."""
         R = RotationMatrix(RollPitchYaw(*self.rotation)).matrix()[:, _AXES[self.plane]]
         wx, wy, wz = (complex(x, -y) * exp(1j * self.angle) for x, y in R)
         return wx, wy, wz
@@ -176,7 +183,7 @@ class Planar(Path):
         )
 
     def start_point(self, p_WE: Array) -> Array:
-        """See `Path.start_point`; with a ``centre`` the arm's start does not matter."""
+        """See `Path.start_point`; with a ``centre`` it does not depend on the arm's start."""
         if self.centre is None:
             return super().start_point(p_WE)
         first: Array = np.array([(w * self._first).real for w in self._components])

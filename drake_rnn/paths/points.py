@@ -1,4 +1,4 @@
-"""The smooth closed curve through given points, and how they are read from a CSV file."""
+"""A smooth closed curve through points that are given or read from a CSV file."""
 
 from __future__ import annotations
 
@@ -28,7 +28,11 @@ def _number(cell: Any, row: int, column: int) -> float:
 
 
 def _closed(numbered: Iterable[tuple[int, Sequence[Any]]]) -> Array:
-    """The points in numbered rows of cells, the first one repeated as the last; read-only."""
+    """Return the points in numbered rows of cells, read-only, with the first repeated as the last.
+
+    Args:
+        numbered: Number of each row, for messages, and its three cells x, y and z [m].
+    """
     rows: list[int] = []
     table: list[list[float]] = []
     for row, cells in numbered:
@@ -73,14 +77,14 @@ def _read(file: str) -> Array:
 
 @validated
 class Points(Path):
-    """A smooth closed curve through given points: a periodic cubic spline over their chords.
+    """A smooth closed curve through given points: a periodic cubic spline over the chord length.
 
     Args:
-        file: CSV of three columns x, y, z without a header [m]; give this or ``points``.
-        points: Rows x, y, z in the base frame [m]. At least 4 distinct ones; the first may
-            be repeated as the last.
-        absolute: The points are where they are; else the whole curve is moved so that the
-            first one is where the arm starts, ``offset`` aside.
+        file: CSV file of three columns x, y, z without a header [m]; give this or ``points``.
+        points: Rows x, y, z in the base frame, shape (k, 3) [m]; at least 4 distinct points. The
+            first may be repeated as the last.
+        absolute: Whether the points stay where they are; otherwise the curve is moved so that the
+            first point is at the arm's start, apart from ``offset``.
     """
 
     kind: Literal["points"] = "points"
@@ -97,12 +101,12 @@ class Points(Path):
 
     @cached_property
     def _table(self) -> Array:
-        """The points, the first one repeated as the last, shape (n + 1, 3) [m]."""
+        """The points, with the first repeated as the last, shape (k + 1, 3) [m]."""
         return _read(self.file) if self.file is not None else np.asarray(self.points)
 
     @cached_property
     def _spline(self) -> tuple[list[float], list[list[list[float]]]]:
-        """Phases at the points, and between them the coefficients of x, y and z."""
+        """Phases at the points, and the coefficients of x, y and z between them."""
         way = np.cumsum([0.0, *np.linalg.norm(np.diff(self._table, axis=0), axis=1)])
         phase = TURN * way / way[-1]
         displacement = (self._table - self._table[0]).T
@@ -130,5 +134,5 @@ class Points(Path):
         return p, dp, ddp
 
     def start_point(self, p_WE: Array) -> Array:
-        """See `Path.start_point`; of ``absolute`` points it is the first of them."""
+        """See `Path.start_point`; with ``absolute`` it is the first of the points."""
         return self._table[0].copy() if self.absolute else super().start_point(p_WE)

@@ -20,11 +20,11 @@ class Square(Planar):
     """A square, clockwise as seen with the plane's x to the right and y up.
 
     Args:
-        size: Side [m].
+        size: Side length [m].
         corners: "sharp": four segments, from corner to corner. "rounded": one segment; the
-            phase is the arc length, and the point starts at the end of a corner, on the edge
-            along -x.
-        corner_radius: Of rounded corners, at most half the side [m].
+            phase is proportional to the arc length, and the point starts at the end of a corner,
+            on the edge along -x.
+        corner_radius: Radius of rounded corners, at most half the side [m].
     """
 
     kind: Literal["square"] = "square"
@@ -43,12 +43,12 @@ class Square(Planar):
 
     @property
     def segments(self) -> int:
-        """Four with sharp corners, else one."""
+        """Number of segments: four with sharp corners, otherwise one."""
         return 4 if self.corners == "sharp" else 1
 
     @property
     def bends(self) -> tuple[float, ...]:
-        """Where the straight parts and the rounded corners meet."""
+        """Phases at which the straight parts and the rounded corners meet [rad]."""
         if self.corners == "sharp":
             return ()
         straight, quarter = self._lengths
@@ -60,7 +60,7 @@ class Square(Planar):
 
     @cached_property
     def _lengths(self) -> tuple[float, float]:
-        """Of a straight part, and of it with a corner."""
+        """Lengths of a straight part, and of a straight part with a corner [m]."""
         straight = self.size - 2 * self._radius
         return straight, straight + math.pi / 2 * self._radius
 
@@ -93,19 +93,19 @@ Side = Annotated[Vector, AfterValidator(_pair)]
 
 @validated
 class Parallelogram(Planar):
-    """A parallelogram: along the first of its ``sides``, along the second, and back [m]."""
+    """A parallelogram along the first of its two ``sides`` [m], then the second, and back."""
 
     kind: Literal["parallelogram"] = "parallelogram"
     sides: tuple[Side, Side]
 
     @property
     def segments(self) -> int:
-        """Four: one per edge."""
+        """Number of segments: four, one per edge."""
         return 4
 
     @cached_property
     def _edges(self) -> tuple[tuple[complex, complex], ...]:
-        """Start and direction of each edge."""
+        """Start point and vector of each edge [m]."""
         u, v = (complex(*side) for side in self.sides)
         return (-(u + v) / 2, u), ((u - v) / 2, v), ((u + v) / 2, -u), ((v - u) / 2, -v)
 

@@ -1,4 +1,4 @@
-"""No path at all: a point that does not move."""
+"""A fixed point in place of a path."""
 
 # No postponed annotations: see `path`.
 from typing import Annotated, Literal
@@ -13,7 +13,7 @@ _STILL: Triple = (0.0, 0.0, 0.0)
 
 @validated
 class Rest(Path):
-    """A point that stays; with an ``offset``, one to go to."""
+    """A fixed point: the arm's start or, with an ``offset``, a point away from it."""
 
     kind: Literal["rest"] = "rest"
     period: Annotated[float, Field(strict=True, ge=1e-3, allow_inf_nan=False)] = 1.0

@@ -1,15 +1,16 @@
-r"""Time laws: how a point moves along a stretch of its path, from share of time to share of way.
+r"""Time laws: the motion of a point along a segment of its path.
 
-Each law maps tau in [0, 1] to s(tau) with s(0) = 0, s(1) = 1, and its two derivatives.
+Each law maps the fraction of the segment's time, tau in [0, 1], to the fraction of its phase,
+s(tau), with s(0) = 0 and s(1) = 1, and to the two derivatives of s.
 
 ========  ==========================================  ==============================
 law       s(tau)                                      at both ends
 ========  ==========================================  ==============================
-uniform   tau                                         moves on at constant speed
-sin2      sin^2(pi tau / 2)                           rests; acceleration jumps
-quintic   10 tau^3 - 15 tau^4 + 6 tau^5               rests, without acceleration
-cycloid   tau - sin(2 pi tau) / (2 pi)                rests, without acceleration
-ramps     speed rises as S7, is constant, falls       rests, three derivatives more
+uniform   tau                                         moves at constant speed
+sin2      sin^2(pi tau / 2)                           at rest; acceleration jumps
+quintic   10 tau^3 - 15 tau^4 + 6 tau^5               at rest, zero acceleration
+cycloid   tau - sin(2 pi tau) / (2 pi)                at rest, zero acceleration
+ramps     speed rises as S7, is constant, falls       at rest, s'' to s'''' zero
 ========  ==========================================  ==============================
 
 S7(u) = u^4 (35 - 84 u + 70 u^2 - 20 u^3) rises from 0 to 1 with three derivatives zero at
@@ -59,11 +60,11 @@ def _ramps(ramp: float, tau: float) -> tuple[float, float, float]:
 
 
 def time_law(timing: Timing, ramp: float) -> TimeLaw:
-    """The law of that name: tau -> (s, s', s'').
+    """Return the time law of this name: tau -> (s, s', s'').
 
     Args:
-        timing: Its name.
-        ramp: Share of the time that each of the two ramps of "ramps" takes, in (0, 0.5].
+        timing: Name of the law.
+        ramp: Fraction of the time taken by each of the two ramps of "ramps", in (0, 0.5].
     """
     laws: dict[Timing, TimeLaw] = {
         "uniform": _uniform,
@@ -76,7 +77,7 @@ def time_law(timing: Timing, ramp: float) -> TimeLaw:
 
 
 def time_at(law: TimeLaw, share: float) -> float:
-    """The tau at which ``law`` has gone ``share`` of the way, by bisection."""
+    """Return the tau at which s(tau) is ``share``, by bisection."""
     low, high = 0.0, 1.0
     for _ in range(60):
         middle = (low + high) / 2

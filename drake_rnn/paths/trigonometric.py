@@ -15,14 +15,14 @@ Harmonics = tuple[tuple[int, complex], ...]
 
 @validated
 class Trigonometric(Planar):
-    """A sum of c exp(i k f) over its ``harmonics`` (k, c)."""
+    """A curve z(f) that is the sum of c exp(i k f) over its ``harmonics`` (k, c)."""
 
     size: Positive
 
     @property
     @abstractmethod
     def harmonics(self) -> Harmonics:
-        """Pairs (k, c) [m]."""
+        """Pairs of order k and coefficient c [m]."""
 
     @cached_property
     def _harmonics(self) -> tuple[tuple[complex, complex], ...]:
@@ -54,7 +54,10 @@ class Circle(Trigonometric):
 
 @validated
 class Nephroid(Trigonometric):
-    """A nephroid, 4 by 8 times ``size`` [m]; uniformly run through, its top speed is 6 size w."""
+    """A nephroid, 4 by 8 times ``size`` [m].
+
+    With uniform timing its top speed is 6 size w [m/s], where w = 2 pi / period.
+    """
 
     kind: Literal["nephroid"] = "nephroid"
 
@@ -66,7 +69,7 @@ class Nephroid(Trigonometric):
 
 @validated
 class FourRing(Trigonometric):
-    """Four rings round a centre: loops for ``ring`` > 1/3, four petals at 1."""
+    """Four rings around a centre: loops for ``ring`` > 1/3, four petals for ``ring`` = 1."""
 
     kind: Literal["four_ring"] = "four_ring"
     ring: Finite = 0.7
@@ -95,7 +98,7 @@ class Clover(Trigonometric):
 
 @validated
 class Deltoid(Trigonometric):
-    """A tricuspid; ``size`` is the radius of the circle that rolls [m], a third of its reach."""
+    """A deltoid (tricuspid); ``size`` is the rolling circle's radius, a third of its reach [m]."""
 
     kind: Literal["deltoid"] = "deltoid"
 

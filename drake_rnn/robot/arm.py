@@ -1,4 +1,4 @@
-"""Arms: a robot model, the frame that works, the joints that are controlled, and their limits."""
+"""Arms: a robot model with a task frame, controlled joints and their limits."""
 
 from __future__ import annotations
 
@@ -38,19 +38,20 @@ _EARTH = (0.0, 0.0, -9.81)
 
 @validated
 class ArmDescription:
-    """What makes an arm out of a model file; the contents of an ``arm.yaml``.
+    """Description of an arm: its model file and how it is used; the contents of an ``arm.yaml``.
 
     Args:
         model: URDF, SDF or MJCF file.
-        frame: Frame E whose motion the task is about.
-        tip: Frame of the tool's contact point, if there is one.
-        joints: Controlled joints, base to tip; by default all between base and ``frame``.
-        lock: Positions of joints that stand still [rad]; those neither controlled nor
-            named here stand at the model's default.
-        packages: Folders for ``package://`` names in the model.
-        home: Posture to start from, shape (n,) [rad].
-        gravity: Gravity in the base frame [m/s^2].
-        mass_scale: Factor on the masses and inertias of the model.
+        frame: Name of the task frame E.
+        tip: Name of the frame at the tool's contact point, if there is one.
+        joints: Names of the controlled joints, base to tip; by default all between base and
+            ``frame``.
+        lock: Positions of joints held still, by name [rad]; joints neither controlled nor named
+            here stay at the model's default.
+        packages: Folders of the packages that ``package://`` names in the model refer to.
+        home: Home posture, from which the arm starts by default, shape (n,) [rad].
+        gravity: Gravitational acceleration in the base frame, shape (3,) [m/s^2].
+        mass_scale: Factor on all masses and inertias of the model.
     """
 
     model: str
@@ -65,17 +66,17 @@ class ArmDescription:
 
 
 class Arm:
-    """A model of which some joints are controlled and one frame, E, does the task.
+    """A robot model with n controlled joints and a task frame E.
 
     Args:
-        description: The model and what of it is used.
+        description: Model file, task frame, joints and properties of the arm.
         name: Name in figures and messages.
-        limits: Of the controlled joints; by default those that the model file states.
+        limits: Limits of the controlled joints; by default those of the model file.
 
     Attributes:
         joints: Names of the n controlled joints.
-        limits: Their limits.
-        home: Posture to start from, shape (n,) [rad], or None.
+        limits: Limits of the controlled joints.
+        home: Home posture, shape (n,) [rad], or None.
 
     Raises:
         InvalidInputError: If the file, a frame or a joint does not exist, or sizes differ.
@@ -115,18 +116,21 @@ class Arm:
 
     @cached_property
     def effort(self) -> Array:
-        """Largest torque of each joint's motor, shape (n,) [Nm]; infinite where none is known."""
+        """Torque limit of each joint's motor, shape (n,) [Nm]; infinite where none is known."""
         plant = self.plant()
         motors = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
         known = {motor.joint().name(): motor.effort_limit() for motor in motors}
         return np.array([known.get(name, np.inf) for name in self.joints])
 
     def replace(self, **changes: Any) -> Arm:
-        """The same arm with other fields of its description, e.g. ``frame="tip"``.
+        """Return the same arm with other fields of its description, e.g. ``frame="tip"``.
 
-        Joints that are still controlled keep their limits and their part of ``home``; those
-        that are no more stand where ``lock`` says, else at home. A joint that ``lock`` names
-        is no longer controlled, unless ``joints`` says so as well.
+        Joints that remain controlled keep their limits and their part of ``home``. Joints that are
+        no longer controlled are held at the position in ``lock``, otherwise at home. A joint that
+        ``lock`` names is no longer controlled, unless ``joints`` is changed as well.
+
+        Raises:
+            InvalidInputError: As `Arm` does.
         """
         description = construct(ArmDescription, fields_of(self.description) | changes, "arm")
         if "model" in changes:
@@ -147,18 +151,22 @@ class Arm:
         return Arm(replace(description, home=home), self.name, self.limits.select(kept))
 
     def with_limits(self, limits: JointLimits) -> Arm:
-        """The same arm with other limits."""
+        """Return the same arm with other limits.
+
+        Raises:
+            InvalidInputError: If the limits are for another number of joints.
+        """
         self._require_size("limits", limits.size)
         arm = copy(self)
         arm.limits = limits
         return arm
 
     def add_to(self, plant: MultibodyPlant) -> ModelInstanceIndex:
-        """Parse the model into ``plant``, before it is finalized, welded to the world.
+        """Parse the model into ``plant``, before it is finalized, and weld it to the world.
 
-        A base that the model leaves free is welded where the model puts it.
+        A base that the model leaves free is welded at the pose that the model gives it.
         """
-        # What the parser warns of has been said when this arm was made.
+        # The parser already gave its warnings when this arm was constructed.
         with quiet_drake(logging.ERROR):
             bodies_before = plant.num_bodies()
             instance = self._parse(plant)
@@ -168,7 +176,11 @@ class Arm:
         return instance
 
     def plant(self, time_step: float = 0.0) -> MultibodyPlant:
-        """A finalized plant of this arm alone, in its gravity."""
+        """Return a finalized plant of this arm alone, with its gravity.
+
+        Args:
+            time_step: Time step of a discrete plant [s]; 0 for a continuous one.
+        """
         plant = MultibodyPlant(time_step)
         self.add_to(plant)
         plant.mutable_gravity_field().set_gravity_vector(self.gravity)
@@ -176,20 +188,25 @@ class Arm:
         return plant
 
     def posture(self, plant: MultibodyPlant, q: Array) -> Array:
-        """Positions of the whole ``plant``, shape (nq,), with the controlled joints at ``q``."""
+        """Return all positions of ``plant``, shape (nq,), with the controlled joints at ``q``.
+
+        Args:
+            plant: Plant with this arm.
+            q: Positions of the controlled joints, shape (n,) [rad].
+        """
         positions = self._locked_positions(plant)
         positions[self._indices(plant)] = q
         return positions
 
     def kinematics(self) -> ArmKinematics:
-        """Its kinematics and dynamics as functions of the controlled joints."""
+        """Return the arm's kinematics and dynamics as functions of the controlled joints."""
         plant = self.plant()
         positions = self.posture(plant, np.zeros(self.n))
         scale = self.description.mass_scale
         return ArmKinematics(plant, self.frame, self.joints, positions, scale)
 
     def _check_model(self) -> None:
-        """Read it with its geometry, so that files it needs are missed now; warnings are seen."""
+        """Parse the model with its geometry, so that missing files and warnings show up now."""
         scene_graph = SceneGraph()
         plant = MultibodyPlant(0.0)
         plant.RegisterAsSourceForSceneGraph(scene_graph)
@@ -198,7 +215,7 @@ class Arm:
             plant.Finalize()
         except RuntimeError as error:
             raise InvalidInputError(f"arm.model: {self.model}: {_one_line(error)}") from None
-        del plant  # it points to the scene graph
+        del plant  # it points to the scene graph, which must outlive it
 
     def _parse(self, plant: MultibodyPlant) -> ModelInstanceIndex:
         parser = Parser(plant)
@@ -225,7 +242,7 @@ class Arm:
 
     @cached_property
     def _floating_bases(self) -> list[tuple[int, RigidTransform]]:
-        """Bodies that the model does not hold, counted from its first, and where it puts them."""
+        """Free bodies of the model, numbered from its first one, and their default poses."""
         plant = MultibodyPlant(0.0)
         bodies_before = plant.num_bodies()
         with quiet_drake(logging.ERROR):
@@ -272,7 +289,7 @@ class Arm:
         return tuple(joints_used)
 
     def _require_movable(self, movable: list[str]) -> None:
-        """Raise an InvalidInputError if a joint that the description names cannot move."""
+        """Raise an InvalidInputError if a joint named in the description is not movable."""
         described = (("lock", self.description.lock), ("joints", self.description.joints or ()))
         for key, names in described:
             for name in names:
@@ -283,7 +300,7 @@ class Arm:
                     )
 
     def _require_lockable(self, movable: Mapping[str, Joint]) -> None:
-        """Raise an InvalidInputError if a joint is locked beyond its limits."""
+        """Raise an InvalidInputError if a joint is locked outside its position limits."""
         for name, value in self.description.lock.items():
             (lower,) = movable[name].position_lower_limits()
             (upper,) = movable[name].position_upper_limits()
@@ -293,7 +310,7 @@ class Arm:
                 )
 
     def _chain(self, plant: MultibodyPlant) -> list[str]:
-        """Joints that move between the base and the task frame, but for those that are locked."""
+        """Return the names of the unlocked movable joints from the base to the task frame."""
         holders = {
             joint.child_body().index(): joint
             for joint in map(plant.get_joint, plant.GetJointIndices())
@@ -331,16 +348,16 @@ class Arm:
 
 
 def shipped_arms() -> list[str]:
-    """Names of the arms that come with this package."""
+    """Return the names of the arms that come with this package."""
     return sorted(path.parent.name for path in MODELS.glob("*/arm.yaml"))
 
 
 def load_arm(model: str | Path, **changes: Any) -> Arm:
-    """An arm by its shipped name, or from a model file.
+    """Return an arm by its shipped name, or from a model file.
 
     Args:
         model: A name from `shipped_arms`, or a URDF, SDF or MJCF file.
-        changes: Fields of `ArmDescription`; a model file needs at least ``frame``.
+        changes: Fields of `ArmDescription` to set; a model file needs at least ``frame``.
 
     Raises:
         InvalidInputError: If there is no such arm, or as `Arm` does.

@@ -1,4 +1,4 @@
-"""Drake's log."""
+"""Control of Drake's log."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def quiet_drake(least: int) -> Iterator[None]:
-    """Drake says nothing below the level ``least`` of `logging` while this lasts."""
+    """Suppress Drake's messages below the `logging` level ``least`` within a with-block."""
     log = logging.getLogger("drake")
     level = log.level
     log.setLevel(max(level, least))

@@ -20,14 +20,14 @@ class ArmKinematics:
     """Kinematics and dynamics of an arm as pure functions of its controlled joints.
 
     Positions ``q`` and velocities ``v`` have shape (n,) [rad, rad/s]; W is the world frame,
-    to which the base is welded, E the arm's task frame. Repeated calls at one posture share
-    what Drake has computed for it.
+    to which the base is welded, E the arm's task frame. Repeated calls at the same posture
+    share Drake's cached results.
 
     Args:
-        plant: Finalized; holds the arm, alone.
+        plant: Finalized plant that holds only the arm.
         frame: Name of E.
         joints: Names of the n controlled joints.
-        positions: Of the whole plant; those of the other joints stay, shape (nq,).
+        positions: Positions of the whole plant, shape (nq,); the other joints stay there.
         mass_scale: Factor on all masses and inertias.
     """
 
@@ -50,7 +50,7 @@ class ArmKinematics:
         self._bodies = _chain(plant, self._frame)
         self._is_whole = np.array_equal(self._indices, np.arange(positions.size))
         self._at_q = b""
-        # At that posture, once they are asked for: X_WE and the spatial Jacobian.
+        # X_WE and the spatial Jacobian at that posture, computed when first needed.
         self._X_WE: Array | None = None
         self._J_spatial: Array | None = None
         if mass_scale != 1.0:
@@ -61,7 +61,7 @@ class ArmKinematics:
         key = q.tobytes()
         if key == self._at_q:
             return
-        # Drake ends the process over this.
+        # Drake would abort the process.
         if q.size != self._indices.size or not isfinite(sum(q.tolist())):
             raise InvalidInputError(
                 f"position: must be {self._indices.size} finite numbers, not {q.tolist()}"
@@ -88,7 +88,7 @@ class ArmKinematics:
         self._plant.SetVelocities(self._context, velocities)
 
     def _pose(self, q: Array) -> Array:
-        """[R_WE, p_WE], shape (3, 4)."""
+        """Return [R_WE, p_WE], shape (3, 4)."""
         self._set(q)
         if self._X_WE is None:
             X_WE = self._frame.CalcPoseInWorld(self._context)
@@ -99,21 +99,21 @@ class ArmKinematics:
         return J if self._is_whole else J[:, self._velocity_indices]
 
     def p_WE(self, q: Array) -> Array:
-        """Position of E's origin, shape (3,) [m]."""
+        """Return the position of E's origin in W, shape (3,) [m]."""
         return self._pose(q)[:, 3].copy()
 
     def skeleton(self, q: Array) -> Array:
-        """Origins of the frames of all bodies from the base to E, and E's, shape (k, 3) [m]."""
+        """Return the origins of all bodies from the base to E, and E's, shape (k, 3) [m]."""
         self._set(q)
         poses = [body.EvalPoseInWorld(self._context) for body in self._bodies]
         return np.array([*(X_WB.translation() for X_WB in poses), self.p_WE(q)])
 
     def R_WE(self, q: Array) -> Array:
-        """Orientation of E, shape (3, 3)."""
+        """Return the orientation of E in W, a rotation matrix of shape (3, 3)."""
         return self._pose(q)[:, :3].copy()
 
     def J(self, q: Array) -> Array:
-        """Jacobian of E's origin, shape (3, n): v_WE = J v."""
+        """Return the Jacobian of E's origin, shape (3, n) [m], with v_WE = J v."""
         self._set(q)
         if self._J_spatial is not None:
             return self._J_spatial[3:].copy()
@@ -123,10 +123,10 @@ class ArmKinematics:
         return self._columns(J)
 
     def J_omega(self, q: Array) -> Array:
-        """Jacobian of E's angular velocity, shape (3, n)."""
+        """Return the Jacobian of E's angular velocity, shape (3, n)."""
         self._set(q)
         if self._J_spatial is None:
-            # Who asks for this one mostly asks for J as well.
+            # Callers of this method usually need J as well: compute both.
             J = self._plant.CalcJacobianSpatialVelocity(
                 self._context,
                 JacobianWrtVariable.kV,
@@ -139,7 +139,7 @@ class ArmKinematics:
         return self._J_spatial[:3].copy()
 
     def Jdot_v(self, q: Array, v: Array) -> Array:
-        """What of E's acceleration is not due to joint accelerations, shape (3,) [m/s^2]."""
+        """Return the part of E's acceleration not due to joint accelerations, (3,) [m/s^2]."""
         self._set(q)
         self._set_velocity(v)
         bias = self._plant.CalcBiasTranslationalAcceleration(
@@ -148,26 +148,26 @@ class ArmKinematics:
         return bias.ravel()
 
     def M(self, q: Array) -> Array:
-        """Mass matrix, shape (n, n) [kg m^2]."""
+        """Return the mass matrix, shape (n, n) [kg m^2]."""
         self._set(q)
         M = self._plant.CalcMassMatrixViaInverseDynamics(self._context)
         return M[np.ix_(self._velocity_indices, self._velocity_indices)]
 
     def bias(self, q: Array, v: Array) -> Array:
-        """Coriolis and centrifugal torques C(q, v) v, shape (n,) [Nm]."""
+        """Return the Coriolis and centrifugal torques C(q, v) v, shape (n,) [Nm]."""
         self._set(q)
         self._set_velocity(v)
         return np.asarray(self._plant.CalcBiasTerm(self._context))[self._velocity_indices]
 
     def gravity(self, q: Array) -> Array:
-        """Torques that gravity exerts on the joints, shape (n,) [Nm]."""
+        """Return the torques that gravity exerts on the joints, shape (n,) [Nm]."""
         self._set(q)
         torques = self._plant.CalcGravityGeneralizedForces(self._context)
         return np.asarray(torques)[self._velocity_indices]
 
 
 def _chain(plant: MultibodyPlant, frame: Frame) -> list[Body]:
-    """Bodies from the one next to the world to that of ``frame``."""
+    """Return the bodies from the one next to the world to that of ``frame``."""
     parents = {
         joint.child_body().index(): joint.parent_body()
         for joint in map(plant.get_joint, plant.GetJointIndices())

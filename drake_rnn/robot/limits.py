@@ -1,4 +1,4 @@
-"""Joint limits, and how they fold into one box for the joint velocity."""
+"""Joint limits, and the bounds on velocity and acceleration that follow from them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..errors import InvalidInputError
 from ..inputs.dataclass_fields import fields_of
 from ..inputs.fields import Array, Bounds, validated
 
-#: Bounds of the derivatives of the joint positions, first to fifth, and their units.
+#: Limits of the derivatives of the joint positions, first to fifth, and their units.
 DERIVATIVE_UNITS = {
     "velocity": "rad/s",
     "acceleration": "rad/s^2",
@@ -25,12 +25,12 @@ DERIVATIVE_UNITS = {
 
 @validated
 class JointLimits:
-    """Bounds of each joint; infinite where a joint has none, None where none is known.
+    """Limits of each joint; infinite where a joint has none, None where none is known.
 
     Args:
-        position_lower, position_upper: Shape (n,) [rad].
-        velocity: Largest speed, shape (n,) [rad/s].
-        acceleration, jerk, snap, crackle: Largest magnitude of the higher derivatives,
+        position_lower, position_upper: Position limits, shape (n,) [rad].
+        velocity: Largest speeds, shape (n,) [rad/s].
+        acceleration, jerk, snap, crackle: Largest magnitudes of the higher derivatives,
             shape (n,) [rad/s^2 .. rad/s^5].
     """
 
@@ -66,13 +66,13 @@ class JointLimits:
 
     @classmethod
     def unlimited(cls, size: int) -> JointLimits:
-        """No bound on any of ``size`` joints."""
+        """Return infinite limits for ``size`` joints."""
         infinite = np.full(size, np.inf)
         return cls(position_lower=-infinite, position_upper=infinite, velocity=infinite)
 
     @cached_property
     def bounds(self) -> Mapping[str, Array | None]:
-        """Every bound by the name of its field; None where none is known."""
+        """All limits by the name of the field; None where none is known."""
         return fields_of(self)
 
     @property
@@ -81,7 +81,7 @@ class JointLimits:
         return int(self.position_lower.size)
 
     def merged(self, bounds: Mapping[str, Any]) -> dict[str, Any]:
-        """The fields of these limits with ``bounds`` in place; a number stands for every joint."""
+        """Return these limits' fields, updated by ``bounds``; a number applies to every joint."""
         fields: dict[str, Any] = dict(self.bounds)
         for name, bound in bounds.items():
             is_number = isinstance(bound, Real) and not isinstance(bound, bool)
@@ -89,21 +89,25 @@ class JointLimits:
         return fields
 
     def replace(self, **bounds: Any) -> JointLimits:
-        """The same limits but for the given ones; a number stands for every joint."""
+        """Return these limits with the given ones replaced; a number applies to every joint."""
         return JointLimits(**self.merged(bounds))
 
     def select(self, joints: Sequence[int]) -> JointLimits:
-        """The limits of some joints, by their numbers."""
+        """Return the limits of some joints, given by their indices."""
         known: dict[str, Any] = {
             name: bound[joints] for name, bound in self.bounds.items() if bound is not None
         }
         return JointLimits(**known)
 
     def require(self, name: str, reason: str) -> Array:
-        """The bound of this name, shape (n,).
+        """Return the limit of this name, shape (n,).
+
+        Args:
+            name: Name of a field.
+            reason: What needs the limit, for the message.
 
         Raises:
-            InvalidInputError: If it is not known.
+            InvalidInputError: If the limit is not known.
         """
         bound = self.bounds[name]
         if bound is None:
@@ -121,36 +125,40 @@ class JointLimits:
         return -self.velocity
 
     def velocity_box(self, q: Array, stiffness: float) -> tuple[Array, Array]:
-        """Velocities that respect both bounds: lower and upper, shape (..., n) [rad/s].
+        """Return the lower and upper velocities that the limits allow, shape (..., n) [rad/s].
 
-        A joint may approach its position limit at ``stiffness`` [1/s] times the distance
-        left, and from beyond the limit returns at no more than its largest speed, so the
-        box is never empty.
+        Besides its velocity limit, a joint keeps its position limit: it may approach it at
+        ``stiffness`` [1/s] times the remaining distance. From beyond the position limit it returns
+        at its largest speed or slower, so the box is never empty.
         """
         box = np.maximum(stiffness * (self._position - q[..., np.newaxis, :]), self._velocity_lower)
         np.minimum(box, self.velocity, out=box)
         return box[..., 0, :], box[..., 1, :]
 
     def acceleration_box(self, q: Array, v: Array, period: float) -> tuple[Array, Array]:
-        """Accelerations held for a period after which every bound can still be kept.
+        """Return bounds on the accelerations of a period after which all limits can still be kept.
 
-        That is: the velocity is within its bound at the end, and if the joint then brakes as
-        hard as it may, in samples of ``period`` [s], it comes to rest inside its position
-        limits. From a state like that the box is never empty, so bounds once kept are kept for
-        ever; from any other, it is what brings the joint back, to rest at the limit it is beyond.
+        That is: at the end of the period the velocity is within its limit, and if the joint then
+        brakes as hard as it may, in samples of ``period``, it comes to rest within its position
+        limits. From such a state the box is never empty, so limits once kept are always kept. From
+        any other state, the box brings the joint back, to rest at the limit that it violates.
 
         Args:
             q: Joint positions, shape (n,) [rad].
             v: Joint velocities, shape (n,) [rad/s].
-            period: For which the acceleration is held [s].
+            period: Time for which the accelerations are held [s].
 
         Returns:
-            Lower and upper, shape (n,) [rad/s^2].
+            Lower and upper accelerations, shape (n,) [rad/s^2].
+
+        Raises:
+            InvalidInputError: If the acceleration limits are not known.
         """
         most = self.require("acceleration", "braking in time")
-        # From velocity w a joint needs w^2 / 2a and, as it may not stop between samples, w h / 2
-        # to come to rest; with the ramp from v to w before, q + h (v + w) / 2 + w^2 / 2a + w h / 2
-        # must stay below the limit: solved for w. Beyond the limit the same holds of the way back.
+        # To come to rest from velocity w, a joint needs the distance w^2 / 2a, and w h / 2 more
+        # because it may not stop between samples. With the ramp from v to w before,
+        # q + h (v + w) / 2 + w^2 / 2a + w h / 2 must stay below the limit; this is solved for w.
+        # Beyond the limit, the same holds for the way back.
         room = self._position - (q + period / 2 * v)
         with np.errstate(invalid="ignore"):
             ends = 2.0 * room / (period + np.sqrt(period**2 + 2.0 * np.abs(room) / most))
@@ -161,16 +169,16 @@ class JointLimits:
         return lower, upper
 
     def violation(self, q: Array) -> Array:
-        """How far ``q``, shape (..., n), lies outside its position limits [rad]; 0 inside."""
+        """Return how far ``q``, shape (..., n), is outside the position limits [rad]; 0 inside."""
         return np.maximum(np.maximum(self.position_lower - q, q - self.position_upper), 0.0)
 
     def complaint(self, q: Array, outside: float = 0.0, names: Sequence[str] | None = None) -> str:
-        """Where the joint farthest beyond its position limits is, and where it may be.
+        """Return a message about the joint farthest beyond its position limits.
 
         Args:
             q: Joint positions, shape (n,) [rad].
-            outside: How far beyond the limits they may be [rad].
-            names: Of the joints; by default their numbers.
+            outside: Distance beyond the limits that is allowed [rad].
+            names: Names of the joints; by default their numbers.
         """
         worst = int(np.argmax(self.violation(q)))
         name = f"joint {worst + 1}" if names is None else names[worst]

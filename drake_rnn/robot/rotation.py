@@ -1,4 +1,4 @@
-"""How far one orientation is from another."""
+"""The rotation from one orientation to another."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from ..inputs.fields import Array
 
 
 def rotation_error(R_WE: Array, R_WE_desired: Array) -> Array:
-    """Rotation vector, in the world frame, that takes E to where it should be, shape (3,) [rad].
+    """Return the rotation vector from E to its desired orientation, in W, shape (3,) [rad].
 
     Args:
         R_WE: Orientation of E, shape (3, 3).
-        R_WE_desired: What it should be, shape (3, 3).
+        R_WE_desired: Desired orientation of E, shape (3, 3).
     """
     E = R_WE_desired @ R_WE.T
-    # In plain numbers: it is asked for at every sample, and NumPy's overhead would be most of it.
+    # Plain floats: this runs at every sample, and NumPy's overhead would take most of its time.
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = E.tolist()
-    # The antisymmetric part has the axis times the sine, the trace the cosine.
+    # The antisymmetric part gives the axis times the sine, the trace gives the cosine.
     x, y, z = 0.5 * (zy - yz), 0.5 * (xz - zx), 0.5 * (yx - xy)
     length, cosine = sqrt(x * x + y * y + z * z), 0.5 * (xx + yy + zz - 1.0)
     if length > 1e-6:
@@ -27,6 +27,6 @@ def rotation_error(R_WE: Array, R_WE_desired: Array) -> Array:
         return np.array((angle * x, angle * y, angle * z))
     if cosine > 0.0:
         return np.array((x, y, z))
-    # Half a turn: the axis is that of the symmetric part.
+    # Half a turn: the axis follows from the symmetric part.
     axis = (E + np.eye(3))[:, int(np.argmax(np.diag(E)))]
     return np.asarray(np.pi * axis / np.linalg.norm(axis))

@@ -1,4 +1,4 @@
-"""The postures an arm can move through while its end effector stays where it is."""
+"""Self-motion: the postures an arm can reach while its end effector stays in place."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from .arm import Arm
 from .rotation import rotation_error
 from .task import named_task
 
-# Postures count as on the manifold when the end effector is this close [m, rad].
+# A posture counts as on the manifold if the end effector is this close to its place [m, rad].
 _ON_IT = 1e-12
-# A joint counts as at a limit when it is this close [rad].
+# A joint counts as at a limit if it is this close [rad].
 _AT = 1e-6
-_LONGEST_STEP = 0.1  # of a joint [rad]
+_LONGEST_STEP = 0.1  # largest step of any joint [rad]
 _MOST_STEPS = 1500
 
 
 class SelfMotion:
-    """The self-motion manifold of an arm, as far as it is connected to one posture.
+    """The part of an arm's self-motion manifold that is connected to one posture.
 
     Args:
         arm: The arm.
         start: The posture, shape (n,) [rad].
-        task: What of the end effector stays: a key of `drake_rnn.task.TASKS`.
+        task: Part of the end effector's pose that is held: a key of `drake_rnn.robot.task.TASKS`.
 
     Raises:
-        InvalidInputError: If there is no such task, or ``start`` is not a posture.
+        InvalidInputError: If there is no such task, or ``start`` is not n finite numbers.
     """
 
     def __init__(self, arm: Arm, start: Array, task: str = "xyz") -> None:
@@ -40,14 +40,14 @@ class SelfMotion:
 
     @property
     def free_dimensions(self) -> int:
-        """Directions in which the joints can move at the start while the end effector stays."""
+        """Number of joint directions at the start that leave the end effector in place."""
         J = self._task.J(self._kinematics, self.start)
         return self.arm.n - int(np.linalg.matrix_rank(J, tol=1e-6))
 
     def miss(self, q: Array) -> Array:
-        """How far ``q`` takes the end effector off its place, shape (size of the task,) [rad, m].
+        """Return the displacement of the end effector at ``q``, shape (task size,) [rad, m].
 
-        Where the orientation belongs to the task, a rotation vector comes first.
+        If the task includes the orientation, a rotation vector comes first.
         """
         position = self._task.position(self._kinematics.p_WE(q) - self._p_WE)
         if not self._task.with_orientation:
@@ -56,31 +56,34 @@ class SelfMotion:
         return np.concatenate((turned, position))
 
     def distance(self, q: Array) -> float:
-        """How far ``q`` takes the end effector off its position [m]."""
+        """Return the distance of the end effector at ``q`` from its place [m]."""
         return float(np.linalg.norm(self.miss(q)[-len(self._task.axes) :]))
 
     def angle(self, q: Array) -> float:
-        """How far ``q`` turns the end effector, if its orientation belongs to the task [rad]."""
+        """Return the end effector's rotation at ``q`` [rad]; 0 for a task without orientation."""
         return float(np.linalg.norm(self.miss(q)[:3])) if self._task.with_orientation else 0.0
 
     def towards(self, target: Array) -> Array:
-        """Where the self-motion ends that goes as straight towards ``target`` as it can.
+        """Return the end of the self-motion that goes as straight towards ``target`` as possible.
 
-        Every step brings the joints nearer to ``target`` and keeps them within their limits.
-        That is how a law of state adjustment moves, whose bounds on the velocity are slack.
-        As there, a joint that starts outside its limits comes back, wherever the target lies.
+        Every step brings the joints closer to ``target`` and keeps them within their limits, like
+        a law of state adjustment with slack velocity bounds. As there, a joint that starts outside
+        its limits comes back, wherever the target lies.
+
+        Args:
+            target: Posture, shape (n,) [rad].
 
         Returns:
-            ``target``, if the self-motion leads there; else the nearest posture on its way,
+            ``target``, if the self-motion leads there; otherwise the closest posture on the way,
             shape (n,) [rad].
 
         Raises:
-            InvalidInputError: If ``target`` is not a posture.
+            InvalidInputError: If ``target`` is not n finite numbers.
         """
         target = self._vector("target", target)
         limits = self.arm.limits
         q = self._approached(self.start.copy(), target)
-        # As hard as it takes a joint that the end effector leaves little freedom.
+        # A joint to which the end effector leaves little freedom needs the higher pressure.
         for pressure in (10.0, 100.0):
             outside = np.clip(q, limits.position_lower, limits.position_upper) - q
             if outside.any():
@@ -89,19 +92,18 @@ class SelfMotion:
         return q
 
     def walk(self, direction: Array, length: float) -> Array:
-        """The posture that is reached by keeping to ``direction`` as well as possible.
+        """Return the posture reached by following ``direction`` as closely as possible.
 
         Args:
-            direction: Of the joints, shape (n,).
-            length: How far to go: the distance of the joint that moves farthest, at most a
-                turn [rad].
+            direction: Direction of the joint motion, shape (n,).
+            length: Largest joint displacement from the start, positive and at most one turn [rad].
 
         Returns:
-            Shape (n,) [rad]; the end effector where it was, no joint farther outside its
-            limits than at the start.
+            Posture with the end effector in place and no joint farther outside its limits than at
+            the start, shape (n,) [rad].
 
         Raises:
-            InvalidInputError: If the self-motion ends before.
+            InvalidInputError: If the self-motion ends before that, or an argument is invalid.
         """
         direction = self._vector("direction", direction)
         _require_length(length)
@@ -111,7 +113,7 @@ class SelfMotion:
             longest = float(np.abs(step).max())
             if longest < 1e-6:
                 break
-            # Until the first joint has gone the length; back if one has gone farther.
+            # Go until the first joint has moved by the length; go back if one has moved farther.
             left = length - np.sign(step) * (q - self.start)
             shares = left[step != 0] / np.abs(step[step != 0])
             tried = self._moved(q, min(shares.min(), _LONGEST_STEP / 5 / longest) * step)
@@ -129,13 +131,17 @@ class SelfMotion:
         )
 
     def somewhere(self, length: float, seed: int = 0) -> Array:
-        """A target that state adjustment reaches: a walk of ``length`` [rad] at random.
+        """Return a random target that state adjustment can reach.
+
+        Args:
+            length: Largest joint displacement of the target from the start, as in `walk` [rad].
+            seed: Seed of the random directions.
 
         Returns:
-            Shape (n,) [rad]; within the limits.
+            Posture within the limits, shape (n,) [rad].
 
         Raises:
-            InvalidInputError: If there is none in 20 random directions.
+            InvalidInputError: If none is found in 20 random directions, or an argument is invalid.
         """
         _require_length(length)
         if seed < 0:
@@ -169,13 +175,13 @@ class SelfMotion:
         return q
 
     def _along(self, q: Array, direction: Array) -> Array:
-        """The part of ``direction`` that leaves the end effector, and no joint beyond a limit."""
+        """Return the part of ``direction`` that holds E and takes no joint beyond a limit."""
         limits = self.arm.limits
         at_upper, at_lower = q > limits.position_upper - _AT, q < limits.position_lower + _AT
         side = at_upper.astype(float) - at_lower
         J = self._task.J(self._kinematics, q)
         held = np.zeros(self.arm.n, dtype=bool)
-        # One joint at a time: Murty's principal pivoting, which ends at the nearest step.
+        # Murty's principal pivoting, one joint at a time, ends at the step nearest to direction.
         for _ in range(50):
             rest = direction - J.T @ _least(J.T * ~held[:, np.newaxis], ~held * direction)
             wrong = np.where(held, -side * rest, side * rest) > 1e-12
@@ -186,8 +192,8 @@ class SelfMotion:
         return np.where(held, 0.0, rest)
 
     def _moved(self, q: Array, step: Array) -> Array | None:
-        """The posture next to ``q + step`` with the end effector in its place, if one is found."""
-        # From outside its limits a joint may come back.
+        """Return the posture near ``q + step`` with the end effector in place, or None."""
+        # A joint outside its limits may stay there or come back.
         lower = np.minimum(self.arm.limits.position_lower, q)
         upper = np.maximum(self.arm.limits.position_upper, q)
         q = q + step
@@ -220,5 +226,5 @@ def _require_length(length: float) -> None:
 
 
 def _least(A: Array, b: Array) -> Array:
-    """The shortest of the x that bring A x nearest to b; A may be singular."""
+    """Return the least-squares solution x of A x = b of least norm; A may be singular."""
     return np.asarray(np.linalg.lstsq(A, b, rcond=1e-8)[0])

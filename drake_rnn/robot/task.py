@@ -1,4 +1,4 @@
-"""Which part of the end effector's motion a task is about."""
+"""Tasks: the part of the end effector's motion that is controlled."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ from .kinematics import ArmKinematics
 
 @dataclass(frozen=True)
 class Task:
-    """Axes of the position, and perhaps the orientation, of the task frame E.
+    """Axes of the position of the task frame E that are controlled, and perhaps its orientation.
 
     Attributes:
-        axes: Of the position, 0 to 2.
-        with_orientation: Whether the rows of J begin with those of the angular velocity.
+        axes: Axes of the position, each 0 to 2.
+        with_orientation: Whether the orientation is controlled; the first three rows of J are then
+            those of the angular velocity.
     """
 
     axes: tuple[int, ...]
@@ -25,15 +26,15 @@ class Task:
 
     @property
     def size(self) -> int:
-        """Rows of J."""
+        """Number of rows of J."""
         return 3 * self.with_orientation + len(self.axes)
 
     def position(self, vector: Array) -> Array:
-        """The task's axes of a vector, shape (3,)."""
+        """Return the rows of ``vector``, shape (3, ...), that belong to the task's axes."""
         return vector if len(self.axes) == 3 else vector[list(self.axes)]
 
     def J(self, kinematics: ArmKinematics, q: Array) -> Array:
-        """The task's Jacobian, shape (size, n); as in Drake, rotation comes first."""
+        """Return the task's Jacobian, shape (size, n); rotation comes first, as in Drake."""
         J = self.position(kinematics.J(q))
         return np.vstack((kinematics.J_omega(q), J)) if self.with_orientation else J
 
@@ -43,10 +44,10 @@ TASKS = {"xyz": Task((0, 1, 2)), "xy": Task((0, 1)), "pose": Task((0, 1, 2), Tru
 
 
 def named_task(name: str) -> Task:
-    """The task of this name.
+    """Return the task of this name.
 
     Raises:
-        InvalidInputError: If there is none.
+        InvalidInputError: If there is no such task.
     """
     if name not in TASKS:
         raise InvalidInputError(f"task: may be {', '.join(TASKS)}, not {name!r}")

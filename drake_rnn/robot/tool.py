@@ -1,4 +1,4 @@
-"""The tool of an arm: the body that touches, and the joint at which its load is felt."""
+"""The tool of an arm: the body that makes contact, and the joint that carries it."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ from .arm import Arm
 
 @dataclass(frozen=True)
 class Tool:
-    """A tool in a plant.
+    """The tool of an arm in a plant.
 
     Attributes:
-        body: That touches.
-        joint: By which the arm holds it, mostly a weld: where a force-torque sensor would sit.
-        mass: Of all that this joint holds [kg].
+        body: Body that makes contact.
+        joint: Joint by which the arm holds the body, usually a weld; a force-torque sensor would
+            sit there.
+        mass: Mass of everything that the joint carries [kg].
         geometries: Collision geometries of the body.
     """
 
@@ -32,14 +33,14 @@ class Tool:
 
 
 def find_tool(plant: MultibodyPlant, frame: Frame) -> Tool:
-    """The body next to ``frame``, on the way to the base, that can touch anything.
+    """Return the tool: the first body from ``frame`` towards the base with collision geometry.
 
     Args:
-        plant: Registered with a SceneGraph.
-        frame: E of an arm.
+        plant: Plant, registered with a SceneGraph.
+        frame: Task frame E of an arm.
 
     Raises:
-        InvalidInputError: If there is none that moves with the frame.
+        InvalidInputError: If no such body moves with the frame, or no joint holds it.
     """
     holders = {
         joint.child_body().index(): joint for joint in map(plant.get_joint, plant.GetJointIndices())
@@ -65,15 +66,15 @@ def find_tool(plant: MultibodyPlant, frame: Frame) -> Tool:
 
 
 def standoff(arm: Arm, q: Array, normal: Array) -> float:
-    """From E's origin to the tool's outermost point against ``normal`` [m].
+    """Return the distance from E's origin to the tool's outermost point against ``normal`` [m].
 
     Args:
         arm: The arm.
-        q: Its posture, shape (n,) [rad].
-        normal: Of a surface, towards the tool, shape (3,).
+        q: Joint positions, shape (n,) [rad].
+        normal: Unit normal of a surface, towards the tool, in the base frame, shape (3,).
 
     Raises:
-        InvalidInputError: If the tool is made of anything but balls.
+        InvalidInputError: If the arm has no tool, or the tool does not consist of balls only.
     """
     scene_graph = SceneGraph()
     plant = MultibodyPlant(0.0)
@@ -97,5 +98,5 @@ def standoff(arm: Arm, q: Array, normal: Array) -> float:
             )
         centre = X_WB.multiply(inspector.GetPoseInFrame(geometry).translation())
         reach.append(shape.radius() - float(normal.dot(centre - p_WE)))
-    del plant  # it points to the scene graph
+    del plant  # it points to the scene graph, which must outlive it
     return float(np.max(reach))

@@ -1,4 +1,4 @@
-"""The blocks that diagrams are made of, one a file."""
+"""The systems that diagrams are built from, one per file."""
 
 from .body import Body, Feedback, start_posture
 from .contact import Contact
@@ -21,7 +21,7 @@ from .plant_arm import PlantArm
 from .spring_contact import SpringContact
 from .tool_force import ToolForce
 
-#: Bodies by the level of an experiment.
+#: Classes of bodies, by an experiment's ``level``.
 BODIES: dict[str, type[Body]] = {body.level: body for body in (IdealArm, PlantArm)}
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""What a controller moves: the arm as a system, at one level of detail or another."""
+"""The arm as a system that a controller moves, at any level of simulation detail."""
 
 from __future__ import annotations
 
@@ -15,40 +15,40 @@ from ..inputs.fields import Array
 from ..robot.arm import Arm
 from .contact import Contact
 
-#: Which arm a law sees: the one that the filtered command moves; the true one, as measured; or a
-#: virtual one that its own, unfiltered command moves.
+#: Arm that a law sees: ``commanded``, the one that the filtered command moves; ``measured``, the
+#: true one; ``unfiltered``, a virtual one that the law's unfiltered command moves.
 Feedback = Literal["commanded", "measured", "unfiltered"]
 
 
 class Body(Diagram):
-    """An arm that is told where to be; its kind is the level of detail of a simulation.
+    """An arm that follows a joint command; each subclass is one level of simulation detail.
 
     Inputs are ``position_commanded`` and ``velocity_commanded``, outputs ``position`` and
-    ``velocity``, shape (n,) [rad, rad/s]; and with a contact ``contact_force`` and ``tool_force``,
-    shape (3,) [N] in the world frame: what the surroundings exert on the tool, as the contact knows
-    it, and as a sensor between arm and tool feels it.
+    ``velocity``, shape (n,) [rad, rad/s]. With a contact there are two more outputs, shape (3,)
+    [N], in the world frame: the force of the surroundings on the tool, as computed by the simulated
+    contact, ``contact_force``, and as measured by a sensor between arm and tool, ``tool_force``.
 
     Args:
         arm: The arm.
-        start: Posture to start from, shape (n,) [rad]; by default the arm's home posture.
-        contact: What the tool presses against; None for an arm in free space.
+        start: Start posture, shape (n,) [rad]; by default the arm's home posture.
+        contact: Contact of the tool with a surface; None for an arm in free space.
         outside: How far the start may lie outside the position limits [rad].
 
     Attributes:
-        kinematics: Kinematics of the arm, for all who ask at the same posture to share.
+        kinematics: Kinematics of the arm; systems that share it compute each posture only once.
 
     Raises:
         InvalidInputError: If the start is missing, of the wrong size or outside the position
-            limits, or this level has no such surface.
+            limits; or if the tool cannot press against such a surface at this level.
     """
 
-    #: Name of the level, as in an experiment's document.
+    #: Name of the level in an experiment's document.
     level: ClassVar[str]
-    #: What a law sees unless it is told otherwise.
+    #: Arm that a law sees by default.
     default_feedback: ClassVar[Feedback]
-    #: Surfaces that the tool can press against at this level.
+    #: Base class of the surfaces that the tool can press against at this level.
     surfaces: ClassVar[type[Surface]]
-    #: Whether motors of limited torque move it.
+    #: Whether motors with limited torque move the arm.
     has_motors: ClassVar[bool]
 
     def __init__(
@@ -70,19 +70,19 @@ class Body(Diagram):
 
     @property
     def tick(self) -> float | None:
-        """Time for which its velocity is held [s]; None if it moves just as it is commanded."""
+        """Time for which the joint velocity is held [s]; None if it is the commanded one."""
         return None
 
     def check_task(self, size: int) -> None:
-        """Raise an InvalidInputError if the task has not the axes it takes; ``size`` of them."""
+        """Raise an InvalidInputError if a task with ``size`` position axes is not possible."""
 
     @classmethod
     def check_loop(cls, period: float | None, feedback: Feedback) -> None:
-        """Raise an InvalidInputError if no such loop can be closed at this level.
+        """Raise an InvalidInputError if such a loop cannot be closed at this level.
 
         Args:
-            period: Of the controller [s]; None for one that Drake integrates.
-            feedback: Which arm the law sees.
+            period: Sampling period of the controller [s]; None if Drake integrates the law.
+            feedback: Arm that the law sees.
         """
         if feedback not in get_args(Feedback):
             may_be = ", ".join(get_args(Feedback))
@@ -90,7 +90,7 @@ class Body(Diagram):
 
     @classmethod
     def check_surface(cls, kind: type[Surface]) -> None:
-        """Raise an InvalidInputError if the tool cannot press against such surfaces here."""
+        """Raise an InvalidInputError if the tool cannot press against this kind of surface."""
         if issubclass(kind, cls.surfaces):
             return
         able = [name for name, known in ENVIRONMENTS.items() if issubclass(known, cls.surfaces)]
@@ -101,11 +101,11 @@ class Body(Diagram):
 
 
 def start_posture(arm: Arm, start: Array | None, outside: float = 0.0) -> Array:
-    """Return the posture to start from, shape (n,) [rad]: ``start``, else the arm's home posture.
+    """Return the start posture, shape (n,) [rad]: ``start``, or else the arm's home posture.
 
     Raises:
-        InvalidInputError: If there is none, or it is not one of this arm's, or lies outside
-            its position limits by more than ``outside`` [rad]; or ``arm`` is no arm.
+        InvalidInputError: If there is neither; if ``start`` has the wrong size or lies outside
+            the position limits by more than ``outside`` [rad]; or if ``arm`` is not an `Arm`.
     """
     require_type("arm", arm, Arm)
     if start is None:

@@ -1,4 +1,4 @@
-"""What the tool of an arm presses against, how hard, and how that is measured."""
+"""Contact of an arm's tool with a surface: the surface, the force and the force sensor."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from .force_sensor import SensorSettings
 
 @dataclass(frozen=True)
 class Contact:
-    """A surface and a force.
+    """A surface, the force to press on it with, and the sensor of that force.
 
     Attributes:
-        surface: For an `IdealArm` an `ElasticSurface`, for a `PlantArm` a `ContactModel`.
-        force: To press with.
-        sensor: Of the force; None for one that says what is.
+        surface: An `ElasticSurface` for an `IdealArm`, a `ContactModel` for a `PlantArm`.
+        force: Desired pressing force.
+        sensor: Force sensor; None for an ideal one.
 
     Raises:
-        InvalidInputError: If one of them is something else.
+        InvalidInputError: If one of them has the wrong type.
     """
 
     surface: Surface
@@ -38,19 +38,20 @@ class Contact:
         require_type("Contact.sensor", self.sensor, SensorSettings, NoneType)
 
     def check_period(self, period: float | None) -> None:
-        """Raise an InvalidInputError if there is a sensor and nothing to sample it by.
+        """Raise an InvalidInputError if there is a sensor but no period to sample it with.
 
         Args:
-            period: Of the controller [s]; None for one that Drake integrates.
+            period: Sampling period of the controller [s]; None if Drake integrates the law.
         """
         if self.sensor is not None and period is None:
             raise InvalidInputError("sensor: is sampled like the law; give a period, no integrator")
 
     def place(self, arm: Arm, start: Array) -> Array:
-        """The point of the surface below the tool at the start, shape (3,) [m].
+        """Return the point of the surface below the tool at the start, shape (3,) [m].
 
         Raises:
-            InvalidInputError: If the arm's frame has no tool, or how far it reaches is not known.
+            InvalidInputError: If the arm's frame carries no tool, or the distance from the frame to
+                the end of the tool is not known.
         """
         n = self.surface.normal_W
         reach = 0.0

@@ -1,4 +1,4 @@
-"""The force on a tool, as the simulated contact knows it."""
+"""The true contact force on a tool, taken from the simulated contact."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from pydrake.systems.framework import Context, LeafSystem
 
 
 class ContactForce(LeafSystem):
-    """The sum of all contact forces on a tool: what no sensor sees, to compare sensors with.
+    """Sum of all contact forces on a tool: the true force, to compare sensor readings with.
 
-    The input is ``contact_results``, of a plant; the output ``contact_force``, shape (3,) [N],
-    in the world frame.
+    The input is ``contact_results`` of a plant, the output ``contact_force``, shape (3,) [N], in
+    the world frame.
 
     Args:
         body: Index of the tool's body.
-        geometries: Its collision geometries.
+        geometries: Collision geometries of the tool.
     """
 
     def __init__(self, body: BodyIndex, geometries: Iterable[GeometryId]) -> None:
@@ -35,7 +35,7 @@ class ContactForce(LeafSystem):
             for k in range(contacts.num_hydroelastic_contacts()):
                 patch = contacts.hydroelastic_contact_info(k)
                 surface = patch.contact_surface()
-                # The force is that on the body of the surface's first geometry.
+                # Drake reports the force on the body of geometry M.
                 if surface.id_M() in own:
                     total += patch.F_Ac_W().translational()
                 elif surface.id_N() in own:

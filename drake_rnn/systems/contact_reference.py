@@ -1,4 +1,4 @@
-"""How hard a surface is to be pressed, and where it faces."""
+"""Desired pressing force on a surface, and the surface's normal."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ class ForceProfile:
     """A pressing force, constant once it has risen.
 
     Args:
-        value: [N].
-        rise_time: In which it rises from ``initial``, smoothly [s]; None for at once.
-        initial: Goes with a rise_time [N].
+        value: Final force [N].
+        rise_time: Time in which the force rises smoothly from ``initial`` [s]; None for a force
+            that is constant from the start.
+        initial: Force at the start [N]; only with ``rise_time``.
     """
 
     value: Positive
@@ -29,18 +30,18 @@ class ForceProfile:
             raise ValueError(f"initial: goes with rise_time; without, {self.initial:g} is not used")
 
     def at(self, t: float) -> float:
-        """The force asked for at time ``t`` [N]."""
+        """Return the desired force [N] at time ``t`` [s]."""
         if self.rise_time is None:
             return self.value
         return self.initial + (self.value - self.initial) * float(smooth_rise(t, self.rise_time))
 
 
 class ContactReference(LeafSystem):
-    """``normal_WE``, shape (3,), and ``normal_force_desired``, shape (1,) [N].
+    """Source of ``normal_WE``, shape (3,), and ``normal_force_desired``, shape (1,) [N].
 
     Args:
-        normal: Outward normal of the surface, of length 1, shape (3,).
-        force: To press with.
+        normal: Outward unit normal of the surface in the world frame, shape (3,).
+        force: Desired pressing force.
     """
 
     def __init__(self, normal: Array, force: ForceProfile) -> None:
@@ -53,6 +54,6 @@ class ContactReference(LeafSystem):
             output.set_value([force.at(context.get_time())])
 
         self.DeclareVectorOutputPort("normal_WE", 3, normal_WE, {self.nothing_ticket()})
-        # What never changes is computed once.
+        # A constant force is computed only once.
         varies = self.nothing_ticket() if force.rise_time is None else self.time_ticket()
         self.DeclareVectorOutputPort("normal_force_desired", 1, normal_force_desired, {varies})

@@ -1,4 +1,4 @@
-"""A law as a Drake system: integrated by Drake, or sampled as on a robot."""
+"""A law as a Drake system: sampled as on a robot, or integrated by Drake."""
 
 from __future__ import annotations
 
@@ -9,22 +9,24 @@ import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, State
 
 from ..errors import InvalidInputError, SimulationError
+from ..inputs.complaints import require_type
 from ..inputs.fields import Array
 from ..laws.law import ContinuousReading, Law, Reading, SampledReading, Signals
 
 
 class Controller(LeafSystem):
-    """A law as a system: what both readings share.
+    """Base class of the systems that run a law.
 
     Input ports are the law's inputs, by name. Outputs are ``commanded_velocity``, ``state``
     and each part of the state by name, which depend on state and time alone, and each
-    observable, which feeds through and is there to be recorded. Matrices are flat, row by row.
+    observable, which depends directly on the inputs and serves only for recording. Matrices are
+    flattened row by row.
 
-    The state starts as the law says, drawn from ``seed``, unless it has been set before the
-    simulation is initialized.
+    The initial state is the law's own, drawn with ``seed``, unless a state has been set before
+    the simulation is initialized.
     """
 
-    #: Time between two samples [s]; None for a law that Drake integrates.
+    #: Sampling period [s]; None for a law that Drake integrates.
     period: float | None = None
 
     def __init__(self, law: Law, reading: Reading, seed: int) -> None:
@@ -36,13 +38,13 @@ class Controller(LeafSystem):
             name: (self.DeclareVectorInputPort(name, at.stop - at.start), shape)
             for name, (at, shape) in reading.inputs.parts.items()
         }
-        # Read at every sample: bound once, and only matrices reshaped.
+        # Read at every sample: methods are bound once, and only matrices are reshaped.
         self._readers = [(name, port.Eval) for name, (port, _) in self._input_ports.items()]
         shapes = {name: shape for name, (_, shape) in self._input_ports.items()}
         self._matrices = [(name, shape) for name, shape in shapes.items() if len(shape) > 1]
 
     def _declare_outputs(self, state: Any) -> None:
-        """Called by the readings once their state, with this ticket, is declared."""
+        """Declare the output ports, given the dependency ticket of the declared state."""
         reading = self.reading
         n = reading.state.parts["v"][1][0]
         command = reading.commanded_velocity
@@ -51,7 +53,7 @@ class Controller(LeafSystem):
 
         def calc_command(context: Context, output: Any) -> None:
             x = self._state(context)
-            # NaN until it is initialized: what it then sees is an arm at rest.
+            # The state is NaN until it is initialized; until then the arm is at rest.
             rest = x[0] != x[0]
             output.set_value(at_rest if rest else command(context.get_time(), x))
 
@@ -74,7 +76,7 @@ class Controller(LeafSystem):
             )
 
     def _state(self, context: Context) -> Array:
-        """The law's state, read and forgotten: it may alias the context's memory."""
+        """Return the law's state for immediate use; it may alias the context's memory."""
         raise AssertionError("each reading has its own")
 
     def set_state(self, context: Context, x: Array) -> None:
@@ -82,25 +84,25 @@ class Controller(LeafSystem):
         raise AssertionError("each reading has its own")
 
     def state(self, context: Context) -> Array:
-        """The law's state, shape (state.size,)."""
+        """Return a copy of the law's state, shape (state.size,)."""
         return self._state(context).copy()
 
     def signals(self, context: Context) -> dict[str, Array]:
-        """What the law sees, by name."""
+        """Return the law's input signals, by name."""
         u = {name: read(context) for name, read in self._readers}
         for name, shape in self._matrices:
             u[name] = u[name].reshape(shape)
         return u
 
     def initial_state(self, context: Context, **known: Array) -> Array:
-        """The law's initial state, shape (state.size,), from what its ports show.
+        """Return the law's initial state, shape (state.size,), from the signals at its ports.
 
         Args:
-            context: Of this system, with its input ports connected.
-            known: Signals beyond the ports, e.g. ``J`` for a law that does not see it.
+            context: Context of this system, with all input ports connected.
+            known: Further signals, e.g. ``J`` for a law without that input.
 
         Raises:
-            InvalidInputError: If an input is not connected or not finite.
+            InvalidInputError: If an input is not connected, or the position is not finite.
         """
         u: dict[str, Array] = {}
         for name, (port, shape) in self._input_ports.items():
@@ -117,12 +119,12 @@ class Controller(LeafSystem):
         return self.reading.initial_state(np.random.default_rng([self.seed, 0]), {**u, **known})
 
     def diagnostics(self, context: Context) -> Signals:
-        """What the law tells of itself at present, by name."""
+        """Return the present values of the law's observables, by name."""
         x, u = self._state(context), self.signals(context)
         return self.reading.diagnostics(context.get_time(), x, u)
 
     def _fail(self, what: str, value: Array, context: Context) -> None:
-        """Raise, naming every part and input that is not finite."""
+        """Raise a SimulationError that names every state part and input that is not finite."""
         parts = self.reading.state.parts.items()
         bad = [name for name, (at, _) in parts if not np.isfinite(value[at]).all()]
         seen = [n for n, array in self.signals(context).items() if not np.isfinite(array).all()]
@@ -134,16 +136,18 @@ class Controller(LeafSystem):
 
 
 class SampledController(Controller):
-    """A law that runs once every ``period``, its command held in between, or a ramp.
+    """A controller that runs a law once every ``period``.
+
+    Between samples the commanded velocity is held, or follows the law's ramp.
 
     Args:
         law: The law.
-        period: Time between two samples [s].
-        seed: Of what is random in the law's initial state.
+        period: Sampling period [s].
+        seed: Seed of the law's random initial state.
 
     Raises:
         InvalidInputError: If the law cannot be sampled at this period.
-        SimulationError: While simulating, when a part of the state is no longer finite.
+        SimulationError: During a simulation, if the state is no longer finite.
     """
 
     reading: SampledReading
@@ -152,6 +156,7 @@ class SampledController(Controller):
     def __init__(self, law: Law, period: float, seed: int = 0) -> None:
         if not (period > 0 and isfinite(period)):
             raise InvalidInputError(f"period: must be positive, not {period}")
+        require_type("law", law, Law)
         reading = law.sampled(period)
         super().__init__(law, reading, seed)
         self.period = period
@@ -173,7 +178,7 @@ class SampledController(Controller):
         state.set_value(self.initial_state(context) if np.isnan(x).any() else x)
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
-        # A copy: a law that writes into its arguments must not reach the context.
+        # A copy, so that a law that modifies its arguments cannot change the context.
         x = context.get_discrete_state_vector().CopyToVector()
         x = self.reading.step(context.get_time(), x, self.signals(context), self.period)
         if not isfinite(sum(x.tolist())):
@@ -182,21 +187,22 @@ class SampledController(Controller):
 
 
 class ContinuousController(Controller):
-    """A law that is a differential equation, integrated by Drake.
+    """A controller that runs a law as a differential equation integrated by Drake.
 
     Args:
         law: The law.
-        seed: Of what is random in the law's initial state.
+        seed: Seed of the law's random initial state.
 
     Raises:
-        InvalidInputError: If the law is no differential equation.
-        SimulationError: While simulating, when a derivative is not finite; Drake's
-            error-controlled integrators would shorten their step for ever.
+        InvalidInputError: If the law is not a differential equation.
+        SimulationError: During a simulation, if a derivative is not finite; Drake's
+            error-controlled integrators would otherwise shorten their step forever.
     """
 
     reading: ContinuousReading
 
     def __init__(self, law: Law, seed: int = 0) -> None:
+        require_type("law", law, Law)
         reading = law.continuous()
         super().__init__(law, reading, seed)
         state = self.DeclareContinuousState(BasicVector(np.full(reading.state.size, np.nan)))
@@ -217,7 +223,7 @@ class ContinuousController(Controller):
         state.get_mutable_continuous_state().SetFromVector(x)
 
     def DoCalcTimeDerivatives(self, context: Context, derivatives: Any) -> None:
-        """Drake's hook: the law's derivatives at present."""
+        """Set the time derivatives of the law's state; Drake calls this."""
         x = self._state(context)
         rates = self.reading.derivatives(context.get_time(), x, self.signals(context))
         if not isfinite(sum(rates.tolist())):

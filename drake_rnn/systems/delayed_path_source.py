@@ -1,4 +1,4 @@
-"""What the end effector was asked to do a while ago."""
+"""Past desired motion of the end effector as signals."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from .path_source import PathSource
 
 
 class DelayedPathSource(PathSource):
-    """A `PathSource` whose signals are those of ``delay`` ago; before that, the path's start.
+    """A `PathSource` with delayed signals; until t = delay they rest at the path's start.
 
     Args:
-        delay: How late they are [s].
-        arguments: Those of a `PathSource`.
+        delay: Delay of the signals [s].
+        arguments: Arguments of `PathSource`.
     """
 
     def __init__(self, delay: float, *arguments: Any) -> None:

@@ -1,4 +1,4 @@
-"""Excitation: what a learning law adds to the joints' motion, to see all of its directions."""
+"""Excitation of the joints, which lets a learning law see all directions of motion."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ _BLOCK = 1024
 
 @validated
 class DitherSettings:
-    """Seeded white noise, held between samples, and where it enters.
+    """Seeded white noise on the joint velocities, and where it acts.
 
     Args:
-        model: ``actuated``: the arm moves with it, and what is measured shows it.
-            ``virtual``: the arm moves without it, and yet the law is shown ``velocity`` and
-            ``v_WE`` as if it did; only a simulation can do that. ``printed``: the law is
-            shown ``velocity`` with it and ``v_WE`` without, as the paper prints it.
-        sigma: Standard deviation of each joint [rad/s]; cut off at three sigma.
-        hold: Time for which a value is held [s].
+        model: ``actuated``: the noise moves the arm, and measurements show it.
+            ``virtual``: the noise does not move the arm, but the law sees ``velocity`` and
+            ``v_WE`` as if it did, which only a simulation can do. ``printed``: the law sees
+            ``velocity`` with the noise and ``v_WE`` without it, as in the paper of
+            `SimultaneousLearning`.
+        sigma: Standard deviation of each joint's noise [rad/s]; it is clipped at three sigma.
+        hold: Time for which each value is held [s].
     """
 
     model: Literal["actuated", "virtual", "printed"] = "actuated"
@@ -31,16 +32,16 @@ class DitherSettings:
 
 
 class Dither(LeafSystem):
-    """White noise, normal and cut off at three sigma, a new value each ``hold``.
+    """Normal white noise, clipped at three sigma, with a new value every ``hold``.
 
-    Its output ``dither``, shape (n,) [rad/s], is a function of seed and sample number alone:
-    every run and every process sees the same values.
+    The output ``dither``, shape (n,) [rad/s], depends on seed and sample number alone: every run
+    and every process gets the same values.
 
     Args:
         size: Number of joints.
         sigma: Standard deviation [rad/s].
-        hold: Time for which a value is held [s].
-        seed: Of the generator.
+        hold: Time for which each value is held [s].
+        seed: Seed of the random generator.
     """
 
     def __init__(self, size: int, sigma: float, hold: float, seed: int = 0) -> None:
@@ -56,7 +57,7 @@ class Dither(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(self._hold, 0.0, self._update)
 
     def sample(self, number: int) -> Array:
-        """The value of one sample, shape (n,) [rad/s]."""
+        """Return the value of one sample, shape (n,) [rad/s]."""
         block, row = divmod(number, _BLOCK)
         if self._block[0] != block:
             rng = np.random.default_rng([self._seed, 1, block])

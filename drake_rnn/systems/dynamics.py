@@ -8,15 +8,15 @@ from pydrake.systems.framework import Context, LeafSystem
 
 from ..robot.arm import Arm
 
-#: Names of the signals below, which are computed for a law that asks for one of them.
+#: Outputs of `Dynamics`, which is added only for a law that needs one of them.
 DYNAMICS_SIGNALS = ("M", "bias", "gravity")
 
 
 class Dynamics(LeafSystem):
-    """Inertia, Coriolis terms and gravity: torques are M v_dot + bias - gravity.
+    """Inertia, Coriolis terms and gravity of the arm: torque = M v_dot + bias - gravity.
 
     Inputs are ``position`` and ``velocity`` of the joints, shape (n,) [rad, rad/s]. Outputs are
-    ``M``, (n, n) flat [kg m^2], ``bias`` and ``gravity``, (n,) [Nm].
+    ``M``, shape (n, n) flattened [kg m^2], ``bias`` and ``gravity``, shape (n,) [Nm].
 
     Args:
         arm: The arm.

@@ -1,4 +1,4 @@
-"""A force sensor as it is: noisy, late, slow, and sometimes broken."""
+"""A force sensor with noise, delay, a low-pass filter and failures."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ _BLOCK = 1024
 
 @validated
 class SensorSettings:
-    """What a force sensor does to what it measures.
+    """Imperfections of a force sensor.
 
     Args:
-        noise: Standard deviation of normal noise at each sample [N].
-        delay: Of each sample, beyond the one that sampling takes; a multiple of the period, at
-            most 5 s, as all samples on their way are kept [s].
-        low_pass: Corner frequency of a first-order filter behind the noise [Hz]; None for none.
-        failure: How it breaks at ``fails_at``: ``nan``, which stops the run, or ``frozen`` at
-            what it last said.
-        fails_at: When [s].
+        noise: Standard deviation of the normal noise on each sample [N].
+        delay: Delay of each sample beyond that of the sampling itself [s]; a multiple of the
+            period, at most 5 s because all delayed samples are stored.
+        low_pass: Corner frequency of a first-order filter after the noise [Hz]; None for none.
+        failure: Failure at ``fails_at``: ``nan``, which stops the run, or ``frozen`` at the last
+            value.
+        fails_at: Time of the failure [s].
     """
 
     noise: NonNegative = 0.0
@@ -41,16 +41,16 @@ class SensorSettings:
 
 
 class ForceSensor(LeafSystem):
-    """Samples ``normal_force_true``, shape (1,) [N], and says ``normal_force``, shape (1,) [N].
+    """Sampled force sensor: from ``normal_force_true`` to ``normal_force``, shape (1,) [N].
 
     Args:
-        settings: What it does to it.
-        period: Between two samples [s].
-        seed: Of the noise.
+        settings: Imperfections of the sensor.
+        period: Sampling period [s].
+        seed: Seed of the noise.
 
     Raises:
-        InvalidInputError: If the delay is no multiple of the period.
-        SimulationError: While simulating, if it would have to say what is no number.
+        InvalidInputError: If the delay is not a multiple of the period.
+        SimulationError: During a simulation, if the output would not be finite.
     """
 
     def __init__(self, settings: SensorSettings, period: float, seed: int = 0) -> None:
@@ -65,11 +65,11 @@ class ForceSensor(LeafSystem):
                 f"sensor.delay: must be a multiple of the period, {period:g} s, not "
                 f"{settings.delay:g}"
             )
-        # What low_pass leaves after one period of what was.
+        # Share of the previous output that the low-pass filter keeps after one period.
         corner = settings.low_pass
         self._kept = 0.0 if corner is None else math.exp(-2.0 * math.pi * corner * period)
         self._measured = self.DeclareVectorInputPort("normal_force_true", 1)
-        # Samples on their way, the newest first; then what is said.
+        # Delayed samples, newest first, then the output.
         self.DeclareDiscreteState(late + 2)
         self.DeclareVectorOutputPort(
             "normal_force",
@@ -92,7 +92,7 @@ class ForceSensor(LeafSystem):
         if broken is not None and context.get_time() >= broken:
             x[-1] = said if self._settings.failure == "frozen" else math.nan
         if not math.isfinite(x[-1]):
-            # A law that has seen it could only say that its own state is none any more.
+            # A law that sees this could only report that its own state is not finite.
             raise SimulationError(
                 f"{self.get_name()}: the force sensor says {x[-1]}", context.get_time()
             )

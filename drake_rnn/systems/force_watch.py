@@ -1,4 +1,4 @@
-"""Stops a run whose force sensor is stuck."""
+"""Detection of a stuck force sensor."""
 
 from __future__ import annotations
 
@@ -7,25 +7,25 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from ..errors import SimulationError
 
-# An arm that has moved by less [rad] may well feel the same force.
+# Joint motion below which the force may well stay the same [rad].
 _AT_REST = 1e-9
 
 
 class ForceWatch(LeafSystem):
-    """Watches ``normal_force``, shape (1,) [N], and has no outputs.
+    """Watchdog that stops a run if the force sensor is stuck.
 
-    A force that stays the same to the last bit, and is not zero, while the joints, the input
-    ``position`` of shape (n,) [rad], move, is that of a sensor that is stuck. One that is stuck
-    at exactly 0 N is not noticed: without contact, a sensor without noise says just that. One
-    that says NaN is stopped by `ForceSensor`.
+    Inputs are ``normal_force``, shape (1,) [N], and ``position`` of the joints, shape (n,) [rad];
+    there are no outputs. The sensor is stuck if the force is not zero and stays the same to the
+    last bit while the joints move. A sensor stuck at exactly 0 N is not detected, because an ideal
+    sensor without contact reads the same. A sensor that reads NaN is stopped by `ForceSensor`.
 
     Args:
         size: Number of joints.
-        period: Between two looks [s].
-        patience: How long it may be stuck [s].
+        period: Time between two checks [s].
+        patience: Time for which the force may stay the same [s].
 
     Raises:
-        SimulationError: While simulating, if the force is stuck.
+        SimulationError: During a simulation, if the sensor is stuck.
     """
 
     def __init__(self, size: int, period: float, patience: float = 0.1) -> None:
@@ -33,7 +33,7 @@ class ForceWatch(LeafSystem):
         self._patience = patience
         self._measured = self.DeclareVectorInputPort("normal_force", 1)
         self._position = self.DeclareVectorInputPort("position", size)
-        # What was seen last [N], since when [s], and where the joints were then [rad].
+        # Last force [N], time of its first sample [s], and joint positions at that time [rad].
         self.DeclareDiscreteState(np.zeros(2 + size))
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 

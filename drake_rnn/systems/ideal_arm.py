@@ -1,4 +1,4 @@
-"""The arm at the kinematic level: it is where it is commanded to be."""
+"""The arm at the kinematic level, which follows its command exactly."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from .spring_contact import SpringContact
 
 
 class IdealArm(Body):
-    """An arm without mass; what it presses against gives way like a spring.
+    """An arm without mass that follows its command exactly; surfaces act on it as springs.
 
-    Ports are those of a `Body`; position and velocity out are those commanded.
+    Ports are those of `Body`; the outputs ``position`` and ``velocity`` are the commanded ones.
 
     Args:
         arm: The arm.
-        start: Posture to start from, shape (n,) [rad]; by default the arm's home posture.
-        contact: With an `ElasticSurface`; None for an arm in free space.
+        start: Start posture, shape (n,) [rad]; by default the arm's home posture.
+        contact: Contact with an `ElasticSurface`; None for an arm in free space.
         outside: How far the start may lie outside the position limits [rad].
 
     Raises:
-        InvalidInputError: As `Body` does.
+        InvalidInputError: In the same cases as `Body`.
     """
 
     level = "kinematic"
@@ -61,13 +61,13 @@ class IdealArm(Body):
         builder.BuildInto(self)
 
     def check_task(self, size: int) -> None:
-        """Raise an InvalidInputError for a planar task with a contact; ``size`` axes."""
+        """Raise an InvalidInputError for a contact and fewer than 3 position axes, ``size``."""
         if self.contact is not None and size != 3:
             raise InvalidInputError("task: must be xyz or pose with a contact, not xy")
 
     @classmethod
     def check_loop(cls, period: float | None, feedback: Feedback) -> None:
-        """Raise an InvalidInputError if ``feedback`` is measured: there is nothing to measure."""
+        """Raise an InvalidInputError if ``feedback`` is measured: nothing is measured here."""
         super().check_loop(period, feedback)
         if feedback == "measured":
             raise InvalidInputError(

@@ -1,4 +1,4 @@
-"""Where the joints ought to be, some time ahead."""
+"""Future desired joint positions as a signal."""
 
 from __future__ import annotations
 
@@ -12,31 +12,33 @@ from pydrake.systems.framework import Context, LeafSystem
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..laws.parts.damped_inverse import damped_joint_velocity
+from ..laws.parts.sampling_rate import check_sampling_rate
 from ..paths import Path
 from ..robot.arm import Arm
 from ..robot.task import named_task
 
-# Of the position error [1/s], and of the pseudoinverse [m].
+# Gain of the position error [1/s] and damping of the pseudoinverse [m].
 _FEEDBACK, _DAMPING = 10.0, 1e-6
 
-#: Joint positions, shape (k, n) [rad], at times, shape (k,) [s].
+#: Function from times, shape (k,) [s], to joint positions, shape (k, n) [rad].
 PositionsAt = Callable[[Array], Array]
 
 
 class JointReference(LeafSystem):
-    """Desired joint positions ahead of time, as ``position_preview``, shape (count, n), flat.
+    """Source of ``position_preview``, the future desired joint positions, shape (count, n) [rad].
 
-    At time t they are those at t + interval, t + 2 interval, ... t + count interval.
+    At time t its rows are the positions at t + interval, t + 2 interval, ... t + count interval.
+    The output is flattened.
 
     Args:
-        positions_at: The desired joint positions as a function of time.
+        positions_at: Desired joint positions as a function of time.
         n: Number of joints.
-        interval: Between two of them [s].
-        count: How many.
+        interval: Time between two positions [s].
+        count: Number of positions.
 
     Raises:
-        InvalidInputError: If the interval is not positive, there is nothing to show, or
-            ``positions_at`` is not of that shape.
+        InvalidInputError: If the interval is not positive, ``count`` is less than 1, or
+            ``positions_at`` returns an array of another shape.
     """
 
     def __init__(self, positions_at: PositionsAt, n: int, interval: float, count: int) -> None:
@@ -60,7 +62,7 @@ class JointReference(LeafSystem):
 
 
 def held_posture(q: Array) -> PositionsAt:
-    """A posture that is desired at all times, shape (n,) [rad]."""
+    """Return the joint positions of a posture ``q``, shape (n,) [rad], desired at all times."""
     posture = np.array(q, dtype=float)
     return lambda times: np.broadcast_to(posture, (times.size, posture.size))
 
@@ -75,24 +77,25 @@ def followed_path(
 ) -> PositionsAt:
     """Return the joint positions with which the damped pseudoinverse follows a path.
 
-    The path is followed beforehand, sampled every ``step``, with the secant of the desired position
-    fed forward and its error fed back. Between samples positions are linear in time; before the
-    first and after the last they stay.
+    They are computed once, sampled every ``step``, with the secant of the desired position fed
+    forward and the position error fed back. They are interpolated linearly between samples, and
+    constant before the first and after the last one.
 
     Args:
-        path: The path.
+        path: Path of the end effector.
         arm: The arm.
         start: Posture at t = 0, shape (n,) [rad].
-        until: Time at which it ends [s].
+        until: End time [s].
         task: A key of `drake_rnn.robot.task.TASKS`, without orientation.
-        step: Between two samples [s].
+        step: Sampling period [s].
 
     Raises:
-        InvalidInputError: If there is no such task, or it asks for an orientation.
+        InvalidInputError: If there is no such task, or it includes the orientation.
     """
     followed = named_task(task)
     if followed.with_orientation:
         raise InvalidInputError(f"task: a reference for the joints knows xyz and xy, not {task!r}")
+    check_sampling_rate(step, {"feedback": _FEEDBACK})
     kinematics = arm.kinematics()
     q = np.array(start, dtype=float)
     origin = path.start_point(kinematics.p_WE(q))

@@ -12,18 +12,19 @@ from ..robot.task import named_task
 
 
 class Kinematics(LeafSystem):
-    """Where E, the arm's task frame, is and how it moves, seen from the world W.
+    """Pose, velocity and Jacobians of E, the arm's task frame, in the world frame W.
 
-    Inputs are ``position`` and ``velocity`` of the joints, shape (n,) [rad, rad/s]. Outputs
-    are, with the m axes of the task, ``p_WE`` and ``v_WE``, (m,) [m, m/s], and ``Jdot_v``, (m,)
-    [m/s^2]; ``J``, (size of the task, n) flat; and whole, ``R_WE``, (3, 3) flat, and
-    ``J_omega``, (3, n) flat. For a pose, ``J`` has the rows of ``J_omega`` first.
+    Inputs are ``position`` and ``velocity`` of the joints, shape (n,) [rad, rad/s]. Outputs along
+    the m position axes of the task are ``p_WE`` and ``v_WE``, shape (m,) [m, m/s], and ``Jdot_v``,
+    shape (m,) [m/s^2]. ``J`` has shape (size of the task, n); for a pose its first rows are those
+    of ``J_omega``. ``R_WE``, shape (3, 3), and ``J_omega``, shape (3, n), do not depend on the
+    task. Matrices are flattened.
 
     Args:
         arm: The arm.
         task: A key of `drake_rnn.robot.task.TASKS`.
-        kinematics: Of the arm, to share what it computes with others who ask at the same
-            posture; by default its own.
+        kinematics: Kinematics of the arm, to share with other systems so that each posture is
+            computed only once; by default a new instance.
     """
 
     def __init__(
@@ -39,7 +40,7 @@ class Kinematics(LeafSystem):
         at_q = {self._position.ticket()}
         at_q_v = {self._position.ticket(), self._velocity.ticket()}
 
-        # Evaluated at every sample, hence one function deep.
+        # Evaluated at every sample: methods are bound once.
         read_q, read_v = self._position.Eval, self._velocity.Eval
 
         def p_WE(context: Context, output: Any) -> None:

@@ -1,24 +1,25 @@
-r"""Bounds up to the fifth order for whatever a law commands: a chain of moving averages.
+r"""A chain of moving averages that bounds any command up to the fifth derivative of position.
 
-With bounds b_1 .. b_m on velocity, acceleration, ... the command u goes through
+With bounds b_1 .. b_m on velocity, acceleration, ... the command u is filtered by
 
 .. math::
     y_0 = \min(\max(u, -b_1), b_1), \qquad
     y_j(t) = \frac{1}{\tau_j} \int_{t - \tau_j}^t y_{j-1}, \qquad \tau_j = 2 b_j / b_{j+1}.
 
-From rest, with derivatives in brackets,
+From rest, with the order of derivatives in parentheses,
 
 .. math::
     |y_j^{(j)}(t)| = |y_{j-1}^{(j-1)}(t) - y_{j-1}^{(j-1)}(t - \tau_j)| / \tau_j
     \le 2 b_j / \tau_j = b_{j+1},
 
-and a mean is never larger than what it is taken of: whatever u is, the last y keeps all bounds.
-Samples and differences in place of signals and derivatives change no word of this, nor do windows
-longer than tau_j. The price is a delay, half the sum of the windows. Positions are not bounded.
+and a mean never exceeds the largest value that it averages, so for any u the last y keeps all
+bounds. The same holds for samples and differences instead of signals and derivatives, and for
+windows longer than tau_j. The price is a delay of half the sum of the windows. Positions are not
+bounded.
 
-Rounding: what is averaged is first put on a lattice so coarse that no sum over a window is ever
-rounded, 2^-53 of the largest sum. Running sums thus stay exact however long the run; and what the
-lattice adds to differences of the output is no more than the rounding of the output itself does.
+Rounding: values are first rounded to a lattice with a step of 2^-53 of the largest sum, so that no
+sum over a window is ever rounded. Running sums thus stay exact in a run of any length, and the
+lattice adds no more error to differences of the output than the rounding of the output itself.
 """
 
 from __future__ import annotations
@@ -35,21 +36,22 @@ from ..inputs.fields import validated
 from ..laws.law import Layout
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
 
-# More would take longer than the run.
+# Longer windows would take longer to fill than any run takes.
 _MOST_SAMPLES = 1e6
-# By how much of a sample a window may fall short of its time: rounding of quotients.
+# Share of a sample that a window may lack, for the rounding of quotients.
 _SLACK = 1e-9
 
 
 @validated
 class FilterSettings:
-    """What stands between law and arm, with the bounds of the experiment's ``limits``.
+    """Filter between law and arm, with the bounds of the experiment's ``limits``.
 
     Args:
-        precompensate: Undo what the means take from a smooth command, to second order; only
-            with ``feedback: unfiltered``, as it amplifies noise.
-        delay_desired: Whether the law sees ``p_WE_desired`` as late as the filter makes the
-            arm, its other signals as ever; only with ``feedback: commanded``.
+        kind: Kind of filter.
+        precompensate: Whether to compensate, to second order, the attenuation of a smooth command
+            by the means; only with ``feedback: unfiltered``, because it amplifies noise.
+        delay_desired: Whether the law sees ``p_WE_desired``, and no other signal, delayed by the
+            filter's delay; only with ``feedback: commanded``.
     """
 
     kind: Literal["moving_average"] = "moving_average"
@@ -58,13 +60,13 @@ class FilterSettings:
 
 
 def averaging_windows(limits: JointLimits, period: float) -> NDArray[np.intp]:
-    """Lengths of the windows in samples of ``period`` [s], shape (levels, n).
+    """Return the lengths of the windows in samples of ``period`` [s], shape (levels, n).
 
-    As many levels as there are bounds above that of the velocity. All joints are given the same
-    delay, by wider first windows: with different ones the end effector would leave its path.
+    There is one level per bound above that of the velocity. Longer first windows give all joints
+    the same delay; with different delays the end effector would leave its path.
 
     Raises:
-        InvalidInputError: Naming the bound that is missing.
+        InvalidInputError: If a bound is missing or not finite, or the windows are too long.
     """
     names = list(DERIVATIVE_UNITS)
     known = [name for name in names if limits.bounds[name] is not None]
@@ -87,7 +89,7 @@ def averaging_windows(limits: JointLimits, period: float) -> NDArray[np.intp]:
             f"filter: its windows may hold {_MOST_SAMPLES:g} samples, not {longest:.3g} of "
             f"{period:g} s; take a longer period"
         )
-    # Above a joint's last bound there is nothing to hold: inf / inf.
+    # Above a joint's last bound the quotient is inf / inf, and nothing is averaged.
     windows = np.maximum(1, np.nan_to_num(samples, nan=1.0)).astype(np.intp)
     late = windows.sum(axis=0)
     windows[0] += late.max() - late
@@ -95,27 +97,27 @@ def averaging_windows(limits: JointLimits, period: float) -> NDArray[np.intp]:
 
 
 def averaging_delay(windows: NDArray[np.intp], period: float) -> float:
-    """How much later than commanded the filtered velocity is [s]: half the windows, and a tick."""
+    """Return the delay of the filtered velocity [s]: half the windows plus one sample."""
     return period * (1.0 + float((windows - 1).sum(axis=0).max()) / 2.0)
 
 
 class MovingAverage(LeafSystem):
-    """The chain of moving averages, one window a joint and level; it starts at rest.
+    """Chain of moving averages with one window per joint and level, initially at rest.
 
     The input ``commanded_velocity`` and the output ``filtered_velocity`` have shape (n,) [rad/s].
-    The output is held between samples. It and its differences over the period, up to those of the
-    highest order that is bounded, keep the bounds whatever the input is, but for the rounding of
-    the output itself: 2^-53 of it, over the period to the power of the order.
+    The output is held between samples. For any input, the output and its differences over the
+    period, up to the highest bounded order, keep the bounds, except for the rounding of the output
+    itself: 2^-53 of it, divided by the period to the power of the order.
 
     Args:
-        limits: The bounds of velocity, acceleration and as many more as there are.
-        period: Between two samples [s].
-        precompensate: Feed u - u'' sum(tau_j^2) / 24, of which the means make u again but for
-            terms of fourth order; u'' from differences of the input.
+        limits: Bounds on velocity, acceleration and, if given, higher derivatives.
+        period: Sampling period [s].
+        precompensate: Whether to filter u - u'' sum(tau_j^2) / 24 instead of the input u. The means
+            turn this into u again up to terms of fourth order; u'' is a difference of the input.
 
     Raises:
-        InvalidInputError: If a bound that is needed is missing or infinite.
-        SimulationError: While simulating, if the input is not a number.
+        InvalidInputError: If a necessary bound is missing or infinite.
+        SimulationError: During a simulation, if the input is not finite.
     """
 
     def __init__(self, limits: JointLimits, period: float, *, precompensate: bool = False) -> None:
@@ -130,15 +132,15 @@ class MovingAverage(LeafSystem):
         gain = (windows.astype(float) ** 2 - 1.0).sum(axis=0) / 24.0
         self._gain = gain if precompensate else None
 
-        # Sums of fewer than 2^53 steps of a lattice are exact. Adding and taking away 1.5 2^52
-        # steps rounds to it, if there is room for the number beside them.
+        # Sums of fewer than 2^53 lattice steps are exact. Adding and subtracting 1.5 * 2^52 steps
+        # rounds a number to the lattice, if it is small enough beside them.
         _, exponent = np.frexp(np.maximum(windows, 4) * limits.velocity)
         coarsest = np.ldexp(1.0, exponent.max(axis=0) - 53)
         self._most = np.floor(limits.velocity / coarsest) * coarsest
         self._least = -self._most
 
-        # Behind the count, the last two inputs and the sums lie the windows, joint by joint;
-        # a joint's oldest entry gives way to its newest.
+        # ``entries`` holds all windows one after another; in each of them the newest value
+        # overwrites the oldest.
         self._layout = Layout(
             count=(1,), previous=(2, n), sums=(levels, n), entries=(int(windows.sum()),)
         )

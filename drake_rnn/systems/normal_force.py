@@ -1,4 +1,4 @@
-"""What of a force presses."""
+"""The pressing component of a force."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pydrake.systems.framework import Context, LeafSystem
 
 
 class NormalForce(LeafSystem):
-    """The part of ``force`` along ``normal_WE``, both of shape (3,): ``normal_force``, (1,) [N]."""
+    """Component ``normal_force``, shape (1,) [N], of ``force`` along ``normal_WE``, shape (3,)."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""What the end effector is asked to do."""
+"""Desired motion of the end effector as signals."""
 
 from __future__ import annotations
 
@@ -16,16 +16,22 @@ from ..robot.task import named_task
 
 
 class PathSource(LeafSystem):
-    """A path as ``p_WE_desired``, ``v_WE_desired`` and ``a_WE_desired``, (m,) [m, m/s, m/s^2].
+    """Source of a path as signals.
+
+    Outputs are ``p_WE_desired``, ``v_WE_desired`` and ``a_WE_desired``, shape (m,)
+    [m, m/s, m/s^2].
 
     Args:
-        path: The path.
-        p_WE: Where the end effector starts, shape (3,) [m].
-        task: A key of `drake_rnn.robot.task.TASKS`, which names the m axes.
-        R_WE: Orientation to keep, shape (3, 3), if the task has one; it is the output
-            ``R_WE_desired``, flat.
-        preview: Time ahead [s] of the outputs ``p_preview``, ``v_preview`` and ``a_preview``, in
-            case a law sees ahead.
+        path: Path of the end effector.
+        p_WE: Start position of the end effector, shape (3,) [m].
+        task: A key of `drake_rnn.robot.task.TASKS`, which determines the m axes.
+        R_WE: Desired orientation, shape (3, 3), for the output ``R_WE_desired``, flattened; None
+            for no such output.
+        preview: Time ahead [s] of the outputs ``p_preview``, ``v_preview`` and ``a_preview``; None
+            for no such outputs.
+
+    Raises:
+        InvalidInputError: If ``preview`` is negative, infinite or not a number.
     """
 
     def __init__(
@@ -55,8 +61,8 @@ class PathSource(LeafSystem):
             )
 
     def _declare(self, names: tuple[str, ...], ahead: float) -> None:
-        """Ports of the point's place and its derivatives, ``ahead`` of time [s]."""
-        # A pure function of time, asked for three times at each.
+        """Declare the outputs of position, velocity and acceleration at ``ahead`` [s] from now."""
+        # The three ports evaluate the path once per time.
         memo: list[Any] = [np.nan, []]
 
         def port(order: int) -> Callable[[Context, Any], None]:

@@ -1,4 +1,4 @@
-"""A discrete plant with an arm, its motors, and what its tool touches."""
+"""A discrete MultibodyPlant with an arm, its motors and the surface that its tool touches."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ from .contact import Contact
 
 @validated
 class PlantSettings:
-    """How an arm with full dynamics is simulated and driven.
+    """Simulation and motor settings of an arm with full dynamics.
 
     Args:
-        time_step: Of Drake's discrete plant [s].
-        contact_approximation: Drake's; ``sap`` pushes sliding bodies apart by its default
-            relaxation time.
-        stiffness: Of each motor's position loop [Nm/rad].
-        damping: Of each motor's velocity loop [Nm s/rad].
-        reflected_inertia: Of each motor's rotor, seen from the joint [kg m^2].
+        time_step: Time step of Drake's discrete plant [s].
+        contact_approximation: Drake's approximation of discrete contact; ``sap`` pushes sliding
+            bodies apart because of its default relaxation time.
+        stiffness: Gain of each motor's position loop [Nm/rad].
+        damping: Gain of each motor's velocity loop [Nm s/rad].
+        reflected_inertia: Inertia of each motor's rotor as seen from the joint [kg m^2].
     """
 
     time_step: Positive = 1e-3
@@ -51,7 +51,7 @@ class PlantSettings:
 
 
 class AddedPlant(NamedTuple):
-    """What `add_plant` has added."""
+    """Parts added by `add_plant`; ``tool`` is None without a contact."""
 
     plant: MultibodyPlant
     scene_graph: SceneGraph
@@ -66,18 +66,18 @@ def add_plant(
     contact: Contact | None = None,
     settings: PlantSettings | None = None,
 ) -> AddedPlant:
-    """Add a finalized plant, its motors' inputs not yet connected.
+    """Add a finalized plant, and leave the inputs of its motors unconnected.
 
     Args:
-        builder: Takes the plant and its SceneGraph.
-        arm: The arm; all joints of its model that move must be controlled.
-        start: Posture to start from, shape (n,) [rad].
-        contact: What the tool touches, with a `ContactModel`.
-        settings: How it is simulated.
+        builder: Diagram builder that the plant and its SceneGraph are added to.
+        arm: The arm; all moving joints of its model must be controlled.
+        start: Start posture, shape (n,) [rad].
+        contact: Contact of the tool with a `ContactModel`; None for an arm in free space.
+        settings: Simulation and motor settings.
 
     Raises:
-        InvalidInputError: If the arm has other joints that move, a scaled mass or, for a
-            contact, no tool; or the environment's model cannot be read.
+        InvalidInputError: If the arm has moving joints that are not controlled, a scaled mass or,
+            for a contact, no tool; or if the environment's model cannot be read.
     """
     settings = PlantSettings() if settings is None else settings
     if arm.description.mass_scale != 1.0:
@@ -116,7 +116,7 @@ def add_plant(
 
 
 def motors_of(plant: MultibodyPlant, instance: ModelInstanceIndex) -> list[JointActuator]:
-    """Of one arm; before a plant is finalized it does not know them by instance."""
+    """Return the actuators of one arm, also of a plant that is not yet finalized."""
     every = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
     return [motor for motor in every if motor.model_instance() == instance]
 
@@ -137,7 +137,7 @@ def _add_motors(
 def _set_material(
     plant: MultibodyPlant, scene_graph: SceneGraph, tool: Tool, environment: ContactModel
 ) -> None:
-    """The tool's material, but for what the environment leaves as it is."""
+    """Set those material properties of the tool that the environment specifies."""
     material = environment.tip
     if material is None:
         return
@@ -172,6 +172,6 @@ def _update(
 
 
 def _touchable(scene_graph: SceneGraph) -> list[GeometryId]:
-    """All geometries that can be in contact."""
+    """Return all geometries that can be in contact."""
     every = GeometrySet(scene_graph.model_inspector().GetAllGeometryIds())
     return list(scene_graph.model_inspector().GetGeometryIds(every, Role.kProximity))

@@ -1,4 +1,4 @@
-"""The arm with full dynamics: motors that are told where to be, gravity, and contact."""
+"""The arm with full dynamics: motors that follow the command, gravity and contact."""
 
 from __future__ import annotations
 
@@ -26,28 +26,28 @@ from .tool_force import ToolForce
 
 
 class PlantArm(Body):
-    """An arm with mass: a discrete MultibodyPlant whose motors follow the command.
+    """An arm with mass: a discrete MultibodyPlant with motors that follow the command.
 
-    Each motor is a position and velocity loop, with the torque that gravity asks for fed
-    forward; torques end at the effort limits of the model's actuators, and a joint to which it
-    gives none gets one without a limit. Ports are those of a `Body`; all outputs are those of the
-    plant's last step.
+    Each motor is a position and velocity loop with the gravity torque fed forward. Torques saturate
+    at the effort limits of the model's actuators; a joint without an actuator gets one without a
+    limit. Ports are those of `Body`; all outputs are those of the plant's last step.
 
     Args:
-        arm: The arm; all joints of its model that move must be controlled.
-        start: Posture to start from, shape (n,) [rad]; by default the arm's home posture.
-        contact: With a `ContactModel` such as a `Plate`, or one of the user's own; None for an arm
-            in free space.
-        settings: How it is simulated and driven.
+        arm: The arm; all moving joints of its model must be controlled.
+        start: Start posture, shape (n,) [rad]; by default the arm's home posture.
+        contact: Contact with a `ContactModel`, e.g. a `Plate` or your own subclass; None for an
+            arm in free space.
+        settings: Simulation and motor settings.
         outside: How far the start may lie outside the position limits [rad].
 
     Attributes:
         plant: The plant.
-        scene_graph: Its geometry, e.g. for a visualizer.
+        scene_graph: Geometry of the plant, e.g. for a visualizer.
 
     Raises:
-        InvalidInputError: As `Body` does; or if the arm has other joints that move, a scaled mass
-            or, for a contact, no tool; or the environment's model cannot be read.
+        InvalidInputError: In the same cases as `Body`; if the arm has moving joints that are not
+            controlled, a scaled mass or, for a contact, no tool; or if the environment's model
+            cannot be read.
     """
 
     level = "dynamic"
@@ -65,7 +65,7 @@ class PlantArm(Body):
         outside: float = 0.0,
     ) -> None:
         super().__init__(arm, start, contact, outside=outside)
-        require_type("plant", settings, PlantSettings, NoneType)
+        require_type("settings", settings, PlantSettings, NoneType)
         self.settings = PlantSettings() if settings is None else settings
         builder = DiagramBuilder()
         added = add_plant(builder, arm, self.start, contact, self.settings)
@@ -88,10 +88,10 @@ class PlantArm(Body):
             raise InvalidInputError("period: must be given at level: dynamic, no integrator")
 
     def _drive(self, builder: DiagramBuilder, arm: Arm, instance: ModelInstanceIndex) -> None:
-        """Motors, in the model's order of actuators, and what they do, in the arm's of joints."""
+        """Connect the command to the motors, and export the joint state in the arm's order."""
         plant, n = self.plant, arm.n
         starts = [plant.GetJointByName(name, instance).velocity_start() for name in arm.joints]
-        # The plant's state is ordered by joints, what drives it by actuators.
+        # The plant orders its state by joints and the inputs of its motors by actuators.
         select = np.eye(n)[np.argsort(starts)]
         motors = [motor.joint().name() for motor in motors_of(plant, instance)]
         to_motors = np.eye(n)[[arm.joints.index(name) for name in motors]]
@@ -113,10 +113,10 @@ class PlantArm(Body):
         builder.Connect(joined.get_output_port(), commanded.get_input_port())
         builder.Connect(commanded.get_output_port(), plant.get_desired_state_input_port(instance))
 
-        # As the arm's model knows it, without the load of what is touched.
+        # Gravity torques of the arm's own model, without any load from contact.
         model = arm.plant()
         gravity = InverseDynamics(model, InverseDynamics.InverseDynamicsMode.kGravityCompensation)
-        self._model = model  # which Drake only points to
+        self._model = model  # Drake keeps only a pointer to it
         builder.AddNamedSystem("gravity", gravity)
         builder.Connect(state, gravity.get_input_port_estimated_state())
         against = builder.AddNamedSystem("against_gravity", MatrixGain(to_motors @ select.T))
@@ -132,7 +132,7 @@ class PlantArm(Body):
         tool: Tool,
     ) -> None:
         plant = self.plant
-        # Both move with the tool: any posture will do.
+        # Both frames move with the tool: any posture gives the same transform.
         X_EJ = plant.CalcRelativeTransform(
             plant.CreateDefaultContext(),
             plant.GetFrameByName(arm.frame, instance),
@@ -153,5 +153,5 @@ class PlantArm(Body):
 
 
 def _reaction_index(plant: MultibodyPlant, tool: Tool) -> int:
-    """Where the reaction at the tool's joint stands among those of all joints."""
+    """Return the index of the tool's joint among the plant's reaction forces."""
     return [int(index) for index in plant.GetJointIndices()].index(int(tool.joint.index()))

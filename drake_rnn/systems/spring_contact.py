@@ -1,4 +1,4 @@
-"""The force on a point from a surface that gives way like a spring."""
+"""The contact force at the kinematic level."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from ..robot.kinematics import ArmKinematics
 
 
 class SpringContact(LeafSystem):
-    """At the kinematic level: a force proportional to depth, and none above the surface.
+    """Force on E from a surface that acts as a spring: proportional to depth, zero above it.
 
-    The input is ``position`` of the joints, shape (n,) [rad]; the output ``contact_force``, shape
+    The input is ``position`` of the joints, shape (n,) [rad], the output ``contact_force``, shape
     (3,) [N], in the world frame.
 
     Args:
-        surface: Its normal and stiffness.
-        p_WS: A point of it, shape (3,) [m].
+        surface: Surface with its normal and stiffness.
+        p_WS: A point of the surface, shape (3,) [m].
         n: Number of joints.
         kinematics: Kinematics of the arm.
     """

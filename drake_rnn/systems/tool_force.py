@@ -1,4 +1,4 @@
-"""The force on a tool, as a sensor at its joint feels it."""
+"""The force on a tool as measured at its joint."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from ..robot.kinematics import ArmKinematics
 
 
 class ToolForce(LeafSystem):
-    """What a force-torque sensor between arm and tool says, the tool's weight taken off.
+    """Reading of an ideal force-torque sensor between arm and tool, without the tool's weight.
 
-    Inputs are ``reaction_forces``, of a plant's joints, and ``position`` of the arm's joints,
-    shape (n,) [rad]. The output ``tool_force``, shape (3,) [N], is the force that the
-    surroundings exert on the tool, in the world frame; it includes what accelerates the tool.
+    Inputs are ``reaction_forces`` of a plant's joints, and ``position`` of the arm's joints,
+    shape (n,) [rad]. The output ``tool_force``, shape (3,) [N], is the force of the surroundings
+    on the tool, in the world frame; it includes the tool's inertial force.
 
     Args:
         arm: The arm; the tool moves with its frame E.
-        joint: Index of the joint that holds it, among the reaction forces.
-        R_EJ: Orientation in E of that joint's frame J on the tool, shape (3, 3): in it Drake
-            tells the joint's reaction.
-        mass: Of what that joint holds [kg].
-        kinematics: Of the arm, to share what it computes with others who ask at the same
-            posture; by default its own.
+        joint: Index of the joint that holds the tool, among the reaction forces.
+        R_EJ: Orientation in E of that joint's frame J on the tool, shape (3, 3); Drake expresses
+            the joint's reaction in J.
+        mass: Mass that the joint holds [kg].
+        kinematics: Kinematics of the arm, to share with other systems so that each posture is
+            computed only once; by default a new instance.
     """
 
     def __init__(
@@ -46,10 +46,10 @@ class ToolForce(LeafSystem):
         position = self.DeclareVectorInputPort("position", arm.n)
 
         def tool_force(context: Context, output: Any) -> None:
-            # The joint's own force on the tool.
+            # Force of the joint on the tool, in J.
             held = forces.Eval(context)[joint].translational()
             if not held.any():
-                # A plant that has not made its first step has felt nothing yet.
+                # Before its first step the plant reports no reaction.
                 output.set_value(np.zeros(3))
                 return
             output.set_value(-R_WE(position.Eval(context)).dot(R_EJ.dot(held)) - weight)

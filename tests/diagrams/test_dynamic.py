@@ -1,4 +1,4 @@
-"""The dynamic diagram: the same laws round an arm with mass."""
+"""Loops with a `PlantArm`: the same laws around an arm with mass."""
 
 import numpy as np
 import pytest
@@ -6,12 +6,16 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_rnn import (
+    AddLoop,
+    Contact,
     ContinuousController,
     ElasticSurface,
     ForceProfile,
+    IdealArm,
     InvalidInputError,
     NullSpaceAdjustment,
     PathSource,
+    PlantArm,
     PlantSettings,
     Plate,
     Pseudoinverse,
@@ -21,10 +25,7 @@ from drake_rnn import (
     StateAdjustment,
     load_arm,
 )
-from drake_rnn.diagrams.dynamic import AddDynamicLoop
-from drake_rnn.diagrams.kinematic import AddKinematicLoop
 from drake_rnn.paths import Circle, Rest
-from drake_rnn.systems.contact import Contact
 
 PANDA = load_arm("panda").with_limits(
     load_arm("panda").limits.replace(velocity=0.5, acceleration=1.0)
@@ -40,13 +41,14 @@ def known():
 class Run:
     """A law on a circle of 5 cm radius in 4 s, or at rest."""
 
-    def __init__(self, law, add=AddDynamicLoop, path=None, preview=0.0, **loop):
+    def __init__(self, law, make=PlantArm, path=None, preview=0.0, body=None, **loop):
         builder = DiagramBuilder()
         path = Circle(size=0.05, period=4.0) if path is None else path
         source = PathSource(path, P_WE, "pose", R_WE, preview=preview)
         self.path = builder.AddNamedSystem("path", source)
         controller = SampledController(law, 1e-3)
-        self.loop = add(builder, PANDA, controller, self.path, **loop)
+        arm = make(PANDA, **(body or {}))
+        self.loop = AddLoop(builder, arm, controller, self.path, **loop)
         self.diagram = builder.Build()
         self.simulator = Simulator(self.diagram)
 
@@ -118,18 +120,19 @@ def test_a_posture_is_sought_with_the_tool_in_its_place():
 
 def test_at_the_kinematic_level_the_same_law_does_much_the_same():
     """1e-3 rad: an arm with mass is some milliseconds late at up to 0.2 rad/s."""
-    heavy, ideal = (Run(known(), add=add).after(0.5) for add in (AddDynamicLoop, AddKinematicLoop))
+    heavy, ideal = (Run(known(), make=make).after(0.5) for make in (PlantArm, IdealArm))
     np.testing.assert_allclose(heavy.q, ideal.q, atol=1e-3)
     assert (heavy.q != ideal.q).any()
 
 
-@pytest.mark.parametrize("feedback", ["measured", "commanded"])
+@pytest.mark.parametrize("feedback", ["measured", "commanded", None])
 def test_the_law_sees_the_arm_or_its_command_as_it_is_asked(feedback):
+    """And the arm if it is not asked."""
     run = Run(known(), feedback=feedback).after(0.3)
     seen = run.value(run.loop.controller, "position", output=False)
     where, told = run.q, run.command
     assert np.abs(where - told).max() > 1e-5
-    np.testing.assert_array_equal(seen, where if feedback == "measured" else told)
+    np.testing.assert_array_equal(seen, told if feedback == "commanded" else where)
     p_seen = run.value(run.loop.controller, "p_WE", output=False)
     np.testing.assert_allclose(p_seen, KINEMATICS.p_WE(seen), atol=1e-12)
 
@@ -149,8 +152,11 @@ def test_a_law_that_learns_sees_the_velocity_of_what_it_sees(feedback):
 
 def test_stiffer_motors_lag_less():
     soft, stiff = (
-        Run(known(), plant=PlantSettings(stiffness=k, damping=d), feedback="commanded").after(0.5)
-        for k, d in ((500.0, 30.0), (8000.0, 120.0))
+        Run(known(), body={"settings": settings}, feedback="commanded").after(0.5)
+        for settings in (
+            PlantSettings(stiffness=500.0, damping=30.0),
+            PlantSettings(stiffness=8000.0, damping=120.0),
+        )
     )
     assert np.abs(stiff.q - stiff.command).max() < 0.5 * np.abs(soft.q - soft.command).max()
 
@@ -163,8 +169,8 @@ def test_two_runs_are_the_same_to_the_last_bit():
 def test_a_controller_that_is_not_sampled_is_refused():
     builder = DiagramBuilder()
     path = builder.AddNamedSystem("path", PathSource(Rest(), P_WE))
-    with pytest.raises(InvalidInputError, match=r"controller: at the dynamic level .* sampled"):
-        AddDynamicLoop(builder, PANDA, ContinuousController(known()), path)
+    with pytest.raises(InvalidInputError, match="period: must be given at level: dynamic, no int"):
+        AddLoop(builder, PlantArm(PANDA), ContinuousController(known()), path)
 
 
 FORCE = ForceProfile(value=5.0)
@@ -172,25 +178,24 @@ FORCE = ForceProfile(value=5.0)
 
 def test_a_spring_is_for_the_kinematic_level_and_a_plate_for_the_dynamic_one():
     spring, plate = Contact(ElasticSurface(stiffness=1.0), FORCE), Contact(Plate(), FORCE)
-    with pytest.raises(InvalidInputError, match=r"environment: .* bodies.* not ElasticSurface"):
-        Run(known(), contact=spring)
-    tip = PANDA.replace(frame="tip", joints=list(PANDA.joints))
-    builder = DiagramBuilder()
-    path = builder.AddNamedSystem("path", PathSource(Rest(), P_WE))
-    with pytest.raises(InvalidInputError, match=r"environment: .* elastic_surface, not Plate"):
-        AddKinematicLoop(builder, tip, SampledController(known(), 1e-3), path, contact=plate)
+    message = r"environment\.kind: may be plate, model at level: dynamic, not elastic_surface"
+    with pytest.raises(InvalidInputError, match=message):
+        Run(known(), body={"contact": spring})
+    message = r"environment\.kind: may be elastic_surface at level: kinematic, not plate"
+    with pytest.raises(InvalidInputError, match=message):
+        Run(known(), make=IdealArm, body={"contact": plate})
 
 
 def test_a_start_outside_the_limits_and_an_unknown_feedback_are_refused():
     with pytest.raises(InvalidInputError, match="panda_joint1 is at 3 rad"):
-        Run(known(), start=[3.0, *PANDA.home[1:]])
+        Run(known(), body={"start": [3.0, *PANDA.home[1:]]})
     with pytest.raises(InvalidInputError, match="feedback: may be commanded, measured"):
         Run(known(), feedback="guessed")
 
 
 def test_where_an_arm_is_is_for_the_dynamic_level_only():
-    with pytest.raises(InvalidInputError, match=r"feedback: .* measured is for the dynamic level"):
-        Run(known(), add=AddKinematicLoop, feedback="measured")
+    with pytest.raises(InvalidInputError, match="feedback: measured is for level: dynamic; here"):
+        Run(known(), make=IdealArm, feedback="measured")
 
 
 def test_unfiltered_feedback_needs_a_filter():
@@ -201,10 +206,10 @@ def test_unfiltered_feedback_needs_a_filter():
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
-        ("plant", {"damping": 1}, r"plant: .* PlantSettings or None, not \{'damping': 1\}"),
+        ("settings", {"damping": 1}, r"settings: .* PlantSettings or None, not \{'damping': 1\}"),
         ("contact", Plate(), "contact: must be of class Contact or None, not Plate"),
     ],
 )
 def test_an_argument_of_another_class_is_refused_by_name(name, value, message):
     with pytest.raises(InvalidInputError, match=message):
-        Run(known(), **{name: value})
+        Run(known(), body={name: value})

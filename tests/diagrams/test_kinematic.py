@@ -1,4 +1,4 @@
-"""The kinematic diagram: wiring by name, and a whole loop in a user's own diagram."""
+"""Loops with an `IdealArm`: wiring by name, and a whole loop in a user's own diagram."""
 
 import numpy as np
 import pytest
@@ -8,20 +8,32 @@ from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from drake_rnn import (
+    AddLoop,
+    Contact,
+    ContinuousController,
     DitherSettings,
+    ElasticSurface,
+    FilterSettings,
+    ForceProfile,
+    IdealArm,
     InvalidInputError,
+    JointDriftFree,
+    JointReference,
+    MovingAverage,
     NullSpaceAdjustment,
     PathSource,
     Plate,
     Pseudoinverse,
+    RecedingHorizon,
     SampledController,
     SelfMotion,
+    SensorSettings,
     SimultaneousLearning,
     load_arm,
 )
-from drake_rnn.diagrams.kinematic import AddKinematicLoop
+from drake_rnn.laws import JointPreview
 from drake_rnn.paths import Circle, Rest
-from drake_rnn.systems.moving_average import FilterSettings
+from drake_rnn.systems.joint_reference import held_posture
 
 PANDA = load_arm("panda").with_limits(
     load_arm("panda").limits.replace(velocity=0.5, acceleration=1.0)
@@ -32,13 +44,14 @@ def law(jacobian="known", arm=PANDA):
     return SimultaneousLearning(limits=arm.limits, home=arm.home, jacobian=jacobian)
 
 
-def build(jacobian="known", dither=None, start=None, period=1e-3, **loop):
+def build(jacobian="known", dither=None, body=None, period=1e-3, **loop):
     builder = DiagramBuilder()
     p_WE = PANDA.kinematics().p_WE(PANDA.home)
     path = builder.AddNamedSystem("path", PathSource(Circle(size=0.05, period=4.0), p_WE))
     controller = SampledController(law(jacobian), period)
-    systems = AddKinematicLoop(builder, PANDA, controller, path, start=start, dither=dither, **loop)
-    return builder.Build(), systems
+    arm = IdealArm(PANDA, **(body or {}))
+    loop = AddLoop(builder, arm, controller, path, dither=dither, **loop)
+    return builder.Build(), loop
 
 
 def connections(diagram):
@@ -115,7 +128,7 @@ def test_a_law_that_holds_a_pose_is_wired_to_its_orientation_and_holds_it():
     builder = DiagramBuilder()
     point = builder.AddNamedSystem("point", PathSource(Rest(), p_WE, "pose", R_WE))
     controller = SampledController(held, 1e-3)
-    loop = AddKinematicLoop(builder, PANDA, controller, point, task="pose")
+    loop = AddLoop(builder, IdealArm(PANDA), controller, point, task="pose")
     diagram = builder.Build()
     wires = connections(diagram)
     assert wires["controller.R_WE_desired"] == "point.R_WE_desired"
@@ -159,7 +172,7 @@ def test_any_system_with_the_right_ports_can_be_the_reference():
         source = inner.AddSystem(TrajectorySource(trajectory))
         inner.ExportOutput(source.get_output_port(), f"{name}_WE_desired")
     reference = builder.AddNamedSystem("trajectory", inner.Build())
-    loop = AddKinematicLoop(builder, PANDA, SampledController(law(), 1e-3), reference)
+    loop = AddLoop(builder, IdealArm(PANDA), SampledController(law(), 1e-3), reference)
     simulator = Simulator(builder.Build())
     simulator.AdvanceTo(2.0)
     context = loop.kinematics.GetMyContextFromRoot(simulator.get_context())
@@ -171,7 +184,7 @@ def test_a_signal_that_nothing_offers_is_named():
     builder = DiagramBuilder()
     reference = builder.AddNamedSystem("point", ConstantVectorSource(np.zeros(3)))
     with pytest.raises(InvalidInputError, match="nothing in this diagram offers 'p_WE_desired'"):
-        AddKinematicLoop(builder, PANDA, SampledController(law(), 1e-3), reference)
+        AddLoop(builder, IdealArm(PANDA), SampledController(law(), 1e-3), reference)
 
 
 def test_a_law_of_another_size_is_refused():
@@ -183,7 +196,7 @@ def test_a_law_of_another_size_is_refused():
     path = builder.AddNamedSystem("path", PathSource(Circle(size=0.05, period=4.0), p_WE))
     message = "task: may be xy for SimultaneousLearning .*, not xyz; or give the law task_size=3"
     with pytest.raises(InvalidInputError, match=message):
-        AddKinematicLoop(builder, PANDA, SampledController(planar, 1e-3), path)
+        AddLoop(builder, IdealArm(PANDA), SampledController(planar, 1e-3), path)
 
 
 def test_a_reference_of_another_size_is_refused():
@@ -192,14 +205,14 @@ def test_a_reference_of_another_size_is_refused():
     builder.AddNamedSystem("path", path)
     message = r"path\.p_WE_desired: must have 3 entries, as controller\.p_WE_desired, not 2"
     with pytest.raises(InvalidInputError, match=message):
-        AddKinematicLoop(builder, PANDA, SampledController(law(), 1e-3), path)
+        AddLoop(builder, IdealArm(PANDA), SampledController(law(), 1e-3), path)
 
 
 def test_a_law_for_another_arm_is_refused():
     other = SampledController(Pseudoinverse(limits=load_arm("ur5").limits), 1e-3)
     message = r"limits: those of Pseudoinverse must be of 7 joints, as panda has, not of 6"
     with pytest.raises(InvalidInputError, match=message):
-        AddKinematicLoop(DiagramBuilder(), PANDA, other)
+        AddLoop(DiagramBuilder(), IdealArm(PANDA), other)
 
 
 @pytest.mark.parametrize(
@@ -207,7 +220,7 @@ def test_a_law_for_another_arm_is_refused():
     [
         ("dither", {"sigma": 1}, r"dither: .* DitherSettings or None, not \{'sigma': 1\}"),
         ("filter", FilterSettings(), "filter: .* MovingAverage or None, not FilterSettings"),
-        ("contact", Plate(), "contact: must be of class Contact or None, not Plate"),
+        ("body", {"contact": Plate()}, "contact: must be of class Contact or None, not Plate"),
     ],
 )
 def test_an_argument_of_another_class_is_refused_by_name(name, value, message):
@@ -217,9 +230,12 @@ def test_an_argument_of_another_class_is_refused_by_name(name, value, message):
 
 def test_a_law_or_a_name_in_place_of_a_system_or_an_arm_is_refused():
     with pytest.raises(InvalidInputError, match=r"controller: .* not SimultaneousLearning"):
-        AddKinematicLoop(DiagramBuilder(), PANDA, law())
+        AddLoop(DiagramBuilder(), IdealArm(PANDA), law())
     with pytest.raises(InvalidInputError, match="arm: must be of class Arm, not 'panda'"):
-        AddKinematicLoop(DiagramBuilder(), "panda", SampledController(law(), 1e-3))
+        AddLoop(DiagramBuilder(), IdealArm("panda"), SampledController(law(), 1e-3))
+    for body, given in (("panda", "'panda'"), (PANDA, "Arm")):
+        with pytest.raises(InvalidInputError, match=f"body: must be of class Body, not {given}"):
+            AddLoop(DiagramBuilder(), body, SampledController(law(), 1e-3))
 
 
 @pytest.mark.parametrize(
@@ -232,14 +248,14 @@ def test_a_law_or_a_name_in_place_of_a_system_or_an_arm_is_refused():
 )
 def test_a_start_posture_outside_the_limits_is_refused(start, message):
     with pytest.raises(InvalidInputError, match=message):
-        build(start=start)
+        build(body={"start": start})
 
 
 def test_a_start_outside_the_limits_is_accepted_as_far_as_is_said():
     start = [2.95, *PANDA.home[1:]]
-    build(start=start, outside=0.1)
+    build(body={"start": start, "outside": 0.1})
     with pytest.raises(InvalidInputError, match=r"panda_joint1 is at 2\.95 rad; .* to 2\.9473"):
-        build(start=start, outside=0.05)
+        build(body={"start": start, "outside": 0.05})
 
 
 def test_two_arms_share_a_diagram():
@@ -248,9 +264,104 @@ def test_two_arms_share_a_diagram():
     p_WE = PANDA.kinematics().p_WE(PANDA.home)
     path = builder.AddNamedSystem("path", PathSource(Circle(size=0.05, period=4.0), p_WE))
     for name in ("left", "right"):
-        AddKinematicLoop(builder, PANDA, SampledController(law(), 1e-3), path, prefix=f"{name}_")
+        AddLoop(builder, IdealArm(PANDA), SampledController(law(), 1e-3), path, prefix=f"{name}_")
     names = {system.get_name() for system in builder.Build().GetSystems()}
     assert {"left_controller", "right_arm", "path"} <= names
+
+
+SYSTEMS = {"controller", "kinematics", "joint_command", "arm"}
+DITHER = DitherSettings(sigma=0.03, hold=1e-3)
+
+
+def moving_average():
+    return MovingAverage(PANDA.limits, 1e-3)
+
+
+def contact(sensor=None):
+    surface = ElasticSurface(stiffness=500.0)
+    return {"contact": Contact(surface, ForceProfile(value=5.0), sensor)}
+
+
+CONTACT_SYSTEMS = {"contact_reference", "normal_force", "force_watch"}
+
+
+@pytest.mark.parametrize(
+    ("loop", "more"),
+    [
+        ({}, set()),
+        ({"dither": DITHER}, {"dither", "dithered_velocity"}),
+        ({"filter": moving_average}, {"filter"}),
+        (
+            {"filter": moving_average, "feedback": "unfiltered"},
+            {"filter", "virtual_arm", "virtual_kinematics", "virtual_joint_command"},
+        ),
+        ({"body": contact()}, CONTACT_SYSTEMS),
+        ({"body": contact(SensorSettings())}, {"force_sensor", *CONTACT_SYSTEMS}),
+    ],
+)
+@pytest.mark.parametrize("prefix", ["", "left_"])
+def test_a_loop_names_all_that_was_added(loop, more, prefix):
+    """Without the prefix that the diagram's own names have."""
+    loop = {name: made() if callable(made) else made for name, made in loop.items()}
+    diagram, added = build(prefix=prefix, **loop)
+    assert added.systems.keys() == SYSTEMS | more
+    for name, system in added.systems.items():
+        assert system.get_name() == prefix + name
+        assert diagram.GetSubsystemByName(prefix + name) is system
+    assert len(diagram.GetSystems()) == len(added.systems) + 1  # the path
+    for name in ("controller", "kinematics", "joint_command", "arm", "filter", "virtual_arm"):
+        assert getattr(added, name) is added.systems.get(name)
+
+
+def test_forces_are_those_of_the_arm_that_moves_and_the_one_the_law_is_shown():
+    _, added = build(body=contact())
+    felt = {name: port.get_system() for name, port in added.forces.items()}
+    arm, normal = added.arm, added.systems["normal_force"]
+    assert felt == {"contact_force": arm, "tool_force": arm, "normal_force": normal}
+    _, added = build(body=contact(SensorSettings()))
+    assert added.forces["normal_force"].get_system() is added.systems["force_sensor"]
+    _, added = build(body=contact(), filter=moving_average(), feedback="unfiltered")
+    assert added.forces["tool_force"].get_system() is added.arm
+    assert added.virtual_arm is not added.arm
+    assert not added.virtual_arm.HasOutputPort("tool_force")
+    _, added = build()
+    assert added.forces == {}
+
+
+def test_a_sensor_needs_a_controller_that_is_sampled():
+    p_WE = PANDA.kinematics().p_WE(PANDA.home)
+    builder = DiagramBuilder()
+    path = builder.AddNamedSystem("path", PathSource(Rest(), p_WE))
+    body = IdealArm(PANDA, **contact(SensorSettings()))
+    with pytest.raises(InvalidInputError, match="sensor: is sampled like the law; give a period"):
+        AddLoop(builder, body, ContinuousController(law()), path)
+
+
+def test_a_planar_task_with_a_contact_is_refused():
+    with pytest.raises(InvalidInputError, match="task: must be xyz or pose with a contact, not xy"):
+        build(body=contact(), task="xy")
+
+
+def test_dynamics_are_computed_for_a_law_that_asks_for_them_only():
+    p_WE = PANDA.kinematics().p_WE(PANDA.home)
+    for scheme in ("naljdf", "moaljdf"):
+        builder = DiagramBuilder()
+        source = PathSource(Circle(size=0.05, period=4.0), p_WE, preview=1e-3)
+        path = builder.AddNamedSystem("path", source)
+        asking = JointDriftFree(scheme=scheme, limits=PANDA.limits, home=PANDA.home)
+        loop = AddLoop(builder, IdealArm(PANDA), SampledController(asking, 1e-3), path)
+        assert ("dynamics" in loop.systems) == (scheme == "moaljdf")
+
+
+def test_a_reference_for_the_joints_must_be_of_the_laws_interval():
+    bounds = dict.fromkeys(("velocity", "acceleration", "jerk", "snap", "crackle"), 1.0)
+    planning = RecedingHorizon(limits=PANDA.limits.replace(**bounds))
+    assert planning.joint_preview == JointPreview(interval=0.1, count=80)
+    builder = DiagramBuilder()
+    source = JointReference(held_posture(PANDA.home), 7, 0.05, planning.horizon)
+    path = builder.AddNamedSystem("path", source)
+    with pytest.raises(InvalidInputError, match=r"interval: must be the law's, 0\.1, not 0\.05"):
+        AddLoop(builder, IdealArm(PANDA), SampledController(planning, 0.01), path)
 
 
 @pytest.mark.parametrize("preview", [0.0, 2e-3])
@@ -263,7 +374,7 @@ def test_a_law_that_sees_ahead_must_see_one_period_ahead(preview):
     builder = DiagramBuilder()
     builder.AddNamedSystem("path", path)
     with pytest.raises(InvalidInputError, match=r"preview: must be the controller's period, 0.001"):
-        AddKinematicLoop(builder, arm, SampledController(law, 1e-3), path)
+        AddLoop(builder, IdealArm(arm), SampledController(law, 1e-3), path)
 
 
 @pytest.mark.parametrize("preview", [-1.0, float("nan"), float("inf"), "x"])

@@ -10,7 +10,9 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_rnn import (
+    Contact,
     ElasticSurface,
+    ForceProfile,
     InvalidInputError,
     ModelSurface,
     PlantArm,
@@ -76,6 +78,10 @@ def pad(tmp_path, more=""):
     return str(file)
 
 
+def pressed(surface):
+    return PlantArm(IIWA, IIWA.home, Contact(surface, ForceProfile(value=5.0)))
+
+
 def test_a_model_is_placed_with_its_origin_on_the_surface(tmp_path):
     builder = DiagramBuilder()
     plant, _ = AddMultibodyPlantSceneGraph(builder, 1e-3)
@@ -97,7 +103,7 @@ HELD = '<link name="world"/><joint name="w" type="fixed"><parent link="world"/><
 def test_a_model_that_holds_itself_is_refused(tmp_path):
     surface = ModelSurface(model=pad(tmp_path, HELD))
     with pytest.raises(InvalidInputError, match=r"environment\.model: .*pad\.urdf"):
-        PlantArm(IIWA, IIWA.home, surface, np.zeros(3))
+        pressed(surface)
 
 
 def test_a_file_of_two_models_is_refused(tmp_path):
@@ -105,7 +111,7 @@ def test_a_file_of_two_models_is_refused(tmp_path):
     file = tmp_path / "two.sdf"
     file.write_text(TWO)
     with pytest.raises(InvalidInputError, match=r"environment\.model: .*two\.sdf.* one model"):
-        PlantArm(IIWA, IIWA.home, ModelSurface(model=str(file)), np.zeros(3))
+        pressed(ModelSurface(model=str(file)))
 
 
 NESTED = """<sdf version="1.9"><model name="outer" placement_frame="inner::a">
@@ -116,14 +122,14 @@ def test_a_model_within_a_model_is_refused(tmp_path):
     file = tmp_path / "nested.sdf"
     file.write_text(NESTED)
     with pytest.raises(InvalidInputError, match=r"environment\.model: .*nested.* holds 2 models"):
-        PlantArm(IIWA, IIWA.home, ModelSurface(model=str(file)), np.zeros(3))
+        pressed(ModelSurface(model=str(file)))
 
 
 def test_a_file_that_is_no_model_is_refused(tmp_path):
     file = tmp_path / "no.urdf"
     file.write_text("no")
     with pytest.raises(InvalidInputError, match=r"environment\.model: .*no\.urdf"):
-        PlantArm(IIWA, IIWA.home, ModelSurface(model=str(file)), np.zeros(3))
+        pressed(ModelSurface(model=str(file)))
 
 
 def test_environments_are_known_by_their_kind():

@@ -10,7 +10,7 @@ from drake_rnn import load_experiment, simulate
 def test_it_joins_a_path_at_speed_with_every_bound_held(shape, at_start):
     """At the start it is as far off as any law must be: within a tenth of the optimum."""
     result = simulate(load_experiment(f"horizon_{shape}"))
-    for metric, accepted in result.experiment.accept.items():
+    for metric, accepted in result.experiment.document.accept.items():
         assert accepted.holds(result.metrics[metric]), (metric, result.metrics[metric])
     for order in range(1, 6):
         assert result.metrics[f"limit_ratio_{order}_max"] <= 1.0

@@ -1,6 +1,7 @@
 """RNN (19), (21) and (22) as functions of arrays, and what holds of them."""
 
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from drake_rnn import (
+    Circumstances,
     ContactLoss,
     ElasticSurface,
     InvalidInputError,
@@ -368,7 +370,8 @@ def test_what_is_assumed_of_the_force_is_measured_on_a_spring_of_that_stiffness(
     p_WS = u["p_WE_desired"]
     p_WE = p_WS + sideways - N.dot(sideways) * N - depth * N
     v = u["v_WE_desired"] - N.dot(u["v_WE_desired"]) * N
-    spring = SpringContact(surface, p_WS)
+    # An arm whose joints are its tip's coordinates.
+    spring = SpringContact(surface, p_WS, 3, SimpleNamespace(p_WE=np.asarray))
     context = spring.CreateDefaultContext()
     spring.get_input_port().FixValue(context, p_WE)
     force = N.dot(spring.get_output_port().Eval(context))
@@ -496,11 +499,31 @@ def test_what_it_cannot_be_is_refused_by_name(fields, message):
 )
 def test_what_is_learned_by_samples_is_not_integrated(fields):
     with pytest.raises(InvalidInputError, match="give a period, no integrator"):
-        law(**fields).check_integrated()
-    law().check_integrated()
+        law(**fields).continuous()
+    network = law()
+    assert network.continuous() is network
+
+
+def test_a_contact_that_counts_as_lost_at_once_is_refused():
+    network = law(contact_loss=ContactLoss(floor=0.5))
+    assert network.doubts(Circumstances(pressing_force=0.6)) == []
+    assert network.doubts(Circumstances()) == law().doubts(Circumstances(pressing_force=0.1)) == []
+    message = r"law\.contact_loss\.floor: must be below force\.value, 0\.5 N, not 0\.5"
+    with pytest.raises(InvalidInputError, match=message):
+        network.doubts(Circumstances(pressing_force=0.5))
+
+
+def test_what_it_did_without_contact_is_told_of():
+    lost = {"contact_lost_time_s": 1.0}
+    for reaction in ("hold", "retreat"):
+        (said,) = law(contact_loss=ContactLoss(reaction=reaction)).caveats(lost)
+        assert said.startswith("law.contact_loss: ")
+        assert reaction in said
+    assert law(contact_loss=ContactLoss()).caveats({}) == law().caveats(lost) == []
 
 
 def test_a_period_too_long_for_its_gains_is_refused():
-    law().check_period(0.099)
+    network = law()
+    assert network.sampled(0.099) is network
     with pytest.raises(InvalidInputError, match=r"period: must be below 0\.1 s .* not 0\.1"):
-        law().check_period(0.1)
+        network.sampled(0.1)

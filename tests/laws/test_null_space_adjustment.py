@@ -102,16 +102,17 @@ def test_at_a_singular_posture_its_velocities_stay_small():
 
 
 def test_feedback_limits_the_period():
-    make(feedback=50.0).check_period(0.019)
+    law = make(feedback=50.0)
+    assert law.sampled(0.019) is law
     with pytest.raises(InvalidInputError, match=r"below 0.02 s with law.feedback at 50 /s"):
-        make(feedback=50.0).check_period(0.02)
+        law.sampled(0.02)
 
 
 def test_so_do_its_rate_and_the_stiffness_of_its_limits():
     with pytest.raises(InvalidInputError, match=r"below 0.05 s with law.limit_stiffness"):
-        make(feedback=0.0).check_period(0.05)
+        make(feedback=0.0).sampled(0.05)
     with pytest.raises(InvalidInputError, match=r"below 0.001 s with law.rate at 1000 /s"):
-        make(rate=1000.0).check_period(0.01)
+        make(rate=1000.0).sampled(0.01)
 
 
 @pytest.mark.parametrize("name", ["position", "J", "p_WE"])

@@ -34,10 +34,11 @@ def test_what_it_cannot_be_is_refused(fields, message):
 
 
 def test_a_period_for_which_the_feedback_overshoots_is_refused():
-    make(feedback=10.0).check_period(0.09)
-    make(feedback=0.0).check_period(10.0)
+    for feedback, period in ((10.0, 0.09), (0.0, 10.0)):
+        law = make(feedback=feedback)
+        assert law.sampled(period) is law
     with pytest.raises(InvalidInputError, match=r"period: must be below 0\.1 s .* not 0\.1"):
-        make(feedback=10.0).check_period(0.1)
+        make(feedback=10.0).sampled(0.1)
 
 
 @pytest.mark.parametrize("m", [2, 3])
@@ -82,3 +83,7 @@ def test_feed_forward_takes_away_the_lag():
     assert error["none"] == pytest.approx(0.15 * 2 * np.pi / 30 / 10, rel=0.01)
     assert 1e-8 < error["secant"] < 1.5e-7
     assert error["slower"] == pytest.approx(2 * error["secant"], rel=0.1)
+
+
+def test_a_delay_limits_the_gain_of_its_position_feedback():
+    assert make(feedback=3.0).loop_gains == {"feedback": 3.0}

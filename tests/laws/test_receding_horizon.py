@@ -8,9 +8,16 @@ from pydrake.solvers import ClarabelSolver, MathematicalProgram
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_rnn import InvalidInputError, JointLimits, SampledController, SimulationError, load_arm
-from drake_rnn.diagrams.kinematic import AddKinematicLoop
-from drake_rnn.laws.receding_horizon import RecedingHorizon
+from drake_rnn import (
+    AddLoop,
+    IdealArm,
+    InvalidInputError,
+    JointLimits,
+    RecedingHorizon,
+    SampledController,
+    SimulationError,
+    load_arm,
+)
 from drake_rnn.paths import Circle, Square
 from drake_rnn.robot.limits import DERIVATIVE_UNITS
 from drake_rnn.systems.joint_reference import JointReference, followed_path, held_posture
@@ -190,7 +197,7 @@ def simulated(shape, positions_at, duration, scheme=None):
     reference = JointReference(positions_at, 7, law.interval, law.horizon)
     builder.AddNamedSystem("reference", reference)
     controller = SampledController(law, PERIOD)
-    loop = AddKinematicLoop(builder, arm, controller, reference, start=START)
+    loop = AddLoop(builder, IdealArm(arm, START), controller, reference)
     simulator = Simulator(builder.Build())
     config = SimulatorConfig()
     config.integration_scheme = scheme or law.integration_scheme
@@ -322,7 +329,8 @@ def test_starts_at_rest_inside_the_limits(seen, message):
 
 
 def test_the_period_divides_the_interval():
-    make().check_period(0.02)
+    law = make()
+    assert law.sampled(0.02) is law
     for period in (0.03, 0.2):
         with pytest.raises(InvalidInputError, match="period: must divide law"):
             SampledController(make(), period)

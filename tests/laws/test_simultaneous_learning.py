@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from drake_rnn import InvalidInputError, JointLimits, SimultaneousLearning
+from drake_rnn import Circumstances, InvalidInputError, JointLimits, SimultaneousLearning
 
 LIMITS = JointLimits(
     position_lower=-np.full(7, 2.0),
@@ -181,3 +181,25 @@ def test_bad_gains_are_refused(gains):
 def test_a_law_never_changes():
     with pytest.raises(AttributeError):
         law().kappa = 3.0  # type: ignore[misc]
+
+
+@pytest.mark.parametrize(
+    ("fields", "delay", "reference_is_delayed", "doubted"),
+    [
+        ({}, 0.1, False, True),
+        ({"acceleration_bound": "per_joint"}, 0.1, False, True),
+        ({"acceleration_bound": "none"}, 0.1, False, False),
+        ({}, 0.1, True, False),
+        ({}, 0.0, False, False),
+    ],
+)
+def test_its_bound_beside_a_filter_in_its_loop_is_doubted(
+    fields, delay, reference_is_delayed, doubted
+):
+    said = law(**fields).doubts(Circumstances(delay, reference_is_delayed))
+    assert len(said) == doubted
+    assert all(sentence.startswith("law.acceleration_bound: ") for sentence in said)
+
+
+def test_a_delay_limits_the_gain_of_its_position_feedback():
+    assert law(kappa=3.0).loop_gains == {"kappa": 3.0}

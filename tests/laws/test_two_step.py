@@ -8,11 +8,12 @@ from scipy.linalg import expm
 
 from drake_rnn import (
     ContinuousController,
-    InvalidInputError,
     JointDriftFree,
     JointLimits,
     SampledController,
 )
+from drake_rnn.laws import ContinuousReading, SampledReading
+from drake_rnn.laws.parts.two_step import TwoStep
 
 N, M = 5, 3
 SCHEMES = ["man", "galjdf", "naljdf", "moaljdf_printed", "moaljdf"]
@@ -57,7 +58,7 @@ class LinearArm:
 
     def run(self, law, period, until):
         """Where the joints are at the end; and time, joints, state and what was seen before."""
-        law, q, past = law.sampled, HOME, []
+        law, q, past = law.sampled(period), HOME, []
         x = law.initial_state(np.random.default_rng(0), {})
         for k in range(round(until / period)):
             t = k * period
@@ -120,7 +121,8 @@ def test_with_accelerations_cut_it_still_nears_the_differential_equation():
         x = x + h / 2 * (first + second)
     ends = [arm.run(law, period, until) for period in (8e-3, 4e-3, 2e-3)]
     off = [np.abs(end - q).max() for end, _ in ends]
-    demands = np.array([law.sampled.state.part(x, "demand") for _, _, x, _ in ends[-1][1]])
+    sampled = law.sampled(2e-3)
+    demands = np.array([sampled.state.part(x, "demand") for _, _, x, _ in ends[-1][1]])
     assert (np.abs(demands) > 0.03).any(axis=1).mean() > 0.2
     assert off[0] < 1e-3
     assert off[2] < off[0] / 2.5
@@ -135,7 +137,7 @@ def test_it_is_stable_where_one_step_forward_is_not(scheme, period):
     form = law.linear_form(u, HOME, u["p_WE"])
     assert np.abs(np.linalg.eigvals(np.eye(N) + period * form.a_v)).max() > 10
     _, past = arm.run(law, period, 4.0)
-    v = np.array([law.sampled.state.part(x, "v") for _, _, x, _ in past])
+    v = np.array([law.sampled(period).state.part(x, "v") for _, _, x, _ in past])
     assert np.abs(v).max() < 5.0
     late = v[len(v) // 2 :]
     # Smooth: nothing that alternates from one sample to the next is left.
@@ -143,8 +145,9 @@ def test_it_is_stable_where_one_step_forward_is_not(scheme, period):
 
 
 def first_step(law, u, period):
-    x = law.sampled.initial_state(np.random.default_rng(0), {})
-    return law.sampled.step(0.0, x, u, period)
+    sampled = law.sampled(period)
+    x = sampled.initial_state(np.random.default_rng(0), {})
+    return sampled.step(0.0, x, u, period)
 
 
 class TestRamp:
@@ -152,7 +155,7 @@ class TestRamp:
 
     def test_the_command_runs_from_one_velocity_to_the_next_at_the_acceleration(self):
         period, arm = 4e-3, LinearArm()
-        sampled, (_, past) = self.law.sampled, arm.run(self.law, period, 0.4)
+        sampled, (_, past) = self.law.sampled(period), arm.run(self.law, period, 0.4)
         before = np.zeros(N)
         for t, _, x, u in past:
             v, slope = sampled.state.part(x, "v"), sampled.state.part(x, "slope")
@@ -182,7 +185,7 @@ class TestRamp:
         rng = np.random.default_rng(seed)
         limits = FREE.replace(acceleration=bound * rng.uniform(0.5, 1, N))
         law = make(scheme, limits=limits, bounds=bounds)
-        sampled, arm = law.sampled, LinearArm(seed)
+        sampled, arm = law.sampled(period), LinearArm(seed)
         x = rng.standard_normal(sampled.state.size)
         u = arm.seen(0.0, HOME + rng.standard_normal(N), period)
         x = sampled.step(0.0, x, u, period)
@@ -198,7 +201,9 @@ class TestRamp:
         arm = LinearArm()
         free, bound = make(), make(limits=FREE.replace(acceleration=0.01))
         u = arm.seen(0.5, HOME, 4e-3)
-        told = [law.sampled.diagnostics(0.0, first_step(law, u, 4e-3), u) for law in (free, bound)]
+        told = [
+            law.sampled(4e-3).diagnostics(0.0, first_step(law, u, 4e-3), u) for law in (free, bound)
+        ]
         assert [entry["saturated"][0] for entry in told] == [0.0, 1.0]
         np.testing.assert_array_equal(
             told[1]["acceleration_demand"], told[0]["acceleration_demand"]
@@ -210,9 +215,10 @@ class TestRamp:
         law, arm = make(scheme, limits=FREE.replace(acceleration=0.05)), LinearArm()
         _, past = arm.run(law, 4e-3, 0.1)
         _, _, x, u = past[-1]
-        told = law.sampled.diagnostics(0.0, x, u)
+        sampled = law.sampled(4e-3)
+        told = sampled.diagnostics(0.0, x, u)
         if law.weighs_torque:
-            effort = u["M"] @ law.sampled.state.part(x, "slope")
+            effort = u["M"] @ sampled.state.part(x, "slope")
             np.testing.assert_allclose(told["torque"], effort + u["bias"] - u["gravity"])
         else:
             assert "torque" not in told
@@ -232,7 +238,7 @@ class TestBounds:
         law = make(limits=self.limits, **fields)
         q, past = LinearArm().run(law, 4e-3, 6.0)
         positions = np.array([*(q for _, q, _, _ in past), q])
-        v = np.array([law.sampled.state.part(x, "v") for _, _, x, _ in past])
+        v = np.array([law.sampled(4e-3).state.part(x, "v") for _, _, x, _ in past])
         return self.limits.violation(positions).max(), np.abs(v).max()
 
     def test_none_is_broken(self):
@@ -251,7 +257,7 @@ class TestFirstSample:
     def test_there_is_none_before_it(self):
         """One step back, from rest: the mean of what holds at both ends is not asked for."""
         law, arm, h = make(velocity_gain=1e3), LinearArm(), 4e-3
-        sampled = law.sampled
+        sampled = law.sampled(h)
         x = sampled.initial_state(np.random.default_rng(0), {})
         for name in ("v", "omega", "v_from", "slope"):
             np.testing.assert_array_equal(sampled.state.part(x, name), 0.0)
@@ -268,7 +274,7 @@ class TestFirstSample:
         law, arm, h = make(velocity_gain=1e3), LinearArm(), 4e-3
         _, past = arm.run(law, h, 2 * h)
         (_, _, first, _), (t, q, second, u) = past
-        states = [law.state.join(*law.sampled.state.split(x)[:2]) for x in (first, second)]
+        states = [law.state.join(*law.sampled(h).state.split(x)[:2]) for x in (first, second)]
         v = states[1][:N]
         q = q + h / 2 * (states[0][:N] + v)
         there = {**u, **arm.desired(t + h, ("p_WE_desired", "v_WE_desired", "a_WE_desired"))}
@@ -282,11 +288,27 @@ class TestFirstSample:
 class TestController:
     def test_a_sampled_controller_runs_the_sampled_reading_and_drake_the_equation(self):
         law = make()
-        assert SampledController(law, 2e-3).law is law.sampled
-        assert law.sampled is law.sampled
-        assert ContinuousController(law).law is law
-        with pytest.raises(InvalidInputError, match=r"law\.sampled"):
-            law.step(0.0, np.zeros(law.state.size), {}, 1e-3)
+        controller = SampledController(law, 2e-3)
+        assert controller.law is law
+        assert isinstance(controller.reading, TwoStep)
+        assert controller.reading.law is law
+        assert ContinuousController(law).reading is law
+        # A step of its own would be unstable, and a ramp is no differential equation.
+        assert not isinstance(law, SampledReading)
+        assert not isinstance(controller.reading, ContinuousReading)
+
+    @pytest.mark.parametrize("period", [1e-6, 1e-3, 1.0])
+    def test_any_period_will_do(self, period):
+        law = make()
+        sampled = law.sampled(period)
+        assert isinstance(sampled, TwoStep)
+        assert sampled.law is law
+        assert sampled.observables.parts == law.observables.parts
+
+    def test_its_command_varies_within_a_period_and_heuns_step_integrates_it(self):
+        assert not make().sampled(1e-3).holds_command
+        assert make().sampled(1e-3).integration_scheme == "runge_kutta2"
+        assert make().continuous().holds_command
 
     def test_before_it_is_initialized_it_commands_rest(self):
         for controller in (SampledController(make(), 2e-3), ContinuousController(make())):

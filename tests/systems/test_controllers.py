@@ -8,14 +8,18 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from drake_rnn import (
     ContinuousController,
+    ContinuousLaw,
     InvalidInputError,
     JointDriftFree,
     JointLimits,
     Layout,
     SampledController,
+    SampledLaw,
     SimulationError,
     SimultaneousLearning,
 )
+from drake_rnn.laws import ContinuousReading
+from drake_rnn.laws.parts.two_step import TwoStep
 
 N = 3
 LIMITS = JointLimits.unlimited(N).replace(velocity=0.5, acceleration=1.0)
@@ -25,25 +29,18 @@ CONTROLLERS = [lambda law: SampledController(law, 1e-3), ContinuousController]
 IDS = ["sampled", "continuous"]
 
 
-class Exploding:
+class Exploding(SampledLaw, ContinuousLaw):
     """A law that is not finite any more after a while."""
 
     state = Layout(v=(N,), other=(2,))
     inputs = Layout(position=(N,))
     observables = Layout(size=(1,))
-    holds_command = True
-
-    def initial_state(self, rng, u):
-        return np.zeros(5)
 
     def derivatives(self, t, x, u):
         return np.array([0.0, 0.0, 0.0, 0.0, np.nan if t > 0.1 else 1.0])
 
     def step(self, t, x, u, period):
         return x + period * self.derivatives(t, x, u)
-
-    def commanded_velocity(self, t, x):
-        return x[:N]
 
     def diagnostics(self, t, x, u):
         return {"size": np.array([np.linalg.norm(x)])}
@@ -53,7 +50,7 @@ def wire(controller, **values):
     """The controller with constants on its ports, in a simulator."""
     builder = DiagramBuilder()
     builder.AddNamedSystem("controller", controller)
-    for name, (at, _) in controller.law.inputs.parts.items():
+    for name, (at, _) in controller.reading.inputs.parts.items():
         value = np.asarray(values.get(name, np.zeros(at.stop - at.start))).ravel()
         source = builder.AddSystem(ConstantVectorSource(value))
         builder.Connect(source.get_output_port(), controller.GetInputPort(name))
@@ -153,11 +150,31 @@ def test_a_period_must_be_positive(period):
 
 
 def test_a_law_without_derivatives_can_only_be_sampled():
-    class Memoryless(Exploding):
-        derivatives = property()
+    class Memoryless(SampledLaw):
+        state = Layout(v=(N,))
+        inputs = Layout(position=(N,))
 
-    with pytest.raises(InvalidInputError, match="Memoryless is no differential equation"):
+        def step(self, t, x, u, period):
+            return x
+
+    message = "integrator: Memoryless is no differential equation; sample it with a period"
+    with pytest.raises(InvalidInputError, match=message):
         ContinuousController(Memoryless())
+    assert SampledController(Memoryless(), 1e-3).period == 1e-3
+
+
+def test_a_law_without_a_step_can_only_be_integrated():
+    class Flow(ContinuousLaw):
+        state = Layout(v=(N,))
+        inputs = Layout(position=(N,))
+
+        def derivatives(self, t, x, u):
+            return -x
+
+    message = "period: Flow cannot be sampled; give an integrator"
+    with pytest.raises(InvalidInputError, match=message):
+        SampledController(Flow(), 1e-3)
+    assert ContinuousController(Flow()).period is None
 
 
 @pytest.mark.parametrize("make", CONTROLLERS, ids=IDS)
@@ -190,7 +207,7 @@ def test_the_context_holds_everything(make):
 class Ramping(Exploding):
     """A law whose command goes on between its samples."""
 
-    holds_command = False
+    integration_scheme = "runge_kutta2"
 
     def step(self, t, x, u, period):
         return x + 1.0
@@ -229,9 +246,21 @@ def test_a_law_with_a_sampled_reading_is_sampled_with_that():
     limits = JointLimits.unlimited(N).replace(acceleration=1.0)
     law = JointDriftFree(scheme="naljdf", limits=limits, home=np.zeros(N))
     controller = SampledController(law, 1e-3)
-    assert controller.law is law.sampled
-    assert ContinuousController(law).law is law
+    assert controller.law is law
+    assert isinstance(controller.reading, TwoStep)
+    continuous = ContinuousController(law)
+    assert continuous.law is continuous.reading is law
     assert controller.HasInputPort("p_preview")
     assert not controller.HasInputPort("p_WE_desired")
-    with pytest.raises(InvalidInputError, match="TwoStep is no differential equation"):
-        ContinuousController(law.sampled)
+    assert continuous.HasInputPort("p_WE_desired")
+    # The sampled reading is no differential equation, nor does the law have a step of its own.
+    assert not isinstance(controller.reading, ContinuousReading)
+    assert not hasattr(law, "step")
+
+
+@pytest.mark.parametrize(
+    "controller", [lambda law: SampledController(law, 1e-3), ContinuousController]
+)
+def test_what_is_no_law_is_refused(controller):
+    with pytest.raises(InvalidInputError, match="law: must be of class Law, not None"):
+        controller(None)

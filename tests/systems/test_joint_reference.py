@@ -62,3 +62,9 @@ def test_refuses(arguments, message):
 def test_knows_no_orientation():
     with pytest.raises(InvalidInputError, match="task: a reference"):
         followed_path(Circle(size=0.1, period=4.0), load_arm("iiwa14"), START, 1.0, "pose")
+
+
+def test_a_step_at_which_the_feedback_would_overshoot_is_refused():
+    circle = Circle(size=0.1, period=4.0)
+    with pytest.raises(InvalidInputError, match=r"must be below 0\.1 s"):
+        followed_path(circle, load_arm("iiwa14"), START, 1.0, step=0.1)

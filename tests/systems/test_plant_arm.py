@@ -4,9 +4,12 @@ import re
 
 import numpy as np
 import pytest
+from pydrake.geometry import Role
 from pydrake.systems.analysis import Simulator
 
 from drake_rnn import (
+    Contact,
+    ForceProfile,
     InvalidInputError,
     ModelSurface,
     PlantArm,
@@ -20,6 +23,7 @@ from drake_rnn.models import MODELS
 
 UP = np.array([0.0, 0.0, 1.0])
 RADIUS = 0.012
+FORCE = ForceProfile(value=5.0)
 IIWA = load_arm("iiwa14", frame="tip")
 
 
@@ -63,10 +67,8 @@ class Driven:
 
 def pressed(depth, arm=IIWA, until=1.0, settings=None, **plate):
     """Told to stand where the tool is ``depth`` inside a plate."""
-    environment = Plate(**plate)
-    n = environment.normal_W
-    p_WS = arm.kinematics().p_WE(arm.home) - (RADIUS - depth) * n
-    return Driven(arm, arm.home, environment, p_WS, settings).after(until)
+    contact = Contact(Plate(gap=-depth, **plate), FORCE)
+    return Driven(arm, arm.home, contact, settings).after(until)
 
 
 @pytest.mark.parametrize("name", shipped_arms())
@@ -164,8 +166,8 @@ def test_a_model_is_pressed_like_a_plate(tmp_path, extra):
     file = tmp_path / "pad.urdf"
     xmlns = 'xmlns:drake="http://drake.mit.edu"'
     file.write_text(PAD.format(extra=extra).replace("<robot", f"<robot {xmlns}"))
-    p_WS = IIWA.kinematics().p_WE(IIWA.home) - (RADIUS - 5e-4) * UP
-    driven = Driven(IIWA, IIWA.home, ModelSurface(model=str(file)), p_WS).after(1.0)
+    contact = Contact(ModelSurface(model=str(file), gap=-5e-4), FORCE)
+    driven = Driven(IIWA, IIWA.home, contact).after(1.0)
     assert driven["contact_force"][2] > 0.05
     np.testing.assert_allclose(driven["tool_force"], driven["contact_force"], atol=1e-3)
     if extra:
@@ -182,9 +184,8 @@ def test_friction_is_that_of_ball_and_model_both(tmp_path, friction):
     file = tmp_path / "pad.urdf"
     xmlns = 'xmlns:drake="http://drake.mit.edu"'
     file.write_text(PAD.format(extra=rough).replace("<robot", f"<robot {xmlns}"))
-    p_WS = IIWA.kinematics().p_WE(IIWA.home) - (RADIUS - 1e-3) * UP
-    model = ModelSurface(model=str(file), friction=friction)
-    driven = Driven(IIWA, IIWA.home, model, p_WS).after(0.3)
+    model = ModelSurface(model=str(file), friction=friction, gap=-1e-3)
+    driven = Driven(IIWA, IIWA.home, Contact(model, FORCE)).after(0.3)
     v = np.array([0.05, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     for k in range(50):
         driven.command(IIWA.home + v * k * 0.01, v)
@@ -219,8 +220,8 @@ def test_wherever_the_tools_joint_has_its_frame_a_tool_in_the_air_feels_nothing(
     file.write_text(PENDULUM.format(pose=pose))
     arm = load_arm(str(file), frame="tool")
     q = np.array([0.2])
-    p_WS = arm.kinematics().p_WE(q) - 0.1 * UP
-    driven = Driven(arm, q, Plate(), p_WS).after(1.0)
+    # Its ball has a radius of 0.02 m.
+    driven = Driven(arm, q, Contact(Plate(gap=0.08), FORCE)).after(1.0)
     np.testing.assert_allclose(driven["tool_force"], 0.0, atol=1e-6)
 
 
@@ -281,7 +282,7 @@ def test_drakes_ways_to_compute_contact_agree_at_rest():
 
 def test_a_rotor_makes_an_arm_slower():
     light, heavy = (
-        Driven(IIWA, IIWA.home, None, None, PlantSettings(reflected_inertia=inertia))
+        Driven(IIWA, IIWA.home, None, PlantSettings(reflected_inertia=inertia))
         for inertia in (0.0, 5.0)
     )
     for driven in (light, heavy):
@@ -302,12 +303,43 @@ def test_a_scaled_mass_is_refused():
         PlantArm(arm, arm.home)
 
 
-def test_a_plate_without_a_tool_or_a_place_is_refused():
+@pytest.mark.parametrize("standoff", [None, RADIUS])
+def test_a_plate_without_a_tool_is_refused(standoff):
+    """Also where it need not be asked how far the tool reaches."""
     flange = load_arm("iiwa14")
     with pytest.raises(InvalidInputError, match=r"arm\.frame: nothing that moves with"):
-        PlantArm(flange, flange.home, Plate(), np.zeros(3))
-    with pytest.raises(InvalidInputError, match="p_WS: must be given"):
+        PlantArm(flange, contact=Contact(Plate(standoff=standoff), FORCE))
+
+
+def test_a_plate_that_nobody_presses_is_refused():
+    with pytest.raises(InvalidInputError, match=r"contact: must be of class Contact .* not Plate"):
         PlantArm(IIWA, IIWA.home, Plate())
+
+
+@pytest.mark.parametrize("name", ["iiwa14", "panda"])
+@pytest.mark.parametrize("normal", [UP, [0.3, 0.0, 1.0]])
+def test_the_surface_is_a_gap_below_the_ball_at_the_start(name, normal):
+    """1e-9 m: rounding."""
+    arm, plate = with_tip(name), Plate(normal=normal, gap=0.03, thickness=0.02)
+    q, n = arm.home + 0.1, plate.normal_W
+    p_WE = arm.kinematics().p_WE(q)
+    contact = Contact(plate, FORCE)
+    np.testing.assert_allclose(contact.place(arm, q), p_WE - (0.03 + RADIUS) * n, atol=1e-9)
+    inspector = PlantArm(arm, q, contact).scene_graph.model_inspector()
+    (where,) = (
+        inspector.GetPoseInFrame(geometry)
+        for geometry in inspector.GetAllGeometryIds(Role.kProximity)
+        if inspector.GetName(geometry).endswith("plate")
+    )
+    face = where.multiply(np.array([0.0, 0.0, 0.01]))
+    np.testing.assert_allclose(face, p_WE - (0.03 + RADIUS) * n, atol=1e-9)
+
+
+def test_it_starts_at_home_unless_it_is_told_another_posture():
+    q = IIWA.home + 0.1
+    for body, start in ((PlantArm(IIWA), IIWA.home), (PlantArm(IIWA, q), q)):
+        context = body.CreateDefaultContext()
+        np.testing.assert_allclose(body.GetOutputPort("position").Eval(context), start, atol=1e-15)
 
 
 @pytest.mark.parametrize(

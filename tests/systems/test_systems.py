@@ -10,7 +10,6 @@ from drake_rnn import (
     Dither,
     InvalidInputError,
     Kinematics,
-    Mirror,
     PathSource,
     load_arm,
 )
@@ -194,9 +193,3 @@ def test_velocities_that_are_none_are_refused(v):
     """Drake would end the process over them."""
     with pytest.raises(InvalidInputError, match="velocity: must be 7 finite numbers"):
         PANDA.kinematics().Jdot_v(PANDA.home, v)
-
-
-def test_a_mirror_is_where_it_is_told_to_be():
-    port = fixed(Mirror(2), position_commanded=[0.1, 0.2], velocity_commanded=[0.3, 0.4])
-    np.testing.assert_array_equal(port("position"), [0.1, 0.2])
-    np.testing.assert_array_equal(port("velocity"), [0.3, 0.4])

@@ -1,1 +1,1 @@
-"""What several laws are made of, one idea a file."""
+"""Building blocks shared by the laws, one idea per file."""

@@ -1,4 +1,4 @@
-"""What to do when the tool has lost what it was pressed against."""
+"""Detection of a lost contact, and the reaction to it."""
 
 from __future__ import annotations
 
@@ -14,16 +14,17 @@ APPROACHING, IN_CONTACT, LOST = 0.0, 1.0, 2.0
 
 @validated
 class ContactLoss:
-    """A contact once made counts as lost when hardly any force is left for a while.
+    """Settings for the loss of a contact: hardly any force for a while, once contact was made.
 
     Args:
-        reaction: ``hold``: the end effector stays where it is; ``retreat``: it moves off the
-            surface first.
-        threshold: Share of the desired force below which there is no contact.
-        floor: Force that counts as none, however little is desired [N]; above a sensor's noise.
-        patience: Time without one after which it is lost [s].
-        retreat_speed: Along the normal [m/s].
-        retreat_distance: How far [m].
+        reaction: ``hold`` keeps the end effector where it is; ``retreat`` first moves it off the
+            surface.
+        threshold: Fraction of the desired force below which there is no contact.
+        floor: Force below which there is no contact, whatever force is desired [N]; above the
+            noise of the sensor.
+        patience: Time without contact after which it counts as lost [s].
+        retreat_speed: Speed of the retreat along the normal [m/s].
+        retreat_distance: Length of the retreat [m].
     """
 
     reaction: Literal["hold", "retreat"] = "hold"
@@ -33,15 +34,22 @@ class ContactLoss:
     retreat_speed: Positive = 0.02
     retreat_distance: NonNegative = 0.02
 
-    #: Entries of its state: phase, time without contact [s], distance of the retreat [m].
+    #: Size of the state: phase, time without contact [s], distance retreated [m].
     size = 3
 
     def start(self) -> Array:
-        """Its first state, shape (3,): not yet in contact."""
+        """Return the initial state, shape (3,): not yet in contact."""
         return np.array([APPROACHING, 0.0, 0.0])
 
     def update(self, state: Array, force: float, desired: float, period: float) -> Array:
-        """The state one period later, shape (3,)."""
+        """Return the state one period later, shape (3,).
+
+        Args:
+            state: State, shape (3,).
+            force: Measured force [N].
+            desired: Desired force [N].
+            period: Sampling period [s].
+        """
         phase, missing, retreated = state.tolist()
         touching = force > max(self.threshold * desired, self.floor)
         if phase == LOST:
@@ -53,7 +61,7 @@ class ContactLoss:
         return np.array([LOST if lost else phase, missing, 0.0])
 
     def retreat(self, state: Array) -> float:
-        """Speed off the surface once contact is lost [m/s]; then 0, to stay."""
+        """Return the speed off the surface after a loss of contact [m/s]; 0 to stay in place."""
         if self.reaction == "hold" or state[2] >= self.retreat_distance:
             return 0.0
         return self.retreat_speed

@@ -8,12 +8,12 @@ from ...inputs.fields import Array
 
 
 def damped_joint_velocity(J: Array, v_WE: Array, damping: float) -> Array:
-    """Return the joint velocities that bring ``v_WE`` about as well as damping admits, (n,).
+    """Return the joint velocities that produce ``v_WE``, up to the damping, shape (n,) [rad/s].
 
     Args:
         J: Jacobian, shape (m, n) [m].
-        v_WE: Wanted velocity of the end effector, shape (m,) [m/s].
-        damping: mu [m].
+        v_WE: Desired velocity of the end effector, shape (m,) [m/s].
+        damping: Damping mu [m].
     """
     gram = J @ J.T + damping**2 * np.eye(J.shape[0])
     return np.asarray(J.T @ np.linalg.solve(gram, v_WE))

@@ -1,4 +1,4 @@
-"""A contact whose stiffness is given, with the methods of one that is learned."""
+"""A given contact stiffness, with the same methods as `OnlineStiffness`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ...inputs.fields import Array
 
 @dataclass(frozen=True)
 class FixedStiffness:
-    """A spring: force over depth is the same everywhere.
+    """A linear spring: force is proportional to depth.
 
     Args:
         value: Stiffness [N/m].
@@ -19,24 +19,24 @@ class FixedStiffness:
 
     value: float
 
-    #: Entries of its state: it remembers nothing.
+    #: Size of the state: nothing is stored.
     size = 0
 
     def start(self) -> Array:
-        """Return its first state, shape (0,)."""
+        """Return the initial state, shape (0,)."""
         return np.zeros(0)
 
     def update(self, state: Array, force: float, desired: float, depth: float) -> Array:
-        """Return the same state: it learns nothing."""
+        """Return the state unchanged, because nothing is learned."""
         return state
 
     def retreat_speed(self, state: Array, force: float, desired: float, gain: float) -> float:
-        """Return the speed out of the surface that mends the force error [m/s].
+        """Return the speed out of the surface that corrects the force error [m/s].
 
         Args:
-            state: Shape (0,).
+            state: State, shape (0,).
             force: Measured force [N].
-            desired: Force to press with [N].
-            gain: Of the feedback [1/s].
+            desired: Desired force [N].
+            gain: Gain of the feedback [1/s].
         """
         return gain * (force - desired) / self.value

@@ -1,8 +1,9 @@
 """The quadratic program of a receding horizon, for all joints at once.
 
-Bounds on the coefficients of quintic splines and of their derivatives, least squares of their
-values at the knots: solved by a primal-dual method with Mehrotra's corrector. The normal matrix
-has five diagonals on each side, and its entries are linear in the weights.
+It fits quintic splines to desired values at the knots by least squares, with bounds on the
+coefficients of the splines and of their derivatives. The solver is a primal-dual method with
+Mehrotra's corrector. The normal matrix has five diagonals on each side, and its entries are linear
+in the weights.
 """
 
 from __future__ import annotations
@@ -18,11 +19,11 @@ from .quintic_spline import KNOT, ORDER
 
 Flags = NDArray[np.bool_]
 
-# Complementarity at which a plan is good enough, and where it starts [rad^2]; the least slack it
-# starts with; how far from the position limits it stays [rad].
+# Complementarity at convergence and at the start [rad^2]; smallest initial slack; distance that
+# plans keep from the position limits [rad].
 _GOOD, _START, _SLACK, _AWAY = 1e-8, 1e-2, 0.1, 1e-5
 _MOST_ITERATIONS = 40
-# Of the two rows of bounds: upper, lower.
+# Signs of the two sets of bounds: upper, lower.
 _SIGN = np.array([1.0, -1.0])[:, np.newaxis, np.newaxis]
 
 
@@ -30,12 +31,12 @@ class HorizonProgram:
     """The quadratic program of one law; it holds matrices and no state.
 
     Args:
-        limits: Of the joint positions.
-        bounds: Of the five derivatives, shape (5, n).
-        interval: Between two knots [s].
-        horizon: Knots ahead, H.
-        effort: Weight of crackle, as a share of its bound [rad^2].
-        margin: Share of the bounds of the derivatives that a plan may use.
+        limits: Limits of the joint positions.
+        bounds: Bounds of the five derivatives, shape (5, n) [rad/s .. rad/s^5].
+        interval: Time between two knots [s].
+        horizon: Number H of knots ahead.
+        effort: Weight of the crackle relative to its bound [rad^2].
+        margin: Fraction of the derivatives' bounds that a plan may use.
     """
 
     def __init__(
@@ -50,8 +51,8 @@ class HorizonProgram:
         H, h = horizon, interval
         self._lower, self._upper = limits.position_lower, limits.position_upper
         self._margin = margin
-        # Every level in terms of c_0 .. c_H, above which they are all equal; of rows only those
-        # in which something is free.
+        # Each derivative's coefficients in terms of c_0 .. c_H, beyond which all c are equal; rows
+        # without a free coefficient are left out.
         levels = [np.eye(H + 1), np.diff(np.eye(H + 1), axis=0) / h]
         for _ in range(ORDER - 1):
             levels.append(np.diff(levels[-1], axis=0, append=np.zeros((1, H + 1))) / h)
@@ -60,7 +61,7 @@ class HorizonProgram:
         self._free = self._rows[:, ORDER:].copy()
         self._order = np.repeat(np.arange(ORDER + 1), [len(row) for row in rows])
         self._scale = np.vstack((np.ones(bounds.shape[1]), 1.0 / bounds))[self._order].T
-        # Values at the knots ahead.
+        # Values at the knots ahead in terms of c_0 .. c_H.
         values = np.zeros((H, H + 1))
         for k in range(H):
             np.add.at(values[k], np.minimum(np.arange(k + 1, k + 6), H), KNOT)
@@ -69,7 +70,7 @@ class HorizonProgram:
         self._hessian = (
             2.0 * values.T @ values + crackle / bounds[-1][:, np.newaxis, np.newaxis] ** 2
         )
-        # The diagonals of rows^T W rows, a linear map of W.
+        # The map from W to the diagonals of rows^T W rows, which is linear.
         N = self._free.shape[1]
         row = np.concatenate([np.arange(N - d) for d in range(ORDER + 1)])
         column = np.concatenate([np.arange(d, N) for d in range(ORDER + 1)])
@@ -79,24 +80,25 @@ class HorizonProgram:
         self._curvature = self._hessian[:, ORDER:, ORDER:]
 
     def improve(self, plan: Array, desired: Array) -> tuple[Array, Flags]:
-        """The best plans that begin like the given ones, which hold the bounds.
+        """Return the best plans that begin like the given ones.
 
         Args:
-            plan: Shape (H + 1, n) [rad].
-            desired: Positions at the knots ahead, shape (H, n) [rad].
+            plan: Coefficients of plans that hold the bounds, shape (H + 1, n) [rad].
+            desired: Desired positions at the knots ahead, shape (H, n) [rad].
 
         Returns:
-            Plans, shape (H + 1, n), and whether they were found, shape (n,).
+            Coefficients of the plans, shape (H + 1, n) [rad], and for each joint whether one was
+            found, shape (n,).
         """
         desired = np.clip(desired, self._lower, self._upper)
-        # Of the differences from where the joint is, fewer digits are lost.
+        # Differences from the present position lose fewer digits.
         origin = plan[ORDER - 1]
         known = (plan - origin).T
         rows = (known @ self._rows.T) * self._scale
         positions = self._order == 0
         top = np.where(positions, (self._upper - _AWAY - origin)[:, np.newaxis], self._margin)
         low = np.where(positions, (self._lower + _AWAY - origin)[:, np.newaxis], -self._margin)
-        # What is given must be a solution, if a bad one.
+        # Widen the bounds where needed, so that the given plan is feasible.
         room = np.stack((np.maximum(top, rows) - rows, rows - np.minimum(low, rows)))
         error = known @ self._values.T - (desired - origin).T
         gradient = 2.0 * error @ self._values
@@ -108,10 +110,16 @@ class HorizonProgram:
         return found, solved
 
     def _solve(self, room: Array, gradient: Array) -> tuple[Array, Flags]:
-        """The change x of the free coefficients, -room[1] <= rows x <= room[0]."""
+        """Return the change of the free coefficients, and for each joint whether it was found.
+
+        Args:
+            room: Distances to the upper and lower bounds: -room[1] <= rows x <= room[0] for the
+                change x, shape (2, n, number of rows).
+            gradient: Gradient of the cost at the given plan, shape (n, number of coefficients).
+        """
         n, N = gradient.shape
         result, solved = np.zeros((n, N)), np.zeros(n, dtype=bool)
-        # Those not yet solved; all that follows is of them.
+        # Joints not yet solved; the arrays in the loop hold only these.
         joints = np.arange(n)
         scale, curvature = self._scale, self._curvature
         x = np.zeros((n, N))
@@ -143,17 +151,20 @@ class HorizonProgram:
                 centre = (mu * (left_over / mu) ** 3)[:, np.newaxis]
                 dx, ds, df = newton.direction(product + ds * df - centre)
             except np.linalg.LinAlgError:
-                # Singular to working precision: so near the bounds is it already.
+                # Singular to working precision, because the iterate is so close to its bounds.
                 break
             a, b = _share(slack, ds, 0.99), _share(force, df, 0.99)
             x, slack, force = x + a * dx, slack + a * ds, force + b * df
-        # Short of the best, a plan is still good if it is better than the one there is.
+        # A plan that is not optimal is still used if it is better than the given one.
         worth = ((gradient + 0.5 * _times(curvature, x)) * x).sum(axis=1)
         result[joints], solved[joints] = x, worth < 0.0
         return result, solved
 
     def _normal_matrix(self, band: Array, curvature: Array) -> tuple[Array, Array]:
-        """Scaled to a diagonal of ones, of which it spans many orders; and the scale."""
+        """Return the normal matrix, scaled to a diagonal of ones, and the scale.
+
+        Unscaled, the diagonal spans many orders of magnitude.
+        """
         n, N = len(band), curvature.shape[-1]
         band = band + curvature[:, self._row, self._column]
         root = 1.0 / np.sqrt(band[:, :N])
@@ -165,10 +176,11 @@ class HorizonProgram:
 
 @dataclass(frozen=True)
 class _Newton:
-    """The linear equations at one iterate, of the joints not yet solved.
+    """The Newton equations at one iterate, for the joints not yet solved.
 
-    ``missing`` is what the rows of ``free``, times ``scale``, lack of their room less the slack;
-    ``pull`` the gradient there; ``matrix`` the normal matrix, scaled by ``root``.
+    ``missing`` is the residual of the bounds: the room less the slack and less the signed rows of
+    ``free`` times ``scale``. ``pull`` is the gradient, ``matrix`` the normal matrix, scaled by
+    ``root``.
     """
 
     free: Array
@@ -181,7 +193,7 @@ class _Newton:
     root: Array
 
     def direction(self, target: Array) -> tuple[Array, Array, Array]:
-        """Newton's step for slack * force + target = 0: of x, slack and force."""
+        """Return the steps of x, slack and force, with slack df + force ds = -target."""
         pushed = self.force - (target + self.force * self.missing) / self.slack
         net = (pushed[0] - pushed[1]) * self.scale
         known = (self.pull + net @ self.free) * self.root
@@ -195,6 +207,12 @@ def _times(matrices: Array, vectors: Array) -> Array:
 
 
 def _share(value: Array, change: Array, most: float) -> Array:
-    """How much of a change keeps a value positive, of each joint, at most 1, shape (n, 1)."""
+    """Return for each joint the fraction of a change that keeps a value positive, shape (n, 1).
+
+    Args:
+        value: Positive values, shape (2, n, number of rows).
+        change: Changes of the same shape.
+        most: Fraction of the way to zero that may be used; the result is at most 1.
+    """
     steepest = (-change / value).max(axis=(0, 2))
     return np.asarray(np.minimum(1.0, most / np.maximum(steepest, 1e-9)))[:, np.newaxis]

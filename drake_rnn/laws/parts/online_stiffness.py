@@ -1,12 +1,12 @@
-r"""Learning how stiff a contact is, from how its force answers to what the tip sinks in.
+r"""Learning the stiffness of a contact from the force and the depth of the tip.
 
-A ball pressed into a plane does not answer like a spring: its force F grows as d^p with the
-depth d; p is 2 for Drake's hydroelastic contact, 3/2 for Hertz's. Then F^(1/p) is proportional
-to d, with one slope s for all forces, and
+A ball pressed into a plane is not a linear spring: its force F grows as d^p with the depth d,
+where p is 2 for Drake's hydroelastic contact and 3/2 for Hertz's. F^(1/p) is then proportional to
+d, with one slope s for all forces, and
 
 .. math:: d - d_d = (F^{1/p} - F_d^{1/p}) / s
 
-tells how much deeper the tip has to be, however far F is from F_d. With p = 1, s is a stiffness.
+is how much too deep the tip is, however far F is from F_d. With p = 1, s is a stiffness.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pydantic import Field
 
 from ...inputs.fields import Array, Positive, validated
 
-# In place of the last sample's root, which is positive, where there was none.
+# Marks a missing last sample; the root of a real one is positive.
 _NONE = -1.0
 
 
@@ -27,15 +27,15 @@ class OnlineStiffness:
     """Recursive least squares for the slope s of F^(1/p) over the depth.
 
     Args:
-        initial: Stiffness assumed at ``initial_force`` until it is known [N/m]; rather too
-            stiff, which is slow, than too soft, which overshoots.
-        initial_force: Force at which that holds [N]; it does not matter for an exponent of 1.
-        floor: Share of ``initial`` below which no estimate is believed.
-        exponent: p.
-        forgetting: Weight of what is known against what is new, at each of its steps.
-        step: Change of depth that makes a new sample [m].
-        learn_above: Share of the desired force from which on it learns: first touch is softer
-            than what follows, more so than F^(1/p) tells.
+        initial: Stiffness assumed at first, at ``initial_force`` [N/m]. If it is too high, the
+            force converges slowly; if it is too low, the force overshoots.
+        initial_force: Force at which ``initial`` holds [N]; unused for an exponent of 1.
+        floor: Lower bound of the estimate, as a fraction of its initial value.
+        exponent: Exponent p.
+        forgetting: Forgetting factor of the least squares, applied at each sample.
+        step: Smallest change of depth that makes a new sample [m].
+        learn_above: Fraction of the desired force above which it learns; the first touch is
+            softer than the rest, even in terms of F^(1/p).
     """
 
     initial: Positive = 1e4
@@ -46,8 +46,8 @@ class OnlineStiffness:
     step: Positive = 2e-6
     learn_above: Annotated[float, Field(strict=True, ge=0, lt=1)] = 0.2
 
-    #: Entries of its state: slope [N^(1/p)/m], its covariance, and the last sample's root of
-    #: the force [N^(1/p)], -1 without contact, and depth [m].
+    #: Size of the state: slope [N^(1/p)/m], its covariance, and of the last sample the root of
+    #: the force [N^(1/p)], -1 without contact, and the depth [m].
     size = 4
 
     @property
@@ -56,17 +56,17 @@ class OnlineStiffness:
         return float(self.initial / (p * self.initial_force ** ((p - 1.0) / p)))
 
     def start(self) -> Array:
-        """Its first state, shape (4,)."""
+        """Return the initial state, shape (4,)."""
         return np.array([self._initial_slope, 1.0, _NONE, 0.0])
 
     def update(self, state: Array, force: float, desired: float, depth: float) -> Array:
-        """The state once more is known, shape (4,).
+        """Return the state after one more sample, shape (4,).
 
         Args:
-            state: Shape (4,).
-            force: Measured [N]; without contact nothing is learned.
-            desired: Force asked for [N].
-            depth: How far the tip has moved into the surface, from anywhere [m].
+            state: State, shape (4,).
+            force: Measured force [N]; without contact nothing is learned.
+            desired: Desired force [N].
+            depth: Depth of the tip in the surface, from an arbitrary zero [m].
         """
         slope, covariance, last_root, last_depth = state.tolist()
         if force <= self.learn_above * desired:
@@ -76,7 +76,7 @@ class OnlineStiffness:
             return np.array([slope, covariance, root, depth])
         if abs(depth - last_depth) < self.step:
             return state
-        # In units of the step, and of the slope assumed, so that neither has to be tuned.
+        # Scaled by the step and the initial slope, so that neither affects the tuning.
         x = (depth - last_depth) / self.step
         y = (root - last_root) / (self.step * self._initial_slope)
         gain = covariance * x / (self.forgetting + covariance * x * x)
@@ -87,13 +87,13 @@ class OnlineStiffness:
         return np.array([relative * self._initial_slope, min(covariance, 1.0), root, depth])
 
     def retreat_speed(self, state: Array, force: float, desired: float, gain: float) -> float:
-        """Return the speed out of the surface that mends the force error [m/s].
+        """Return the speed out of the surface that corrects the force error [m/s].
 
         Args:
-            state: Shape (4,).
+            state: State, shape (4,).
             force: Measured force [N].
-            desired: Force to press with [N].
-            gain: Of the feedback [1/s].
+            desired: Desired force [N].
+            gain: Gain of the feedback [1/s].
         """
         return gain * self.depth_error(state, force, desired)
 

@@ -1,9 +1,10 @@
-r"""A projected primal-dual network: from any state to the optimum of a quadratic program.
+r"""A projected primal-dual network, which converges to the optimum of a quadratic program.
 
 .. math::
     \delta \dot v = -v + P(-D^T y), \qquad \delta \dot y = R v - b
 
-has its rest where v is least in norm under R v = b and its bounds, if D = R; P clips to the bounds.
+where P clips to the bounds of v. If D = R, its equilibrium is the v of least norm with R v = b that
+lies within the bounds.
 """
 
 from __future__ import annotations
@@ -15,21 +16,21 @@ import numpy as np
 
 from ...inputs.fields import Array
 
-# Radians of the fastest mode in a step of Runge and Kutta's fourth-order method, stable to 2.8.
+# Angle of the fastest mode per step [rad]; the fourth-order Runge-Kutta method is stable up to 2.8.
 _PER_STEP = 2.2
 
 
 class PrimalDual(NamedTuple):
-    """The network with all that it is fed held; n variables v, m multipliers y.
+    """The network with its inputs held, of n variables v and m multipliers y.
 
     Its state z is v and y in one vector, shape (n + m,).
 
     Attributes:
-        drive: D, rows that move v, shape (m, n).
-        rows: R, rows that v is to meet, shape (m, n).
-        aims: b, shape (m,).
+        drive: Matrix D, by which the multipliers drive v, shape (m, n).
+        rows: Matrix R of the constraints, shape (m, n).
+        aims: Right-hand side b of the constraints, shape (m,).
         lower, upper: Bounds of v, shape (n,).
-        time_constant: delta [s].
+        time_constant: Time constant delta [s].
     """
 
     drive: Array
@@ -40,7 +41,7 @@ class PrimalDual(NamedTuple):
     time_constant: float
 
     def rate(self, z: Array) -> Array:
-        """Time derivative of the state."""
+        """Return the time derivative of the state, shape (n + m,)."""
         drive, rows, aims, lower, upper, time_constant = self
         n = lower.size
         rate = np.empty(z.size)
@@ -52,8 +53,8 @@ class PrimalDual(NamedTuple):
         return rate
 
     def after(self, z: Array, period: float) -> Array:
-        """The state a period later, in as many substeps as keep Runge and Kutta's method stable."""
-        # The largest row sum of R R^T bounds its largest eigenvalue, and that the fastest mode.
+        """Return the state a period [s] later, by Runge-Kutta substeps that are stable."""
+        # The largest row sum of R R^T bounds its largest eigenvalue, which sets the fastest mode.
         square = float(np.abs(self.rows.dot(self.rows.T)).sum(axis=0).max())
         count = substeps(period, sqrt(square), self.time_constant)
         h, rate = period / count, self.rate
@@ -68,6 +69,12 @@ class PrimalDual(NamedTuple):
 
 
 def substeps(period: float, norm: float, time_constant: float) -> int:
-    """How many a period takes, of a network whose rows have this norm."""
+    """Return the number of stable substeps in a period.
+
+    Args:
+        period: Sampling period [s].
+        norm: Norm of the matrix R.
+        time_constant: Time constant delta [s].
+    """
     fastest = max(1.0, norm) / time_constant
     return ceil(period * fastest / _PER_STEP - 1e-9)

@@ -1,4 +1,4 @@
-"""Splines of fifth degree with equal knots: pieces of six coefficients each."""
+"""Quintic splines with equally spaced knots; six coefficients determine each piece."""
 
 from __future__ import annotations
 
@@ -13,8 +13,11 @@ KNOT = np.array([1.0, 26.0, 66.0, 26.0, 1.0]) / 120.0
 
 
 def _quintic() -> Array:
-    """Coefficients of s^0 .. s^5 that c_0 .. c_5 make on an interval, s in [0, 1], (6, 6)."""
-    # Cox and de Boor: each piece of order p from two of order p - 1.
+    """Return the matrix from c_0 .. c_5 to the coefficients of s^0 .. s^5, shape (6, 6).
+
+    s runs from 0 to 1 on the interval.
+    """
+    # Cox-de Boor recursion: each piece of order p follows from two of order p - 1.
     pieces = np.ones((1, 1))
     for p in range(1, ORDER + 1):
         up = np.zeros((p + 1, p + 1))
@@ -29,7 +32,7 @@ def _quintic() -> Array:
     return pieces
 
 
-#: Coefficients of s^0 .. s^5 that c_0 .. c_5 make on an interval.
+#: Matrix from c_0 .. c_5 to the coefficients of s^0 .. s^5 on an interval, s in [0, 1].
 PIECE = _quintic()
 #: The i-th derivative of s^k is FACTORS[i, k] s^EXPONENTS[i, k].
 EXPONENTS = np.maximum(np.arange(ORDER + 1) - np.arange(ORDER + 1)[:, np.newaxis], 0)

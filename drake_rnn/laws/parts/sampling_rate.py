@@ -1,4 +1,4 @@
-"""How seldom a law may be sampled before what it feeds back overshoots."""
+"""A check that a law is sampled fast enough for its feedback not to overshoot."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from ...errors import InvalidInputError
 
 
 def check_sampling_rate(period: float, rates: Mapping[str, float]) -> None:
-    """Raise an InvalidInputError if a rate of a law is beyond what a period admits.
+    """Raise an InvalidInputError if a rate of a law is too high for the sampling period.
 
     Args:
-        period: Of the samples [s].
-        rates: What it must be shorter than the inverse of, by the law's keys [1/s].
+        period: Sampling period [s].
+        rates: Rates by the law's keys [1/s]; the period must be below the inverse of each.
     """
     name, rate = max(rates.items(), key=lambda item: item[1])
     if period * rate >= 1.0:

@@ -1,17 +1,17 @@
-r"""A sampled reading of acceleration laws whose fast terms are linear: two steps back, implicit.
+r"""A sampled reading of acceleration laws with linear fast terms, by an implicit two-step method.
 
 The second-order backward differentiation formula,
 
 .. math::
     (3 x_{k+1} - 4 x_k + x_{k-1}) / 2h = f(x_{k+1}),
 
-solves for v and omega at the next sample in one linear system, since f is linear in them once
-J and Jdot_v are extrapolated from this sample and the one before, and the desired signals are
-known ahead. The arm moves with the ramp from one v to the next, which is exact for its joint
-positions, and whose slope, the acceleration, is what the bounds clip.
+gives v and omega at the next sample from one linear system: f is linear in them once J and Jdot_v
+are extrapolated from this sample and the previous one, and the desired signals are known ahead.
+The commanded velocity is the ramp from one v to the next, which makes the joint positions exact.
+Its slope is the acceleration, which the bounds clip.
 
-With the velocity held over a sample instead, the position error of NALJDF grows 200-fold; with
-one step back it is twice as large; without what J does meanwhile the step is unstable.
+With the velocity held over a sample instead, the position error of NALJDF is 200 times as large;
+with a one-step formula it is twice as large; without the change of J the step is unstable.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from ..law import Layout, SampledReading, Signals
 
 _AHEAD = {"p_preview": "p_WE_desired", "v_preview": "v_WE_desired", "a_preview": "a_WE_desired"}
 
-# When the ramp began, before there is one [s].
+# Value of ``since`` before the first ramp [s].
 _NEVER = -1.0
 
 
@@ -36,7 +36,7 @@ _NEVER = -1.0
 class LinearForm:
     """Rates that are linear in the state, at one posture and time.
 
-    v_dot = a_v v + a_omega omega + a_0, before it is clipped, and omega_dot likewise with b.
+    Before clipping, v_dot = a_v v + a_omega omega + a_0; omega_dot is the same with b.
     """
 
     a_v: Array
@@ -48,46 +48,46 @@ class LinearForm:
 
 
 class AccelerationLaw(Protocol):
-    """What `TwoStep` needs of a law with the state v and omega."""
+    """The interface that `TwoStep` needs of a law with the state v and omega."""
 
     @property
     def home(self) -> Array:
-        """Posture with one entry a joint, shape (n,) [rad]."""
+        """Home posture, shape (n,) [rad]; only its size is used."""
 
     @property
     def task_size(self) -> int:
-        """Rows of J, m."""
+        """Number m of rows of J."""
 
     @property
     def measured(self) -> Mapping[str, tuple[int, ...]]:
-        """Shapes of the signals it sees of the arm."""
+        """Shapes of the input signals that come from the arm, by name."""
 
     @property
     def observables(self) -> Layout:
-        """Signals that `observed` returns."""
+        """Layout of the signals that `observed` returns."""
 
     def linear_form(self, u: Signals, q: Array, p_WE: Array, ahead: float = 0.0) -> LinearForm:
-        """Return the rates at the posture q + ahead v, the end effector at p_WE + ahead J v."""
+        """Return the rates at posture q + ahead v and end-effector position p_WE + ahead J v."""
 
     def bounded(self, demand: Array, q: Array, v: Array, period: float) -> Array:
-        """Return the accelerations next to ``demand`` that may be held, shape (n,) [rad/s^2]."""
+        """Return the allowed accelerations nearest to ``demand``, shape (n,) [rad/s^2]."""
 
     def observed(self, demand: Array, v_dot: Array, v: Array, u: Signals) -> Signals:
-        """Return the observables, from accelerations asked for and allowed."""
+        """Return the observables from the demanded and the allowed accelerations."""
 
 
 class TwoStep(SampledReading):
-    """An acceleration law as a sampled controller runs it.
+    """The sampled reading of an acceleration law.
 
-    It asks for the desired signals one period ahead. Its state is v at the end of the present
-    ramp, omega, where the ramp began, ``v_from`` at the time ``since``, its ``slope`` and the
-    ``demand`` before that was clipped, and what it remembers of the sample before.
+    It reads the desired signals one period ahead. The state holds v at the end of the present
+    ramp and omega; the ramp's start ``v_from`` at time ``since``, its ``slope``, and the ``demand``
+    before clipping; and signals of the previous sample.
 
     Args:
-        law: The law.
+        law: The law to run.
     """
 
-    # Heun's step integrates a ramp of the velocity exactly.
+    # Heun's method integrates a ramp of the velocity exactly.
     integration_scheme = "runge_kutta2"
 
     def __init__(self, law: AccelerationLaw) -> None:
@@ -135,7 +135,7 @@ class TwoStep(SampledReading):
             known_v = (4.0 * v - x[at["v_from"]]) / (2.0 * h)
             known_omega = (4.0 * omega - x[at["omega_before"]]) / (2.0 * h)
         else:
-            # The first sample has none before it.
+            # At the first sample there is no previous one: use the one-step formula.
             J_next, Jdot_v_next = J, Jdot_v
             lead, known_v, known_omega = 1.0 / h, v / h, omega / h
         next_u = {**u, "J": J_next, "Jdot_v": Jdot_v_next}

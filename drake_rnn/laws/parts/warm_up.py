@@ -1,7 +1,7 @@
-"""Warming up: joint by joint through a small pulse, so that a learning law sees every direction.
+"""Warm-up: one small pulse per joint, so that a learning law sees every direction.
 
-Not in any paper: an excitation that ends before the task begins, and keeps every bound, where
-injected noise breaks the one on acceleration for as long as it lasts.
+Not in any paper: the excitation ends before the task begins and keeps every bound, while injected
+noise violates the acceleration bound for as long as it lasts.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from ...inputs.fields import Array, Positive, validated
 
 @validated
 class WarmUp:
-    """One joint after the other moves forth and back and is at rest where it was.
+    """A motion in which one joint after another moves forth and back to where it was.
 
     Args:
-        pulse: Time that each joint takes [s].
-        acceleration: Of the moving joint: up for a quarter of its time, down for half of
-            it, up for the last quarter [rad/s^2].
-        rho: Of the learning while it lasts [rad^2/s].
+        pulse: Duration of each joint's pulse [s].
+        acceleration: Acceleration of the moving joint: positive for the first quarter of its
+            pulse, negative for the next half, positive for the last quarter [rad/s^2].
+        rho: Time constant of the learning during the warm-up [rad^2/s].
     """
 
     pulse: Positive = 0.2
@@ -27,11 +27,11 @@ class WarmUp:
     rho: Positive = 1e-6
 
     def duration(self, size: int) -> float:
-        """Until ``size`` joints have moved [s]."""
+        """Return the duration of the warm-up of ``size`` joints [s]."""
         return size * self.pulse
 
     def joint_velocity(self, t: float, size: int) -> Array:
-        """Velocity of every joint at time ``t``, shape (size,) [rad/s]."""
+        """Return the velocity of every joint at time ``t``, shape (size,) [rad/s]."""
         v = np.zeros(size)
         joint, share = self._place(t)
         if 0 <= joint < size:
@@ -41,7 +41,7 @@ class WarmUp:
         return v
 
     def joint_acceleration(self, t: float, size: int) -> Array:
-        """Its rate, shape (size,) [rad/s^2]."""
+        """Return the acceleration of every joint at time ``t``, shape (size,) [rad/s^2]."""
         v_dot = np.zeros(size)
         joint, share = self._place(t)
         if 0 <= joint < size:
@@ -50,6 +50,6 @@ class WarmUp:
         return v_dot
 
     def _place(self, t: float) -> tuple[int, float]:
-        """Number of the moving joint, and the share of its time that has passed."""
+        """Return the number of the moving joint and the fraction of its pulse that has passed."""
         joint = int((t + 1e-9 * self.pulse) // self.pulse)
         return joint, max(t / self.pulse - joint, 0.0)

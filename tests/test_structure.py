@@ -1,0 +1,115 @@
+"""The rooms of the package and what may lead from one to another."""
+
+import ast
+from pathlib import Path
+
+import grimp
+import pytest
+from importlinter.cli import lint_imports
+
+import drake_rnn
+from drake_rnn import LAWS
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "drake_rnn"
+# Through the links to diagrams/ and models/ as well.
+FILES = [
+    file for room in (PACKAGE, *PACKAGE.iterdir()) if room.is_dir() for file in room.rglob("*.py")
+]
+TREES = {str(file.relative_to(ROOT)): ast.parse(file.read_text()) for file in FILES}
+
+
+def walk(kind):
+    return [
+        (name, node)
+        for name, tree in TREES.items()
+        for node in ast.walk(tree)
+        if isinstance(node, kind)
+    ]
+
+
+def test_imports_point_downwards_and_close_no_circle(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    assert lint_imports(no_cache=True) == 0
+
+
+def test_the_contracts_see_every_room_also_those_that_are_links():
+    modules = grimp.build_graph("drake_rnn", cache_dir=None).modules
+    rooms = {module.split(".")[1] for module in modules if "." in module}
+    assert rooms == {
+        file.stem for file in PACKAGE.iterdir() if file.is_dir() or file.suffix == ".py"
+    } - {
+        "__init__",
+        "__pycache__",
+    }
+    assert {"drake_rnn.diagrams.loop", "drake_rnn.models"} <= modules
+
+
+def test_no_import_hides_in_a_function_or_behind_type_checking():
+    hidden = [
+        f"{name}:{inner.lineno}"
+        for name, function in walk((ast.FunctionDef, ast.AsyncFunctionDef, ast.If))
+        for inner in ast.walk(function)
+        if isinstance(inner, (ast.Import, ast.ImportFrom))
+    ]
+    assert not hidden
+
+
+# What asks for attributes by name, and why.
+DYNAMIC = {
+    "drake_rnn/inputs/dataclass_fields.py",  # copies and writes every field, whatever it is
+    "drake_rnn/inputs/complaints.py",  # looks into annotations, which need not be classes
+}
+
+
+def test_attributes_are_asked_for_by_name_only_where_they_are_not_known():
+    found = {
+        name
+        for name, call in walk(ast.Call)
+        if isinstance(call.func, ast.Name) and call.func.id in {"getattr", "hasattr"}
+    }
+    assert found == DYNAMIC
+
+
+def test_only_laws_know_single_laws():
+    classes, kinds = {law.__name__ for law in LAWS.values()}, set(LAWS)
+    public = {"drake_rnn/__init__.py"}
+    outside = {
+        name: tree for name, tree in TREES.items() if "/laws/" not in name and name not in public
+    }
+    named = [
+        f"{name}:{node.lineno}"
+        for name, tree in outside.items()
+        for node in ast.walk(tree)
+        if (isinstance(node, ast.Name) and node.id in classes)
+        or (isinstance(node, ast.alias) and node.name in classes)
+        or (isinstance(node, ast.Constant) and node.value in kinds)
+    ]
+    assert outside
+    assert not named
+
+
+#: A signature and its documentation are most of it.
+ENTRY_POINTS = {"AddLoop"}
+
+
+@pytest.mark.parametrize("most", [60])
+def test_functions_fit_on_a_screen(most):
+    long = {
+        f"{name}: {function.name}"
+        for name, function in walk(ast.FunctionDef)
+        if function.end_lineno - function.lineno + 1 > most and function.name not in ENTRY_POINTS
+    }
+    assert not long
+
+
+def test_all_that_is_public_is_there():
+    assert sorted(set(drake_rnn.__all__)) == sorted(drake_rnn.__all__)
+    assert all(hasattr(drake_rnn, name) for name in drake_rnn.__all__)
+
+
+def test_the_folders_that_users_asked_for_are_rooms_of_the_package():
+    for room in ("diagrams", "models"):
+        link = PACKAGE / room
+        assert link.is_symlink()
+        assert link.resolve() == ROOT / room

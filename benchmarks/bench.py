@@ -15,44 +15,41 @@ from rich.console import Console
 from rich.table import Table
 from scipy.integrate import solve_ivp
 
-from drake_rnn import Layout, load_experiment
-from drake_rnn.experiment.document import Experiment
+from drake_rnn import Experiment, Law, Layout, SampledLaw, load_experiment
 from drake_rnn.runs.simulation import add_recorder, build_simulator
 
 #: Ticks cost at most so many units.
 TARGETS = {"slc_nephroid_known": 16.0, "slc_nephroid": 20.0, "naljdf_clover": 35.0}
 
 
-class Idle:
-    """A law that sees nothing and does nothing: what is left is Drake's loop."""
+class Idle(SampledLaw):
+    """A law that sees nothing and does nothing: what is left is Drake's loop.
 
+    Args:
+        law: The law that it stands for, with the same state.
+        period: Time between two samples [s]; Drake integrates the same way over it.
+    """
+
+    state = Layout()
     inputs = Layout()
-    observables = Layout()
+    # In any scheme: its command is its state.
     holds_command = True
 
-    def __init__(self, law) -> None:
+    def __init__(self, law: Law, period: float) -> None:
         self.state = law.state
-
-    def initial_state(self, rng, u):
-        return np.zeros(self.state.size)
+        self.integration_scheme = law.sampled(period).integration_scheme
 
     def step(self, t, x, u, period):
         return x
 
-    def commanded_velocity(self, t, x):
-        return self.state.split(x)[0]
-
-    def diagnostics(self, t, x, u):
-        return {}
-
 
 def unit(experiment: Experiment, repeats: int = 5000) -> float:
     """Cost of p_WE and J, straight from pydrake, at ever new postures [us]."""
-    arm = experiment.setup.arm
+    arm = experiment.arm
     plant = arm.plant()
     context = plant.CreateDefaultContext()
     frame, world, origin = plant.GetFrameByName(arm.frame), plant.world_frame(), np.zeros(3)
-    q = experiment.setup.start.copy()
+    q = experiment.start.copy()
     began = time.perf_counter()
     for _ in range(repeats):
         q[0] += 1e-6
@@ -66,49 +63,51 @@ def unit(experiment: Experiment, repeats: int = 5000) -> float:
 
 def tick(experiment: Experiment, *, recorded: bool, idle: bool = False) -> float:
     """Cost of one sample of the diagram [us]."""
-    law = Idle(experiment.setup.law) if idle else None
+    duration, period = experiment.document.duration, experiment.document.period
+    law = Idle(experiment.law, period) if idle else None
     simulator, loop = build_simulator(experiment, law)
     if recorded:
         add_recorder(simulator, loop)
     simulator.Initialize()
     began = time.perf_counter()
-    simulator.AdvanceTo(experiment.duration)
-    return (time.perf_counter() - began) / (experiment.duration / experiment.period) * 1e6
+    simulator.AdvanceTo(duration)
+    return (time.perf_counter() - began) / (duration / period) * 1e6
 
 
 def law_step(experiment: Experiment, repeats: int = 3000) -> float:
     """Cost of the law alone, on signals of a running diagram [us]."""
+    period = experiment.document.period
     simulator, loop = build_simulator(experiment)
-    simulator.AdvanceTo(10 * experiment.period)
+    simulator.AdvanceTo(10 * period)
     context = loop.controller.GetMyContextFromRoot(simulator.get_context())
     u, x = loop.controller.signals(context), loop.controller.state(context)
     began = time.perf_counter()
     for _ in range(repeats):
-        loop.controller.law.step(0.0, x, u, experiment.period)
+        loop.controller.reading.step(0.0, x, u, period)
     return (time.perf_counter() - began) / repeats * 1e6
 
 
 def radau_ratio(name: str = "naljdf_clover") -> float:
     """Wall time of scipy's Radau on the law's differential equation over that of the diagram."""
     experiment = load_experiment(name)
-    setup, law = experiment.setup, experiment.setup.law
-    kinematics, start = setup.arm.kinematics(), setup.path.start_point(setup.p_WE_start)
-    n = setup.arm.n
+    document, law, path = experiment.document, experiment.law, experiment.path
+    kinematics, start = experiment.arm.kinematics(), path.start_point(experiment.p_WE_start)
+    n = experiment.arm.n
 
     def rates(t, y):
         q, x = y[:n], y[n:]
         v = law.commanded_velocity(t, x)
-        p, p_dot, p_ddot = setup.path.evaluate(t)
+        p, p_dot, p_ddot = path.evaluate(t)
         u = {"position": q, "p_WE": kinematics.p_WE(q), "J": kinematics.J(q)}
         u |= {"Jdot_v": kinematics.Jdot_v(q, v), "p_WE_desired": start + p}
         u |= {"v_WE_desired": p_dot, "a_WE_desired": p_ddot}
         return np.concatenate((v, law.derivatives(t, x, u)))
 
-    y = np.concatenate((setup.start, law.initial_state(np.random.default_rng(0), {})))
+    y = np.concatenate((experiment.start, law.initial_state(np.random.default_rng(0), {})))
     began = time.perf_counter()
-    solve_ivp(rates, (0.0, experiment.duration), y, "Radau", rtol=1e-6, atol=1e-9)
+    solve_ivp(rates, (0.0, document.duration), y, "Radau", rtol=1e-6, atol=1e-9)
     taken = time.perf_counter() - began
-    whole = tick(experiment, recorded=True) * experiment.duration / experiment.period
+    whole = tick(experiment, recorded=True) * document.duration / document.period
     return taken / (whole * 1e-6)
 
 
@@ -123,7 +122,7 @@ def main() -> None:
     for column in ("experiment", "period", *columns, "real_time_factor"):
         table.add_column(column, justify="right")
     for name, target in TARGETS.items():
-        period = load_experiment(name).period
+        period = load_experiment(name).document.period
         experiment = load_experiment(name, {"duration": arguments.ticks * period})
         rounds = []
         for _ in range(arguments.rounds):

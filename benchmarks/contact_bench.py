@@ -17,9 +17,8 @@ from pydrake.trajectories import PiecewisePolynomial
 from rich.console import Console
 from rich.table import Table
 
-from drake_rnn import load_experiment, shipped_experiments
-from drake_rnn.experiment.document import Experiment
-from drake_rnn.measures.recorder import Recorder
+from drake_rnn import Experiment, load_experiment, shipped_experiments
+from drake_rnn.measures import Recorder
 from drake_rnn.runs.simulation import add_recorder, build_simulator
 from drake_rnn.systems.plant import add_plant, motors_of
 
@@ -35,7 +34,7 @@ def whole(experiment: Experiment, *, recorded: bool) -> float:
         add_recorder(simulator, loop)
     simulator.Initialize()
     began = time.perf_counter()
-    simulator.AdvanceTo(experiment.duration)
+    simulator.AdvanceTo(experiment.document.duration)
     return time.perf_counter() - began
 
 
@@ -49,8 +48,8 @@ def commands(experiment: Experiment) -> tuple[np.ndarray, np.ndarray, np.ndarray
     }
     recorder = Recorder(simulator.get_context(), ports)
     simulator.set_monitor(recorder)
-    simulator.AdvanceTo(experiment.duration)
-    kinematics = experiment.setup.arm.kinematics()
+    simulator.AdvanceTo(experiment.document.duration)
+    kinematics = experiment.arm.kinematics()
     torque = np.array([-kinematics.gravity(q) for q in recorder.series("position")])
     state = np.hstack((recorder.series("q"), recorder.series("v")))
     once = np.flatnonzero(np.diff(recorder.time, prepend=-1.0) > 1e-9)
@@ -61,11 +60,9 @@ def bare(
     experiment: Experiment, told: tuple[np.ndarray, np.ndarray, np.ndarray]
 ) -> tuple[float, float]:
     """Wall time of the plant alone [s], and the force that it ends with [N]."""
-    setup = experiment.setup
-    arm, contact = setup.arm, setup.contact
-    p_WS = contact.place(arm, setup.start)
+    arm, contact = experiment.arm, experiment.contact
     builder = DiagramBuilder()
-    added = add_plant(builder, arm, setup.start, contact.surface, p_WS, experiment.plant)
+    added = add_plant(builder, arm, experiment.start, contact, experiment.document.plant)
     motors = [motor.joint().name() for motor in motors_of(added.plant, added.instance)]
     order = [arm.joints.index(name) for name in motors]
     times, state, torque = told
@@ -79,7 +76,7 @@ def bare(
     simulator = Simulator(builder.Build())
     simulator.Initialize()
     began = time.perf_counter()
-    simulator.AdvanceTo(experiment.duration)
+    simulator.AdvanceTo(experiment.document.duration)
     taken = time.perf_counter() - began
     context = added.plant.GetMyContextFromRoot(simulator.get_context())
     results = added.plant.get_contact_results_output_port().Eval(context)

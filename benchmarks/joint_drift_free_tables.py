@@ -10,8 +10,7 @@ from functools import cache
 
 import numpy as np
 
-from drake_rnn import Result, load_experiment, simulate
-from drake_rnn.experiment.document import shipped_experiments
+from drake_rnn import Result, load_experiment, shipped_experiments, simulate
 from markdown_table import head, row
 
 LAMBDAS = [0.1, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0, 50.0, 100.0]

@@ -6,8 +6,7 @@ perspective".
 
 import numpy as np
 
-from drake_rnn import Result, SimulationError, load_experiment, make_experiment, simulate
-from drake_rnn.experiment.document import read_experiment
+from drake_rnn import Result, SimulationError, load_experiment, simulate
 from markdown_table import head, row
 
 KINEMATIC = (
@@ -73,7 +72,7 @@ def runs_table(names: tuple[str, ...]) -> None:
 
 def sensor_error(result: Result) -> str:
     """What the sensor says less what the contact knows, within the window."""
-    begin, end = result.experiment.window
+    begin, end = result.experiment.document.window
     inside = (result.time > begin) & (result.time <= end)
     told, true = (result.series[f"normal_force{name}"][inside] for name in ("_measured", ""))
     return f"{np.abs(told - true).max():.1g}"
@@ -95,7 +94,7 @@ def start_up_table() -> None:
 def start_up(changes: dict[str, object], force: float) -> str:
     """Peak over the desired force, and when 95 % of it are reached for good."""
     try:
-        result = simulate(make_experiment(read_experiment("contact_approach", changes)))
+        result = simulate(load_experiment("contact_approach", changes))
     except SimulationError as error:
         return f"stops at {error.time:.2g} s"
     low = np.flatnonzero(result.series["normal_force"] < 0.95 * force)
@@ -107,7 +106,7 @@ def start_up(changes: dict[str, object], force: float) -> str:
 def learning_rates_table() -> None:
     """The paper's Fig. 2 in numbers."""
     head("rho", "J_hat: error, largest", "median", "along the motion", "force, largest [N]")
-    for rho in load_experiment("motion_force_learning_rates").over["law.rho"]:
+    for rho in load_experiment("motion_force_learning_rates").document.over["law.rho"]:
         result = simulate(load_experiment("motion_force_learning_rates", {"law.rho": rho}))
         names = ("jacobian_error_max", "jacobian_error_median", "jacobian_error_excited_median")
         row(f"{rho:g}", *(figure(result, name) for name in (*names, "force_error_max_N")))
@@ -122,7 +121,7 @@ def features_table() -> None:
     head("controller", *columns)
     for name in ("motion_force_tricuspid", "motion_force_tricuspid_learned", "contact_soft_pad"):
         result = simulate(load_experiment(name, {"duration": 2, "window": None, "accept": None}))
-        law = result.experiment.setup.law
+        law = result.experiment.law
         turned = result.metrics["orientation_error_max_rad"]
         row(
             f"`{name}`",
@@ -131,7 +130,7 @@ def features_table() -> None:
             "yes" if "J_hat" in law.state else "no",
             f"to {turned:.1g} rad",
             "kept" if result.metrics["limit_violation_max"] == 0.0 else "broken",
-            result.experiment.level,
+            result.experiment.document.level,
         )
     row("[9], [18], [19] in the paper", "yes", "yes", "no", "", "", "")
     row("[8] in the paper", "yes", "", "yes", "", "", "dynamic")
@@ -144,7 +143,7 @@ def elsewhere_table() -> None:
         dynamic = simulate(load_experiment(f"{name}_dynamic"))
         kinematic = simulate(load_experiment("slc_nephroid_known" if "slc" in name else name))
         errors = (figure(run, "position_error_max_m") for run in (kinematic, dynamic))
-        arm = dynamic.experiment.setup.arm.name
+        arm = dynamic.experiment.arm.name
         row(f"`{name}_dynamic`", arm, *errors, figure(dynamic, "joint_velocity_max_rad_s"))
 
 

@@ -51,7 +51,7 @@ def levels_table() -> None:
     head("path", "n", "error, largest [m]", *(f"{name} / bound" for name in _ORDERS))
     for shape in SHAPES:
         name = f"recursive_{shape}_printed"
-        gains = list(load_experiment(name).law["gains"])
+        gains = list(load_experiment(name).document.law["gains"])
         for n in FEWER:
             changes = {"law.gains": gains[:n], "accept": None}
             cells = figures(simulate(load_experiment(name, changes)))

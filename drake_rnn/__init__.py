@@ -63,7 +63,9 @@ from .robot.arm import Arm, ArmDescription, load_arm, shipped_arms
 from .robot.kinematics import ArmKinematics
 from .robot.limits import JointLimits
 from .robot.self_motion import SelfMotion
-from .runs import Fastest, Result, build_diagram, check_experiment, fastest, simulate, sweep
+from .runs import Result, build_diagram, check_experiment, simulate
+from .runs.fastest import Fastest, fastest
+from .runs.sweep import sweep
 from .systems import (
     Contact,
     ContinuousController,

@@ -78,8 +78,8 @@ def metrics_table(result: Result) -> Table:
 
 def joints_table(result: Result) -> Table | None:
     """Joint by joint, how near a run has come to its target posture; None if it had none."""
-    setup = result.experiment
-    if setup.target is None or result.time.size == 0:
+    experiment = result.experiment
+    if experiment.target is None or result.time.size == 0:
         return None
     table = Table(box=SIMPLE_HEAD)
     for column in ("joint", "start [rad]", "target [rad]", "end [rad]", "|error| [rad]"):
@@ -87,7 +87,7 @@ def joints_table(result: Result) -> Table | None:
         table.add_column(escape(column), no_wrap=True, justify=side)
     end, error = result.series["position"][-1], result.series["joint_error"][-1]
     for name, *values, off in zip(
-        setup.arm.joints, setup.start, setup.target, end, error, strict=True
+        experiment.arm.joints, experiment.start, experiment.target, end, error, strict=True
     ):
         table.add_row(escape(name), *(f"{value:.6g}" for value in values), f"{abs(off):.4e}")
     return table

@@ -1,4 +1,4 @@
-"""An experiment: the document that describes it, and the objects that it means."""
+"""An experiment: the document that describes it, and the objects made from it."""
 
 from .document import Acceptance, ExperimentDocument, IntegratorSettings
 from .experiment import OUTSIDE, Experiment, make_experiment

@@ -1,4 +1,4 @@
-"""What an experiment's tool presses against, made and checked as a whole."""
+"""The contact of an experiment's tool with a surface, made and checked as a whole."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from ..robot.arm import Arm
 from ..systems import BODIES, Contact
 from .document import ExperimentDocument
 
-# How far a path may lead off a surface, along whose normal only the force rules [m].
+# How far a path may leave a surface along the normal, where only the force is controlled [m].
 _OFF = 1e-3
 
 
 def make_contact(
     document: ExperimentDocument, law: Law, path: Path, arm: Arm, start: Array
 ) -> tuple[Contact | None, list[str]]:
-    """The contact, if the experiment has one, and what is doubtful about it.
+    """Return the contact of an experiment, None if it has none, and warnings about it.
 
     Args:
-        document: What is described.
+        document: Document of the experiment.
         law: Law of the experiment.
         path: Path of the experiment.
         arm: Arm of the experiment.
-        start: Posture to start from, shape (n,) [rad].
+        start: Start posture, shape (n,) [rad].
 
     Raises:
-        InvalidInputError: Naming the key, its value and what it may be.
+        InvalidInputError: If a key is missing, wrong or must be left out.
     """
     section = document.environment
     if section is None:
@@ -55,9 +55,9 @@ def make_contact(
 
 
 def _require_along(surface: Surface, path: Path) -> None:
-    """What of a path leads off a plane would be dropped without a word."""
+    """Raise an InvalidInputError for a path off the plane, which would be ignored silently."""
     if isinstance(surface, ModelSurface):
-        return  # which need not be plane
+        return  # a model need not be plane
     extent = float(np.ptp(path.sample(100) @ surface.normal_W))
     if extent > _OFF:
         raise InvalidInputError(

@@ -1,4 +1,4 @@
-"""The document of an experiment: everything a run depends on, as it is written."""
+"""The document of an experiment: everything that a run depends on, as plain data."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from ..systems.plant import PlantSettings
 
 @validated
 class IntegratorSettings:
-    """How Drake integrates a continuous reading.
+    """Settings of the Drake integrator that runs a law's continuous reading.
 
     Args:
         scheme: One of Drake's integration schemes.
-        accuracy: For error control; or
-        step: For fixed steps [s].
+        accuracy: Accuracy for error control; give either this or ``step``.
+        step: Length of fixed steps [s]; give either this or ``accuracy``.
     """
 
     scheme: str = "runge_kutta3"
@@ -50,7 +50,7 @@ class Acceptance:
     """Bounds that a metric is expected to keep.
 
     Args:
-        at_least, at_most: Bounds, in the metric's unit; None for no bound.
+        at_least, at_most: Lower and upper bound, in the metric's unit; None for no bound.
     """
 
     at_least: Finite | None = None
@@ -63,7 +63,7 @@ class Acceptance:
             raise ValueError(f"at_least: must not exceed at_most, {self.at_most:g}")
 
     def holds(self, value: float) -> bool:
-        """Whether ``value`` lies within; NaN does not."""
+        """Return whether ``value`` lies within the bounds; NaN does not."""
         return bool(
             (self.at_least is None or value >= self.at_least)
             and (self.at_most is None or value <= self.at_most)
@@ -77,46 +77,47 @@ class Acceptance:
 
 @validated
 class ExperimentDocument:
-    """Everything a run depends on, as plain data; `make_experiment` gives it its meaning.
+    """Everything that a run depends on, as plain data; `make_experiment` makes the objects.
 
     Args:
-        name: Of the experiment; the file's name by default.
-        paper: What it repeats, in the table of experiments.
-        expect: What will be seen, in one sentence.
-        arm: A shipped arm's name, or the fields of `drake_rnn.arms.ArmDescription`.
-        task: What of the end effector the task is about: ``xyz``, ``xy`` for a planar arm, or
-            ``pose``, its position and orientation.
+        name: Name of the experiment; by default the file's name.
+        paper: Source of the experiment, for the table of experiments.
+        expect: Expected outcome, in one sentence.
+        arm: Name of a shipped arm, or the fields of `drake_rnn.ArmDescription`.
+        task: Part of the end effector's pose that the task is about: ``xyz``; ``xy`` for a planar
+            arm; or ``pose``, position and orientation.
         path: ``kind`` and the fields of a path; not for a law that seeks a target posture
             while the end effector stays.
-        law: ``kind`` and those fields of a law that neither arm nor task determine.
-        level: ``kinematic``: the arm is where it is commanded to be. ``dynamic``: it has mass,
+        law: ``kind`` and the fields of a law, without those that arm and task determine.
+        level: ``kinematic``: the arm follows its command exactly. ``dynamic``: it has mass,
             motors and contact.
-        plant: At the dynamic level, how the arm is simulated and driven.
-        environment: ``kind`` and the fields of what the tool presses against, see
+        plant: Simulation and motor settings of the arm, at the dynamic level.
+        environment: ``kind`` and the fields of the surface that the tool presses against, see
             `drake_rnn.environments`.
-        force: To press with.
-        sensor: Of that force; one that says what is, by default.
-        period: Of the controller [s]; or
-        integrator: Drake's, for a law's continuous reading.
-        start: Posture to start from, shape (n,) [rad]; the arm's home by default.
-        on_unreachable: What to do about a target posture to which no self-motion leads:
-            ``refuse``, or ``project`` it to the nearest posture on the way.
-        limits: Bounds that override the arm's, by the names of
-            `drake_rnn.limits.JointLimits`, a number standing for all joints; or none.
+        force: Desired pressing force.
+        sensor: Force sensor; by default an ideal one.
+        period: Sampling period of the controller [s]; give either this or ``integrator``.
+        integrator: Integrator of the law's continuous reading; give either this or ``period``.
+        start: Start posture, shape (n,) [rad]; by default the arm's home posture.
+        on_unreachable: What to do if no self-motion leads to the target posture: ``refuse``, or
+            ``project`` the target to the nearest posture that can be reached.
+        limits: Bounds that override the arm's, by the names of `drake_rnn.JointLimits`, one number
+            for all joints or one per joint; or ``none`` for no limits at all.
         dither: Excitation of the joints.
-        filter: What the law's command goes through, so that the arm keeps the bounds of
-            ``limits`` up to the highest order given.
-        feedback: Which arm the law sees: the one that the filtered command moves,
-            ``commanded``; or ``unfiltered``, a virtual one that its own command moves; or the
-            true one, ``measured``. By default ``commanded`` at the kinematic level, ``measured``
-            at the dynamic one.
-        seed: Of everything drawn at random.
-        duration: Of the run [s].
-        window: Times between which errors are evaluated [s]; the whole run by default.
+        filter: Filter of the law's command, so that the arm keeps the bounds of ``limits`` up to
+            the highest order given.
+        feedback: Arm that the law sees: ``commanded``, the one that the filtered command moves;
+            ``unfiltered``, a virtual one that the law's unfiltered command moves; or ``measured``,
+            the true one. By default ``commanded`` at the kinematic level, ``measured`` at the
+            dynamic one.
+        seed: Seed of all random numbers.
+        duration: Duration of the run [s].
+        window: Start and end of the time in which errors are evaluated [s]; by default the whole
+            run.
         settling_tolerance_m: Position error below which the arm has settled [m].
-        log_period: Between two samples of the stored series [s]; metrics see every step.
-        accept: What the metrics are expected to be, by name.
-        over: Values by dotted key that a sweep runs it at, unless it is told others.
+        log_period: Sampling period of the stored series [s]; metrics use every step.
+        accept: Bounds that metrics are expected to keep, by metric.
+        over: Values that a sweep runs by default, by dotted key.
     """
 
     name: str = ""
@@ -170,7 +171,7 @@ class ExperimentDocument:
                 )
 
     def contents(self) -> dict[str, Any]:
-        """Return the document as plain data, without what is not set."""
+        """Return the document as plain data, without the keys that are not set."""
         contents = {}
         for name, value in fields_of(self).items():
             if value is None or (isinstance(value, (dict, str)) and not value):

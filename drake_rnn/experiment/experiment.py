@@ -1,4 +1,4 @@
-"""An experiment: the objects that a document means, made and checked as a whole."""
+"""An experiment: the objects made from a document, checked as a whole."""
 
 from __future__ import annotations
 
@@ -25,29 +25,29 @@ from .filter import filter_delay, loop_delay_doubts
 from .law import law_class, make_law
 from .target import reachable_target
 
-#: How far a start may lie outside the position limits if the law is there to mend it [rad].
+#: How far the start may lie outside the position limits for a law that brings it back [rad].
 OUTSIDE = 0.1
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """What a document means.
+    """The objects that an experiment consists of.
 
     Attributes:
-        document: As it was written.
+        document: The document as it was written.
         arm: The arm, with the limits of the experiment.
-        limits: Bounds that hold in this experiment.
+        limits: Limits of the joints in this experiment.
         law: The law.
-        path: The path, placed by ``p_WE_start``.
-        start: Posture to start from, shape (n,) [rad].
-        p_WE_start: Where the end effector is then, shape (3,) [m].
-        R_WE_start: Its orientation, shape (3, 3).
-        target: Posture that the law seeks, shape (n,) [rad], or None.
+        path: The path, relative to ``p_WE_start``.
+        start: Start posture, shape (n,) [rad].
+        p_WE_start: Position of the end effector at the start, shape (3,) [m].
+        R_WE_start: Orientation of the end effector at the start, shape (3, 3).
+        target: Target posture of the law, shape (n,) [rad]; None without one.
         holds_orientation: Whether the end effector is to keep the orientation of the start.
-        contact: What the tool presses against, or None.
-        feedback: Which arm the law sees.
-        path_delay: How long ago the point was desired that the arm is to be at now [s].
-        warnings: What the user should know of how these were made.
+        contact: Contact of the tool with a surface; None without one.
+        feedback: Arm that the law sees.
+        path_delay: Delay with which the arm follows the path [s].
+        warnings: Warnings about the document and the objects.
     """
 
     document: ExperimentDocument
@@ -72,12 +72,12 @@ class Experiment:
 
     @property
     def task(self) -> Task:
-        """What of the end effector the experiment is about."""
+        """Task of the end effector."""
         return named_task(self.document.task)
 
     @property
     def level(self) -> type[Body]:
-        """Kind of body that the arm is simulated by."""
+        """Class of the body that simulates the arm."""
         return BODIES[self.document.level]
 
 
@@ -88,10 +88,11 @@ def make_experiment(document: Mapping[str, Any] | ExperimentDocument) -> Experim
         document: The document, or its contents as plain data.
 
     Raises:
-        InvalidInputError: Naming the key, its value and what it may be.
+        InvalidInputError: If a key is wrong; the message names it, its value and what it may be.
     """
     if not isinstance(document, ExperimentDocument):
         document = construct(ExperimentDocument, document, "")
+    feedback = _feedback(document)
     published = _arm(document.arm)
     limits = _limits(published, document.limits)
     arm = published.with_limits(limits)
@@ -99,7 +100,6 @@ def make_experiment(document: Mapping[str, Any] | ExperimentDocument) -> Experim
     start = start_posture(arm, document.start, OUTSIDE if seeks_posture else 0.0)
     path = _path(document, seeks_posture)
     law = make_law(document, limits, start)
-    feedback = _feedback(document)
     warnings = [*_widened(published, limits), *_outside(arm, start)]
     delay = filter_delay(document, feedback, limits, law)
     warnings += loop_delay_doubts(document, law, delay.loop)
@@ -136,7 +136,7 @@ def make_experiment(document: Mapping[str, Any] | ExperimentDocument) -> Experim
 
 
 def _feedback(document: ExperimentDocument) -> Feedback:
-    """Which arm the law sees, once the level has been asked whether it may."""
+    """Return the arm that the law sees, and check it and ``plant`` against the level."""
     body = BODIES[document.level]
     feedback = body.default_feedback if document.feedback is None else document.feedback
     body.check_loop(document.period, feedback)
@@ -168,7 +168,7 @@ def _path(document: ExperimentDocument, seeks_posture: bool) -> Path:
 
 
 def _widened(arm: Arm, limits: JointLimits) -> list[str]:
-    """Where the experiment lets a joint go although the arm itself cannot."""
+    """Return a warning if the position limits exceed what the arm itself can do."""
     if not np.isfinite(limits.position_upper - limits.position_lower).any():
         return []
     beyond = np.maximum(

@@ -1,4 +1,4 @@
-"""What an experiment's filter means for its law and its path."""
+"""The delays that an experiment's filter causes for its law and its path."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from .document import ExperimentDocument
 
 
 class FilterDelay(NamedTuple):
-    """What a filter delays.
+    """Delays caused by a filter.
 
     Attributes:
-        path: How long ago the point was desired that the arm is to be at now [s].
-        loop: Delay between the law's command and what it sees [s].
+        path: Delay with which the arm follows the path [s].
+        loop: Delay between the law's command and its inputs [s].
     """
 
     path: float = 0.0
@@ -28,10 +28,10 @@ class FilterDelay(NamedTuple):
 def filter_delay(
     document: ExperimentDocument, feedback: Feedback, limits: JointLimits, law: Law
 ) -> FilterDelay:
-    """Return what the experiment's filter delays; nothing without one.
+    """Return the delays that the experiment's filter causes; zero without a filter.
 
     Raises:
-        InvalidInputError: If the filter does not go with feedback, noise, law or duration.
+        InvalidInputError: If the filter does not fit feedback, dither, law or duration.
     """
     settings = document.filter
     check_filter(settings is not None, feedback, document.dither)
@@ -59,15 +59,15 @@ def filter_delay(
 
 
 def loop_delay_doubts(document: ExperimentDocument, law: Law, delay: float) -> list[str]:
-    """Return what is doubtful about a delay in the law's loop.
+    """Return warnings about a delay in the law's loop.
 
     Args:
-        document: Names the law.
+        document: Document of the experiment.
         law: The law.
-        delay: Between its command and what it sees [s].
+        delay: Delay between the law's command and its inputs [s].
 
     Raises:
-        InvalidInputError: If a gain of the law is too high for it.
+        InvalidInputError: If a gain of the law is too high for the delay.
     """
     if delay == 0.0:
         return []

@@ -13,7 +13,7 @@ from ..robot.limits import JointLimits
 from ..robot.task import TASKS
 from .document import ExperimentDocument
 
-# Where the fields of a law come from that a document does not give.
+# Where those fields of a law come from that a document must not give.
 _ORIGINS = {"limits": "arm and limits", "home": "start", "task_size": "task"}
 
 
@@ -21,22 +21,23 @@ def law_class(document: ExperimentDocument) -> type[Law]:
     """Return the class that ``law.kind`` names.
 
     Raises:
-        InvalidInputError: If it names none.
+        InvalidInputError: If there is no such law.
     """
     return kind_of(document.law, LAWS, "law")
 
 
 def make_law(document: ExperimentDocument, limits: JointLimits, start: Array) -> Law:
-    """Return the law, with the fields that follow from arm, start and task.
+    """Return the law, including the fields that follow from limits, start and task.
 
     Args:
-        document: What is described.
-        limits: Bounds that hold in the experiment.
-        start: Posture to start from, shape (n,) [rad].
+        document: Document of the experiment.
+        limits: Limits of the joints in the experiment.
+        start: Start posture, shape (n,) [rad].
 
     Raises:
-        InvalidInputError: If a field is wrong, or follows from something else; or the law is not
-            for this task, cannot be sampled at this period, or not be integrated.
+        InvalidInputError: If a field is wrong, or given although it follows from something else;
+            if the law does not fit the task or the dither; or if it cannot be sampled at this
+            period, or not be integrated.
     """
     kind, task = law_class(document), document.task
     known = {"limits": limits, "home": start, "task_size": TASKS[task].size}
@@ -56,7 +57,7 @@ def make_law(document: ExperimentDocument, limits: JointLimits, start: Array) ->
 
 
 def _require_size(task: str, kind: Any) -> None:
-    """Raise an InvalidInputError for a task whose size the law's own field does not admit."""
+    """Raise an InvalidInputError if the law's field ``task_size`` does not allow the task."""
     if "task_size" not in field_names(kind):
         return
     sizes = get_args(kind.__pydantic_fields__["task_size"].annotation)
@@ -66,7 +67,7 @@ def _require_size(task: str, kind: Any) -> None:
 
 
 def _require_rows(task: str, law: Law) -> None:
-    """Raise an InvalidInputError for a task that does not fit what the law sees."""
+    """Raise an InvalidInputError if the task does not fit the sizes of the law's inputs."""
     sizes = {name: shape[0] for name, (_, shape) in law.inputs.parts.items()}
 
     def suits(name: str) -> bool:

@@ -1,4 +1,4 @@
-"""Is a path within an arm's reach, and how close does it come to what the arm cannot do?"""
+"""Check of whether a path is within an arm's reach, and how close it comes to its limits."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from .experiment import Experiment
 _SAMPLES = 400
 _MISS = 1e-3
 _DAMPING = 1e-6
-# Makes a length of a rotation [m].
+# Lever that converts a rotation to a length [m].
 _LEVER = 0.2
 
 
 @dataclass(frozen=True)
 class Reach:
-    """A path, followed by damped least squares from the start posture; k points.
+    """A path followed by damped least squares from the start posture, at k points.
 
     Attributes:
-        time: Shape (k,) [s].
+        time: Time of each point, shape (k,) [s].
         position: Joint positions, shape (k, n) [rad].
-        miss: Distance from the path, shape (k,) [m]; where the orientation is held, with how
-            far off that is [rad] times a lever of 0.2 m.
-        singular_value: Smallest singular value of J, shape (k,).
-        velocity: J^+ v_WE_desired, shape (k, n) [rad/s].
-        acceleration: Its rate, shape (k, n) [rad/s^2].
+        miss: Distance from the path, shape (k,) [m]; if the orientation is held, including its
+            error [rad] times a lever of 0.2 m.
+        singular_value: Smallest singular value of J, shape (k,) [m].
+        velocity: Joint velocities J^+ v_WE_desired, shape (k, n) [rad/s].
+        acceleration: Time derivative of ``velocity``, shape (k, n) [rad/s^2].
         desired: Points of the path, shape (k, m) [m].
     """
 
@@ -44,13 +44,13 @@ class Reach:
 
 
 def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
-    """Follow the experiment's path by inverse kinematics, over its duration or one lap."""
+    """Follow the experiment's path by inverse kinematics for its duration, at most one lap."""
     rows = list(experiment.task.axes)
     held = experiment.R_WE_start if experiment.holds_orientation else None
     aim = _Aim(experiment.arm.kinematics(), rows, held)
     origin = experiment.path.start_point(experiment.p_WE_start)
     if experiment.contact is not None:
-        # Where it presses.
+        # In contact the path lies on the surface.
         origin = origin - experiment.contact.surface.gap * experiment.contact.surface.normal_W
     time = np.linspace(0.0, min(experiment.path.period, experiment.document.duration), samples)
     q = experiment.start.copy()
@@ -59,7 +59,7 @@ def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
     for t in time:
         p, v, _ = experiment.path.evaluate(float(t))
         target = (origin + p)[rows]
-        # Once the path is lost, how far it leads away is all there is to know.
+        # Once the path is lost, only the distance matters: fewer iterations suffice.
         if max(miss, default=0.0) > _MISS:
             q = _descend(aim, q, target, 20)
         else:
@@ -83,14 +83,14 @@ def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
 
 
 def check_reach(experiment: Experiment) -> list[str]:
-    """Warnings of what the path comes close to, after those of the experiment's own making.
+    """Return the experiment's warnings, then those about its path.
 
-    The posture is not unique for a redundant arm: limits that a least-squares posture
-    meets may be avoided, so they are warned of and not refused.
+    The posture of a redundant arm is not unique: limits that the least-squares posture meets may
+    be avoidable, so they cause a warning, not an error.
 
     Raises:
-        InvalidInputError: If inverse kinematics misses the path by more than 1 mm, or motors
-            would have to be stronger than they are to press as asked.
+        InvalidInputError: If inverse kinematics misses the path by more than 1 mm, or the motors
+            are too weak for the pressing force.
     """
     if experiment.target is not None:
         return list(experiment.warnings)
@@ -159,7 +159,7 @@ def _beyond_bounds(experiment: Experiment, reach: Reach) -> list[str]:
 
 
 def _require_torque(experiment: Experiment, reach: Reach) -> None:
-    """At rest, at each point of the path, motors must hold gravity and the pressing force."""
+    """Raise an InvalidInputError if the motors cannot hold gravity and the pressing force."""
     if experiment.contact is None or not experiment.level.has_motors:
         return
     kinematics, effort = experiment.arm.kinematics(), experiment.arm.effort
@@ -177,7 +177,7 @@ def _require_torque(experiment: Experiment, reach: Reach) -> None:
 
 
 def _require_within_task(experiment: Experiment) -> None:
-    """A planar task must not drop a part of its path without a word."""
+    """Raise an InvalidInputError if a planar task would silently ignore part of its path."""
     dropped = [axis for axis in range(3) if axis not in experiment.task.axes]
     lap = experiment.path.sample(50)
     extent = np.ptp(lap[:, dropped], axis=0).max(initial=0.0)
@@ -190,14 +190,14 @@ def _require_within_task(experiment: Experiment) -> None:
 
 @dataclass(frozen=True)
 class _Aim:
-    """What of E's pose is to be reached: some axes of its position, and perhaps ``R_WE``."""
+    """The pose to reach with E: some axes of the position, and ``R_WE`` unless it is None."""
 
     kinematics: ArmKinematics
     rows: list[int]
     R_WE: Array | None
 
     def error(self, q: Array, target: Array) -> Array:
-        """What is left, the rotation first, as far as a lever would show it [m]."""
+        """Return the remaining error [m]: first the rotation times the lever, then the position."""
         left = target - self.kinematics.p_WE(q)[self.rows]
         if self.R_WE is None:
             return np.asarray(left)
@@ -205,7 +205,7 @@ class _Aim:
         return np.concatenate((_LEVER * turn, left))
 
     def J(self, q: Array) -> Array:
-        """Its Jacobian."""
+        """Return the Jacobian with the rows of `error`."""
         J = self.kinematics.J(q)[self.rows]
         if self.R_WE is None:
             return np.asarray(J)
@@ -213,11 +213,11 @@ class _Aim:
 
 
 def _towards(aim: _Aim, q: Array, target: Array) -> Array:
-    """The posture next to ``q`` that reaches ``target``, or comes as near as it can."""
+    """Return the posture near ``q`` that reaches ``target``, or comes as close as it can."""
     best = _descend(aim, q, target)
     if _miss(aim, best, target) > _MISS:
-        # J may be singular in just the direction asked for, as an outstretched arm's is: try
-        # postures a little aside.
+        # J may be singular in the direction of the target, e.g. for an outstretched arm: start
+        # again from slightly different postures.
         aside = 0.1 * np.cos(np.arange(1, q.size + 1))
         found = [best, *(_descend(aim, q + step, target) for step in (aside, -aside))]
         best = min(found, key=lambda posture: _miss(aim, posture, target))
@@ -229,7 +229,7 @@ def _miss(aim: _Aim, q: Array, target: Array) -> float:
 
 
 def _descend(aim: _Aim, q: Array, target: Array, steps: int = 200) -> Array:
-    """Levenberg's method, its steps cut to 0.2 rad so that it does not leave the branch."""
+    """Run Levenberg's method, with steps cut to 0.2 rad to stay on the branch of ``q``."""
     damping = _DAMPING
     error = aim.error(q, target)
     for _ in range(steps):

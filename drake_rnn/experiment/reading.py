@@ -1,4 +1,4 @@
-"""Reading experiments: by their shipped name or from a YAML file, with changes by dotted keys."""
+"""Reading of experiments, shipped ones or YAML files, with changes by dotted keys."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from .experiment import Experiment, make_experiment
 
 
 def shipped_experiments() -> list[str]:
-    """Return the names of the experiments that come with this package.
+    """Return the names of the shipped experiments.
 
-    All but ``state_adjustment_printed`` can be run; that one is there to be refused.
+    All can be run except ``state_adjustment_printed``: its target, as printed in the paper, cannot
+    be reached.
     """
     return sorted(file.stem for file in EXPERIMENTS.glob("*/*.yaml"))
 
@@ -26,12 +27,12 @@ def load_experiment(experiment: str | File, changes: Mapping[str, Any] | None = 
 
     Args:
         experiment: A name from `shipped_experiments`, or a file.
-        changes: New values by dotted keys, e.g. ``{"law.kappa": 8}``; None removes a key.
-            Setting one of period and integrator removes the other; a duration that ends
-            before the document's window removes that, and what was expected in it.
+        changes: New values by dotted key, e.g. ``{"law.kappa": 8}``; None removes a key. Setting
+            ``period`` removes ``integrator`` and vice versa; a duration that ends before the
+            document's window removes ``window`` and ``accept``.
 
     Raises:
-        InvalidInputError: Naming the key, its value and what it may be.
+        InvalidInputError: If a key is wrong; the message names it, its value and what it may be.
     """
     return make_experiment(read_document(experiment, changes))
 
@@ -39,10 +40,10 @@ def load_experiment(experiment: str | File, changes: Mapping[str, Any] | None = 
 def read_document(
     experiment: str | File, changes: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
-    """Return the contents of an experiment's document, with ``changes``, not yet checked.
+    """Return the contents of an experiment's document with ``changes``, not yet checked.
 
     Raises:
-        InvalidInputError: If there is no such experiment, or it is no document.
+        InvalidInputError: If there is no such experiment, or the file is not a YAML mapping.
     """
     name = str(experiment)
     if name in shipped_experiments():
@@ -58,7 +59,7 @@ def read_document(
     document = read_yaml(file)
     if not isinstance(document, dict):
         raise InvalidInputError(f"{file}: must be a mapping of keys to values")
-    # Models and CSV files are named relative to the document that names them.
+    # Names of models and CSV files are relative to the document's folder.
     _resolve_files(document, file.parent)
     rivals = {key.split(".")[0] for key, value in (changes or {}).items() if value is not None}
     if {"period", "integrator"} <= rivals:
@@ -70,10 +71,10 @@ def read_document(
 
 
 def parse_change(text: str) -> tuple[str, Any]:
-    """Key and value of ``KEY=VALUE``; the value is read as YAML.
+    """Return key and value of ``KEY=VALUE``; the value is parsed as YAML.
 
     Raises:
-        InvalidInputError: If there is no ``=``, or the value is no YAML.
+        InvalidInputError: If key or ``=`` is missing, or the value is not valid YAML.
     """
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
@@ -116,10 +117,10 @@ def _resolve_files(document: dict[str, Any], folder: File) -> None:
     files = ((arm, "model"), (path, "file"), (environment, "model"))
     for section, key in (*files, *((packages, key) for key in packages)):
         value = section.get(key)
-        # A shipped arm's name may also be that of a folder.
+        # A folder may have the name of a shipped arm.
         found = File.is_dir if section is packages else File.is_file
         if isinstance(value, str) and found(folder / value):
-            # Whole, so that the document means the same wherever it is written next.
+            # Absolute, so that the document means the same wherever it is saved.
             section[key] = str((folder / value).resolve())
 
 

@@ -1,4 +1,4 @@
-"""Can a target posture be reached while the end effector stays, and what if it cannot?"""
+"""Check of whether a target posture can be reached while the end effector stays."""
 
 from __future__ import annotations
 
@@ -11,15 +11,16 @@ from ..robot.self_motion import SelfMotion
 from ..robot.task import TASKS
 from .document import ExperimentDocument
 
-# The end effector may be this far from its place in a target posture, and the target from where
-# the self-motion towards it ends: further, and the law would trade one for the other.
+# Largest displacement [m] and rotation [rad] of the end effector in a target posture, and largest
+# distance of a joint from where the self-motion towards the target ends [rad]. Beyond them the law
+# would trade one error for the other.
 _MISS, _TURN, _SHORT = 1e-4, 1e-3, 0.01
 
 
 def reachable_target(
     document: ExperimentDocument, arm: Arm, start: Array, target: Array
 ) -> tuple[Array, list[str]]:
-    """The target to seek, and what there is to say about it.
+    """Return the target posture to seek, shape (n,) [rad], and warnings about it.
 
     Raises:
         InvalidInputError: If no self-motion leads to it and ``on_unreachable`` is ``refuse``.
@@ -58,7 +59,7 @@ def reachable_target(
 
 
 def _require_plane(task: str, arm: Arm, start: Array, target: Array) -> None:
-    """A planar task must not let the end effector leave its plane without a word."""
+    """Raise an InvalidInputError if the end effector leaves the plane of a planar task."""
     kinematics = arm.kinematics()
     moved = np.abs(kinematics.p_WE(target) - kinematics.p_WE(start))
     moved[list(TASKS[task].axes)] = 0.0
@@ -70,13 +71,13 @@ def _require_plane(task: str, arm: Arm, start: Array, target: Array) -> None:
 
 
 def _typed(q: float, lower: float, upper: float) -> str:
-    """A joint position to six decimals, or more where it would be rounded out of its limits."""
+    """Return a joint position to six decimals, or exactly if rounding would break its limits."""
     text = f"{q:.6f}"
     return text if lower <= float(text) <= upper else repr(float(q))
 
 
 def _detours(arm: Arm, start: Array, target: Array) -> list[str]:
-    """Joints that go more than half a turn although the same posture is nearer."""
+    """Return warnings for joints that turn by more than pi although a shorter way exists."""
     other = target - 2 * np.pi * np.round((target - start) / (2 * np.pi))
     lower, upper = arm.limits.position_lower, arm.limits.position_upper
     detour = (np.abs(target - start) > np.pi) & (lower <= other) & (other <= upper)

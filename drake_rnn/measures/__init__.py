@@ -1,4 +1,4 @@
-"""What a run is measured by: what is recorded, and the metrics taken from it."""
+"""Recording of a run, and the metrics computed from it."""
 
 from .metrics import METRIC_NAMES, METRICS, TIMING_METRICS, Metric, shown_in
 from .motion import Motion, Pressing

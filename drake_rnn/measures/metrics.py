@@ -1,6 +1,6 @@
-"""The list of metrics: their names, units and meaning, and where each is shown.
+"""The list of metrics: their names, units and meanings, and where each is shown.
 
-From it come the keys that an experiment's ``accept`` may have, the tables on a terminal, the table
+It determines the keys that an experiment's ``accept`` may have, the tables on a terminal, the table
 of the overview figure, and the page of metrics in the documentation.
 """
 
@@ -10,23 +10,23 @@ from dataclasses import dataclass
 from typing import Literal
 
 #: Steps that a metric is taken over: those of the experiment's window, those of the whole run, or
-#: none, where it tells of the machine that ran it.
+#: none, for a property of the machine that ran it.
 Over = Literal["window", "run", "machine"]
 
-#: Kinds of run whose overview shows a metric, by what the run is about, and the table of a sweep.
+#: Places that show a metric: overviews, by what the run is about, and the table of a sweep.
 Shown = Literal["path", "posture", "return", "force", "sweep"]
 
 
 @dataclass(frozen=True)
 class Metric:
-    """A number taken from a run.
+    """A number computed from a run.
 
     Attributes:
-        name: Key in ``metrics.json``, with its unit at the end.
+        name: Key in ``metrics.json``.
         unit: SI unit; "1" for a pure number.
-        meaning: What it says.
+        meaning: Description for the documentation.
         over: Steps it is taken over.
-        shown: Where it is shown beside the experiment's own expectations.
+        shown: Places that show it in addition to the metrics in the experiment's ``accept``.
     """
 
     name: str
@@ -45,7 +45,7 @@ METRICS: tuple[Metric, ...] = (
     Metric(
         "position_error_max_m",
         "m",
-        "largest norm of the position error; on a surface, of its part along the surface",
+        "largest norm of the position error; in contact, of its part along the surface",
         over="window",
         shown=_shown("path", "return", "sweep"),
     ),
@@ -65,7 +65,7 @@ METRICS: tuple[Metric, ...] = (
     Metric(
         "path_delay_s",
         "s",
-        "delay at which the arm follows its path behind a filter",
+        "delay with which the arm follows its path because of the filter",
     ),
     Metric(
         "velocity_error_max_m_s",
@@ -123,7 +123,7 @@ METRICS: tuple[Metric, ...] = (
     Metric(
         "joint_error_max_rad",
         "rad",
-        "distance of the farthest joint from the target posture at the end",
+        "largest distance of a joint from the target posture at the end of the run",
         shown=_shown("posture", "sweep"),
     ),
     Metric(
@@ -141,56 +141,56 @@ METRICS: tuple[Metric, ...] = (
     Metric(
         "end_effector_drift_end_m",
         "m",
-        "distance of the end effector from its start at the end",
+        "distance of the end effector from its start at the end of the run",
         shown=_shown("posture"),
     ),
     Metric(
         "orientation_error_max_rad",
         "rad",
-        "largest angle off the orientation to hold",
+        "largest angle between the orientation and the one to hold",
         over="window",
         shown=_shown("posture", "force", "sweep"),
     ),
     Metric(
         "orientation_rank_min",
         "1",
-        "smallest rank of the rows by which the law holds the orientation",
+        "smallest rank of the Jacobian rows with which the law holds the orientation",
     ),
     Metric(
         "contact_lost_fraction",
         "1",
-        "share of the steps without contact",
+        "fraction of the steps without contact",
         over="window",
         shown=_shown("force"),
     ),
     Metric(
         "contact_lost_time_s",
         "s",
-        "time at which contact was lost for more than 50 ms, or the law took it for lost",
+        "time at which contact was lost for more than 50 ms, or the law detected a loss",
         shown=_shown("force"),
     ),
     Metric(
         "invariant_error_max_m",
         "m",
-        "largest distance of the end effector from where the multipliers imply it is",
+        "largest difference of the end effector's displacement from that in the multipliers",
         shown=_shown("posture"),
     ),
     Metric(
         "shortest_duration_s",
         "s",
-        "shortest duration of the path under the limits (`drake-rnn fastest`)",
+        "shortest duration of the path within the limits (`drake-rnn fastest`)",
     ),
     Metric(
         "joint_drift_mean_rad",
         "rad",
-        "mean over the joints of the distance between the window's first and last posture",
+        "joint displacement from the window's first to its last step, mean over the joints",
         over="window",
         shown=_shown("return", "sweep"),
     ),
     Metric(
         "joint_drift_max_rad",
         "rad",
-        "the same of the joint that drifts most",
+        "joint displacement from the window's first to its last step, largest over the joints",
         over="window",
         shown=_shown("path", "return", "sweep"),
     ),
@@ -215,19 +215,19 @@ METRICS: tuple[Metric, ...] = (
     Metric(
         "joint_acceleration_max_rad_s2",
         "rad/s^2",
-        "largest joint acceleration: the secant over the time for which a velocity is held",
+        "largest joint acceleration: velocity change over the time for which a velocity is held",
         shown=_shown("path", "posture", "return", "force", "sweep"),
     ),
     Metric(
         "network_acceleration_max_rad_s2",
         "rad/s^2",
-        "the same of the law's own velocity, where that differs from the arm's",
+        "largest acceleration of the law's own velocity, where that differs from the arm's",
         shown=_shown("path", "sweep"),
     ),
     Metric(
         "joint_acceleration_demand_max_rad_s2",
         "rad/s^2",
-        "largest acceleration that the law asked for before it was bounded",
+        "largest joint acceleration that the law demanded before it was bounded",
         shown=_shown("return"),
     ),
     Metric(
@@ -253,56 +253,56 @@ METRICS: tuple[Metric, ...] = (
     Metric(
         "jacobian_error_excited_median",
         "m",
-        "median of the norm of J - J_hat along the joints' motion",
+        "median norm of J - J_hat in the direction of the joint velocity",
         over="window",
     ),
     Metric(
         "singular_value_min",
         "m",
-        "smallest singular value of J; of a pose, rotation rows included",
+        "smallest singular value of J; for a pose task, rotation rows included",
         shown=_shown("path", "posture", "return", "force"),
     ),
     Metric(
         "saturated_fraction",
         "1",
-        "share of the steps in which a bound cut what the law asked for",
+        "fraction of the steps in which a bound cut the law's demand",
         shown=_shown("path", "posture", "return", "force", "sweep"),
     ),
     Metric(
         "limit_ratio_1_max",
         "1",
-        "largest joint speed over its bound",
+        "largest ratio of a joint speed to its bound",
     ),
     Metric(
         "limit_ratio_2_max",
         "1",
-        "largest joint acceleration over its bound",
+        "largest ratio of a joint acceleration to its bound",
     ),
     Metric(
         "limit_ratio_3_max",
         "1",
-        "largest jerk over its bound, from differences of the velocity over 10 ms",
+        "largest ratio of a jerk to its bound, from velocity differences over 10 ms",
     ),
     Metric(
         "limit_ratio_4_max",
         "1",
-        "largest snap over its bound, likewise",
+        "largest ratio of a snap to its bound, from velocity differences over 10 ms",
     ),
     Metric(
         "limit_ratio_5_max",
         "1",
-        "largest crackle over its bound, likewise",
+        "largest ratio of a crackle to its bound, from velocity differences over 10 ms",
     ),
     Metric(
         "limit_violation_max",
         "mixed",
-        "largest excess over any bound, each in the unit of its own bound",
+        "largest excess over any bound, in the unit of that bound",
         shown=_shown("return"),
     ),
     Metric(
         "real_time_factor",
         "1",
-        "simulated time over wall time of the run",
+        "simulated time divided by wall time of the run",
         over="machine",
     ),
     Metric(
@@ -314,7 +314,7 @@ METRICS: tuple[Metric, ...] = (
     Metric(
         "control_step_us",
         "us",
-        "median cost of one sample of the law alone",
+        "median computing time of one sample of the law alone",
         over="machine",
     ),
 )
@@ -322,10 +322,10 @@ METRICS: tuple[Metric, ...] = (
 #: Names of all metrics.
 METRIC_NAMES: tuple[str, ...] = tuple(metric.name for metric in METRICS)
 
-#: Names of the metrics of the machine rather than of the run; they differ from run to run.
+#: Names of the metrics that depend on the machine; they differ from run to run.
 TIMING_METRICS: tuple[str, ...] = tuple(m.name for m in METRICS if m.over == "machine")
 
 
 def shown_in(place: Shown) -> tuple[str, ...]:
-    """Return the names of the metrics that are shown there, in their order."""
+    """Return the names of the metrics that are shown in a place, in their order."""
     return tuple(metric.name for metric in METRICS if place in metric.shown)

@@ -1,4 +1,4 @@
-"""What an arm and its law did, step by step."""
+"""The motion of an arm and its law, step by step."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from ..inputs.fields import Array
 
 @dataclass(frozen=True)
 class Pressing:
-    """What a tool and a surface did to each other, step by step; k steps.
+    """The contact of a tool with a surface over k steps.
 
     Attributes:
-        normal: Of the surface, outwards, of length 1, shape (3,).
-        force: That presses, along the normal, shape (k,) [N].
-        desired: What was asked, shape (k,) [N].
+        normal: Outward unit normal of the surface, shape (3,).
+        force: Pressing force along the normal, shape (k,) [N].
+        desired: Desired pressing force, shape (k,) [N].
     """
 
     normal: Array
@@ -26,23 +26,23 @@ class Pressing:
 
 @dataclass(frozen=True)
 class Motion:
-    """What an arm and its law did, step by step; k steps, n joints, m task rows.
+    """The motion of an arm with n joints and of its law over k steps, for m position axes.
 
     Attributes:
-        time: Shape (k,) [s].
-        position, velocity: Of the arm's joints, shape (k, n) [rad, rad/s].
+        time: Time of each step, shape (k,) [s].
+        position, velocity: Joint positions and velocities of the arm, shape (k, n) [rad, rad/s].
         network_velocity: The law's own joint velocities, shape (k, n) [rad/s].
-        p_WE, v_WE: Of the end effector, shape (k, m) [m, m/s].
-        p_WE_desired, v_WE_desired: What was asked, shape (k, m) [m, m/s].
-        J: Shape (k, m, n); for a pose with three more rows, of rotation, first.
-        J_hat: What was learned, shape (k, m, n); None if nothing was.
-        target: Posture that was to be reached, shape (n,) [rad]; None if there was none.
-        orientation_error: Angle off the orientation that was to be held, shape (k,) [rad];
-            None if none was.
-        pressing: The contact with a surface; None without one. Then errors of the position are
+        p_WE, v_WE: Position and velocity of the end effector, shape (k, m) [m, m/s].
+        p_WE_desired, v_WE_desired: Their desired values, shape (k, m) [m, m/s].
+        J: Jacobian, shape (k, m, n); for a pose task, three rotation rows come first.
+        J_hat: Learned Jacobian, shape (k, m, n); None without learning.
+        target: Target posture, shape (n,) [rad]; None without one.
+        orientation_error: Angle between the orientation and the one to hold, shape (k,) [rad];
+            None if none is held.
+        pressing: Contact with a surface; None without one. With a contact, position errors are
             those along the surface.
         tick, network_tick: Time for which the arm's and the law's velocities are held [s];
-            None where they change at every step.
+            None if they change at every step.
     """
 
     time: Array
@@ -62,38 +62,38 @@ class Motion:
     network_tick: float | None = None
 
     def aside(self, vectors: Array) -> Array:
-        """What of ``vectors``, shape (k, m), counts as an error: on a surface, what lies in it."""
+        """Return ``vectors``, shape (k, m); in contact, only their part along the surface."""
         if self.pressing is None:
             return vectors
         n = self.pressing.normal
         return vectors - np.outer(vectors @ n, n)
 
     def joint_acceleration(self) -> Array:
-        """Secant of the arm's velocity over the tick of each step, shape (k - 1, n) [rad/s^2]."""
+        """Return the secant of the arm's velocity over each step's tick, (k - 1, n) [rad/s^2]."""
         return _secant(self.time, self.velocity, self.tick)
 
     def network_acceleration(self) -> Array:
-        """The same of the law's own velocity, shape (k - 1, n) [rad/s^2]."""
+        """Return the same for the law's own velocity, (k - 1, n) [rad/s^2]."""
         return _secant(self.time, self.network_velocity, self.network_tick)
 
 
 def _secant(time: Array, values: Array, tick: float | None) -> Array:
-    """Differences over ticks, shape (k - 1, n): each step has that of the tick it ends in.
+    """Return difference quotients over ticks, shape (k - 1, n), for the tick each step ends in.
 
-    Without a tick, over the steps' own lengths; steps that events cut a rounding error apart
-    are taken together.
+    Without a tick they are taken over the steps themselves; steps that events split a rounding
+    error apart are merged.
     """
     if time.size < 2:
         return np.zeros((0, values.shape[1]))
     if tick is None:
         step = np.diff(time)
         apart = step >= 1e-9 * step.max()
-        # What changes at the start changes over the first step.
+        # A change at the start counts as one over the first step.
         apart[: np.argmax(apart) + 1] = False
         number = np.concatenate(([0], 1 + np.cumsum(apart)))
     else:
-        # A tick holds its end, at which its value still stands; what lies a rounding error
-        # behind that end is of the next one.
+        # A tick includes its end, where its value still holds; a step that ends a rounding error
+        # later belongs to the next tick.
         ticks = (time - time[0]) / tick
         number = np.ceil(ticks - 1e-6).astype(int)
         ended = number - ticks < 1e-6

@@ -1,4 +1,4 @@
-"""The recorder: it watches a simulation from outside, at every step."""
+"""Recording of a simulation at every step."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from ..laws.law import Layout
 
 
 class Recorder:
-    """Ports of a diagram at every accepted step.
+    """Recorder of a diagram's output ports at every accepted step.
 
-    It is called by the simulator's monitor, adds no events and so does not change the steps.
-    What is seen at time t is what holds just before the updates at t: velocities are those
-    of the step that ended there.
+    It is the simulator's monitor, which adds no events and therefore does not change the steps.
+    Values at time t are those just before the updates at t: velocities are those of the step that
+    ended there.
 
     Args:
         root: Context of the simulated diagram.
-        ports: What to record, by name.
+        ports: Output ports to record, by name.
     """
 
     def __init__(self, root: Context, ports: Mapping[str, OutputPort]) -> None:
@@ -34,7 +34,7 @@ class Recorder:
         self._count = 0
 
     def __call__(self, context: Context) -> None:
-        """Record the present."""
+        """Record the ports at the present time."""
         count = self._count
         if count == self._times.size:
             self._times = np.concatenate((self._times, np.empty_like(self._times)))
@@ -51,5 +51,5 @@ class Recorder:
         return self._times[: self._count]
 
     def series(self, name: str) -> Array:
-        """One port at every step, shape (k, size)."""
+        """Return the values of one port at every step, shape (k, size)."""
         return self._layout.part(self._rows[: self._count], name)

@@ -1,8 +1,8 @@
-"""Series of a run, and their units."""
+"""Units of the series of a run."""
 
 from __future__ import annotations
 
-#: Units of the series, by name; what is not here has none.
+#: Units of the series, by name; a series that is not listed has none.
 UNITS = {
     "position": "rad",
     "velocity": "rad/s",

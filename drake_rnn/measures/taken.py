@@ -1,4 +1,4 @@
-"""The metrics of a motion, taken over every step."""
+"""Computation of the metrics from every step of a motion."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from ..robot.limits import DERIVATIVE_UNITS, JointLimits
 from .motion import Motion, Pressing
 
 _HIGHER = ("jerk", "snap", "crackle")
-# Between the velocities of which those are differences [s].
+# Time between the velocities that these derivatives are differences of [s].
 _DIFFERENCE = 0.01
 
-# A gap in the contact that is longer than this is a loss of it [s].
+# A gap in the contact that is longer than this counts as its loss [s].
 _LOST = 0.05
 
 # Joint error below which the arm has arrived at its target [rad].
@@ -27,20 +27,20 @@ def motion_metrics(
     window: tuple[float, float] | None,
     settling_tolerance: float,
 ) -> dict[str, float]:
-    """The metrics of a motion that apply to it, by name.
+    """Return the metrics that apply to a motion, by name.
 
-    Errors, drift and Jacobian figures are taken over ``window`` [s]; velocities,
-    accelerations, margins and violations always over the whole run.
+    Errors, drift and Jacobian errors are taken over ``window``; velocities, accelerations,
+    margins and violations always over the whole run.
 
     Args:
-        motion: What happened.
-        limits: Bounds that were to hold.
-        window: Times between which errors are taken; None for the whole run.
+        motion: Motion of the arm.
+        limits: Limits of the experiment.
+        window: Start and end of the window [s]; None for the whole run.
         settling_tolerance: Position error below which the arm has settled [m].
     """
     if motion.time.size == 0:
         return {}
-    # A run that diverged may hold numbers whose squares overflow: what is not finite is left out.
+    # In a run that diverged, squares may overflow: metrics that are not finite are left out.
     with np.errstate(over="ignore", invalid="ignore"):
         metrics = _errors(motion, window, settling_tolerance)
         metrics |= _drift(motion, window)
@@ -54,11 +54,11 @@ def motion_metrics(
 
 
 def law_metrics(motion: Motion, observed: Signals) -> dict[str, float]:
-    """The metrics of what a law tells of itself, by name, over the whole run.
+    """Return the metrics of a law's observables over the whole run, by name.
 
     Args:
-        motion: What happened.
-        observed: The law's observables at every step.
+        motion: Motion as the law saw it.
+        observed: Observables of the law at every step.
     """
     if motion.time.size == 0:
         return {}
@@ -71,7 +71,7 @@ def law_metrics(motion: Motion, observed: Signals) -> dict[str, float]:
     if "orientation_rank" in observed:
         metrics["orientation_rank_min"] = observed["orientation_rank"].min()
     if "contact_lost" in observed and observed["contact_lost"].any():
-        # What the law takes for a loss counts, though a trace of contact be left.
+        # A loss that the law detects counts even if some contact is left.
         metrics["contact_lost_time_s"] = motion.time[np.argmax(observed["contact_lost"][:, 0])]
     if "displacement" in observed:
         with np.errstate(over="ignore", invalid="ignore"):
@@ -113,7 +113,7 @@ def _errors(
 def _drift(motion: Motion, window: tuple[float, float] | None) -> dict[str, float]:
     metrics = {}
     within = np.flatnonzero(_within(motion, window))
-    # On the way to a target the joints are meant to move.
+    # Joints that move to a target posture do not drift.
     if within.size > 1 and motion.target is None:
         drift = np.abs(motion.position[within[-1]] - motion.position[within[0]])
         metrics = {"joint_drift_max_rad": drift.max(), "joint_drift_mean_rad": drift.mean()}
@@ -155,7 +155,7 @@ def _contact(
         }
     made = int(np.argmax(touching))
     if touching.any():
-        # The time since the tool last touched, from the first touch on.
+        # Time since the last contact, from the first contact on.
         time = motion.time[made:]
         last = np.maximum.accumulate(np.where(touching[made:], time, -np.inf))
         gap = time - last
@@ -165,7 +165,7 @@ def _contact(
 
 
 def _settled(time: Array, error: Array, tolerance: float) -> float | None:
-    """The first time after which ``error`` stays below ``tolerance``; None if it does not."""
+    """Return the time after which ``error`` stays below ``tolerance``; None if it does not."""
     late = np.flatnonzero(~(error < tolerance))
     if late.size == 0:
         return float(time[0])
@@ -192,7 +192,7 @@ def _joints(motion: Motion, limits: JointLimits) -> dict[str, float]:
             "joint_velocity_initial_rad_s": speed[1].max(),
             "joint_acceleration_initial_rad_s2": acceleration[0].max(),
         }
-        # A ramp ends at its law's velocity but for rounding.
+        # A ramp ends at its law's velocity except for rounding.
         if not np.allclose(motion.network_velocity, motion.velocity, rtol=1e-9, atol=1e-12):
             network = np.abs(motion.network_acceleration())
             metrics["network_acceleration_max_rad_s2"] = network.max()
@@ -211,16 +211,16 @@ def _joints(motion: Motion, limits: JointLimits) -> dict[str, float]:
 
 
 def _higher_derivatives(motion: Motion, limits: JointLimits) -> dict[str, Array]:
-    """Jerk, snap and crackle in magnitude, where they are bounded.
+    """Return the magnitudes of jerk, snap and crackle, where they are bounded, by name.
 
-    From differences of the velocity over 10 ms: over a thousandth of a second, the rounding of
-    positions would make up all of the fifth derivative.
+    They are differences of the velocity over 10 ms: over 1 ms, the rounding of positions would
+    dominate the fifth derivative.
     """
     wanted = [name for name in _HIGHER if limits.bounds[name] is not None]
     if not wanted or motion.time[-1] - motion.time[0] < 6 * _DIFFERENCE:
         return {}
     time = np.arange(motion.time[0], motion.time[-1] + 1e-9, _DIFFERENCE)
-    # The step that ends at a time, or the first after it.
+    # For each time the step that ends there, or the first one after it.
     at = np.minimum(np.searchsorted(motion.time, time - 1e-9), motion.time.size - 1)
     velocity = motion.velocity[at]
     return {

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from drake_rnn import Result, shipped_experiments, simulation
+from drake_rnn import Result, SimultaneousLearning, shipped_experiments
 from drake_rnn.cli.commands import app
-from drake_rnn.laws import SimultaneousLearning
-from drake_rnn.measures.metrics import TIMING_METRICS
+from drake_rnn.measures import TIMING_METRICS
+from drake_rnn.runs import simulation
 
 KNOWN, LEARNED = "slc_nephroid_known", "slc_nephroid"
 SHORT = ("--duration", "0.05")
@@ -63,7 +63,7 @@ def drawn():
 @pytest.fixture(autouse=True)
 def undrawn(request, monkeypatch):
     if "drawn" not in request.fixturenames:
-        monkeypatch.setattr("drake_rnn.figures.write_figures", lambda result, folder: [])
+        monkeypatch.setattr("drake_rnn.cli.commands.write_figures", lambda result, folder: [])
 
 
 @pytest.fixture
@@ -131,10 +131,10 @@ def test_the_experiment_written_says_the_versions_and_what_was_changed(tmp_path)
     text = (folder / "experiment.yaml").read_text()
     for package in ("drake-rnn", "drake", "numpy"):
         assert f"# {package} " in text
-    experiment = Result.load(folder).experiment
-    assert experiment.law["kappa"] == 8
-    assert experiment.seed == 3
-    assert experiment.duration == 0.05
+    document = Result.load(folder).experiment.document
+    assert document.law["kappa"] == 8
+    assert document.seed == 3
+    assert document.duration == 0.05
 
 
 def test_several_experiments_have_a_folder_each(tmp_path):
@@ -167,7 +167,7 @@ def test_a_window_that_is_dropped_is_told(tmp_path):
         "the run ends at 0.05 s"
     ]
     # It is told where it is dropped, and only there.
-    assert Result.load(tmp_path / KNOWN).experiment.window is None
+    assert Result.load(tmp_path / KNOWN).experiment.document.window is None
     again = call("run", tmp_path / KNOWN / "experiment.yaml", "--out", tmp_path, "--no-playback")
     assert (again.exit_code, notes(again)) == (0, [])
     kept = (*SHORT, "--set", "window=[0, 0.05]")

@@ -3,8 +3,15 @@
 import numpy as np
 import pytest
 
-from drake_rnn import InvalidInputError, check_experiment, check_reach, load_experiment, simulate
-from drake_rnn.experiment.document import make_experiment, read_experiment
+from drake_rnn import (
+    InvalidInputError,
+    check_experiment,
+    check_reach,
+    load_experiment,
+    make_experiment,
+    simulate,
+)
+from drake_rnn.experiment import read_document
 
 PLATE = {"kind": "plate"}
 
@@ -113,11 +120,11 @@ def test_a_tool_that_starts_inside_the_plate_is_told():
 
 
 def test_with_full_dynamics_a_law_sees_where_the_arm_is_unless_it_is_told_otherwise():
-    document = read_experiment("contact_circle")
+    document = read_document("contact_circle")
     del document["feedback"]
     made = make_experiment(document)
     assert made.feedback == "measured"
-    assert make_experiment(made.document()).feedback == "measured"
+    assert make_experiment(made.document.contents()).feedback == "measured"
     assert make_experiment({**document, "feedback": "commanded"}).feedback == "commanded"
     assert load("motion_force_tricuspid").feedback == "commanded"
 

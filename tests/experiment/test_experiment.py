@@ -12,13 +12,13 @@ from drake_rnn import (
     make_experiment,
     shipped_experiments,
     simulate,
-    simulation,
 )
-from drake_rnn.experiment.document import parse_change
+from drake_rnn.experiment import parse_change
 from drake_rnn.inputs.documents import parse_yaml
+from drake_rnn.runs import simulation
 
 KNOWN, LEARNED = "slc_nephroid_known", "slc_nephroid"
-HOME = load_experiment(KNOWN).setup.start
+HOME = load_experiment(KNOWN).start
 
 
 def refusal(experiment=KNOWN, changes=None):
@@ -52,19 +52,19 @@ def file(tmp_path):
 def test_shipped_experiments_load_and_say_what_they_are(name):
     experiment = load_experiment(name)
     assert experiment.name == name
-    assert experiment.paper
-    assert experiment.expect
-    assert experiment.setup.law.inputs.parts
+    assert experiment.document.paper
+    assert experiment.document.expect
+    assert experiment.law.inputs.parts
 
 
 @pytest.mark.parametrize("name", RUNNABLE)
 def test_an_experiment_written_and_read_is_the_same(name):
     experiment = load_experiment(name)
-    text = experiment.to_yaml()
+    text = experiment.document.to_yaml()
     again = make_experiment(parse_yaml(text, name))
-    assert again.document() == experiment.document()
-    assert again.to_yaml() == text
-    np.testing.assert_array_equal(again.setup.start, experiment.setup.start)
+    assert again.document.contents() == experiment.document.contents()
+    assert again.document.to_yaml() == text
+    np.testing.assert_array_equal(again.start, experiment.start)
 
 
 @pytest.mark.parametrize(
@@ -81,17 +81,17 @@ def test_an_experiment_written_and_read_is_the_same(name):
 )
 def test_a_changed_experiment_written_and_read_is_the_same(changes):
     experiment = load_experiment(KNOWN, changes)
-    again = make_experiment(parse_yaml(experiment.to_yaml(), "here"))
-    assert again.document() == experiment.document()
-    np.testing.assert_array_equal(again.setup.start, experiment.setup.start)
+    again = make_experiment(parse_yaml(experiment.document.to_yaml(), "here"))
+    assert again.document.contents() == experiment.document.contents()
+    np.testing.assert_array_equal(again.start, experiment.start)
     for bound in ("position_lower", "velocity", "acceleration"):
         np.testing.assert_array_equal(
-            getattr(again.setup.limits, bound), getattr(experiment.setup.limits, bound)
+            getattr(again.limits, bound), getattr(experiment.limits, bound)
         )
 
 
 def test_what_arm_and_task_know_is_filled_into_the_law():
-    law = load_experiment(KNOWN).setup.law
+    law = load_experiment(KNOWN).law
     np.testing.assert_array_equal(law.limits.velocity, [0.5] * 7)
     np.testing.assert_array_equal(law.limits.acceleration, [1.0] * 7)
     np.testing.assert_array_equal(law.home, HOME)
@@ -99,16 +99,16 @@ def test_what_arm_and_task_know_is_filled_into_the_law():
 
 
 def test_limits_of_the_experiment_stand_above_those_of_the_arm():
-    limits = load_experiment(KNOWN, {"limits": {"velocity": 0.25}}).setup.limits
-    arm = load_experiment(KNOWN).setup.arm.limits
+    limits = load_experiment(KNOWN, {"limits": {"velocity": 0.25}}).limits
+    arm = load_experiment(KNOWN).arm.limits
     np.testing.assert_array_equal(limits.velocity, [0.25] * 7)
     np.testing.assert_array_equal(limits.position_lower, arm.position_lower)
 
 
 def test_limits_none_leaves_no_limit():
     experiment = load_experiment(KNOWN, {"limits": "none", "law.acceleration_bound": "none"})
-    assert np.isinf(experiment.setup.limits.velocity).all()
-    assert experiment.setup.limits.acceleration is None
+    assert np.isinf(experiment.limits.velocity).all()
+    assert experiment.limits.acceleration is None
 
 
 def test_a_start_outside_of_the_arms_limits_may_lie_inside_the_experiments():
@@ -119,16 +119,16 @@ def test_a_start_outside_of_the_arms_limits_may_lie_inside_the_experiments():
 
 def test_setting_period_removes_the_integrator_and_the_reverse():
     continuous = load_experiment(KNOWN, {"integrator": {"scheme": "runge_kutta3", "step": 1e-3}})
-    assert continuous.period is None
-    assert load_experiment(KNOWN, {"integrator.accuracy": 1e-4}).period is None
+    assert continuous.document.period is None
+    assert load_experiment(KNOWN, {"integrator.accuracy": 1e-4}).document.period is None
     sampled = load_experiment("slc_nephroid_known_continuous", {"period": 1e-3})
-    assert sampled.integrator is None
+    assert sampled.document.integrator is None
 
 
 def test_a_shorter_run_has_no_window_and_expects_nothing():
     shortened = load_experiment(KNOWN, {"duration": 1})
-    assert shortened.window is None
-    assert shortened.accept == {}
+    assert shortened.document.window is None
+    assert shortened.document.accept == {}
 
 
 def test_changes_are_read_as_yaml():
@@ -145,7 +145,7 @@ def test_models_and_points_are_found_beside_the_document(tmp_path, monkeypatch, 
     """And still are when what was written is read in another place."""
     (tmp_path / "loop.csv").write_text("0,0,0\n.01,0,0\n.01,.01,0\n0,.01,0\n")
     source = load_experiment(KNOWN)
-    (tmp_path / "arm.urdf").write_bytes(source.setup.arm.model.read_bytes())
+    (tmp_path / "arm.urdf").write_bytes(source.arm.model.read_bytes())
     written = file(
         "arm: {model: arm.urdf, frame: panda_link8}\n"
         "path: {kind: points, file: loop.csv, period: 2}\n"
@@ -157,9 +157,9 @@ def test_models_and_points_are_found_beside_the_document(tmp_path, monkeypatch, 
     monkeypatch.chdir(tmp_path)
     experiment = load_experiment(written.name)
     (tmp_path / "elsewhere").mkdir()
-    (tmp_path / "elsewhere" / "again.yaml").write_text(experiment.to_yaml())
+    (tmp_path / "elsewhere" / "again.yaml").write_text(experiment.document.to_yaml())
     monkeypatch.chdir(tmp_path / "elsewhere")
-    assert load_experiment("again.yaml").setup.arm.joints == source.setup.arm.joints
+    assert load_experiment("again.yaml").arm.joints == source.arm.joints
 
 
 # Refusals.
@@ -279,7 +279,7 @@ def test_an_unknown_experiment_is_refused_with_those_of_like_name():
 
 
 def test_period_and_integrator_in_one_document_are_refused():
-    document = {**load_experiment(KNOWN).document(), "integrator": {"step": 1e-3}}
+    document = {**load_experiment(KNOWN).document.contents(), "integrator": {"step": 1e-3}}
     with pytest.raises(InvalidInputError, match="period: stands beside integrator"):
         make_experiment(document)
 
@@ -295,8 +295,8 @@ def test_a_key_that_stands_twice_is_refused(file):
 
 def test_numbers_without_a_point_are_numbers(file):
     """1e-6 is a string in YAML 1.1."""
-    text = load_experiment(LEARNED).to_yaml().replace("rho: 0.000001", "rho: 1e-6")
-    assert load_experiment(file(text)).setup.law.rho == 1e-6
+    text = load_experiment(LEARNED).document.to_yaml().replace("rho: 0.000001", "rho: 1e-6")
+    assert load_experiment(file(text)).law.rho == 1e-6
 
 
 def test_a_path_out_of_reach_is_refused_before_anything_is_simulated(monkeypatch):
@@ -328,5 +328,6 @@ def test_period_and_integrator_cannot_both_be_changed():
 def test_what_is_expected_survives_a_short_run_only_if_it_is_asked_for():
     """The window ends after the run, and what was expected in it with it."""
     accept = {"accept.joint_velocity_max_rad_s": {"at_most": 1}}
-    assert load_experiment(KNOWN, {"duration": 1}).accept == {}
-    assert "joint_velocity_max_rad_s" in load_experiment(KNOWN, {"duration": 1, **accept}).accept
+    assert load_experiment(KNOWN, {"duration": 1}).document.accept == {}
+    kept = load_experiment(KNOWN, {"duration": 1, **accept}).document.accept
+    assert "joint_velocity_max_rad_s" in kept

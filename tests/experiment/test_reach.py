@@ -3,9 +3,14 @@
 import numpy as np
 import pytest
 
-from drake_rnn import InvalidInputError, check_reach, load_experiment, make_experiment
-from drake_rnn.experiment.document import shipped_experiments
-from drake_rnn.experiment.reach import follow
+from drake_rnn import (
+    InvalidInputError,
+    check_reach,
+    load_experiment,
+    make_experiment,
+    shipped_experiments,
+)
+from drake_rnn.experiment import follow
 
 KNOWN = "slc_nephroid_known"
 TWO_RODS = """<robot name="rods">

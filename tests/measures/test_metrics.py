@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_rnn import JointLimits
-from drake_rnn.measures.metrics import Motion, motion_metrics
+from drake_rnn.measures import Motion, motion_metrics
 
 TOLERANCE = 1e-3
 FREE = JointLimits.unlimited(2)

@@ -6,10 +6,8 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import Integrator, Sine, ZeroOrderHold
 
-from drake_rnn import load_experiment
-from drake_rnn.measures.metrics import TIMING_METRICS
-from drake_rnn.measures.recorder import Recorder
-from drake_rnn.runs.simulation import simulate
+from drake_rnn import load_experiment, simulate
+from drake_rnn.measures import TIMING_METRICS, Recorder
 
 
 def run(watched=True, duration=4.0, accuracy=1e-6):

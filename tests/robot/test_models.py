@@ -12,8 +12,8 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
+from drake_rnn import load_arm
 from drake_rnn.inputs.documents import read_yaml
-from drake_rnn.robot.arm import load_arm
 
 ARMS = ("panda", "iiwa14", "ur5", "planar6")
 LIMITS = ("position_lower", "position_upper", "velocity", "acceleration", "jerk", "effort")

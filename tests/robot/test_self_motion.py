@@ -132,8 +132,8 @@ def test_a_walk_ends_where_the_self_motion_does():
 def paper():
     """The postures of Jin et al., their limits, and the self-motion from the start."""
     experiment = load_experiment("state_adjustment")
-    iiwa = arm("iiwa14").with_limits(experiment.setup.limits)
-    return SelfMotion(iiwa, experiment.start), np.array(experiment.law["target"])
+    iiwa = arm("iiwa14").with_limits(experiment.limits)
+    return SelfMotion(iiwa, experiment.start), np.array(experiment.document.law["target"])
 
 
 def test_the_papers_target_is_off_the_self_motion_of_its_start():

@@ -8,11 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 
 from drake_rnn import SelfMotion, StateAdjustment, load_arm, load_experiment, simulate
-from drake_rnn.measures.metrics import TIMING_METRICS
-from drake_rnn.runs.simulation import build_diagram, simulator_config
+from drake_rnn.measures import TIMING_METRICS
+from drake_rnn.runs.simulation import build_simulator
 from state_adjustment_tables import ARMS, CASES, EXPERIMENTS, LAWS
 
 CASE = dict(enumerate(CASES.values(), start=1))
@@ -54,7 +53,7 @@ def runs():
 @pytest.mark.parametrize("name", [*EXPERIMENTS, *ELSEWHERE])
 def test_it_comes_to_what_its_document_expects(runs, name):
     result = runs(name)
-    for metric, accepted in result.experiment.accept.items():
+    for metric, accepted in result.experiment.document.accept.items():
         assert accepted.holds(result.metrics[metric]), (metric, result.metrics[metric])
 
 
@@ -140,11 +139,11 @@ def test_a_ramp_on_the_task_makes_a_smooth_start_of_any_law(runs):
 def test_the_targets_error_is_traded_for_the_end_effectors_where_it_cannot_be_reached():
     """The printed pair: both are off at the end, and nothing in the paper's law says so."""
     experiment = load_experiment(CASE[1])
-    printed = np.array(experiment.law["target"])
-    law = replace(experiment.setup.law, target=printed)
+    printed = np.array(experiment.document.law["target"])
+    law = replace(experiment.law, target=printed)
     q, p = end_of(experiment, law, 3.0)
     assert np.abs(q - printed).max() == pytest.approx(6.2e-2, rel=0.02)
-    assert np.linalg.norm(p - experiment.setup.p_WE_start) == pytest.approx(1.3e-3, rel=0.05)
+    assert np.linalg.norm(p - experiment.p_WE_start) == pytest.approx(1.3e-3, rel=0.05)
 
 
 class TestPastItsTime:
@@ -170,22 +169,20 @@ class TestPastItsTime:
                 return opening * lower, opening * upper
 
         experiment = load_experiment(CASE[1])
-        made = experiment.setup.law
+        made = experiment.law
         fields = ("target", "limits", "rate", "rise_time")
         law = AsPrinted(**{name: getattr(made, name) for name in fields})
         _, p = end_of(experiment, law, 7.0)
-        assert np.linalg.norm(p - experiment.setup.p_WE_start) == pytest.approx(0.458, rel=0.02)
+        assert np.linalg.norm(p - experiment.p_WE_start) == pytest.approx(0.458, rel=0.02)
 
 
 def end_of(experiment, law, duration):
     """Joint positions and the end effector's, at the end of a run with another law."""
-    diagram, loop = build_diagram(experiment, law)
-    simulator = Simulator(diagram)
-    ApplySimulatorConfig(simulator_config(experiment), simulator)
+    simulator, loop = build_simulator(experiment, law)
     simulator.AdvanceTo(duration)
     context = loop.arm.GetMyContextFromRoot(simulator.get_context())
     q = loop.arm.GetOutputPort("position").Eval(context)
-    return q, experiment.setup.arm.kinematics().p_WE(q)
+    return q, experiment.arm.kinematics().p_WE(q)
 
 
 class TestEveryLawOnEveryArm:
@@ -221,8 +218,8 @@ class TestOrientationHeldToo:
 
     @pytest.mark.parametrize("law", LAWS)
     def test_position_and_orientation_stay(self, law):
-        setup = load_experiment(CASE[1], {"task": "pose"}).setup
-        changes = {"law.target": setup.target.tolist(), "task": "pose", "accept": None}
+        target = load_experiment(CASE[1], {"task": "pose"}).target
+        changes = {"law.target": target.tolist(), "task": "pose", "accept": None}
         found = run(CASE[1], **changes, **LAWS[law]).metrics
         assert found["limit_violation_max"] == 0.0
         error, moved, turned = MOST_OF_POSE[law]
@@ -231,7 +228,7 @@ class TestOrientationHeldToo:
         assert found["orientation_error_max_rad"] <= turned
 
     def test_the_papers_target_is_half_a_radian_out_of_reach(self):
-        (warning,) = load_experiment(CASE[1], {"task": "pose"}).setup.warnings
+        (warning,) = load_experiment(CASE[1], {"task": "pose"}).warnings
         assert "turns it by 0.861 rad" in warning
         assert "0.503 rad off" in warning
 
@@ -239,7 +236,7 @@ class TestOrientationHeldToo:
 class TestStartOutsideItsLimits:
     @pytest.mark.parametrize("law", LAWS)
     def test_the_joint_returns_monotonically(self, law):
-        upper = load_experiment(CASE[1]).setup.limits.position_upper
+        upper = load_experiment(CASE[1]).limits.position_upper
         start = np.array(load_experiment(CASE[1]).start)
         start[6] = upper[6] + 0.05
         result = run(CASE[1], start=start.tolist(), accept=None, log_period=5e-4, **LAWS[law])

@@ -5,20 +5,21 @@ import pytest
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_rnn import (
+    AddLoop,
     DitherSettings,
+    IdealArm,
     InvalidInputError,
+    MovingAverage,
     Pseudoinverse,
     SampledController,
+    SimultaneousLearning,
     build_diagram,
     load_arm,
     load_experiment,
     make_experiment,
     simulate,
 )
-from drake_rnn.diagrams.kinematic import AddKinematicLoop
-from drake_rnn.experiment.experiment import _GAINS
 from drake_rnn.inputs.documents import parse_yaml
-from drake_rnn.systems.moving_average import MovingAverage
 
 CIRCLE, SQUARE, LEARNING = "chain_circle", "chain_square", "slc_nephroid_chain"
 NAMES = [CIRCLE, SQUARE, LEARNING]
@@ -73,7 +74,7 @@ def test_the_arm_follows_its_path_late_and_keeps_all_bounds(name, error, delay):
     assert found["path_delay_s"] == pytest.approx(delay)
     assert largest_ratio(found) < 0.42
     assert found["limit_violation_max"] == 0.0
-    for metric, bounds in experiment.accept.items():
+    for metric, bounds in experiment.document.accept.items():
         assert bounds.holds(found[metric]), metric
 
 
@@ -86,7 +87,7 @@ def test_it_learns_behind_the_chain_and_keeps_all_bounds():
     assert 5e-3 < found["position_error_max_m"] <= 1.5e-2
     assert found["jacobian_error_median"] < 3e-3
     assert largest_ratio(found) <= 1 + 1e-9
-    for metric, bounds in experiment.accept.items():
+    for metric, bounds in experiment.document.accept.items():
         assert bounds.holds(found[metric]), metric
 
 
@@ -182,7 +183,7 @@ def known():
 def test_the_loop_is_stable_while_gain_times_delay_is_below_one(known, monkeypatch):
     """D is .22 s, kappa 4. Twice that gain is refused, and is lost; the bounds are not."""
     assert known["position_error_max_m"] < 1.5e-2
-    monkeypatch.delitem(_GAINS, "simultaneous_learning")
+    monkeypatch.setattr(SimultaneousLearning, "loop_gains", {})
     beyond = metrics(LEARNING, **KNOWN, **{"law.kappa": 8})
     assert beyond["position_error_max_m"] > 0.1
     assert largest_ratio(beyond) <= 1 + 1e-9
@@ -202,9 +203,9 @@ def test_the_desired_position_has_to_be_late_too(known):
 @pytest.mark.parametrize("name", NAMES)
 def test_written_and_read_it_is_the_same(name):
     experiment = load_experiment(name)
-    again = make_experiment(parse_yaml(experiment.to_yaml(), name))
-    assert again.document() == experiment.document()
-    assert again.setup.path_delay == experiment.setup.path_delay
+    again = make_experiment(parse_yaml(experiment.document.to_yaml(), name))
+    assert again.document.contents() == experiment.document.contents()
+    assert again.path_delay == experiment.path_delay
 
 
 BAD = [
@@ -253,10 +254,10 @@ def test_what_cannot_be_is_refused_by_key_and_value(name, changes, message):
 
 def test_doubts_are_told():
     unknown = {"law": {"kind": "recursive", "gains": [100.0]}, "filter": {}}
-    told = load_experiment(CIRCLE, {**unknown, "feedback": "commanded"}).setup.warnings
+    told = load_experiment(CIRCLE, {**unknown, "feedback": "commanded"}).warnings
     assert any("nothing is known of whether recursive stays stable" in text for text in told)
     both = {"law.acceleration_bound": "scalar", "filter.delay_desired": False}
-    told = load_experiment(LEARNING, both).setup.warnings
+    told = load_experiment(LEARNING, both).warnings
     assert any("both together may lose the path" in text for text in told)
 
 
@@ -280,4 +281,4 @@ def test_python_users_are_refused_the_same():
     ):
         builder = DiagramBuilder()
         with pytest.raises(InvalidInputError, match=message):
-            AddKinematicLoop(builder, arm, SampledController(law, 1e-3), **options)
+            AddLoop(builder, IdealArm(arm), SampledController(law, 1e-3), **options)

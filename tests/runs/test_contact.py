@@ -6,22 +6,23 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_rnn import (
+    AddLoop,
+    Contact,
     ElasticSurface,
     ForceProfile,
+    IdealArm,
     InvalidInputError,
     MotionForce,
     PathSource,
+    PlantArm,
     Plate,
+    Rest,
     SampledController,
     SensorSettings,
     SimulationError,
+    Surface,
     load_arm,
 )
-from drake_rnn.diagrams.dynamic import AddDynamicLoop
-from drake_rnn.diagrams.kinematic import AddKinematicLoop
-from drake_rnn.environments import Surface
-from drake_rnn.paths import Rest
-from drake_rnn.systems.contact import Contact
 
 IIWA = load_arm("iiwa14", frame="tip")
 FORCE = ForceProfile(value=5.0)
@@ -61,7 +62,7 @@ class Pressing:
     """A law that presses, at either level, on a surface."""
 
     def __init__(self, surface, sensor=None, force=FORCE, path=None, task="xyz", **law):
-        add = AddKinematicLoop if isinstance(surface, ElasticSurface) else AddDynamicLoop
+        kind = IdealArm if isinstance(surface, ElasticSurface) else PlantArm
         kinematics = IIWA.kinematics()
         p_WE, R_WE = kinematics.p_WE(IIWA.home), kinematics.R_WE(IIWA.home)
         builder = DiagramBuilder()
@@ -69,8 +70,8 @@ class Pressing:
         path = builder.AddNamedSystem("path", PathSource(path, p_WE, "xyz", R_WE))
         law = {"stiffness": 100.0, **law}
         controller = SampledController(MotionForce(limits=IIWA.limits, **law), 1e-3)
-        contact = Contact(surface, force, sensor)
-        self.loop = add(builder, IIWA, controller, path, contact=contact, task=task)
+        body = kind(IIWA, contact=Contact(surface, force, sensor))
+        self.loop = AddLoop(builder, body, controller, path, task=task)
         self.diagram = builder.Build()
         self.simulator = Simulator(self.diagram)
 

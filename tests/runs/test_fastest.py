@@ -2,8 +2,7 @@
 
 import pytest
 
-from drake_rnn import InvalidInputError, load_experiment, make_experiment, simulate
-from drake_rnn.runs.fastest import fastest
+from drake_rnn import InvalidInputError, fastest, load_experiment, make_experiment, simulate
 
 QC = [0.4, 0.8, -0.3, -1.2, 0.5, 0.9, 0.2]
 BOUNDS = {"velocity": 0.2, "acceleration": 0.1, "jerk": 0.1, "snap": 0.2, "crackle": 0.2}
@@ -45,7 +44,7 @@ def test_the_end_effector_stays_on_its_path(found):
 
 def test_derivatives_scale_with_powers_of_the_stretch(found):
     """For a law that stays on its path; two per cent for differences over 10 ms."""
-    path = {**found[0].experiment.document()["path"]}
+    path = {**found[0].experiment.document.contents()["path"]}
     slow = simulate(circle(path={**path, "period": 24.0}, duration=24)).metrics
     slower = simulate(circle(path={**path, "period": 36.0}, duration=36)).metrics
     for order in range(1, 6):
@@ -91,7 +90,7 @@ def test_without_a_path_there_is_nothing_to_stretch():
 @pytest.mark.parametrize(
     ("name", "changes", "message"),
     [
-        ("horizon_circle", {}, "law.kind: may be pseudoinverse, recursive, joint_drift_free"),
+        ("horizon_circle", {}, "law.kind: may be joint_drift_free, pseudoinverse, recursive for a"),
         ("chain_circle", {}, "filter: keeps the bounds at any speed"),
         ("stretched_circle", {"path.offset": [0.01, 0, 0]}, "path.offset: must be zero"),
     ],

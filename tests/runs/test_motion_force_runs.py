@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import InvalidInputError, SimulationError, load_experiment, simulate
-from drake_rnn.measures.metrics import TIMING_METRICS
+from drake_rnn.measures import TIMING_METRICS
 
 QUICK = ["motion_force_tricuspid", "motion_force_cat"]
 LONG = [
@@ -43,8 +43,8 @@ def metrics(name, **changes):
 )
 def test_it_comes_to_what_its_document_expects(name):
     result = run(name)
-    assert result.experiment.accept
-    for metric, accepted in result.experiment.accept.items():
+    assert result.experiment.document.accept
+    for metric, accepted in result.experiment.document.accept.items():
         assert accepted.holds(result.metrics[metric]), (metric, result.metrics[metric])
     assert result.metrics["limit_violation_max"] == 0.0
 
@@ -220,6 +220,8 @@ class TestContact:
         result = run("contact_edge", law__contact_loss={"reaction": reaction}, duration=11)
         assert result.metrics["contact_lost_time_s"] == pytest.approx(7.4, abs=0.2)
         assert any("contact: lost at t = 7." in warning for warning in result.warnings)
+        does = {"hold": "holds still", "retreat": "retreats"}[reaction]
+        assert any(f"without contact the end effector {does}" in w for w in result.warnings)
         after = result.time > result.metrics["contact_lost_time_s"] + 2.0
         height = result.series["p_WE"][after, 2]
         assert np.ptp(height) < 1e-5

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import load_experiment, shipped_experiments, simulate
-from drake_rnn.measures.metrics import TIMING_METRICS
+from drake_rnn.measures import TIMING_METRICS
 
 SHAPES = ["circle", "square"]
 LAWS = ["recursive_{}_printed", "recursive_{}", "pinv_{}", "rnn_{}_smooth", "stretched_{}"]
@@ -42,7 +42,7 @@ def ratios(result):
 )
 def test_it_comes_to_what_its_document_expects(name):
     result = simulate(load_experiment(name))
-    for metric, accepted in result.experiment.accept.items():
+    for metric, accepted in result.experiment.document.accept.items():
         assert accepted.holds(result.metrics[metric]), (metric, result.metrics[metric])
     assert result.metrics["position_error_max_m"] == pytest.approx(
         ERRORS.get(name, result.metrics["position_error_max_m"]), rel=0.02
@@ -52,7 +52,7 @@ def test_it_comes_to_what_its_document_expects(name):
         assert result.metrics["limit_violation_max"] == 0.0
     elif name in ("recursive_circle", "recursive_square"):
         # What is shown in the derivatives' stead is within the bounds all the same.
-        limits = result.experiment.setup.limits
+        limits = result.experiment.limits
         bounds = [limits.acceleration, limits.jerk, limits.snap, limits.crackle]
         shown = np.abs(result.series["levels"]).max(axis=0) / np.array(bounds)
         assert shown.max() <= 1.0
@@ -64,7 +64,7 @@ def test_it_comes_to_what_its_document_expects(name):
 def test_stretched_is_the_baseline_with_smooth_timing(shape):
     """One run under two names: so the paper's "failing" baseline holds every bound as well."""
     stretched, baseline = (
-        load_experiment(name.format(shape)).document()
+        load_experiment(name.format(shape)).document.contents()
         for name in ("stretched_{}", "pinv_{}_smooth")
     )
     told = {"name", "paper", "expect"}
@@ -89,7 +89,7 @@ def test_all_of_them_are_shipped():
 @pytest.mark.parametrize("shape", SHAPES)
 def test_paths_start_where_the_arm_is_and_go_as_they_should(shape):
     """Circle: p_0 + 0.15 (0, cos - 1, sin). Square: from p_0 along -y, then +z."""
-    path = load_experiment(f"pinv_{shape}").setup.path
+    path = load_experiment(f"pinv_{shape}").path
     quarters = np.array([path.evaluate(path.period * k / 4)[0] for k in range(5)])
     a = path.size
     corners = {
@@ -109,7 +109,7 @@ def test_paths_start_where_the_arm_is_and_go_as_they_should(shape):
 )
 def test_printed_with_one_or_two_levels_it_follows_within_its_bounds(shape, n, error):
     """Past the first corner; 1e-9: a secant of velocities whose slope is the bound is rounded."""
-    gains = load_experiment(f"recursive_{shape}_printed").law["gains"][:n]
+    gains = load_experiment(f"recursive_{shape}_printed").document.law["gains"][:n]
     found = run(f"recursive_{shape}_printed", duration=12.0, **{"law.gains": gains})
     assert found.metrics["position_error_max_m"] < error
     assert (ratios(found)[:n] <= 1 + 1e-9).all()
@@ -121,7 +121,7 @@ def test_printed_with_one_or_two_levels_it_follows_within_its_bounds(shape, n, e
 )
 def test_printed_with_more_it_swings_and_breaks_what_is_below_its_top(shape, n, error):
     """At the top, the rounding of differences over 10 ms is a few parts in 1e6."""
-    gains = load_experiment(f"recursive_{shape}_printed").law["gains"][:n]
+    gains = load_experiment(f"recursive_{shape}_printed").document.law["gains"][:n]
     found = run(f"recursive_{shape}_printed", duration=20.0, **{"law.gains": gains})
     assert found.metrics["position_error_max_m"] > error
     assert ratios(found)[0] > 1.1

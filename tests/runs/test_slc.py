@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import load_experiment, simulate
-from drake_rnn.measures.metrics import TIMING_METRICS
+from drake_rnn.measures import TIMING_METRICS
 
 # Each takes half a minute; `make test` has ten.
 SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(1, 20))]
@@ -150,7 +150,7 @@ class TestContinuousAndSampled:
 
     def postures(self, name, **changes):
         result = simulate(load_experiment(name, {"log_period": 1e-5, **changes}))
-        grid = np.linspace(0.0, load_experiment(name, changes).duration, 21)
+        grid = np.linspace(0.0, load_experiment(name, changes).document.duration, 21)
         return np.array([np.interp(grid, result.time, q) for q in result.series["position"].T])
 
     def test_samples_approach_the_differential_equation_at_first_order(self):

@@ -1,6 +1,7 @@
 """One experiment at many values."""
 
 import csv
+import importlib
 import io
 import re
 
@@ -8,12 +9,14 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from drake_rnn import InvalidInputError, SimulationError, load_experiment, simulate
-from drake_rnn import sweep as sweeping
+from drake_rnn import InvalidInputError, SimulationError, load_experiment, simulate, sweep
 from drake_rnn.cli.tables import WIDE, sweep_tables
 from drake_rnn.figures.sweep import sweep_figure
-from drake_rnn.measures.metrics import TIMING_METRICS
-from drake_rnn.runs.sweep import Row, parse_axis, sweep, write_csv
+from drake_rnn.measures import TIMING_METRICS
+from drake_rnn.runs.sweep import Row, parse_axis, write_csv
+
+# The module: the package shows its function by the same name.
+sweeping = importlib.import_module("drake_rnn.runs.sweep")
 
 KNOWN = "slc_nephroid_known"
 SHORT = {"duration": 0.05}
@@ -78,7 +81,7 @@ def test_every_combination_is_checked_before_the_first_runs(monkeypatch):
 
 def test_a_run_that_fails_takes_a_row_and_the_others_run(monkeypatch):
     def simulate_or_fail(experiment):
-        if experiment.seed == 2:
+        if experiment.document.seed == 2:
             error = SimulationError("controller: v not finite any more", 0.01)
             error.result = simulate(experiment)
             raise error

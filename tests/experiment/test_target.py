@@ -44,27 +44,29 @@ def test_the_posture_that_a_refusal_offers_is_accepted():
     message = refusal({"on_unreachable": "refuse"})
     offered = [float(q) for q in re.search(r"\[(.*)\]", message)[1].split(",")]
     experiment = load_experiment(MSA, {"on_unreachable": "refuse", "law.target": offered})
-    assert experiment.setup.warnings == ()
-    np.testing.assert_array_equal(experiment.setup.target, offered)
-    np.testing.assert_allclose(load_experiment(MSA).setup.target, offered, atol=5e-7)
+    assert experiment.warnings == ()
+    np.testing.assert_array_equal(experiment.target, offered)
+    np.testing.assert_allclose(load_experiment(MSA).target, offered, atol=5e-7)
 
 
 def test_a_projected_target_is_said_to_be_one():
-    setup = load_experiment(MSA).setup
-    (warning,) = setup.warnings
+    experiment = load_experiment(MSA)
+    (warning,) = experiment.warnings
     assert warning.startswith("law.target: moves the end effector 0.0223 m")
     assert warning.endswith("taken in its place")
-    np.testing.assert_array_equal(setup.law.target, setup.target)
-    kinematics = setup.arm.kinematics()
-    np.testing.assert_allclose(kinematics.p_WE(setup.target), setup.p_WE_start, atol=1e-10)
+    np.testing.assert_array_equal(experiment.law.target, experiment.target)
+    kinematics = experiment.arm.kinematics()
+    np.testing.assert_allclose(
+        kinematics.p_WE(experiment.target), experiment.p_WE_start, atol=1e-10
+    )
 
 
 def test_a_pose_is_left_by_more_than_its_position():
     message = refusal({"on_unreachable": "refuse", "task": "pose"})
     assert "0.0223 m from where it starts and turns it by 0.861 rad" in message
-    setup = load_experiment(MSA, {"task": "pose"}).setup
+    experiment = load_experiment(MSA, {"task": "pose"})
     np.testing.assert_allclose(
-        setup.arm.kinematics().R_WE(setup.target), setup.R_WE_start, atol=1e-9
+        experiment.arm.kinematics().R_WE(experiment.target), experiment.R_WE_start, atol=1e-9
     )
 
 
@@ -82,7 +84,7 @@ def test_an_arm_without_self_motion_is_refused():
     message = refusal({**ON_UR5, "task": "pose"})
     assert message.startswith("task: pose leaves ur5 no self-motion at its start")
     assert "0 free dimensions" in message
-    assert load_experiment(MSA, ON_UR5).setup.warnings == ()
+    assert load_experiment(MSA, ON_UR5).warnings == ()
 
 
 # Values that cannot be.
@@ -124,7 +126,11 @@ def test_a_target_must_be_a_posture_within_the_limits(target, message):
         (MSA, {"task": "yaw"}, "task: must be 'xyz', 'xy' or 'pose', not 'yaw'"),
         (MSA, {"law.task_size": 3}, "law.task_size: follows from task; leave it out"),
         (MSA, {"dither": {"sigma": 0.1, "hold": 1e-3}}, "dither: this law does not learn"),
-        (NSA, {"integrator.step": 1e-3}, "integrator: null_space_adjustment is no differential"),
+        (
+            NSA,
+            {"integrator.step": 1e-3},
+            "integrator: NullSpaceAdjustment is no differential equation; sample it with a period",
+        ),
         (
             NSA,
             {"period": 0.02},
@@ -148,17 +154,18 @@ def test_without_feedback_longer_periods_will_do():
 
 def outside(excess):
     """The paper's start, that far beyond the limit of joint 1, towards which it goes."""
-    setup = load_experiment(MSA).setup
-    upper = [setup.start[0] - excess, *setup.limits.position_upper[1:]]
+    experiment = load_experiment(MSA)
+    upper = [experiment.start[0] - excess, *experiment.limits.position_upper[1:]]
     return {"limits.position_upper": upper}
 
 
 def test_a_start_a_little_outside_its_limits_is_brought_back_by_a_law_that_can():
-    setup = load_experiment(MSA, outside(0.05)).setup
+    experiment = load_experiment(MSA, outside(0.05))
     assert (
-        "start: iiwa_joint_1 is at 0.981028 rad, 0.05 rad outside its limits" in setup.warnings[0]
+        "start: iiwa_joint_1 is at 0.981028 rad, 0.05 rad outside its limits"
+        in experiment.warnings[0]
     )
-    assert not setup.limits.violation(setup.target).any()
+    assert not experiment.limits.violation(experiment.target).any()
 
 
 def test_a_start_far_outside_its_limits_is_refused():
@@ -175,15 +182,15 @@ def test_a_law_that_follows_a_path_must_start_inside_the_limits():
 @pytest.mark.parametrize("joint", range(7))
 def test_a_target_in_place_of_another_lies_within_the_limits_though_the_start_does_not(joint):
     """Else the law would refuse what is offered to it."""
-    setup = load_experiment(MSA).setup
-    lower, upper = setup.limits.position_lower.copy(), setup.limits.position_upper.copy()
+    experiment = load_experiment(MSA)
+    lower, upper = experiment.limits.position_lower.copy(), experiment.limits.position_upper.copy()
     # Joint 6 is near its lower limit.
     way = 1.0 if joint == 5 else -1.0
-    (lower if way > 0 else upper)[joint] = setup.start[joint] + way * 0.05
-    target = setup.start + 0.3 * np.linspace(-1, 1, 7) * (np.arange(7) != 5)
-    target[joint] = setup.start[joint] + way * 0.051
+    (lower if way > 0 else upper)[joint] = experiment.start[joint] + way * 0.05
+    target = experiment.start + 0.3 * np.linspace(-1, 1, 7) * (np.arange(7) != 5)
+    target[joint] = experiment.start[joint] + way * 0.051
     changes = {"position_lower": lower.tolist(), "position_upper": upper.tolist(), "velocity": 1.5}
-    made = load_experiment(MSA, {"limits": changes, "law.target": target.tolist()}).setup
+    made = load_experiment(MSA, {"limits": changes, "law.target": target.tolist()})
     assert not made.limits.violation(made.target).any()
     assert "taken in its place" in made.warnings[1]
 
@@ -194,8 +201,8 @@ def test_a_target_in_place_of_another_lies_within_the_limits_though_the_start_do
 @pytest.mark.parametrize("way", [1, -1])
 def test_a_joint_that_goes_more_than_half_a_turn_is_warned_of(way):
     """The last joint of the UR5 turns the flange about its own axis."""
-    setup = load_experiment(MSA, {**ON_UR5, "law.target": moved(UR5, 5, way * 3.3)}).setup
-    (warning,) = setup.warnings
+    experiment = load_experiment(MSA, {**ON_UR5, "law.target": moved(UR5, 5, way * 3.3)})
+    (warning,) = experiment.warnings
     assert "wrist_3_joint has 3.3 rad to go" in warning
     nearer = way * (3.3 - 2 * pi)
     assert f"at {nearer:.6g} rad the posture is the same, and nearer" in warning
@@ -203,10 +210,10 @@ def test_a_joint_that_goes_more_than_half_a_turn_is_warned_of(way):
 
 def test_half_a_turn_or_one_that_has_no_other_way_is_not():
     half = load_experiment(MSA, {**ON_UR5, "law.target": moved(UR5, 5, 3.1)})
-    assert half.setup.warnings == ()
+    assert half.warnings == ()
     limits = {"position_lower": [*[-2 * pi] * 5, -1]}
     only = load_experiment(MSA, {**ON_UR5, "limits": limits, "law.target": moved(UR5, 5, 3.3)})
-    assert not any("to go" in warning for warning in only.setup.warnings)
+    assert not any("to go" in warning for warning in only.warnings)
 
 
 # Documents.
@@ -215,20 +222,20 @@ def test_half_a_turn_or_one_that_has_no_other_way_is_not():
 @pytest.mark.parametrize("name", [MSA, NSA, SLC])
 def test_a_document_is_read_back_as_it_was_with_and_without_a_path(name):
     experiment = load_experiment(name)
-    document = parse_yaml(experiment.to_yaml(), name)
+    document = parse_yaml(experiment.document.to_yaml(), name)
     assert ("path" in document) == (name == SLC)
     again = make_experiment(document)
-    assert again.document() == experiment.document()
-    assert again.setup.warnings == experiment.setup.warnings
-    assert type(again.setup.path) is type(experiment.setup.path)
+    assert again.document.contents() == experiment.document.contents()
+    assert again.warnings == experiment.warnings
+    assert type(again.path) is type(experiment.path)
     if name != SLC:
-        assert isinstance(again.setup.path, Rest)
-        np.testing.assert_array_equal(again.setup.target, experiment.setup.target)
+        assert isinstance(again.path, Rest)
+        np.testing.assert_array_equal(again.target, experiment.target)
 
 
 def test_an_offered_posture_at_a_limit_can_be_given_back():
     """Six decimals of 17/18 pi lie outside it."""
-    document = load_experiment("modified_state_adjustment").document()
+    document = load_experiment("modified_state_adjustment").document.contents()
     upper = document["limits"]["position_upper"]
     target = [*document["law"]["target"][:6], upper[6]]
     changes = {"law.target": target, "on_unreachable": "refuse"}
@@ -248,8 +255,8 @@ def test_limits_of_another_arm_are_refused_by_their_own_name(name):
 
 
 def test_limits_beyond_what_the_arm_can_are_warned_of():
-    upper = [*load_experiment(MSA).document()["limits"]["position_upper"][:6], 4.0]
-    warnings = load_experiment(MSA, {"limits.position_upper": upper}).setup.warnings
+    upper = [*load_experiment(MSA).document.contents()["limits"]["position_upper"][:6], 4.0]
+    warnings = load_experiment(MSA, {"limits.position_upper": upper}).warnings
     assert any("iiwa_joint_7 may go 0.946 rad beyond what iiwa14 can" in w for w in warnings)
 
 

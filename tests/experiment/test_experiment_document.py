@@ -1,0 +1,148 @@
+"""The document of an experiment, and what it means."""
+
+from dataclasses import fields, is_dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drake_rnn import (
+    Arm,
+    ExperimentDocument,
+    IdealArm,
+    InvalidInputError,
+    PlantArm,
+    load_experiment,
+    make_experiment,
+    shipped_experiments,
+)
+from drake_rnn.experiment import read_document
+from drake_rnn.inputs.documents import parse_yaml
+
+KINEMATIC, DYNAMIC = "slc_nephroid_known", "contact_circle"
+# One of each kind of law, one with a filter, and both levels.
+VARIED = [
+    KINEMATIC,
+    DYNAMIC,
+    "chain_circle",
+    "horizon_circle",
+    "modified_state_adjustment",
+    "motion_force_tricuspid",
+    "naljdf_clover",
+    "null_space_adjustment_dynamic",
+    "recursive_circle",
+]
+numbers = st.floats(-3.0, 3.0)
+
+
+def written(name, **changes):
+    """A document as it is written, not yet given its meaning."""
+    contents = {**read_document(name), **changes}
+    return ExperimentDocument(**{key: v for key, v in contents.items() if v is not None})
+
+
+def assert_same(one, other):
+    """Bit for bit, field by field."""
+    assert type(one) is type(other)
+    if is_dataclass(one) and not isinstance(one, type):
+        for field in fields(one):
+            assert_same(getattr(one, field.name), getattr(other, field.name))
+    elif isinstance(one, Arm):
+        for name in ("description", "model", "joints", "home", "limits", "effort", "gravity"):
+            assert_same(getattr(one, name), getattr(other, name))
+    elif isinstance(one, dict):
+        assert [*one] == [*other]
+        for key, value in one.items():
+            assert_same(value, other[key])
+    else:
+        np.testing.assert_array_equal(one, other)
+
+
+# As it is written.
+
+
+@pytest.mark.parametrize("name", shipped_experiments())
+def test_a_document_reads_back_from_its_own_yaml(name):
+    """Also the one whose meaning is refused: reading comes first."""
+    document = written(name)
+    text = document.to_yaml()
+    again = ExperimentDocument(**parse_yaml(text, name))
+    assert again.contents() == document.contents()
+    assert again.to_yaml() == text
+    assert_same(again, document)
+
+
+@given(st.lists(numbers, min_size=7, max_size=7), numbers, st.floats(1e-9, 10.0))
+def test_its_numbers_read_back_to_the_last_bit(start, offset, rho):
+    law = {"kind": "simultaneous_learning", "rho": rho}
+    path = {"kind": "circle", "size": 0.1, "period": 8, "offset": [offset, 0, 0]}
+    contents = {"arm": "panda", "law": law, "path": path, "start": start, "period": 1e-3}
+    document = ExperimentDocument(**contents, duration=8)
+    again = ExperimentDocument(**parse_yaml(document.to_yaml(), "here"))
+    assert again.start.tobytes() == document.start.tobytes() == np.array(start).tobytes()
+    assert again.path["offset"] == [offset, 0, 0]
+    assert again.law["rho"] == rho
+
+
+def test_what_is_not_set_is_not_written():
+    contents = written(KINEMATIC).contents()
+    unset = {"plant", "environment", "force", "sensor", "integrator", "dither", "filter", "over"}
+    assert not contents.keys() & (unset | {"feedback"})
+    assert contents["level"] == "kinematic"
+
+
+# What it means.
+
+
+@pytest.mark.parametrize("name", VARIED)
+def test_a_document_and_its_contents_mean_the_same(name):
+    document = written(name)
+    experiment, again = make_experiment(document), make_experiment(document.contents())
+    assert experiment.document is document
+    assert_same(again, experiment)
+
+
+@pytest.mark.parametrize("name", VARIED)
+def test_what_is_loaded_means_what_its_document_does(name):
+    experiment = load_experiment(name)
+    assert_same(make_experiment(experiment.document), experiment)
+
+
+def test_making_an_experiment_leaves_its_document_as_it_was():
+    """Not so the target, which is projected to one that can be reached."""
+    experiment = load_experiment("modified_state_adjustment")
+    written_target = experiment.document.law["target"]
+    assert written_target == read_document("modified_state_adjustment")["law"]["target"]
+    assert np.abs(experiment.law.target - written_target).max() > 0.06
+    np.testing.assert_array_equal(experiment.law.target, experiment.target)
+
+
+# Which arm the law sees.
+
+
+@pytest.mark.parametrize(
+    ("name", "body", "feedback"),
+    [(KINEMATIC, IdealArm, "commanded"), (DYNAMIC, PlantArm, "measured")],
+)
+def test_feedback_is_the_bodys_own_unless_it_is_given(name, body, feedback):
+    document = written(name, feedback=None)
+    assert document.feedback is None
+    experiment = make_experiment(document)
+    assert experiment.level is body
+    assert experiment.feedback == body.default_feedback == feedback
+    # What is written stays what was given.
+    assert "feedback" not in experiment.document.contents()
+    assert make_experiment(written(name, feedback=feedback)).feedback == feedback
+
+
+def test_feedback_that_is_contentsstands_at_the_dynamic_level():
+    experiment = make_experiment(written(DYNAMIC, feedback="commanded"))
+    assert experiment.feedback == "commanded"
+    assert experiment.document.contents()["feedback"] == "commanded"
+
+
+def test_an_arm_that_is_where_it_is_commanded_to_be_has_nothing_to_measure():
+    message = "feedback: measured is for level: dynamic; here the arm is where it is commanded"
+    with pytest.raises(InvalidInputError, match=f"^{message}"):
+        make_experiment(written(KINEMATIC, feedback="measured"))

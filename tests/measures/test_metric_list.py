@@ -1,0 +1,123 @@
+"""The one list of metrics: names, units, and that nothing is measured that it does not name."""
+
+import re
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from drake_rnn import METRICS, JointLimits
+from drake_rnn.measures import (
+    METRIC_NAMES,
+    TIMING_METRICS,
+    Motion,
+    Pressing,
+    law_metrics,
+    motion_metrics,
+    shown_in,
+)
+from drake_rnn.measures.metrics import Over, Shown
+
+#: How a name ends that has this unit.
+ENDINGS = {
+    "m": "_m",
+    "m/s": "_m_s",
+    "s": "_s",
+    "us": "_us",
+    "rad": "_rad",
+    "rad/s": "_rad_s",
+    "rad/s^2": "_rad_s2",
+    "N": "_N",
+}
+#: What is said of a Jacobian is in the unit of J, which the names leave out.
+OF_THE_JACOBIAN = {
+    "jacobian_error_median",
+    "jacobian_error_max",
+    "jacobian_error_excited_median",
+    "singular_value_min",
+}
+#: What `drake_rnn.simulate` and `drake_rnn.fastest` know, and no motion shows.
+OF_THE_RUN = {"path_delay_s", "shortest_duration_s", *TIMING_METRICS}
+ORDERS = ("velocity", "acceleration", "jerk", "snap", "crackle")
+BOUNDS = {"position_lower": -1.0, "position_upper": 1.0, **dict.fromkeys(ORDERS, 1.0)}
+BOUNDED = JointLimits.unlimited(2).replace(**BOUNDS)
+
+
+def test_names_are_unique():
+    assert len({*METRIC_NAMES}) == len(METRICS)
+    assert tuple(metric.name for metric in METRICS) == METRIC_NAMES
+
+
+@pytest.mark.parametrize("metric", METRICS, ids=METRIC_NAMES)
+def test_a_name_ends_in_its_unit(metric):
+    """The longest unit that it ends in: ``_m_s`` is no time."""
+    ends = [unit for unit, end in ENDINGS.items() if metric.name.endswith(end)]
+    longest = max(ends, key=lambda unit: len(ENDINGS[unit]), default=None)
+    if metric.unit in {"1", "mixed"}:
+        assert longest is None
+    elif metric.name in OF_THE_JACOBIAN:
+        assert (longest, metric.unit) == (None, "m")
+    else:
+        assert longest == metric.unit
+
+
+@pytest.mark.parametrize("metric", METRICS, ids=METRIC_NAMES)
+def test_a_metric_says_what_it_is(metric):
+    assert re.fullmatch("[a-z][a-z0-9_]*(_N)?", metric.name)
+    assert metric.meaning
+    assert metric.over in get_args(Over)
+    assert metric.shown <= {*get_args(Shown)}
+
+
+def test_what_is_shown_comes_in_the_order_of_the_list():
+    for place in get_args(Shown):
+        names = shown_in(place)
+        assert names
+        assert names == tuple(metric.name for metric in METRICS if place in metric.shown)
+    assert [*TIMING_METRICS] == [m.name for m in METRICS if m.over == "machine"]
+
+
+def swing(**fields):
+    """An arm that swings for a second, and presses on a surface from which it is lifted."""
+    time = np.arange(0.0, 1.0, 1e-3)
+    k = time.size
+    velocity = np.column_stack((0.3 * np.cos(2 * time), -0.1 * np.cos(2 * time)))
+    at_rest = np.zeros((k, 3))
+    J = np.broadcast_to(np.eye(3, 2), (k, 3, 2))
+    force = np.where((time > 0.1) & (time < 0.5), 5.0, 0.0)
+    there = {
+        "position": velocity / 3,
+        "velocity": velocity,
+        "network_velocity": velocity / 2,
+        "p_WE": at_rest,
+        "v_WE": at_rest,
+        "p_WE_desired": at_rest,
+        "v_WE_desired": at_rest,
+        "J": J,
+        "J_hat": 0.9 * J,
+        "orientation_error": np.zeros(k),
+        "pressing": Pressing(normal=np.eye(3)[2], force=force, desired=np.full(k, 5.0)),
+    }
+    return Motion(time=time, **{**there, **fields})
+
+
+def observed(k):
+    """All that a law may tell of itself."""
+    return {
+        "saturated": np.zeros((k, 1)),
+        "acceleration_demand": np.ones((k, 2)),
+        "orientation_rank": np.full((k, 1), 3.0),
+        "contact_lost": np.ones((k, 1)),
+        "displacement": np.zeros((k, 3)),
+    }
+
+
+def test_every_metric_that_is_taken_is_in_the_list_and_the_other_way_round():
+    """Along a path, to a target at which the arm arrives, and of what a law tells."""
+    along, towards = swing(), swing(target=np.zeros(2), position=np.zeros((1000, 2)))
+    taken = set()
+    for motion in (along, towards):
+        taken |= motion_metrics(motion, BOUNDED, None, 1e-3).keys()
+        taken |= law_metrics(motion, observed(motion.time.size)).keys()
+    assert taken <= {*METRIC_NAMES}
+    assert {*METRIC_NAMES} - taken == OF_THE_RUN

@@ -1,0 +1,37 @@
+"""Print the page of metrics: python docs/make_metrics.py > docs/metrics.md."""
+
+from drake_rnn import METRICS
+
+_HEAD = """\
+# Metrics
+
+<!-- Made by `python docs/make_metrics.py > docs/metrics.md`; a test compares the two. -->
+
+Every run writes its metrics to `metrics.json`, and `drake-rnn run` prints them beside the bounds of
+`accept`. They are taken over every simulated step, never over the stored samples. A metric that
+does not apply to a run, or whose event did not occur, is absent.
+
+The last column says which steps a metric is taken over: those in the experiment's `window`, those
+of the whole `run`, or none, because it describes the `machine` that ran it. A unit of 1 is a pure
+number.
+
+In Python the same list is `drake_rnn.METRICS`.
+
+| name | unit | meaning | over |
+|---|---|---|---|
+"""
+
+
+def page() -> str:
+    """Return the text of the page."""
+    rows = [(m.name, m.unit, m.meaning, m.over) for m in METRICS]
+    return _HEAD + "".join(map(_row, rows))
+
+
+def _row(cells: tuple[str, ...]) -> str:
+    name, *others = (cell.replace("``", "`").replace("|", "\\|") for cell in cells)
+    return f"| `{name}` | {' | '.join(others)} |\n"
+
+
+if __name__ == "__main__":
+    print(page(), end="")

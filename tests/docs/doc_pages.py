@@ -1,0 +1,67 @@
+"""The pages of the repository, and what stands in them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+
+#: Every page, relative to the root.
+PAGES = sorted(
+    str(file.relative_to(ROOT))
+    for pattern in (
+        "*.md",
+        "docs/*.md",
+        "diagrams/*.md",
+        "diagrams/experiments/*.md",
+        "models/*.md",
+    )
+    for file in ROOT.glob(pattern)
+)
+
+_FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+_SPAN = re.compile(r"`([^`]+)`")
+
+
+def text_of(page: str) -> str:
+    """Return the text of a page."""
+    return (ROOT / page).read_text()
+
+
+def fenced(page: str, language: str) -> list[tuple[int, str]]:
+    """Return the fenced blocks in a language, each with the number of its first line."""
+    text = text_of(page)
+    return [
+        (text.count("\n", 0, match.start(2)) + 1, match[2])
+        for match in _FENCE.finditer(text)
+        if match[1] == language
+    ]
+
+
+def prose(page: str) -> str:
+    """Return the text of a page without its fenced blocks."""
+    return _FENCE.sub("", text_of(page))
+
+
+def spans(text: str) -> list[str]:
+    """Return the code spans of a text, each on one line."""
+    return [" ".join(span.split()) for span in _SPAN.findall(text)]
+
+
+def tables(page: str) -> Iterator[tuple[list[str], list[list[str]]]]:
+    """Yield head and rows of every table."""
+    lines = prose(page).splitlines()
+    for number, line in enumerate(lines):
+        if re.fullmatch(r"\|(?:-+\|)+", line):
+            rows = []
+            for row in lines[number + 1 :]:
+                if not row.startswith("|"):
+                    break
+                rows.append(_cells(row))
+            yield _cells(lines[number - 1]), rows
+
+
+def _cells(line: str) -> list[str]:
+    return [cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]]

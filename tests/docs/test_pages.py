@@ -1,0 +1,216 @@
+"""What the pages say exists: links, files, commands, experiments, keys and metrics."""
+
+import re
+import runpy
+import shlex
+from fnmatch import fnmatch
+
+import click
+import pytest
+import typer
+from doc_pages import PAGES, ROOT, fenced, prose, spans, tables, text_of
+
+from drake_rnn import (
+    ENVIRONMENTS,
+    LAWS,
+    METRICS,
+    PATHS,
+    ArmDescription,
+    ContactLoss,
+    DitherSettings,
+    ExperimentDocument,
+    FilterSettings,
+    ForceProfile,
+    JointLimits,
+    OnlineStiffness,
+    PlantSettings,
+    SensorSettings,
+    TipMaterial,
+    WarmUp,
+    load_experiment,
+    shipped_arms,
+    shipped_experiments,
+)
+from drake_rnn.cli import app
+from drake_rnn.experiment import IntegratorSettings, parse_change
+from drake_rnn.inputs.fields import field_names
+from drake_rnn.runs.sweep import parse_axis
+
+LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
+#: What stands for an experiment of the reader's own.
+PLACEHOLDER = re.compile(r"NAME|EXPERIMENT|\.\.\.|.*\.yaml")
+#: An experiment that is there to be refused.
+REFUSED = "state_adjustment_printed"
+
+
+def test_the_readme_is_short():
+    assert len(text_of("README.md").split()) <= 1200
+
+
+# Links and files.
+
+
+def anchors(page):
+    titles = re.findall(r"^#+ (.*)$", prose(page), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_link_leads_somewhere(page):
+    for link in LINK.findall(prose(page)):
+        if link.startswith("https://"):
+            continue
+        place, _, anchor = link.partition("#")
+        target = (ROOT / page).parent / place if place else ROOT / page
+        assert target.exists(), link
+        if anchor:
+            assert anchor in anchors(str(target.resolve().relative_to(ROOT))), link
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_file_that_is_named_exists(page):
+    folders = (ROOT, ROOT / "drake_rnn", (ROOT / page).parent)
+    for span in spans(prose(page)):
+        if re.fullmatch(r"[\w./]+/[\w.]+\.(?:py|yaml|urdf|md)", span) or re.fullmatch(
+            r"(?!out/)(?:[a-z_]+/)+", span
+        ):
+            assert any((folder / span).exists() for folder in folders), span
+
+
+def test_every_page_is_in_the_index():
+    listed = set(LINK.findall(text_of("docs/README.md")))
+    written = {file.name for file in (ROOT / "docs").glob("*.md")} - {"README.md"}
+    assert written <= listed
+
+
+# Commands.
+
+
+def shell_lines(page):
+    lines = [line for _, block in fenced(page, "sh") for line in block.splitlines()]
+    return [line.split(" #")[0].strip() for line in lines]
+
+
+def commands(page):
+    """Command lines of `drake-rnn`, among them those of which only experiment and options stand."""
+    for text in [*shell_lines(page), *spans(prose(page))]:
+        if text.startswith("drake-rnn "):
+            yield shlex.split(text)[1:]
+        elif re.match(r"\w+ --(?:set|duration)", text):
+            yield ["run", *shlex.split(text)]
+        elif re.match(r"\w+ --over", text):
+            yield ["sweep", *shlex.split(text)]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_command_exists_and_so_do_its_options_experiments_and_keys(page):
+    known = typer.main.get_command(app).commands
+    for name, *arguments in commands(page):
+        assert name in known, name
+        if arguments == ["..."]:
+            continue
+        command = known[name]
+        given, _, _ = command.make_parser(click.Context(command)).parse_args(arguments)
+        named = given.get("experiments") or given.get("experiment") or ()
+        changes = dict(map(parse_change, given.get("changes") or []))
+        axes = map(parse_axis, given.get("over") or [])
+        changes |= {key: values[0] for key, values in axes if key != "KEY"}
+        for experiment in (named,) if isinstance(named, str) else named:
+            if PLACEHOLDER.fullmatch(experiment):
+                continue
+            assert experiment in shipped_experiments(), experiment
+            if experiment != REFUSED:
+                load_experiment(experiment, changes)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_row_of_a_run_is_a_shipped_experiment(page):
+    for head, rows in tables(page):
+        if "drake-rnn run ..." in head[0]:
+            for row in rows:
+                names = spans(row[0])
+                assert names
+                assert set(names) <= set(shipped_experiments()), row[0]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_target_of_make_exists(page):
+    targets = re.search(r"^\.PHONY: (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)[1]
+    for text in [*shell_lines(page), *spans(prose(page))]:
+        if text.startswith("make "):
+            assert set(text.split()[1:]) <= set(targets.split()), text
+
+
+# What is shipped.
+
+
+def test_every_experiment_has_its_line():
+    page = "diagrams/experiments/README.md"
+    files = (ROOT / "diagrams" / "experiments").glob("*/*.yaml")
+    shipped = {f"{file.parent.name}/{file.name}" for file in files}
+    named = [link for link in LINK.findall(text_of(page)) if link.endswith(".yaml")]
+    assert sorted(named) == sorted(shipped)
+    for head, rows in tables(page):
+        assert head == ["experiment", "arm", "what to expect", "paper"]
+        assert all(all(cells) and len(cells) == 4 for cells in rows)
+
+
+def test_every_scheme_has_its_row_and_every_experiment_its_scheme():
+    (rows,) = [rows for head, rows in tables("docs/results.md") if head[0] == "scheme"]
+    assert len(rows) == len(LAWS)
+    globs = [glob for row in rows for glob in spans(row[-1])]
+    for glob in globs:
+        assert any(fnmatch(name, glob) for name in shipped_experiments()), glob
+    for name in shipped_experiments():
+        assert any(fnmatch(name, glob) for glob in globs), name
+
+
+def test_every_arm_has_its_row():
+    (rows,) = [rows for head, rows in tables("models/README.md") if head[0] == "arm"]
+    assert sorted(spans(row[0])[0] for row in rows) == shipped_arms()
+
+
+# Keys.
+
+
+def test_every_key_of_a_document_has_its_row():
+    keys, *_ = [rows for head, rows in tables("docs/experiments.md") if head[0] == "key"]
+    assert [spans(row[0])[0] for row in keys] == list(field_names(ExperimentDocument))
+
+
+@pytest.mark.parametrize(
+    "section",
+    [
+        *(ArmDescription, ContactLoss, DitherSettings, FilterSettings, ForceProfile),
+        *(IntegratorSettings, JointLimits, OnlineStiffness, PlantSettings, SensorSettings),
+        *(TipMaterial, WarmUp, *PATHS.values(), *ENVIRONMENTS.values()),
+    ],
+    ids=lambda section: section.__name__,
+)
+def test_every_key_of_a_section_is_explained(section):
+    written = {word for span in spans(prose("docs/experiments.md")) for word in span.split(": ")}
+    assert set(field_names(section)) - {"kind"} <= written
+
+
+@pytest.mark.parametrize("kind", LAWS)
+def test_every_key_of_a_law_is_in_its_row(kind):
+    filled = {"kind", "limits", "home", "task_size"}
+    (rows,) = [
+        rows for head, rows in tables("docs/experiments.md") if head == ["kind", "keys (default)"]
+    ]
+    (row,) = [row for row in rows if spans(row[0]) == [kind]]
+    assert set(field_names(LAWS[kind])) - filled <= set(spans(row[1]))
+
+
+# Metrics.
+
+
+def test_the_page_of_metrics_is_what_the_script_makes():
+    page = runpy.run_path(str(ROOT / "docs" / "make_metrics.py"))["page"]
+    assert text_of("docs/metrics.md") == page()
+
+
+def test_every_metric_has_one_row():
+    ((_, rows),) = tables("docs/metrics.md")
+    assert [spans(row[0]) for row in rows] == [[metric.name] for metric in METRICS]
+    assert all(len(row) == 4 and all(row) for row in rows)

@@ -1,0 +1,61 @@
+"""Every piece of Python in the pages runs, and imports only what is public."""
+
+import ast
+from collections.abc import Iterator
+
+import pytest
+from doc_pages import PAGES, ROOT, fenced
+
+import drake_rnn
+from drake_rnn import ENVIRONMENTS, LAWS, PATHS, ExperimentDocument, make_experiment
+from drake_rnn.inputs.documents import parse_yaml
+from drake_rnn.inputs.fields import field_names
+
+
+def blocks(language: str) -> list:
+    return [
+        pytest.param(page, line, code, id=f"{page}:{line}")
+        for page in PAGES
+        for line, code in fenced(page, language)
+    ]
+
+
+@pytest.fixture
+def registries() -> Iterator[None]:
+    """What a snippet adds to the laws, paths and environments is taken away again."""
+    known = [(registry, dict(registry)) for registry in (ENVIRONMENTS, LAWS, PATHS)]
+    yield
+    for registry, before in known:
+        registry.clear()
+        registry.update(before)
+
+
+def test_there_are_snippets():
+    assert len(blocks("python")) >= 8
+    assert {"README.md", "docs/python.md"} <= {block.values[0] for block in blocks("python")}
+
+
+@pytest.mark.parametrize(("page", "line", "code"), blocks("python"))
+def test_a_snippet_imports_only_what_is_public(page, line, code):
+    for node in ast.walk(ast.parse(code)):
+        if isinstance(node, ast.Import):
+            assert {alias.name.split(".")[0] for alias in node.names} <= {"numpy", "pydrake"}
+        elif isinstance(node, ast.ImportFrom) and node.module == "drake_rnn":
+            assert {alias.name for alias in node.names} <= set(drake_rnn.__all__)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.module.split(".")[0] in {"numpy", "pydrake"}
+
+
+@pytest.mark.parametrize(("page", "line", "code"), blocks("python"))
+@pytest.mark.usefixtures("registries")
+def test_a_snippet_runs(page, line, code, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    exec(compile("\n" * (line - 1) + code, page, "exec"), {"__name__": "snippet"})
+
+
+@pytest.mark.parametrize(("page", "line", "code"), blocks("yaml"))
+def test_a_document_can_be_run_or_is_a_part_of_one(page, line, code):
+    document = parse_yaml(code, f"{page}:{line}")
+    assert document.keys() <= set(field_names(ExperimentDocument))
+    if "duration" in document:
+        make_experiment(document)

@@ -15,6 +15,8 @@ from ..inputs.dataclass_fields import fields_of
 from ..inputs.documents import to_yaml
 from ..inputs.fields import Finite, NonNegative, Positive, Seed, Vector, validated
 from ..measures import METRIC_NAMES
+from ..robot.task import TASKS
+from ..systems import BODIES
 from ..systems.body import Feedback
 from ..systems.contact_reference import ForceProfile
 from ..systems.dither import DitherSettings
@@ -124,10 +126,10 @@ class ExperimentDocument:
     paper: str = ""
     expect: str = ""
     arm: str | dict[str, Any]
-    task: Literal["xyz", "xy", "pose"] = "xyz"
+    task: str = "xyz"
     path: dict[str, Any] | None = None
     law: dict[str, Any]
-    level: Literal["kinematic", "dynamic"] = "kinematic"
+    level: str = "kinematic"
     plant: PlantSettings | None = None
     environment: dict[str, Any] | None = None
     force: ForceProfile | None = None
@@ -151,6 +153,9 @@ class ExperimentDocument:
     def __post_init__(self) -> None:
         if re.search(r"[/\\\x00-\x1f]|^\.+$", self.name):
             raise ValueError(f"name: must be good for a folder's name, not {self.name!r}")
+        for key, value, known in (("task", self.task, TASKS), ("level", self.level, BODIES)):
+            if value not in known:
+                raise ValueError(f"{key}: may be {', '.join(known)}, not {value!r}")
         if self.period is not None and self.integrator is not None:
             raise ValueError("period: stands beside integrator; give one of them")
         if self.period is None and self.integrator is None:

@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from ..robot.limits import DERIVATIVE_UNITS
+
 #: Steps that a metric is taken over: those of the experiment's window, those of the whole run, or
 #: none, for a property of the machine that ran it.
 Over = Literal["window", "run", "machine"]
@@ -268,30 +270,14 @@ METRICS: tuple[Metric, ...] = (
         "fraction of the steps in which a bound cut the law's demand",
         shown=_shown("path", "posture", "return", "force", "sweep"),
     ),
-    Metric(
-        "limit_ratio_1_max",
-        "1",
-        "largest ratio of a joint speed to its bound",
-    ),
-    Metric(
-        "limit_ratio_2_max",
-        "1",
-        "largest ratio of a joint acceleration to its bound",
-    ),
-    Metric(
-        "limit_ratio_3_max",
-        "1",
-        "largest ratio of a jerk to its bound, from velocity differences over 10 ms",
-    ),
-    Metric(
-        "limit_ratio_4_max",
-        "1",
-        "largest ratio of a snap to its bound, from velocity differences over 10 ms",
-    ),
-    Metric(
-        "limit_ratio_5_max",
-        "1",
-        "largest ratio of a crackle to its bound, from velocity differences over 10 ms",
+    *(
+        Metric(
+            f"limit_ratio_{order}_max",
+            "1",
+            f"largest ratio of a joint's {name} to its bound"
+            + (", from velocity differences over 10 ms" if order > 2 else ""),
+        )
+        for order, name in enumerate(DERIVATIVE_UNITS, start=1)
     ),
     Metric(
         "limit_violation_max",

@@ -73,7 +73,7 @@ class Motion:
         return _secant(self.time, self.velocity, self.tick)
 
     def network_acceleration(self) -> Array:
-        """Return the same for the law's own velocity, (k - 1, n) [rad/s^2]."""
+        """Return the secant of the law's velocity over each step's tick, (k - 1, n) [rad/s^2]."""
         return _secant(self.time, self.network_velocity, self.network_tick)
 
 

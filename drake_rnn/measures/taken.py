@@ -10,7 +10,7 @@ from ..laws.law import Signals
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
 from .motion import Motion, Pressing
 
-_HIGHER = ("jerk", "snap", "crackle")
+_HIGHER = tuple(DERIVATIVE_UNITS)[2:]
 # Time between the velocities that these derivatives are differences of [s].
 _DIFFERENCE = 0.01
 

@@ -1,4 +1,4 @@
-"""Running experiments: one, many, or the fastest."""
+"""Running experiments: single runs, sweeps, and the fastest run of a path."""
 
 from .result import Result
 from .simulation import build_diagram, check_experiment, simulate

@@ -1,4 +1,4 @@
-"""What a run comes to: from recorded steps to series and metrics."""
+"""Evaluation of a run: from recorded steps to series and metrics."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ def evaluate(
     """Return the result of a run, complete or not.
 
     Args:
-        experiment: What was run.
-        recorder: What it recorded.
-        warnings: What the user should know already.
-        diagram: What was simulated.
-        loop: Systems of its loop.
+        experiment: Experiment that was run.
+        recorder: Recorder of the run.
+        warnings: Warnings from before the run.
+        diagram: Simulated diagram.
+        loop: Systems of the loop.
     """
     reading = loop.controller.reading
     motion = motion_of(experiment, recorder, loop)
@@ -58,7 +58,7 @@ def _metrics(
     if experiment.path_delay > 0.0:
         metrics["path_delay_s"] = experiment.path_delay
     if experiment.feedback == "unfiltered" and seen.J_hat is not None:
-        # What was learned is the Jacobian of the arm that the law saw.
+        # The law learns the Jacobian of the arm that it sees.
         metrics |= {
             name: value
             for name, value in motion_metrics(seen, *evaluation).items()
@@ -77,7 +77,7 @@ def _contact_caveats(motion: Motion, metrics: dict[str, float]) -> list[str]:
 
 
 def _series(motion: Motion, at: NDArray[np.intp]) -> dict[str, Array]:
-    """What every run has, at the steps to keep."""
+    """Return the series that every run has, at the steps to keep."""
     series = {
         "position": motion.position[at],
         "velocity": motion.velocity[at],
@@ -92,14 +92,14 @@ def _series(motion: Motion, at: NDArray[np.intp]) -> dict[str, Array]:
         ("acceleration", motion.joint_acceleration()),
         ("network_acceleration", motion.network_acceleration()),
     ):
-        # The step that ends at a sample; before the first there is none.
+        # Value of the step that ends at each sample; no step ends at the first one.
         series[name] = np.concatenate((np.zeros((1, values.shape[1])), values))[at]
         series[f"{name}_peak"] = _peaks(np.abs(values), at)
     return series
 
 
 def _felt(motion: Motion, recorder: Recorder, at: NDArray[np.intp]) -> dict[str, Array]:
-    """What only a run with a target posture, an orientation to hold or a contact has."""
+    """Return the series of a target posture, an orientation to hold and a contact, if any."""
     series = {}
     if motion.target is not None:
         series["joint_error"] = (motion.position - motion.target)[at]
@@ -114,23 +114,23 @@ def _felt(motion: Motion, recorder: Recorder, at: NDArray[np.intp]) -> dict[str,
 
 
 def _remembered(states: Array, reading: Reading) -> dict[str, Array]:
-    """The parts of the law's state; its velocity is a series of its own."""
+    """Return the parts of the law's state, except its velocity, which has its own series."""
     names = [name for name in reading.state.parts if name != "v"]
     return {name: reading.state.part(states, name) for name in names}
 
 
 def _samples(time: Array, period: float) -> NDArray[np.intp]:
-    """Numbers of the steps to keep: the first in each period, and the last, shape (j,)."""
+    """Return the numbers of the steps to keep, shape (j,): each period's first, and the last."""
     number = np.floor(time / period + 1e-6)
     kept = np.diff(number, prepend=-1.0) != 0
-    # One that ends a rounding error late has been kept as the period's first.
+    # A last step that is only a rounding error past a kept one is not kept again.
     if time.size and time[-1] - time[kept][-1] > 1e-6 * period:
         kept[-1] = True
     return np.flatnonzero(kept)
 
 
 def _peaks(values: Array, at: NDArray[np.intp]) -> Array:
-    """Largest entry of the rows up to each of ``at`` since the one before, shape (len(at),)."""
+    """Return the largest entry of the rows between successive ``at``, shape (len(at),)."""
     peaks = np.zeros(at.size)
     for k in range(1, at.size):
         peaks[k] = values[at[k - 1] : at[k]].max(initial=0.0)

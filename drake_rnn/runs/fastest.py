@@ -1,4 +1,4 @@
-"""How fast can a path be run through under bounds on all derivatives of the joint positions?"""
+"""The fastest run of a path within bounds on all derivatives of the joint positions."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from .result import Result
 from .simulation import simulate
 
 _ORDERS = range(1, 1 + len(DERIVATIVE_UNITS))
-# Between which the largest ratio to a bound shall lie: not beyond, and near enough to be fast.
+# Range in which the largest ratio to a bound is accepted, and the ratio that is aimed at.
 _NEAR, _ADMISSIBLE = 0.99, 1.0
 _AIM = 0.998
 _TRIES = 8
-# What a run counts as whose law had to cut what it asked for.
+# Ratio assumed for a run in which a bound cut the law's demand.
 _CUT = 1.05
-#: Stretches beyond this are taken for a path that comes near a singularity.
+#: A larger stretch is attributed to a singularity near the path.
 LONGEST_STRETCH = 5.0
 
 
@@ -31,10 +31,10 @@ class Fastest:
     """The shortest admissible run of a path.
 
     Attributes:
-        experiment: The path at its shortest duration; run it again and get ``result``.
-        result: Its run; ``shortest_duration_s`` is among its metrics.
-        stretch: How much longer it takes than asked for.
-        binding: The derivative whose bound does not let it be faster.
+        experiment: The path at its shortest duration; a run of it gives ``result`` again.
+        result: Result of that run; ``shortest_duration_s`` is among its metrics.
+        stretch: Shortest duration divided by the duration asked for.
+        binding: Name of the derivative with the bound that prevents a faster run.
     """
 
     experiment: Experiment
@@ -44,21 +44,22 @@ class Fastest:
 
 
 def fastest(experiment: Experiment, told: Callable[[str], None] | None = None) -> Fastest:
-    """Run a path through, from rest to rest, as fast as the limits admit.
+    """Run a path from rest to rest as fast as the limits allow.
 
-    Stretched by kappa in time, the i-th derivative of the joint positions shrinks by kappa^i:
-    exactly so for a law that stays on its path, and nearly so for any other. So the path is
-    run, stretched by what its ratios to the bounds ask for, run again, and corrected until the
-    largest ratio lies between 0.99 and 1.
+    Stretching the path in time by kappa divides the i-th derivative of the joint positions by
+    kappa^i, exactly for a law that stays on its path and approximately for any other. The path is
+    therefore run, stretched according to the ratios to the bounds, and run again, until the largest
+    ratio lies between 0.99 and 1.
 
     Args:
-        experiment: With a path on which the arm starts; its time law becomes "ramps", for one
-            lap.
-        told: Told what was tried.
+        experiment: Experiment with a path on which the arm starts; it is run for one lap with the
+            timing "ramps".
+        told: Called with a message about each trial.
 
     Raises:
-        InvalidInputError: If there is nothing to stretch, nothing that bounds it, or position
-            limits or a singularity make it impossible at any speed.
+        InvalidInputError: If there is no path or no bound on a derivative; if the law or a filter
+            does not let the motion scale with the path; or if position limits or a singularity
+            prevent the run at any speed.
     """
     document = _smooth(experiment, told)
     _require_bounds(experiment)
@@ -72,7 +73,7 @@ def fastest(experiment: Experiment, told: Callable[[str], None] | None = None) -
         _require_position_limits(result)
         largest = max(ratios.values())
         if result.metrics.get("saturated_fraction", 0.0) > 0.0:
-            # It keeps its bounds by leaving its path.
+            # The law has kept its bounds by leaving its path.
             largest, ratios[1] = max(largest, _CUT), max(ratios.get(1, 0.0), _CUT)
         if told is not None:
             told(f"{asked * stretch:.4g} s: largest ratio {largest:.4g} ({_binding(ratios)})")
@@ -135,7 +136,7 @@ def _stretched(document: dict[str, Any], period: float) -> Experiment:
 
 
 def _ratios(result: Result) -> dict[int, float]:
-    """Largest ratio to its bound of each order that has one."""
+    """Return the largest ratio to the bound, by order of the derivative, where it has one."""
     names = {order: f"limit_ratio_{order}_max" for order in _ORDERS}
     return {n: result.metrics[name] for n, name in names.items() if name in result.metrics}
 
@@ -146,7 +147,7 @@ def _binding(ratios: dict[int, float]) -> str:
 
 
 def _require_position_limits(result: Result) -> None:
-    """No speed cures a path on which a joint leaves its limits."""
+    """Raise an InvalidInputError if a joint leaves its position limits, at whatever speed."""
     experiment = result.experiment
     excess = experiment.limits.violation(result.series["position"])
     k, joint = np.unravel_index(int(np.argmax(excess)), excess.shape)

@@ -1,4 +1,4 @@
-"""What happened in a run, step by step: recorded joints, and what follows from them."""
+"""The motion of a run at every step, computed from the recorded joints."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from ..robot.rotation import rotation_error
 def observed_signals(
     experiment: Experiment, motion: Motion, states: Array, reading: Reading
 ) -> Signals:
-    """Return what the law tells of itself, at every step; computed now, not while running.
+    """Return the law's observables at every step, computed after the run.
 
     Args:
-        experiment: What has run.
-        motion: As the law saw it.
-        states: Of the law, shape (k, state.size).
-        reading: Of the law.
+        experiment: Experiment that was run.
+        motion: Motion as the law saw it.
+        states: States of the law, shape (k, state.size).
+        reading: Reading of the law.
     """
     u = {
         "position": motion.position,
@@ -38,7 +38,7 @@ def observed_signals(
 
 
 def _further(experiment: Experiment, motion: Motion, names: Iterable[str]) -> Signals:
-    """Those of the signals that posture, velocity and time determine, at every step."""
+    """Return those of the signals that follow from posture, velocity and time, at every step."""
     arm = experiment.arm.kinematics()
     axes = list(experiment.task.axes)
     of_step: dict[str, Callable[[float, Array, Array], Array]] = {
@@ -62,7 +62,7 @@ def _further(experiment: Experiment, motion: Motion, names: Iterable[str]) -> Si
 
 
 def seen_motion(experiment: Experiment, recorder: Recorder, loop: Loop, motion: Motion) -> Motion:
-    """Return the motion as the law saw it: another one where a path is followed with a delay."""
+    """Return the motion as the law saw it, which differs if the path is followed with a delay."""
     if experiment.path_delay == 0.0:
         return motion
     if experiment.feedback == "unfiltered":
@@ -76,15 +76,15 @@ def seen_motion(experiment: Experiment, recorder: Recorder, loop: Loop, motion: 
 def motion_of(
     experiment: Experiment, recorder: Recorder, loop: Loop, *, virtual: bool = False
 ) -> Motion:
-    """Return the recorded steps, and what follows from them: path and kinematics are functions.
+    """Return the motion, with path and kinematics evaluated for the recorded steps.
 
-    Asking their ports while running would cost more than the law itself.
+    Evaluating their ports during the run would cost more than the law itself.
 
     Args:
-        experiment: What has run.
-        recorder: What it recorded.
-        loop: Systems of its loop.
-        virtual: Whether of the virtual arm, which the path's delay does not concern.
+        experiment: Experiment that was run.
+        recorder: Recorder of the run.
+        loop: Systems of the loop.
+        virtual: Whether to return the virtual arm's motion, which has no delay to the path.
     """
     prefix, delay = ("virtual_", 0.0) if virtual else ("", experiment.path_delay)
     position, velocity = (recorder.series(prefix + name) for name in ("position", "velocity"))
@@ -111,7 +111,7 @@ def motion_of(
 
 
 def _task_motion(experiment: Experiment, position: Array) -> tuple[Array, Array, Array | None]:
-    """Position, Jacobian and angle off the orientation to hold, at every step."""
+    """Return position, Jacobian and angle to the orientation to hold, if any, at every step."""
     task, kinematics = experiment.task, experiment.arm.kinematics()
     steps, n = position.shape
     axes = list(task.axes)
@@ -126,7 +126,7 @@ def _task_motion(experiment: Experiment, position: Array) -> tuple[Array, Array,
 
 
 def _desired(experiment: Experiment, times: Array) -> tuple[Array, Array]:
-    """Desired position and velocity at these times."""
+    """Return desired position and velocity at the given times."""
     axes = list(experiment.task.axes)
     origin = experiment.path.start_point(experiment.p_WE_start)
     p_WE, v_WE = np.empty((times.size, len(axes))), np.empty((times.size, len(axes)))
@@ -137,7 +137,7 @@ def _desired(experiment: Experiment, times: Array) -> tuple[Array, Array]:
 
 
 def _pressing(experiment: Experiment, recorder: Recorder) -> Pressing | None:
-    """The force along the surface's true normal, as the contact knows it."""
+    """Return the true contact force along the surface's true normal; None without a contact."""
     contact = experiment.contact
     if contact is None:
         return None
@@ -150,7 +150,7 @@ def _pressing(experiment: Experiment, recorder: Recorder) -> Pressing | None:
 
 
 def _tick(experiment: Experiment, loop: Loop) -> float | None:
-    """Time for which the arm's velocity is held [s]; None if it changes all the time."""
+    """Return the time for which the arm's velocity is held [s]; None if it is not held."""
     if loop.arm.tick is not None:
         return loop.arm.tick
     document = experiment.document

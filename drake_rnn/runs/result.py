@@ -1,4 +1,4 @@
-"""What a run gives: named arrays with units, and metrics."""
+"""The result of a run: its series and metrics."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from ..inputs.fields import Array
 
 @dataclass(frozen=True)
 class Result:
-    """A run's series and metrics.
+    """Series and metrics of a run.
 
     Attributes:
-        experiment: What was run.
-        time: Of the stored samples, one each ``experiment.log_period``, shape (k,) [s].
-        series: Arrays with k rows, by name; ``UNITS`` has their units. A ``_peak`` is the
-            largest magnitude over all steps since the sample before.
-        metrics: Numbers taken over every step, by name.
-        warnings: What the user should know of this run.
-        graphviz: The diagram that ran, as Graphviz text.
+        experiment: Experiment that was run.
+        time: Times of the stored samples, one per ``log_period`` of the document, shape (k,) [s].
+        series: Arrays with k rows, by name; `drake_rnn.measures.UNITS` holds their units. A series
+            ``*_peak`` is the largest magnitude over all steps since the previous sample.
+        metrics: Metrics, taken over every step, by name.
+        warnings: Warnings about the run.
+        graphviz: Diagram that was simulated, as Graphviz text.
     """
 
     experiment: Experiment
@@ -40,7 +40,7 @@ class Result:
 
     @property
     def position_error(self) -> Array:
-        """Norm of the position error, shape (k,) [m]; on a surface, of what lies in it."""
+        """Norm of the position error, shape (k,) [m]; in contact, of its part along the surface."""
         error = self.series["p_WE"] - self.series["p_WE_desired"]
         if (contact := self.experiment.contact) is not None:
             n = contact.surface.normal_W
@@ -51,7 +51,7 @@ class Result:
         """Write ``experiment.yaml``, ``result.npz``, ``metrics.json`` and ``diagram.dot``.
 
         Returns:
-            The folder, made if it was not there.
+            The folder, which is created if missing.
 
         Raises:
             InvalidInputError: If the folder cannot be written to.
@@ -72,7 +72,7 @@ class Result:
 
     @classmethod
     def load(cls, folder: str | Path) -> Result:
-        """What `save` has written.
+        """Return a result that `save` has written.
 
         Raises:
             InvalidInputError: If the folder does not hold a result.
@@ -97,6 +97,6 @@ class Result:
 
 
 def versions() -> list[str]:
-    """Versions that the numbers of a run may depend on."""
+    """Return the versions of the packages that the numbers of a run may depend on."""
     packages = ("drake-rnn", "drake", "numpy")
     return [f"{package} {version(package)}" for package in packages]

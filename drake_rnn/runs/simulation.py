@@ -1,4 +1,4 @@
-"""Running an experiment."""
+"""The simulation of an experiment."""
 
 from __future__ import annotations
 
@@ -19,32 +19,29 @@ from ..systems import (
     ContinuousController,
     Controller,
     DelayedPathSource,
-    IdealArm,
     JointReference,
     MovingAverage,
     PathSource,
-    PlantArm,
     SampledController,
     followed_path,
 )
 from .evaluation import evaluate
 from .result import Result
 
-#: Called with the simulated time [s] every so often.
+#: Callback for the simulated time [s], called from time to time.
 Progress = Callable[[float], None]
 
 _LONGEST_STEP = 0.01
 
-# What the tool feels: what is, and what the law is told of it.
+# Recorded forces on the tool: the true one, and the one that the law sees.
 _FORCES = ("contact_force", "normal_force")
 
 
 def check_experiment(experiment: Experiment) -> list[str]:
-    """What a user should know of an experiment before it runs.
+    """Return the warnings about an experiment that can be given before it runs.
 
     Raises:
-        InvalidInputError: If it cannot be run: its path is out of reach, or its diagram cannot
-            be built.
+        InvalidInputError: If the path is out of reach, or the diagram cannot be built.
     """
     warnings = check_reach(experiment)
     build_diagram(experiment)
@@ -52,18 +49,17 @@ def check_experiment(experiment: Experiment) -> list[str]:
 
 
 def simulate(experiment: Experiment, progress: Progress | None = None) -> Result:
-    """Run an experiment.
+    """Run an experiment and return its result.
 
-    The path is checked against the arm's reach before anything runs.
+    The path is first checked against the arm's reach.
 
     Args:
-        experiment: What to run.
-        progress: Told how far the run has come.
+        experiment: Experiment to run.
+        progress: Called with the simulated time [s] from time to time.
 
     Raises:
         InvalidInputError: If the path is out of reach.
-        SimulationError: If the run cannot go on; its ``result`` holds what there was until
-            then.
+        SimulationError: If the run stops early; its ``result`` covers the time until then.
     """
     started = time.perf_counter()
     warnings = check_reach(experiment)
@@ -88,7 +84,7 @@ def simulate(experiment: Experiment, progress: Progress | None = None) -> Result
 
 
 def _advance(simulator: Simulator, experiment: Experiment) -> tuple[float, SimulationError | None]:
-    """Return the wall time of the run [s], and why it could not go on, if it could not."""
+    """Run the simulator; return the wall time [s] and the error that stopped it, if any."""
     root = simulator.get_context()
     began = time.perf_counter()
     failure: SimulationError | None = None
@@ -105,7 +101,7 @@ def _advance(simulator: Simulator, experiment: Experiment) -> tuple[float, Simul
     except KeyboardInterrupt:
         failure = InterruptedRunError("interrupted", root.get_time())
     except (InvalidInputError, RuntimeError) as error:
-        # A posture that kinematics refuses, or an integrator of Drake's that finds no step.
+        # The kinematics refuse a posture, or Drake's integrator finds no step.
         failure = SimulationError(str(error), root.get_time())
     return time.perf_counter() - began, failure
 
@@ -114,11 +110,11 @@ def build_diagram(experiment: Experiment, law: Law | None = None) -> tuple[Diagr
     """Return the diagram of an experiment, not yet simulated, and the systems of its loop.
 
     Args:
-        experiment: What it consists of.
-        law: Instead of the experiment's own.
+        experiment: The experiment.
+        law: Law to run instead of the experiment's own.
 
     Raises:
-        InvalidInputError: If a part refuses what it is given.
+        InvalidInputError: If the parts of the diagram do not fit together.
     """
     document = experiment.document
     law = experiment.law if law is None else law
@@ -150,11 +146,11 @@ def _controller(law: Law, document: ExperimentDocument) -> Controller:
 
 
 def _body(experiment: Experiment) -> Body:
-    # What may lie outside the limits has been judged when the experiment was made.
     arm, start, contact = experiment.arm, experiment.start, experiment.contact
-    if experiment.level is PlantArm:
-        return PlantArm(arm, start, contact, experiment.document.plant, outside=OUTSIDE)
-    return IdealArm(arm, start, contact, outside=OUTSIDE)
+    # Whether the start may lie outside the limits was checked when the experiment was made.
+    return experiment.level.with_settings(
+        arm, start, contact, experiment.document.plant, outside=OUTSIDE
+    )
 
 
 def _add_path(
@@ -180,7 +176,7 @@ def _filter(experiment: Experiment) -> MovingAverage | None:
 def _add_previews(
     builder: DiagramBuilder, experiment: Experiment, law: Law
 ) -> dict[str, OutputPort]:
-    """What the law sees of a time other than the present: joints ahead, a path that is delayed."""
+    """Add and return signals of other times: future joint positions and a delayed path."""
     document, path, start = experiment.document, experiment.path, experiment.start
     signals: dict[str, OutputPort] = {}
     if (preview := law.joint_preview) is not None:
@@ -198,7 +194,7 @@ def _add_previews(
 
 
 def build_simulator(experiment: Experiment, law: Law | None = None) -> tuple[Simulator, Loop]:
-    """A simulator of that diagram, set as the experiment asks, and not yet initialized."""
+    """Return a simulator of the experiment's diagram, not yet initialized, and its loop."""
     diagram, loop = build_diagram(experiment, law)
     simulator = Simulator(diagram)
     ApplySimulatorConfig(simulator_config(experiment, loop), simulator)
@@ -206,7 +202,7 @@ def build_simulator(experiment: Experiment, law: Law | None = None) -> tuple[Sim
 
 
 def add_recorder(simulator: Simulator, loop: Loop) -> Recorder:
-    """A recorder of the loop, as the simulator's monitor."""
+    """Set a recorder of the loop as the simulator's monitor and return it."""
     ports = {
         "position": loop.arm.GetOutputPort("position"),
         "velocity": loop.arm.GetOutputPort("velocity"),
@@ -239,7 +235,7 @@ def simulator_config(experiment: Experiment, loop: Loop) -> SimulatorConfig:
 
 
 def _stops(experiment: Experiment) -> list[float]:
-    """Times to end a step at: an integrator must not step over what jumps in the path."""
+    """Return the times to end a step at: an integrator must not step over jumps in the path."""
     end = experiment.document.duration
     if experiment.document.integrator is None:
         return [end]
@@ -247,7 +243,7 @@ def _stops(experiment: Experiment) -> list[float]:
 
 
 def _set_initial_state(loop: Loop, root: Context) -> None:
-    """The law's first state; it may be given J, which it need not see in the loop."""
+    """Set the law's initial state; it may use ``J`` even if the law has no such input."""
     J_port = loop.kinematics.GetOutputPort("J")
     kinematics_context = loop.kinematics.GetMyContextFromRoot(root)
     context = loop.controller.GetMyMutableContextFromRoot(root)
@@ -270,7 +266,7 @@ def _with_progress(recorder: Recorder, progress: Progress) -> Callable[[Context]
 
 
 def _step_cost(controller: SampledController, context: Context, repeats: int = 200) -> float:
-    """Median cost of one sample of the law alone [us]; of a slow law, of few of them."""
+    """Return the median time of one sample of the law [us]; fewer repeats for a slow law."""
     u, x = controller.signals(context), controller.state(context)
     costs: list[float] = []
     while len(costs) < repeats and sum(costs) < 0.2:

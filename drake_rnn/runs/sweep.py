@@ -1,4 +1,4 @@
-"""Sweeps: one experiment at many values."""
+"""Sweeps: runs of one experiment at many values."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ class Row:
     """One run of a sweep.
 
     Attributes:
-        values: Of the swept keys, in their order.
-        metrics: Of the run; up to where it failed, if it did.
-        failure: Why it failed, or None.
-        learning: Time [s] and the Frobenius norm of J - J_hat then; None without a J_hat.
+        values: Values of the swept keys, in their order.
+        metrics: Metrics of the run, up to its failure if it failed.
+        failure: Reason for the failure; None if the run did not fail.
+        learning: Times [s] and Frobenius norms of J - J_hat, shape (k,); None without a J_hat.
     """
 
     values: tuple[Any, ...]
@@ -39,10 +39,10 @@ class Row:
 
 
 def parse_axis(text: str) -> tuple[str, list[Any]]:
-    """Key and values of ``KEY=v1,v2,...``; values are read as YAML.
+    """Return key and values of ``KEY=v1,v2,...``; values are parsed as YAML.
 
     Raises:
-        InvalidInputError: If there is no key or no value.
+        InvalidInputError: If the key or the values are missing.
     """
     key, equals, values = text.partition("=")
     if not equals or not key.strip() or not values.strip():
@@ -59,19 +59,19 @@ def sweep(
 ) -> list[Row]:
     """Run an experiment at each combination of values.
 
-    Every combination is checked before the first one runs; a run that fails takes up a
-    row and does not stop the others.
+    Every combination is checked before the first one runs. A run that fails gets a row and does
+    not stop the others.
 
     Args:
         experiment: A shipped name or a YAML file.
-        over: Values by dotted key.
+        over: Values to run, by dotted key.
         changes: New values of other keys, the same in each run.
-        processes: How many runs at a time; the numbers do not depend on it.
-        done: Told each row as it is ready, in order.
+        processes: Number of runs at a time; the results do not depend on it.
+        done: Called with each row when it is ready, in order.
 
     Raises:
-        InvalidInputError: If a combination is no valid experiment, or its path is out of
-            reach; or a key is both swept and changed.
+        InvalidInputError: If a combination is not a valid experiment, a path is out of reach, or
+            a key is both swept and changed.
     """
     if both := sorted(over.keys() & (changes or {}).keys()):
         raise InvalidInputError(f"--over: {both[0]!r} is also set; it cannot be both")
@@ -93,7 +93,7 @@ def _run_all(jobs: list[Any], processes: int) -> Iterator[Row]:
     if processes <= 1:
         yield from map(_run, jobs)
         return
-    # Drake has threads of its own by now, which a forked process would not inherit.
+    # Drake has started threads, which a forked process would not inherit.
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
         yield from pool.map(_run, jobs)
 
@@ -120,7 +120,7 @@ def _learning(result: Result) -> tuple[Array, Array] | None:
 
 
 def write_csv(file: Path, keys: Sequence[str], rows: Sequence[Row]) -> None:
-    """Write every value and metric of a sweep, one run a line.
+    """Write all values and metrics of a sweep to a CSV file, one line per run.
 
     Raises:
         InvalidInputError: If the file cannot be written.

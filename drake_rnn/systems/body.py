@@ -14,6 +14,7 @@ from ..inputs.complaints import require_type
 from ..inputs.fields import Array
 from ..robot.arm import Arm
 from .contact import Contact
+from .plant import PlantSettings
 
 #: Arm that a law sees: ``commanded``, the one that the filtered command moves; ``measured``, the
 #: true one; ``unfiltered``, a virtual one that the law's unfiltered command moves.
@@ -67,6 +68,24 @@ class Body(Diagram):
             self.check_surface(type(contact.surface))
         self.contact = contact
         self.kinematics = arm.kinematics()
+
+    @classmethod
+    def with_settings(
+        cls,
+        arm: Arm,
+        start: Array | None,
+        contact: Contact | None,
+        settings: PlantSettings | None,
+        *,
+        outside: float,
+    ) -> Body:
+        """Return a body of this class; only classes with a plant use ``settings``.
+
+        Args:
+            arm, start, contact, outside: See `Body`.
+            settings: Simulation and motor settings of the plant.
+        """
+        return cls(arm, start, contact, outside=outside)
 
     @property
     def tick(self) -> float | None:

@@ -75,6 +75,19 @@ class PlantArm(Body):
             self._feel(builder, arm, added.instance, added.tool)
         builder.BuildInto(self)
 
+    @classmethod
+    def with_settings(
+        cls,
+        arm: Arm,
+        start: Array | None,
+        contact: Contact | None,
+        settings: PlantSettings | None,
+        *,
+        outside: float,
+    ) -> Body:
+        """Return a body of this kind with these settings."""
+        return cls(arm, start, contact, settings, outside=outside)
+
     @property
     def tick(self) -> float | None:
         """Time step of the plant [s]."""

@@ -13,7 +13,7 @@ from ..robot.kinematics import ArmKinematics
 
 
 class SpringContact(LeafSystem):
-    """Force on E from a surface that acts as a spring: proportional to depth, zero above it.
+    """Force on E's origin from a surface that acts as a spring, proportional to the depth.
 
     The input is ``position`` of the joints, shape (n,) [rad], the output ``contact_force``, shape
     (3,) [N], in the world frame.

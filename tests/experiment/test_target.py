@@ -123,7 +123,7 @@ def test_a_target_must_be_a_posture_within_the_limits(target, message):
         (SLC, {"on_unreachable": "project"}, "on_unreachable: only for a law that seeks a target"),
         (MSA, {"on_unreachable": "ignore"}, "on_unreachable: must be 'refuse' or 'project', not"),
         (SLC, {"task": "pose"}, "task: may be xyz, xy for this law, not pose"),
-        (MSA, {"task": "yaw"}, "task: must be 'xyz', 'xy' or 'pose', not 'yaw'"),
+        (MSA, {"task": "yaw"}, "task: may be xyz, xy, pose, not 'yaw'"),
         (MSA, {"law.task_size": 3}, "law.task_size: follows from task; leave it out"),
         (MSA, {"dither": {"sigma": 0.1, "hold": 1e-3}}, "dither: this law does not learn"),
         (

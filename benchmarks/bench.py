@@ -1,7 +1,7 @@
-"""What a tick of the whole diagram costs, in units of the arm's bare p_WE and J.
+"""Measure the cost of one tick of the whole diagram, in units of the arm's bare p_WE and J.
 
-Absolute times differ twofold between machines and moments. All figures of a row are taken in
-turn, in one run; of each the smallest counts, as the one least disturbed.
+Absolute times vary by a factor of two between machines and from moment to moment. All figures of
+a row are measured in turn in the same run; the smallest of each counts, as the least disturbed.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from scipy.integrate import solve_ivp
 from drake_rnn import Experiment, Law, Layout, SampledLaw, load_experiment
 from drake_rnn.runs.simulation import add_recorder, build_simulator
 
-#: Ticks cost at most so many units.
+#: Largest cost of a tick, in units, by experiment.
 TARGETS = {"slc_nephroid_known": 16.0, "slc_nephroid": 20.0, "naljdf_clover": 35.0}
 
 
 class Idle(SampledLaw):
-    """A law that sees nothing and does nothing: what is left is Drake's loop.
+    """A law without inputs that does nothing, to measure the cost of Drake's loop alone.
 
     Args:
-        law: The law that it stands for, with the same state.
-        period: Time between two samples [s]; Drake integrates the same way over it.
+        law: Law that it replaces, with the same state and integration scheme.
+        period: Sampling period [s].
     """
 
     state = Layout()
     inputs = Layout()
-    # In any scheme: its command is its state.
+    # With any scheme, because the command is the state itself.
     holds_command = True
 
     def __init__(self, law: Law, period: float) -> None:
@@ -44,7 +44,7 @@ class Idle(SampledLaw):
 
 
 def unit(experiment: Experiment, repeats: int = 5000) -> float:
-    """Cost of p_WE and J, straight from pydrake, at ever new postures [us]."""
+    """Return the cost of p_WE and J, directly from pydrake, with a new posture each time [us]."""
     arm = experiment.arm
     plant = arm.plant()
     context = plant.CreateDefaultContext()
@@ -62,7 +62,7 @@ def unit(experiment: Experiment, repeats: int = 5000) -> float:
 
 
 def tick(experiment: Experiment, *, recorded: bool, idle: bool = False) -> float:
-    """Cost of one sample of the diagram [us]."""
+    """Return the cost of one sample of the diagram [us]."""
     duration, period = experiment.document.duration, experiment.document.period
     law = Idle(experiment.law, period) if idle else None
     simulator, loop = build_simulator(experiment, law)
@@ -75,7 +75,7 @@ def tick(experiment: Experiment, *, recorded: bool, idle: bool = False) -> float
 
 
 def law_step(experiment: Experiment, repeats: int = 3000) -> float:
-    """Cost of the law alone, on signals of a running diagram [us]."""
+    """Return the cost of one sample of the law alone, on signals of a running diagram [us]."""
     period = experiment.document.period
     simulator, loop = build_simulator(experiment)
     simulator.AdvanceTo(10 * period)
@@ -88,7 +88,7 @@ def law_step(experiment: Experiment, repeats: int = 3000) -> float:
 
 
 def radau_ratio(name: str = "naljdf_clover") -> float:
-    """Wall time of scipy's Radau on the law's differential equation over that of the diagram."""
+    """Return the wall time of scipy's Radau for the same run, divided by that of the diagram."""
     experiment = load_experiment(name)
     document, law, path = experiment.document, experiment.law, experiment.path
     kinematics, start = experiment.arm.kinematics(), path.start_point(experiment.p_WE_start)

@@ -1,12 +1,12 @@
-"""Whether a change to the code changes a run: hashes of every array and metric, before and after.
+"""Check whether a change to the code changes a run, by hashes of all arrays and metrics.
 
-Record in one checkout, record in the other with its own Python, and compare::
+Record in both checkouts, each with its own Python, and compare::
 
     python benchmarks/bits.py record before.json
     python benchmarks/bits.py record after.json
     python benchmarks/bits.py compare before.json after.json
 
-It uses nothing but the package's public functions, so that one copy of it serves both checkouts.
+The script uses only the package's public functions, so one copy serves both checkouts.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ import numpy as np
 from drake_rnn import InvalidInputError, SimulationError, load_experiment, shipped_experiments
 from drake_rnn import simulate as run
 
-#: Figures of the machine, which no two runs share.
+#: Metrics that depend on the machine, different in every run.
 TIMING = {"real_time_factor", "wall_time_s", "control_step_us"}
 
 
 def hashes(name: str, longest: float) -> dict[str, str]:
-    """Hash of each array and each metric of a shipped experiment, by name.
+    """Return the hash of each array and each metric of a shipped experiment, by name.
 
     Args:
-        name: Of the experiment.
-        longest: A longer run is cut to this duration [s].
+        name: Name of the experiment.
+        longest: Longest duration [s]; longer runs are cut to it.
     """
     try:
         experiment = load_experiment(name)
@@ -58,7 +58,7 @@ def _hash(content: bytes) -> str:
 
 
 def record(file: Path, longest: float, jobs: int, names: list[str]) -> None:
-    """Write the hashes of the named experiments, or of all of them."""
+    """Write the hashes of the named experiments, or of all if none are named."""
     names = names or shipped_experiments()
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         found = dict(zip(names, pool.map(hashes, names, [longest] * len(names)), strict=True))
@@ -67,7 +67,7 @@ def record(file: Path, longest: float, jobs: int, names: list[str]) -> None:
 
 
 def compare(before: Path, after: Path) -> int:
-    """Print what differs; the number of experiments in which something does."""
+    """Print the differences; return the number of experiments that differ."""
     old, new = json.loads(before.read_text()), json.loads(after.read_text())
     differing = 0
     for name in sorted(old.keys() & new.keys()):
@@ -83,7 +83,7 @@ def compare(before: Path, after: Path) -> int:
 
 
 def main() -> None:
-    """Record or compare."""
+    """Record or compare, as the command line says."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     commands = parser.add_subparsers(dest="command", required=True)
     recording = commands.add_parser("record")

@@ -1,8 +1,8 @@
-"""What the controller, logs and recording cost beside the plant alone, in the same contact.
+"""Measure the cost of controller and recorder relative to the bare plant in the same contact.
 
-The bare plant has the same motors, told the same by Drake's own trajectory sources, so that it
-makes the same motion in the same contact. All figures of a row are taken in turn, in one run; of
-each the smallest counts, as the one least disturbed.
+The bare plant has the same motors, with the same commands from Drake's own trajectory sources, so
+it makes the same motion in the same contact. All figures of a row are measured in turn in the same
+run; the smallest of each counts, as the least disturbed.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from drake_rnn.measures import Recorder
 from drake_rnn.runs.simulation import add_recorder, build_simulator
 from drake_rnn.systems.plant import add_plant, motors_of
 
-#: Everything takes at most so many times the wall time of the bare plant.
+#: Largest ratio of the wall time of everything to that of the bare plant.
 TARGET = 2.0
 DURATION = 2.0
 
 
 def whole(experiment: Experiment, *, recorded: bool) -> float:
-    """Wall time of the experiment's diagram [s]."""
+    """Return the wall time of the experiment's diagram [s]."""
     simulator, loop = build_simulator(experiment)
     if recorded:
         add_recorder(simulator, loop)
@@ -39,7 +39,7 @@ def whole(experiment: Experiment, *, recorded: bool) -> float:
 
 
 def commands(experiment: Experiment) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times [s], and what the motors are told then: desired state and torque, a row each."""
+    """Return times [s] and the motors' commands: desired state and torque, one row per time."""
     simulator, loop = build_simulator(experiment)
     ports = {
         "q": loop.joint_command.get_output_port(),
@@ -59,7 +59,7 @@ def commands(experiment: Experiment) -> tuple[np.ndarray, np.ndarray, np.ndarray
 def bare(
     experiment: Experiment, told: tuple[np.ndarray, np.ndarray, np.ndarray]
 ) -> tuple[float, float]:
-    """Wall time of the plant alone [s], and the force that it ends with [N]."""
+    """Return the wall time of the bare plant [s], and the contact force at the end [N]."""
     arm, contact = experiment.arm, experiment.contact
     builder = DiagramBuilder()
     added = add_plant(builder, arm, experiment.start, contact, experiment.document.plant)
@@ -86,7 +86,7 @@ def bare(
 
 
 def contact_table(rounds: int = 3) -> Table:
-    """A row each for all shipped experiments in contact."""
+    """Return a table with one row per shipped experiment in contact."""
     table = Table(title=f"wall time of {DURATION:g} s in contact [s]")
     columns = ("bare plant", "+ diagram and law", "+ recorder", "ratio", "at most")
     for column in ("experiment", *columns, "real_time_factor", "end force, bare [N]"):

@@ -1,9 +1,9 @@
-"""The tables of joint-drift-free motion, as Markdown: `make tables` prints them.
+"""Print the tables of joint-drift-free motion as Markdown; `make tables` runs this.
 
 The paper is Jin, Xie, Liu, Ke, Li, Yang, "Novel joint-drift-free scheme at acceleration level for
 robotic redundancy resolution with tracking error theoretically eliminated", IEEE/ASME
-Transactions on Mechatronics (2020). MPE and MVE are its largest position and velocity errors, taken
-here of any one component, JD the mean of |q(T) - q(0)|; errors elsewhere are norms.
+Transactions on Mechatronics (2020). Its MPE and MVE are the largest position and velocity errors,
+computed here per component; its JD is the mean of |q(T) - q(0)|. All other errors are norms.
 """
 
 from functools import cache
@@ -39,7 +39,7 @@ PAPER = {
         (4.42e-5, 1.27e-4, 2.75e-4),
     ],
 }
-# Our schemes, and an experiment of each.
+# Schemes, and an experiment for each.
 SCHEMES = {
     "MAN": "man_clover",
     "GALJDF": "galjdf_clover",
@@ -47,7 +47,7 @@ SCHEMES = {
     "MOALJDF, printed": "moaljdf_parallelogram_printed",
     "MOALJDF, corrected": "moaljdf_parallelogram",
 }
-# The paper's Table II, whose columns are those of ours.
+# The paper's Table II, with the columns of `traits_table`.
 QUOTED = {
     "GALJDF, in the paper": ("acceleration", "yes", "yes", "yes", "non-zero", "no", "non-zero"),
     "NALJDF, in the paper": ("acceleration", "yes", "yes", "yes", "zero", "yes", "zero"),
@@ -56,24 +56,24 @@ QUOTED = {
     "its [26], [27]": ("velocity", "yes", "no", "no", "non-zero", "no", "non-zero"),
     "its [28]": ("velocity", "yes", "yes", "yes", "non-zero", "no", "non-zero"),
 }
-# The motion is repetitive if the joints' drift is less than this share of that without their index.
+# The motion is repetitive if the joint drift is below this share of that at lambda = 0.
 RETURNS = 0.1
-# An error is compensated if less than this share of it is left after 10 s.
+# An error is compensated if less than this share of it is left at the end of the run.
 COMPENSATED = 0.5
-# Errors are decoupled if a hundred times the drift's weight makes less than this of them.
+# Errors are decoupled if lambda = 100 multiplies those at lambda = 1 by less than this.
 DECOUPLED = 2.0
-# The acceleration's bound, as a share of what the motion would need: low enough to be felt.
+# Acceleration bound as a share of the largest acceleration without it, to make it active.
 TIGHT = 0.8
 
 
 @cache
 def run(name: str, *changes: tuple[str, float]) -> Result:
-    """The run of an experiment with some keys changed; each is simulated once."""
+    """Return the result of an experiment with some keys changed; each run is simulated once."""
     return simulate(load_experiment(name, {"accept": None, **dict(changes)}))
 
 
 def lambda_table(suffix: str) -> None:
-    """The paper's Table I beside the experiments ``galjdf_<suffix>`` and ``naljdf_<suffix>``."""
+    """Print the paper's Table I beside ``galjdf_<suffix>`` and ``naljdf_<suffix>``."""
     columns = {
         "MPE [m]": "position_error_component_max_m",
         "MVE [m/s]": "velocity_error_component_max_m_s",
@@ -91,7 +91,7 @@ def lambda_table(suffix: str) -> None:
 
 
 def experiments_table(names: list[str]) -> None:
-    """The experiments beside one another."""
+    """Print the metrics of the experiments side by side."""
     columns = {
         "position error [m]": ("position_error_max_m", "{:.2g}"),
         "velocity error [m/s]": ("velocity_error_max_m_s", "{:.2g}"),
@@ -108,7 +108,7 @@ def experiments_table(names: list[str]) -> None:
 
 
 def traits_table() -> None:
-    """The paper's Table II, of our runs; then its rows of its own and of the methods it cites."""
+    """Print Table II for the schemes here, then the paper's rows for its own and cited schemes."""
     head(
         "scheme",
         "level",
@@ -126,12 +126,12 @@ def traits_table() -> None:
 
 
 def traits(name: str) -> list[str]:
-    """What runs of an experiment, as it is and changed, show of its law."""
+    """Return a row of Table II, from runs of an experiment as it is and with changed keys."""
     plain = run(name)
     found = plain.metrics
     drift = found["joint_drift_mean_rad"]
     without = run(name, ("law.return_weight", 0.0)).metrics["joint_drift_mean_rad"]
-    # Starting 1 mm off the path, and what of that is left beside the plain run's own error.
+    # Start 1 mm off the path; subtract the plain run's own error from what is left.
     off = position_error(run(name, ("path.offset", (0.0, 1e-3, 0.0)))) - position_error(plain)
     kept = np.linalg.norm(off[-1]) / np.linalg.norm(off[0])
     bound = TIGHT * found["joint_acceleration_max_rad_s2"]
@@ -147,7 +147,7 @@ def traits(name: str) -> list[str]:
         "acceleration",
         f"{answer(drift < RETURNS * without)}: {drift / without:.2g} of the drift at lambda 0",
         f"{answer(kept < COMPENSATED)}: {100 * kept:.2g} % of 1 mm left",
-        # Rounding errors are no violation.
+        # Rounding errors do not count as violations.
         f"{answer(violated < 1e-9)}: {violated:.0e} beyond",
         f"{drift:.1e} rad",
         decoupled,

@@ -1,4 +1,4 @@
-"""Tables as Markdown, printed row by row."""
+"""Printing of Markdown tables, row by row."""
 
 
 def row(*cells: object) -> None:
@@ -7,7 +7,7 @@ def row(*cells: object) -> None:
 
 
 def head(*cells: str) -> None:
-    """Print the first rows of a table."""
+    """Print the header of a table."""
     print()
     row(*cells)
     print("|" + "---|" * len(cells))

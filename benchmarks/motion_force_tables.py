@@ -1,4 +1,4 @@
-"""The tables of motion-force control, as Markdown.
+"""Print the tables of motion-force control as Markdown; `make tables` runs this.
 
 The paper is "Data-driven motion-force control scheme for redundant manipulators: a kinematic
 perspective".
@@ -33,7 +33,7 @@ CONTACT = (
 )
 ELSEWHERE = ("slc_nephroid", "null_space_adjustment", "naljdf_clover")
 FORCES, GAPS = (1.0, 5.0, 20.0), (0.0, 5e-3)
-# What is believed of the stiffness, and how the force is asked for.
+# Stiffness in the law, and how the desired force rises.
 STARTS = {
     "learned, prior 10 kN/m at 5 N": {},
     "the same, prior 10 times too stiff": {"law.stiffness.initial": 1e5},
@@ -47,12 +47,12 @@ ERRORS = ("mean", "rms", "max")
 
 
 def figure(result: Result, name: str) -> str:
-    """A metric to two digits; empty where it does not apply."""
+    """Return a metric with two digits, or an empty text if it does not apply."""
     return f"{result.metrics[name]:.2g}" if name in result.metrics else ""
 
 
 def runs_table(names: tuple[str, ...]) -> None:
-    """Each experiment's errors in its window."""
+    """Print the errors of each experiment in its window."""
     jacobian = "J_hat: error, largest"
     columns = ("mean [N]", "rms [N]", "largest [N]", "aside [m]", "turned [rad]", jacobian)
     columns = (*columns, "joint velocity, largest [rad/s]", "bounds broken by")
@@ -71,7 +71,7 @@ def runs_table(names: tuple[str, ...]) -> None:
 
 
 def sensor_error(result: Result) -> str:
-    """What the sensor says less what the contact knows, within the window."""
+    """Return the largest difference of measured and true force in the window [N], as text."""
     begin, end = result.experiment.document.window
     inside = (result.time > begin) & (result.time <= end)
     told, true = (result.series[f"normal_force{name}"][inside] for name in ("_measured", ""))
@@ -79,7 +79,7 @@ def sensor_error(result: Result) -> str:
 
 
 def start_up_table() -> None:
-    """The largest force on the way to the desired one, in units of it."""
+    """Print the largest force during the start-up, divided by the desired force."""
     places = [(force, gap) for gap in GAPS for force in FORCES]
     head("stiffness", *(f"{force:g} N, from {gap * 1e3:g} mm" for force, gap in places))
     for label, changes in STARTS.items():
@@ -92,7 +92,7 @@ def start_up_table() -> None:
 
 
 def start_up(changes: dict[str, object], force: float) -> str:
-    """Peak over the desired force, and when 95 % of it are reached for good."""
+    """Return peak force divided by desired force, and the time after which it stays above 95 %."""
     try:
         result = simulate(load_experiment("contact_approach", changes))
     except SimulationError as error:
@@ -104,7 +104,7 @@ def start_up(changes: dict[str, object], force: float) -> str:
 
 
 def learning_rates_table() -> None:
-    """The paper's Fig. 2 in numbers."""
+    """Print the numbers of the paper's Fig. 2."""
     head("rho", "J_hat: error, largest", "median", "along the motion", "force, largest [N]")
     for rho in load_experiment("motion_force_learning_rates").document.over["law.rho"]:
         result = simulate(load_experiment("motion_force_learning_rates", {"law.rho": rho}))
@@ -113,9 +113,9 @@ def learning_rates_table() -> None:
 
 
 def features_table() -> None:
-    """Table I: what a law is wired to and keeps; of others, what the paper says of them.
+    """Print Table I: inputs and properties of the laws here, then the paper's rows for others.
 
-    The table itself is missing from the text at hand: its last rows are what its section says.
+    The available text of the paper lacks the table: the last rows follow the section about it.
     """
     columns = ("force", "knows J", "learns J", "holds the orientation", "joint limits", "level")
     head("controller", *columns)
@@ -137,7 +137,7 @@ def features_table() -> None:
 
 
 def elsewhere_table() -> None:
-    """Laws made for the kinematic level, round an arm with full dynamics."""
+    """Print the errors of laws made for the kinematic level on an arm with full dynamics."""
     head("law", "arm", "error, kinematic [m]", "error, dynamic [m]", "speed, largest [rad/s]")
     for name in ELSEWHERE:
         dynamic = simulate(load_experiment(f"{name}_dynamic"))

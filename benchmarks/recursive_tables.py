@@ -1,4 +1,4 @@
-"""The tables of the recursive network and its baselines, as Markdown, and their picture.
+"""Print the tables of the recursive network and its baselines as Markdown, and draw their figure.
 
 `python benchmarks/recursive_tables.py [folder]` prints the tables and writes
 `recursive_comparison.png` to the folder, by default `out`.
@@ -19,7 +19,7 @@ SHAPES = ("circle", "square")
 LAWS = ("recursive_{}_printed", "recursive_{}", "rnn_{}", "pinv_{}", "rnn_{}_smooth")
 LAWS += ("pinv_{}_smooth", "stretched_{}")
 EXPERIMENTS = [law.format(shape) for shape in SHAPES for law in LAWS]
-# What is laid over one another, by its name in the picture.
+# Experiments that the figure compares, by their names in it.
 COMPARED = {
     "printed": "recursive_{}_printed",
     "pseudoinverse, at constant speed": "pinv_{}",
@@ -29,25 +29,25 @@ FEWER = (1, 2, 3, 4)
 
 
 def figures(result: Result) -> list[str]:
-    """The largest error, and the largest ratio to the bound of each order; in bold beyond it."""
+    """Return the largest error and the largest ratio to each bound, in bold if above 1."""
     cells = [f"{result.metrics['position_error_max_m']:.2g}"]
     for order in range(1, len(DERIVATIVE_UNITS) + 1):
         ratio = result.metrics[f"limit_ratio_{order}_max"]
         text = f"{ratio:.4g}"
-        # What is exactly at its bound is a rounding error beyond it.
+        # Rounded: a ratio exactly at its bound may exceed 1 by a rounding error.
         cells.append(f"**{text}**" if float(text) > 1 else text)
     return cells
 
 
 def experiments_table(results: dict[str, Result]) -> None:
-    """The experiments beside one another."""
+    """Print the metrics of the experiments side by side."""
     head("`drake-rnn run ...`", "error, largest [m]", *(f"{name} / bound" for name in _ORDERS))
     for name, result in results.items():
         row(f"`{name}`", *figures(result))
 
 
 def levels_table() -> None:
-    """The printed law with fewer levels; of the derivatives above its top it says nothing."""
+    """Print the errors of the printed law with fewer levels n, up to derivative n."""
     head("path", "n", "error, largest [m]", *(f"{name} / bound" for name in _ORDERS))
     for shape in SHAPES:
         name = f"recursive_{shape}_printed"

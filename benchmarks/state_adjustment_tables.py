@@ -1,7 +1,7 @@
-"""The tables of state adjustment, as Markdown: `make tables` prints them.
+"""Print the tables of state adjustment as Markdown; `make tables` runs this.
 
 The paper is Jin, He, Huang, Wang, "Recurrent neural network for state adjustment of redundant
-manipulators", IEEE Access 8 (2020); its Table 3 is empty in the text at hand.
+manipulators", IEEE Access 8 (2020); Table 3 is empty in the available text.
 """
 
 from drake_rnn import Result, load_experiment, simulate
@@ -35,7 +35,7 @@ ARMS = {
     "ur5": "modified_state_adjustment_ur5",
     "planar6": "modified_state_adjustment_planar6",
 }
-# How each law differs from MSA, as changes of an experiment of MSA's.
+# Changes to an experiment of MSA that give each law.
 LAWS = {
     "SA": {"law.rise_time": None},
     "MSA": {},
@@ -50,7 +50,7 @@ LAWS = {
 
 
 def joint_tables(results: dict[str, Result]) -> None:
-    """The paper's Tables 1 to 3."""
+    """Print the paper's Tables 1 to 3."""
     head("case", "", *(f"joint {k}" for k in range(1, 8)))
     for case, name in CASES.items():
         if case in PAPER:
@@ -60,7 +60,7 @@ def joint_tables(results: dict[str, Result]) -> None:
 
 
 def experiments_table(results: dict[str, Result]) -> None:
-    """The experiments beside one another."""
+    """Print the metrics of the experiments side by side."""
     columns = {
         "error [rad]": ("joint_error_max_rad", "{:.2g}"),
         "within 0.01 rad [s]": ("joint_settling_time_s", "{:.2f}"),
@@ -78,7 +78,7 @@ def experiments_table(results: dict[str, Result]) -> None:
 
 
 def arms_table() -> None:
-    """Every law on every arm."""
+    """Print the metrics of every law on every arm."""
     head(
         "arm",
         "law",

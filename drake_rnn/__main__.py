@@ -1,4 +1,4 @@
-"""``python -m drake_rnn``."""
+"""Entry point of ``python -m drake_rnn``."""
 
 from .cli.commands import main
 

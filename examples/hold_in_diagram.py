@@ -1,4 +1,4 @@
-"""In a diagram of your own: to another posture, the end effector's pose held."""
+"""Move to another posture while the end effector's pose is held, in a diagram of your own."""
 
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder

@@ -1,4 +1,4 @@
-"""A law in a diagram of your own."""
+"""Run a law in a diagram of your own."""
 
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder

@@ -1,4 +1,4 @@
-"""A surface of one's own: a dome, which is nowhere level, under an iiwa with full dynamics."""
+"""Press on a surface of your own: a dome under an iiwa with full dynamics."""
 
 from typing import Any
 
@@ -32,7 +32,7 @@ RADIUS = 0.3
 
 
 class Dome(ContactModel):
-    """A rigid ball whose top is below the tool at the start."""
+    """A rigid ball with its top below the tool at the start."""
 
     def add_to(self, plant: MultibodyPlant, p_WS: np.ndarray) -> None:
         properties = ProximityProperties()
@@ -44,7 +44,7 @@ class Dome(ContactModel):
 
 
 class DomeNormal(LeafSystem):
-    """The dome's normal below the tool."""
+    """Normal of the dome below the tool, as a signal, shape (3,)."""
 
     def __init__(self, centre: np.ndarray) -> None:
         super().__init__()

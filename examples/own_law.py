@@ -1,7 +1,7 @@
-"""A law of your own: one class, and one entry in `LAWS` by which experiments name it.
+"""Run a law of your own: one class, and one entry in `LAWS` with its name for experiments.
 
-What it asks for under ``inputs`` is what the diagram wires to it, by name. Filter, `fastest` and
-full dynamics take it like any other law.
+The diagram connects the law's ``inputs`` by name. Filters, `fastest` and full dynamics work with it
+as with any other law.
 """
 
 from functools import cached_property
@@ -28,7 +28,7 @@ class DampedLeastSquares(SampledLaw):
 
     Args:
         limits: Limits of the joints; only their number is used.
-        gain: Feedback of the position error [1/s].
+        gain: Gain of the position error [1/s].
         damping: Damping of the pseudoinverse [m].
     """
 
@@ -41,7 +41,7 @@ class DampedLeastSquares(SampledLaw):
 
     @property
     def loop_gains(self):
-        """The gain that a filter's delay limits."""
+        """Gain that a filter's delay limits."""
         return {"gain": self.gain}
 
     @cached_property
@@ -73,7 +73,7 @@ DOCUMENT = {
 
 
 def main() -> None:
-    """Run the law as it is, behind a filter, with full dynamics, and as fast as limits admit."""
+    """Run the law as it is, with a filter, with full dynamics, and as fast as possible."""
     variants = {
         "ideal arm": {},
         "every bound held by a filter": {

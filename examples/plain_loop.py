@@ -1,4 +1,4 @@
-"""A law in a plain loop, without a Diagram: arrays in, arrays out."""
+"""Run a law in a plain loop without a Diagram: arrays in, arrays out."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""To another posture while the end effector stays: a target that can be reached, and the run."""
+"""Move to another posture while the end effector stays: find a target, then run."""
 
 from drake_rnn import SelfMotion, load_arm, make_experiment, simulate
 

@@ -41,12 +41,12 @@ from .tables import (
 app = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
-    rich_markup_mode=None,  # it would take [s] for a style
+    rich_markup_mode=None,  # it would read [s] as a style
     pretty_exceptions_enable=False,
     help="Recurrent-neural-network controllers for redundant manipulators, as Drake systems.",
 )
 
-# A table in a pipe or a file has a width of its own.
+# Width of tables in a pipe or a file [characters].
 _WIDTH = None if sys.stdout.isatty() else 140
 out = Console(width=_WIDTH, soft_wrap=False, highlight=False)
 err = Console(stderr=True, soft_wrap=True, highlight=False)
@@ -66,7 +66,7 @@ Duration = Annotated[
 
 @app.command("list")
 def list_experiments() -> None:
-    """List the experiments that come with this package."""
+    """List the shipped experiments."""
     with _errors():
         out.print(experiments_table())
 
@@ -82,7 +82,7 @@ def run(
     duration: Duration = None,
     playback: Annotated[bool, typer.Option(help="Write playback.html.")] = True,
 ) -> None:
-    """Run experiments: a folder each, with figures, metrics and a playback."""
+    """Run experiments; each gets a folder with metrics, figures and a playback."""
     with _errors():
         # Everything is checked before anything runs.
         loaded = []
@@ -102,7 +102,7 @@ def run(
                 with _progress(experiment) as progress:
                     result = simulate(experiment, progress)
             except SimulationError as error:
-                # What there was until then is kept.
+                # The results up to the failure are kept.
                 failed = True
                 err.print(f"[red]failed[/] {escape(str(error))}")
                 _write(error.result, out_folder / experiment.name, playback)
@@ -121,7 +121,7 @@ def run_fastest(
     changes: Set = None,
     playback: Annotated[bool, typer.Option(help="Write playback.html.")] = True,
 ) -> None:
-    """Run a path as fast as the limits on all derivatives admit."""
+    """Run a path as fast as the limits on all derivatives allow."""
     with _errors():
         loaded = _load(experiment, changes, None, None)
         folder = out_folder / f"{loaded.name}_fastest"
@@ -151,7 +151,7 @@ def sweep(
     duration: Duration = None,
     jobs: Annotated[int, typer.Option(min=1, help="Runs at a time.")] = 1,
 ) -> None:
-    """Run an experiment at many values: a table, a CSV and a picture."""
+    """Run an experiment at many values; write a table, a CSV file and a figure."""
     with _errors():
         changed = _changes(changes, seed, duration)
         axes = _axes(over) or load_experiment(experiment, changed).document.over
@@ -183,7 +183,7 @@ def sweep(
 
 
 def _axes(over: list[str] | None) -> dict[str, list[Any]]:
-    """Values by key of ``--over``."""
+    """Return the values of all ``--over`` options, by key."""
     named = [parse_axis(text) for text in over or []]
     keys = [key for key, _ in named]
     if twice := [key for key in keys if keys.count(key) > 1]:
@@ -192,14 +192,14 @@ def _axes(over: list[str] | None) -> dict[str, list[Any]]:
 
 
 def _print_sweep(keys: list[str], rows: list[Row]) -> None:
-    # In a pipe or a file there is room for all in one.
+    # In a pipe or a file there is room for all columns in one table.
     wide = Console(width=WIDE, highlight=False)
     for table in sweep_tables(keys, rows, out.width if out.is_terminal else None):
         wide.print(table)
 
 
 def main() -> None:
-    """Entry point of ``drake-rnn``."""
+    """Run the command line ``drake-rnn``."""
     app()
 
 
@@ -221,7 +221,7 @@ def _changes(
 
 
 def _tell_of_window(name: str, changes: dict[str, Any]) -> None:
-    """That a duration ends before the window, and so drops it; nothing if it does not."""
+    """Print a note if the duration ends before the window and therefore drops it."""
     kept = {key: value for key, value in changes.items() if key != "duration"}
     before, now = read_document(name, kept), read_document(name, changes)
     lost = [key for key in ("window", "accept") if key in before and key not in now]
@@ -252,7 +252,7 @@ def _write(result: Result, folder: Path, playback: bool) -> None:
 
 
 def _frames_per_second(result: Result) -> int:
-    """Long runs get fewer frames, so that the page stays small enough to be sent."""
+    """Return the playback's frame rate, lower for long runs to keep the page small."""
     return 64 if result.time[-1] <= 30.0 else 32
 
 
@@ -264,7 +264,7 @@ def _draw_diagram(dot: Path) -> None:
 
 @contextmanager
 def _named(name: str, among: list[str]) -> Iterator[None]:
-    """Of several experiments, an error says which one it is about."""
+    """Add the experiment's name to errors if there are several experiments."""
     try:
         yield
     except InvalidInputError as error:
@@ -291,7 +291,7 @@ def _require_writable(folder: Path) -> None:
 
 @contextmanager
 def _errors() -> Iterator[None]:
-    """Errors on purpose end with a sentence and a status, not with a traceback."""
+    """Turn this package's errors into a message and an exit status, without a traceback."""
     try:
         yield
     except SimulationError as error:
@@ -304,7 +304,7 @@ def _errors() -> Iterator[None]:
 
 @contextmanager
 def _progress(experiment: Experiment) -> Iterator[ProgressCallback | None]:
-    """A bar on a terminal, nothing elsewhere."""
+    """Show a progress bar on a terminal, nothing elsewhere."""
     if not err.is_terminal:
         yield None
         return

@@ -1,4 +1,4 @@
-"""Tables on a terminal."""
+"""Tables for the terminal."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ from ..robot.limits import DERIVATIVE_UNITS
 from ..runs.result import Result
 from ..runs.sweep import Row
 
-#: Of a console on which nothing is squeezed [characters].
+#: Width of a console on which no table is squeezed [characters].
 WIDE = 10_000
-#: Of a sweep's columns of metrics, in whose names a line ends there, and of swept values.
+#: Widths of a sweep's metric columns, where their headers break, and value columns [characters].
 _HEADER, _VALUE = 13, 40
 
 
 def experiments_table() -> Table:
     """Return a table of the shipped experiments, law by law."""
-    # Documents only: one of them is there to be refused.
+    # Read as documents only, because one of the experiments is refused.
     documents = [
         construct(ExperimentDocument, read_document(name), name) for name in shipped_experiments()
     ]
@@ -58,7 +58,7 @@ def experiments_table() -> Table:
 
 
 def metrics_table(result: Result) -> Table:
-    """A run's metrics beside what is expected of them and the bounds that were to hold."""
+    """Return a table of a run's metrics, with the bounds that they are expected to keep."""
     experiment = result.experiment
     bounds = _bounds(experiment)
     table = Table(box=SIMPLE_HEAD, title=escape(experiment.name))
@@ -77,7 +77,7 @@ def metrics_table(result: Result) -> Table:
 
 
 def joints_table(result: Result) -> Table | None:
-    """Joint by joint, how near a run has come to its target posture; None if it had none."""
+    """Return a table of the final joint errors to the target posture; None without a target."""
     experiment = result.experiment
     if experiment.target is None or result.time.size == 0:
         return None
@@ -94,11 +94,11 @@ def joints_table(result: Result) -> Table | None:
 
 
 def sweep_tables(keys: Sequence[str], rows: Sequence[Row], width: int | None = None) -> list[Table]:
-    """One row for each run of a sweep, with the metrics that differ between runs.
+    """Return tables with one row per run of a sweep, and the metrics that differ between runs.
 
-    What is wider than ``width`` characters goes on in another table: a number is never broken,
-    and a name only behind an underscore. To be printed on a `WIDE` console, as one column may
-    be too wide by itself.
+    Columns beyond ``width`` characters continue in another table; numbers are never broken, and
+    names only after an underscore. Print them on a `WIDE` console, because a single column may
+    be wider than ``width``.
     """
     tables, names = [], varying_metrics(rows)
     while True:
@@ -112,7 +112,7 @@ def sweep_tables(keys: Sequence[str], rows: Sequence[Row], width: int | None = N
 
 
 def _width(keys: Sequence[str], rows: Sequence[Row], names: Sequence[str]) -> int:
-    """Of a table that nothing squeezes, in characters."""
+    """Return the width of the table if it is not squeezed [characters]."""
     console = Console(width=WIDE)
     return console.measure(_sweep_table(keys, rows, names)).maximum
 
@@ -126,14 +126,14 @@ def _sweep_table(keys: Sequence[str], rows: Sequence[Row], names: Sequence[str])
         table.add_column(_broken(name), justify="right", no_wrap=True)
     for row in rows:
         values = [f"{row.metrics[n]:.4g}" if n in row.metrics else "-" for n in names]
-        # Why has been said when it failed, and stands in the CSV.
+        # The reason was printed when the run failed, and is in the CSV file.
         cells = values if row.failure is None else ["[red]failed[/]"]
         table.add_row(*(escape(str(value)) for value in row.values), *cells)
     return table
 
 
 def _broken(name: str) -> str:
-    """In lines of some characters, if it has underscores to break it behind."""
+    """Return a name broken after underscores into lines of about ``_HEADER`` characters."""
     lines = [""]
     for part in re.findall("[^_]*_|[^_]+", name):
         if lines[-1] and len(lines[-1] + part) > _HEADER:
@@ -146,15 +146,15 @@ _ARRIVAL = "joint_error_max_rad"
 
 
 def varying_metrics(rows: Sequence[Row]) -> list[str]:
-    """The metrics worth a column: of the main ones those that differ between the runs."""
+    """Return the names of the main metrics that differ between the runs."""
     chosen = []
     for name in shown_in("sweep"):
         ran = [row for row in rows if row.failure is None]
-        # Along a path the end effector is meant to leave its start.
+        # Only a run to a target posture has a drift: on a path the end effector leaves its start.
         if name == "end_effector_drift_max_m" and not any(_ARRIVAL in r.metrics for r in ran):
             continue
         found = [row.metrics[name] for row in ran if name in row.metrics]
-        # Equal but for rounding is equal.
+        # Differences due to rounding do not count.
         differ = found and max(found) - min(found) > 1e-9 * max(map(abs, found))
         if found and (differ or len(ran) == 1):
             chosen.append(name)
@@ -162,12 +162,12 @@ def varying_metrics(rows: Sequence[Row]) -> list[str]:
 
 
 def _bounds(experiment: Experiment) -> dict[str, Acceptance]:
-    """What the arm's limits ask of the metrics; one joint's bound may differ from another's."""
+    """Return the bounds that the limits put on metrics; ratios, as joints may differ in bounds."""
     limits = experiment.limits
     bounds = {}
     if np.isfinite(limits.position_upper - limits.position_lower).any():
         bounds["joint_limit_margin_min_rad"] = Acceptance(at_least=0.0)
-    # A secant around the bound carries rounding errors.
+    # A secant at its bound carries rounding errors.
     for order, name in enumerate(DERIVATIVE_UNITS, start=1):
         if limits.bounds[name] is not None:
             bounds[f"limit_ratio_{order}_max"] = Acceptance(at_most=1.0 + 1e-9)

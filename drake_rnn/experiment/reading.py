@@ -117,7 +117,7 @@ def _resolve_files(document: dict[str, Any], folder: File) -> None:
     files = ((arm, "model"), (path, "file"), (environment, "model"))
     for section, key in (*files, *((packages, key) for key in packages)):
         value = section.get(key)
-        # A folder may have the name of a shipped arm.
+        # `is_file`, because a folder may have the name of a shipped arm.
         found = File.is_dir if section is packages else File.is_file
         if isinstance(value, str) and found(folder / value):
             # Absolute, so that the document means the same wherever it is saved.

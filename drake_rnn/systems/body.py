@@ -79,11 +79,9 @@ class Body(Diagram):
         *,
         outside: float,
     ) -> Body:
-        """Return a body of this class; only classes with a plant use ``settings``.
+        """Return a body of this class; the arguments are those of `Body`, and ``settings``.
 
-        Args:
-            arm, start, contact, outside: See `Body`.
-            settings: Simulation and motor settings of the plant.
+        Only classes with a plant use the simulation and motor settings; others ignore them.
         """
         return cls(arm, start, contact, outside=outside)
 

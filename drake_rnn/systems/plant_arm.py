@@ -85,7 +85,7 @@ class PlantArm(Body):
         *,
         outside: float,
     ) -> Body:
-        """Return a body of this kind with these settings."""
+        """Return a body with the given simulation and motor settings."""
         return cls(arm, start, contact, settings, outside=outside)
 
     @property

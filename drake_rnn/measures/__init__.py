@@ -4,7 +4,7 @@ from .metrics import METRIC_NAMES, METRICS, TIMING_METRICS, Metric, shown_in
 from .motion import Motion, Pressing
 from .recorder import Recorder
 from .series import UNITS
-from .taken import ARRIVED, law_metrics, motion_metrics
+from .motion_metrics import ARRIVED, law_metrics, motion_metrics
 
 __all__ = [
     "ARRIVED",

@@ -1,4 +1,4 @@
-"""What tests of figures share: how one is drawn, and what is read off it."""
+"""Helpers of the figure tests: draw a figure, and read values from it."""
 
 from dataclasses import replace
 
@@ -6,13 +6,13 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
-from drake_rnn.experiment.document import make_experiment
+from drake_rnn.experiment import make_experiment
 from drake_rnn.figures import FIGURES
 
 
 def changed(result, **changes):
-    """The same series under another experiment."""
-    document = result.experiment.document() | changes
+    """Return a result with the same series and a changed experiment."""
+    document = result.experiment.document.contents() | changes
     return replace(result, experiment=make_experiment(document))
 
 
@@ -25,7 +25,7 @@ def panel(result, name):
 
 
 def curves(ax, count=7):
-    """Of the first lines, shape (k, count)."""
+    """Return the values of the first lines, shape (k, count)."""
     return np.stack([line.get_ydata() for line in ax.lines[:count]], axis=1)
 
 
@@ -34,17 +34,17 @@ def is_dashed(line):
 
 
 def dashed_levels(ax):
-    """Of the horizontal dashed lines."""
+    """Return the levels of the horizontal dashed lines."""
     dashed = [line.get_ydata() for line in ax.lines if is_dashed(line)]
     return sorted(values[0] for values in dashed if np.ptp(values) == 0)
 
 
 def skeleton(result, q):
-    return result.experiment.setup.arm.kinematics().skeleton(q)
+    return result.experiment.arm.kinematics().skeleton(q)
 
 
 def assert_no_text_is_cut_off(figure, endings="]"):
-    """Of those that end so: ticks out of view are texts, too."""
+    """Check the texts with these endings; others, such as ticks out of view, may be outside."""
     figure.canvas = FigureCanvasAgg(figure)
     figure.canvas.draw()
     for text in figure.findobj(Text):

@@ -1,22 +1,24 @@
-"""The picture that lays laws over one another: errors, and how much of each bound they take."""
+"""The figure that compares laws: their errors, and how much of each bound they use."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 
 from ..inputs.fields import Array
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
 from ..runs.result import Result
-from .derivative_panels import derivatives_of_motion, with_room
+from .derivative_panels import derivatives_of_motion, leave_room
 from .style import BOUND, COLOURS, PAGE, largest, log_axis, save, styled, time_axis
 
-#: Less than this share of a bound, or this error [m], is not told from none.
+#: Share of a bound, and error [m], below which curves are not shown.
 _LEAST, _LEAST_ERROR = 1e-3, 1e-10
 
 _LOOKS: tuple[dict[str, Any], ...] = (
@@ -28,46 +30,29 @@ _LOOKS: tuple[dict[str, Any], ...] = (
 
 
 def comparison_figure(groups: Mapping[str, Mapping[str, Result]], file: Path) -> Path:
-    """A column for each group of runs; position error, then a panel an order.
+    """Draw the runs of several laws over one another, a column of panels for each group of runs.
 
-    Those panels show the largest share of its bound that any joint takes; 1 is the bound.
+    The first panel of a column shows the position error. Each of the others shows, for one order of
+    derivative, the largest share of its bound that any joint uses; 1 is the bound.
 
     Args:
-        groups: The runs to be laid over one another, by law, in groups by path; of the same laws,
-            in the same order, in each.
-        file: To write.
+        groups: Runs by law, in groups by path; each group has the same laws in the same order.
+        file: File to write.
 
     Returns:
         The file.
     """
-    rows = 2 + len(DERIVATIVE_UNITS)
+    names = ["position error [m]"]
+    names += [f"{name} / bound [-]" for name in ("angle", *DERIVATIVE_UNITS)]
     with styled():
-        figure = Figure(figsize=(PAGE, 0.8 + 1.25 * rows), layout="constrained")
-        axes: Any = figure.subplots(rows, len(groups), squeeze=False, sharex="col")
+        figure = Figure(figsize=(PAGE, 0.8 + 1.25 * len(names)), layout="constrained")
+        axes: Any = figure.subplots(len(names), len(groups), squeeze=False, sharex="col")
         for column, (title, runs) in zip(axes.T, groups.items(), strict=True):
             column[0].set_title(title)
-            panels: list[list[tuple[Array, Array]]] = [[] for _ in column]
-            for k, (name, result) in enumerate(runs.items()):
-                panels[0].append((result.time, result.position_error))
-                for panel, share in zip(panels[1:], shares_of_bounds(result), strict=True):
-                    panel.append(share)
-                for ax, panel in zip(column, panels, strict=True):
-                    ax.plot(*panel[-1], label=name, **_LOOKS[k % len(_LOOKS)])
-            for order, (ax, panel) in enumerate(zip(column, panels, strict=True), start=-1):
-                curves = [values for _, values in panel]
-                if order >= 0:
-                    ax.axhline(1.0, **BOUND)
-                    curves.append(np.array([0.05, 2.0]))
-                if order == 0:
-                    ax.set_ylim(0, 1.08 * max(1.0, *map(largest, curves)))
-                else:
-                    log_axis(ax, curves)
-                    ax.set_ylim(bottom=max(ax.get_ylim()[0], _LEAST_ERROR if order < 0 else _LEAST))
-                    ax.yaxis.set_minor_locator(NullLocator())
+            _plot_errors(column[0], runs)
+            _plot_shares(column[1:], runs)
             time_axis(column[-1], max(runs.values(), key=lambda run: float(run.time[-1])))
-            with_room(column[-1])
-        names = ["position error [m]"]
-        names += [f"{name} / bound [-]" for name in ("angle", *DERIVATIVE_UNITS)]
+            leave_room(column[-1])
         for ax, name in zip(axes[:, 0], names, strict=True):
             ax.set_ylabel(name)
         handles = axes[0, 0].get_legend_handles_labels()
@@ -77,8 +62,40 @@ def comparison_figure(groups: Mapping[str, Mapping[str, Result]], file: Path) ->
     return file
 
 
+def _plot_errors(ax: Axes, runs: Mapping[str, Result]) -> None:
+    """Plot the position error of every run."""
+    for (name, result), look in zip(runs.items(), cycle(_LOOKS), strict=False):
+        ax.plot(result.time, result.position_error, label=name, **look)
+    _log_axis_from(ax, _LEAST_ERROR, [result.position_error for result in runs.values()])
+
+
+def _plot_shares(axes: Sequence[Axes], runs: Mapping[str, Result]) -> None:
+    """Plot the share of its bound that each order of derivative uses, a panel for each."""
+    shares = [shares_of_bounds(result) for result in runs.values()]
+    for order, (ax, curves) in enumerate(zip(axes, zip(*shares, strict=True), strict=True)):
+        for (time, share), look in zip(curves, cycle(_LOOKS), strict=False):
+            ax.plot(time, share, **look)
+        ax.axhline(1.0, **BOUND)
+        values = [share for _, share in curves]
+        if order == 0:
+            ax.set_ylim(0, 1.08 * max(2.0, *map(largest, values)))
+        else:
+            _log_axis_from(ax, _LEAST, [*values, np.array([0.05, 2.0])])
+
+
+def _log_axis_from(ax: Axes, least: float, curves: list[Array]) -> None:
+    """Set a logarithmic y-axis for curves, which begins no lower than at ``least``."""
+    log_axis(ax, curves)
+    ax.set_ylim(bottom=max(ax.get_ylim()[0], least))
+    ax.yaxis.set_minor_locator(NullLocator())
+
+
 def shares_of_bounds(result: Result) -> list[tuple[Array, Array]]:
-    """The largest share of its bound that any joint takes, of orders 0 to 5: times and shares."""
+    """Return the largest share of its bound that any joint uses, for derivatives of order 0 to 5.
+
+    Returns:
+        Times [s] and shares [-] for each order, shape (k,) both.
+    """
     limits = result.experiment.limits
     signals = derivatives_of_motion(result)
     shares = [(signals[0][0], _share_of_range(signals[0][1], limits))]
@@ -90,7 +107,7 @@ def shares_of_bounds(result: Result) -> list[tuple[Array, Array]]:
 
 
 def _share_of_range(position: Array, limits: JointLimits) -> Array:
-    """1 at either limit, 0 in the middle between them."""
+    """Return how far the worst joint is from the middle of its range; 1 at either limit."""
     middle = (limits.position_upper + limits.position_lower) / 2
     half = (limits.position_upper - limits.position_lower) / 2
     return np.asarray((np.abs(position - middle) / half).max(axis=1))

@@ -1,4 +1,4 @@
-"""Panels of the joints' derivatives, one an order, each with its bounds."""
+"""Panels of the joint positions and their derivatives, one for each order, with bounds."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ from .style import (
     time_axis,
 )
 
-#: Between the velocities of which derivatives are differences [s]; the metrics have the same.
+#: Time over which higher derivatives are differences of the velocity [s], as in the metrics.
 _DIFFERENCE = 0.01
-#: Curves this many times beyond their bound are drawn logarithmically beyond it.
+#: Ratio of curves to their bound from which on the axis is logarithmic beyond the bound.
 _BEYOND = 10.0
-#: Bounds this many times beyond the curves would flatten them, and are not drawn.
+#: Ratio of a bound to the curves above which it is not drawn, as it would flatten them.
 _FAR = 30.0
-#: Room before the start, so that what jumps there is not hidden by the axis.
+#: Room left of the start, as a share of the axis, so that a jump there is not hidden by the axis.
 _ROOM = 0.012
 
-#: A signal of every joint: when, shape (k,) [s], and what, shape (k, n).
+#: Times, shape (k,) [s], and values of all joints, shape (k, n).
 Signal = tuple[Array, Array]
 
 
 def derivatives_of_motion(result: Result) -> list[Signal]:
-    """Positions, velocities, and the second to fifth derivative as differences over 10 ms.
+    """Return positions, velocities, and the second to fifth derivative.
 
-    Each difference is at the middle of what it is taken over. Where samples are stored further
-    apart, it is over their own distance.
+    The latter are differences of the velocity over 10 ms, or over the distance of the samples if
+    that is larger, and belong to the middle of that interval.
     """
     position, velocity = result.series["position"], result.series["velocity"]
     found = [(result.time, position), (result.time, velocity)]
@@ -50,26 +50,26 @@ def derivatives_of_motion(result: Result) -> list[Signal]:
     time = np.arange(result.time[0], result.time[-1] + 1e-9, step)
     at = np.minimum(np.searchsorted(result.time, time - 1e-9), result.time.size - 1)
     for order in range(1, len(DERIVATIVE_UNITS)):
-        # A run that diverged may hold numbers of which there is no difference.
+        # A run that diverged may contain infinite values.
         with np.errstate(invalid="ignore", over="ignore"):
             values = np.diff(velocity[at], n=order, axis=0) / step**order
         found.append((time[: len(values)] + order * step / 2, values))
     return found
 
 
-def stacked(
+def stacked_panels(
     result: Result,
     signals: Sequence[Signal],
     texts: Sequence[str],
     ratios: Mapping[int, float] | None = None,
 ) -> Figure:
-    """A panel for each order from 0 on, with its bounds.
+    """Return a figure with a panel for each order of derivative from 0 on, with its bounds.
 
     Args:
-        result: Whose bounds there are.
-        signals: Of each order.
-        texts: What they are.
-        ratios: To their bounds, by order, where that of the curves is not all there is to say.
+        result: The run, with the bounds.
+        signals: The curves of each order.
+        texts: Their names.
+        ratios: Ratio to the bound to write above a panel, by order; by default that of the curves.
     """
     ratios = {} if ratios is None else ratios
     limits = result.experiment.limits
@@ -88,14 +88,21 @@ def stacked(
             unit = unit.replace(f"^{power}", raised)
         ax.set_ylabel(f"{text} [{unit}]")
     time_axis(axes[-1], result)
-    with_room(axes[-1])
+    leave_room(axes[-1])
     figure.legend(handles=joint_handles(n), loc="outside upper center", ncols=n + 1)
     figure.align_ylabels()
     return figure
 
 
 def plot_between(ax: Axes, time: Array, values: Array, bounds: Array) -> None:
-    """Angles of all joints, and those bounds that are near them."""
+    """Plot the angles of all joints, and those of their bounds that are near.
+
+    Args:
+        ax: The axes.
+        time: Shape (k,) [s].
+        values: Angles, shape (k, n) [rad].
+        bounds: Bounds of any joints, in an array of any shape [rad].
+    """
     plot_joints(ax, time, values)
     low, high = span(values, least=0.02)
     near = np.unique(bounds[(bounds > low - (high - low)) & (bounds < high + (high - low))])
@@ -106,8 +113,8 @@ def plot_between(ax: Axes, time: Array, values: Array, bounds: Array) -> None:
     ticks(ax.yaxis, 5)
 
 
-def with_room(ax: Axes) -> None:
-    """A little time before the start."""
+def leave_room(ax: Axes) -> None:
+    """Extend the time axis a little to the left of the start."""
     start, end = ax.get_xlim()
     ax.set_xlim(start - _ROOM * (end - start), end)
 
@@ -115,10 +122,16 @@ def with_room(ax: Axes) -> None:
 def plot_bounded_order(
     ax: Axes, time: Array, values: Array, bounds: Array | None, ratio: float | None = None
 ) -> None:
-    """One derivative of all joints with its bounds, which are in view unless they are far away.
+    """Plot one derivative of all joints with its bounds.
 
-    The axis is linear between the bounds; where curves go far beyond, it is logarithmic there.
-    ``ratio``, by default that of the curves to their bounds, stands above it.
+    The axis is linear between the bounds. If curves go far beyond, it is logarithmic outside.
+
+    Args:
+        ax: The axes.
+        time: Shape (k,) [s].
+        values: Shape (k, n).
+        bounds: Bounds of the magnitude, shape (n,); None if there are none.
+        ratio: Ratio to the bounds to write above; by default that of the curves.
     """
     plot_joints(ax, time, values)
     known = np.empty(0) if bounds is None else np.unique(bounds[np.isfinite(bounds)])
@@ -138,13 +151,13 @@ def plot_bounded_order(
         ticks(ax.yaxis, 5)
     if known.size:
         if ratio is None:
-            sound = np.where(np.isfinite(values), np.abs(values), 0.0)
-            ratio = float((sound / bounds).max(initial=0.0))
+            known_values = np.where(np.isfinite(values), np.abs(values), 0.0)
+            ratio = float((known_values / bounds).max(initial=0.0))
         ax.set_title(f"up to {ratio:.3g} × bound", loc="right", pad=2, **NOTE)
 
 
 def _linear_between(ax: Axes, bound: float, peak: float) -> None:
-    """Linear up to the bound and logarithmic from there; ticks that do not crowd."""
+    """Set an axis that is linear up to the bound and logarithmic beyond, with few ticks."""
     reach = 10 ** np.ceil(np.log10(1.5 * peak))
     beyond = np.log10(reach / bound)
     ax.set_yscale("symlog", linthresh=bound, linscale=max(1.0, beyond / 3))
@@ -158,7 +171,7 @@ def _linear_between(ax: Axes, bound: float, peak: float) -> None:
 
 
 def _number(x: float) -> str:
-    """Of many sizes on one axis, each by itself."""
+    """Return a tick's label: large numbers as a power of ten."""
     if abs(x) < 1e3:
         return f"{x:g}".replace("-", "−")
     return f"${'-' if x < 0 else ''}10^{{{round(np.log10(abs(x)))}}}$"

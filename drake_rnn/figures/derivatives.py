@@ -1,4 +1,4 @@
-"""The figures of laws whose derivatives are bounded beyond the acceleration."""
+"""The figures of experiments that bound derivatives of the motion beyond the acceleration."""
 
 from __future__ import annotations
 
@@ -6,16 +6,17 @@ from matplotlib.figure import Figure
 
 from ..robot.limits import DERIVATIVE_UNITS
 from ..runs.result import Result
-from .derivative_panels import derivatives_of_motion, stacked
+from .derivative_panels import derivatives_of_motion, stacked_panels
 from .registry import draws
 from .traits import bounds_jerk, shows_signals
 
 
 @draws("position", "velocity", applies=bounds_jerk)
 def derivatives(result: Result) -> Figure:
-    """Angle to crackle of the arm's own motion, with bounds.
+    """Draw angle to crackle of the arm's motion, with bounds.
 
-    The ratio to a bound is the metrics': the acceleration's over every step, not over 10 ms.
+    The ratio to a bound is taken from the metrics: for the acceleration, it is that of single
+    steps and not of 10 ms.
     """
     ratios = {
         order: result.metrics[name]
@@ -23,19 +24,19 @@ def derivatives(result: Result) -> Figure:
         if (name := f"limit_ratio_{order}_max") in result.metrics
     }
     texts = ["angle", *DERIVATIVE_UNITS]
-    return stacked(result, derivatives_of_motion(result), texts, ratios)
+    return stacked_panels(result, derivatives_of_motion(result), texts, ratios)
 
 
 @draws("position", "velocity", "levels", applies=lambda r: bounds_jerk(r) and shows_signals(r))
 def displayed_signals(result: Result) -> Figure:
-    """What the law's filters hold in place of the derivatives, with the same bounds.
+    """Draw the signals of the law's filters that stand for derivatives, with the same bounds.
 
-    Only the first is what its panel says; see `derivatives` for what the arm does.
+    They are not the derivatives of the motion; `derivatives` shows those.
     """
     v = result.series.get("network_velocity", result.series["velocity"])
     levels = result.series["levels"]
     signals = [result.series["position"], v, *(levels[:, k] for k in range(levels.shape[1]))]
     names = [f"signal {order}" for order in range(2, len(signals))]
-    return stacked(
+    return stacked_panels(
         result, [(result.time, values) for values in signals], ["angle", "velocity", *names]
     )

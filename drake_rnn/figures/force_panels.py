@@ -1,4 +1,4 @@
-"""Panels of the force with which a tool presses; each draws on axes what it finds in a result."""
+"""Panels of the normal force; each function draws on given axes."""
 
 from __future__ import annotations
 
@@ -26,33 +26,39 @@ from .traits import evaluated
 
 _BAND: Style = {"color": COLOURS[2], "alpha": 0.25, "linewidth": 0}
 _MEASURED: Style = {"color": COLOURS[4], "zorder": 1}
-#: What a sensor says is shown if it is mostly off by more than this share of the largest force,
-#: or of the largest error beside which it lies.
+#: Root mean square of the sensor's error above which its readings are drawn, as a share of the
+#: largest force, and of the largest force error in the panel of that error.
 _APART, _APART_OF_ERROR = 0.01, 0.05
-#: Fewer samples have no spectrum.
+#: Smallest number of samples that a spectrum is computed from.
 _FEWEST = 16
-#: Decades below the peak after which a spectrum is rounding [-].
+#: Decades below the peak that a spectrum is shown down to; what is lower is rounding.
 _DECADES = 6
 
 
 def plot_force(ax: Axes, result: Result, until: float | None = None) -> None:
-    """With what is desired, and behind it what a sensor makes of it; all of it or ``until`` [s]."""
+    """Plot true, desired and, if it differs visibly, measured normal force.
+
+    Args:
+        ax: The axes.
+        result: The run.
+        until: Time up to which to plot [s]; None for the whole run.
+    """
     shown = slice(None)
     if until is not None:
         shown = slice(0, max(2, int(np.searchsorted(result.time, until, side="right"))))
     time = result.time[shown]
-    is_, ought, measured = (
+    true, desired, measured = (
         result.series[f"normal_force{name}"][shown] for name in ("", "_desired", "_measured")
     )
-    unit, scale = prefixed(ought, "N")
-    levels = [scale * is_, (1 + NEAR) * scale * ought, np.zeros(1)]
-    low, high = ((1 + sign * NEAR) * scale * ought for sign in (-1, 1))
+    unit, scale = prefixed(desired, "N")
+    levels = [scale * true, (1 + NEAR) * scale * desired, np.zeros(1)]
+    low, high = ((1 + sign * NEAR) * scale * desired for sign in (-1, 1))
     ax.fill_between(time, low, high, label=f"±{100 * NEAR:g} %", **_BAND)
-    ax.plot(time, scale * ought, label="desired", **DESIRED)
-    (curve,) = ax.plot(time, scale * is_, color=COLOURS[0], label="force")
-    if _root_mean_square(measured - is_) > _APART * largest(is_):
+    ax.plot(time, scale * desired, label="desired", **DESIRED)
+    (curve,) = ax.plot(time, scale * true, color=COLOURS[0], label="force")
+    if _root_mean_square(measured - true) > _APART * largest(true):
         curve.set_label("true")
-        _plot_measured(ax, time, scale * measured, scale * is_)
+        _plot_measured(ax, time, scale * measured, scale * true)
         levels.append(scale * measured)
     shade_window(ax, result)
     lost = result.metrics.get("contact_lost_time_s")
@@ -60,7 +66,7 @@ def plot_force(ax: Axes, result: Result, until: float | None = None) -> None:
         ax.axvline(lost, color="0.25", linestyle=":", label="contact lost")
     least, most = span(np.concatenate(levels), least=1e-9)
     room = 0.06 * (most - least)
-    # Without contact, forces are zero up to rounding.
+    # Without contact, the force is zero up to rounding: no room below for that.
     ax.set_ylim(least - room if least < -0.01 * room else 0.0, most + room)
     ax.set_ylabel(f"normal force [{unit}]")
     time_axis(ax, result)
@@ -69,9 +75,10 @@ def plot_force(ax: Axes, result: Result, until: float | None = None) -> None:
 
 
 def plot_force_error(ax: Axes, result: Result) -> None:
-    """Where it counts, with its metrics, which are of every step.
+    """Plot the force error in the window, with its metrics.
 
-    What a sensor makes of it lies behind, unless there would be little else to see.
+    The measured error is drawn behind the true one if it differs visibly, but not so much that it
+    would hide it.
     """
     within = evaluated(result)
     time, error = result.time[within], _force_error(result)
@@ -100,9 +107,9 @@ def plot_force_error(ax: Axes, result: Result) -> None:
 
 
 def plot_force_spectrum(ax: Axes, result: Result) -> None:
-    """Of the force error without its mean; a sine is as high as its amplitude.
+    """Plot the amplitude spectrum of the force error without its mean.
 
-    What is faster than half the samples' rate is folded into what is shown.
+    Frequencies above half the sampling rate appear as lower ones.
     """
     frequency, amplitude = force_spectrum(result)
     ax.plot(frequency, amplitude, color=COLOURS[0], linewidth=0.8)
@@ -119,12 +126,14 @@ def plot_force_spectrum(ax: Axes, result: Result) -> None:
 
 
 def force_spectrum(result: Result) -> tuple[Array, Array]:
-    """Frequencies [Hz] and amplitudes [N] of the force error, with a Hann window.
+    """Return the amplitude spectrum of the force error in the window, with a Hann window.
 
-    Empty of too few samples, or of some that are not finite.
+    Returns:
+        Frequencies [Hz] and amplitudes [N], shape (k,) both; empty if there are too few samples or
+        some are not finite. A sine appears with its amplitude.
     """
     period = result.experiment.document.log_period
-    # The last sample is the run's end, wherever that is.
+    # The last sample is at the end of the run, perhaps less than a period after the one before.
     even = np.diff(result.time[evaluated(result)], prepend=-np.inf) > 0.5 * period
     error = _force_error(result)[even]
     if error.size < _FEWEST or not np.isfinite(error).all():
@@ -132,24 +141,26 @@ def force_spectrum(result: Result) -> tuple[Array, Array]:
     taper = np.hanning(error.size + 1)[:-1]
     amplitude = 2.0 / taper.sum() * np.abs(np.fft.rfft(taper * (error - error.mean())))
     frequency = np.fft.rfftfreq(error.size, period)
-    # The highest of an even number of samples has no phase.
+    # Half the sampling rate is left out: there, the amplitude depends on the phase.
     inner = (frequency > 0.0) & (frequency < 0.5 / period * (1 - 1e-9))
     return np.asarray(frequency[inner]), np.asarray(amplitude[inner])
 
 
 def _plot_measured(ax: Axes, time: Array, measured: Array, true: Array) -> None:
-    """Behind the truth, and yet seen: a wide and pale line, or a thin one that goes to and fro."""
+    """Plot a measured force behind the true one: thin if it is noisy, otherwise wide and pale."""
     noise = noisy(measured - true)
     look: Style = {"linewidth": 0.6, "alpha": 0.8} if noise else {"linewidth": 3.2, "alpha": 0.45}
     ax.plot(time, measured, label="measured", **_MEASURED, **look)
 
 
 def _root_mean_square(values: Array) -> float:
-    sound = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(sound**2))) if sound.size else 0.0
+    """Return the root mean square of the finite values; 0 if there are none."""
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else 0.0
 
 
 def _force_error(result: Result) -> Array:
+    """Return true minus desired normal force in the window, shape (k,) [N]."""
     within = evaluated(result)
     error = result.series["normal_force"] - result.series["normal_force_desired"]
     return np.asarray(error[within])

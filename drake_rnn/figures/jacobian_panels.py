@@ -1,4 +1,4 @@
-"""Panels of J and its estimate; each draws on axes what it finds in a result."""
+"""Panels of the Jacobian J and its estimate; each function draws on given axes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .style import COLOURS, label, legend, log_axis, shade_window, time_axis
 
 
 def plot_jacobian_error(ax: Axes, result: Result) -> None:
-    """How far J_hat is from J, at large and along the motion."""
+    """Plot the error of the estimate: its Frobenius norm, and its norm along the motion."""
     difference = result.series["J"] - result.series["J_hat"]
     v = result.series["network_velocity"]
     size = np.linalg.norm(difference, axis=(1, 2))
@@ -28,17 +28,17 @@ def plot_jacobian_error(ax: Axes, result: Result) -> None:
 
 
 def plot_singular_value(ax: Axes, result: Result) -> None:
-    """How far J is from losing rank."""
+    """Plot the smallest singular value of J, which is zero where J loses rank."""
     J = result.series["J"]
     smallest = np.full(J.shape[0], np.nan)
-    sound = np.isfinite(J).all(axis=(1, 2))
-    smallest[sound] = np.linalg.svd(J[sound], compute_uv=False)[:, -1]
+    known = np.isfinite(J).all(axis=(1, 2))
+    smallest[known] = np.linalg.svd(J[known], compute_uv=False)[:, -1]
     ax.plot(result.time, smallest, color=COLOURS[0])
     ax.set_ylim(bottom=0)
     ax.set_ylabel(label("smallest singular value of $J$", "J"))
     time_axis(ax, result)
 
 
-def plot_least_known(ax: Axes, result: Result) -> None:
-    """What is least certain of J: its estimate, or else its rank."""
+def plot_jacobian(ax: Axes, result: Result) -> None:
+    """Plot the error of the estimate of J, or without an estimate its smallest singular value."""
     (plot_jacobian_error if "J_hat" in result.series else plot_singular_value)(ax, result)

@@ -1,4 +1,4 @@
-"""Panels of what the joints do; each draws on axes what it finds in a result."""
+"""Panels of the joints' motion; each function draws on given axes."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ from .style import (
 )
 from .traits import apart, commands_acceleration, evaluated, law_velocity, presses
 
-#: A bound further away than this many times the curves' peak is named rather than drawn.
+#: Ratio of a bound to the curves' peak above which it is written rather than drawn.
 _IN_VIEW = 3.0
-#: The same of a tool that is pressed: slow, and what it does at a turn is to be seen.
+#: The same for a tool that presses: its motion is slow, and its details at turns should be visible.
 _IN_VIEW_PRESSING = 2.0
-#: Bounds closer to zero than this share of the curves' peak cannot be read from the axis.
+#: Ratio of a bound to the curves' peak below which it cannot be read from the axis.
 _LEGIBLE = 0.05
-#: How a joint's target is marked.
+#: Marker of a joint's target.
 _GOAL: Style = {"marker": "D", "markersize": 3.0}
 
 
 def plot_angles(ax: Axes, result: Result) -> None:
-    """All joints, and on the right edge where they should end."""
+    """Plot the angles of all joints, with their targets on the right edge."""
     plot_joints(ax, result.time, result.series["position"])
     handles = joint_handles(result.series["position"].shape[1])
     target = result.experiment.target
@@ -57,7 +57,7 @@ def plot_angles(ax: Axes, result: Result) -> None:
 
 
 def plot_velocities(ax: Axes, result: Result) -> None:
-    """All joints, as the law asks for; the arm's own may be hidden in noise."""
+    """Plot the joint velocities of the law, as the arm's may be noisy."""
     name = "network_velocity" if "network_velocity" in result.series else "velocity"
     text = "joint velocity, law" if apart(result, "velocity") else "joint velocity"
     plot_bounded(ax, result, name, result.experiment.limits.velocity, text)
@@ -65,8 +65,8 @@ def plot_velocities(ax: Axes, result: Result) -> None:
 
 
 def plot_acceleration_norm(ax: Axes, result: Result) -> None:
-    """Largest joint acceleration since the sample before."""
-    # Before the first sample there is no step.
+    """Plot the largest joint acceleration since the previous sample."""
+    # There is no step before the first sample.
     time, arm = result.time[1:], result.series["acceleration_peak"][1:]
     curves = [arm]
     if apart(result, "acceleration"):
@@ -74,12 +74,12 @@ def plot_acceleration_norm(ax: Axes, result: Result) -> None:
         ax.plot(time, arm, color=COLOURS[4], label="arm")
     ax.plot(time, curves[-1], color=COLOURS[0], label="law" if len(curves) > 1 else None)
     if commands_acceleration(result) and result.series["saturated"].any():
-        # What was asked for and not allowed.
+        # The acceleration that the law asked for before it was cut to the bound.
         demand = np.abs(result.series["acceleration_demand"][1:]).max(axis=1)
         ax.plot(time, demand, label="asked for", **DESIRED)
         curves.append(demand)
     known = _known(result.experiment.limits.acceleration)
-    # Joints may differ; the norm is between the extremes of their bounds.
+    # Bounds may differ from joint to joint: the least and the greatest are drawn.
     for k, bound in enumerate(np.unique(known[[0, -1]]) if known.size else ()):
         text = "bound" if known.size == 1 else "least and greatest bound"
         ax.axhline(bound, label=None if k else text, **BOUND)
@@ -94,7 +94,7 @@ def plot_acceleration_norm(ax: Axes, result: Result) -> None:
 
 
 def plot_drift(ax: Axes, result: Result) -> None:
-    """How far each joint is from where it was at first, and how far it ends."""
+    """Plot the drift of each joint from the start of the window, and mark the last values."""
     drift, end = joint_drift(result)
     plot_joints(ax, result.time, drift)
     for k, final in enumerate(end):
@@ -114,7 +114,7 @@ def plot_drift(ax: Axes, result: Result) -> None:
 
 
 def plot_drift_left(ax: Axes, result: Result) -> None:
-    """How far each joint is in the end from where it was at first."""
+    """Plot the drift that is left at the end as a bar for each joint."""
     sizes = np.abs(joint_drift(result)[1])
     shown, scale = prefixed(sizes, "rad")
     joints = np.arange(sizes.size) + 1
@@ -129,15 +129,20 @@ def plot_drift_left(ax: Axes, result: Result) -> None:
 
 
 def joint_drift(result: Result) -> tuple[Array, Array]:
-    """Joint positions less those at the first sample that counts, and what is left at the last."""
-    position, counted = result.series["position"], evaluated(result)
+    """Return the drift of the joints from the first sample of the window.
+
+    Returns:
+        The drift at every sample, shape (k, n) [rad], and at the last sample of the window, shape
+        (n,) [rad].
+    """
+    position, within = result.series["position"], evaluated(result)
     position = np.where(np.isfinite(position), position, np.nan)
-    drift = position - position[counted][0]
-    return drift, drift[counted][-1]
+    drift = position - position[within][0]
+    return drift, drift[within][-1]
 
 
 def plot_torques(ax: Axes, result: Result) -> None:
-    """All joints."""
+    """Plot the torques of all joints."""
     plot_joints(ax, result.time, result.series["torque"])
     ax.set_ylabel(label("joint torque", "torque"))
     time_axis(ax, result)
@@ -145,7 +150,7 @@ def plot_torques(ax: Axes, result: Result) -> None:
 
 
 def plot_joint_error(ax: Axes, result: Result) -> None:
-    """How far each joint is from its target, and when all have arrived."""
+    """Plot the distance of each joint to its target, and the time when all have arrived."""
     error = np.abs(result.series["joint_error"])
     plot_joints(ax, result.time, error)
     bound = ax.axhline(ARRIVED, label=f"{ARRIVED:g} rad", **BOUND)
@@ -162,13 +167,13 @@ def plot_joint_error(ax: Axes, result: Result) -> None:
 
 
 def plot_moving_bounds(ax: Axes, result: Result) -> None:
-    """All joints, as the law asks for, between bounds that change; what joints share, once."""
+    """Plot the joint velocities of the law between bounds that change with time."""
     values = law_velocity(result)
     plot_joints(ax, result.time, values)
     sides = [result.series["velocity_lower"], result.series["velocity_upper"]]
     for bounds in sides:
         plot_bound_curves(ax, result.time, bounds)
-    # What opens far beyond the curves would flatten them.
+    # Bounds far beyond the curves would flatten them.
     peak = largest(values)
     reach = 1.08 * min(max(peak, *map(largest, sides)), 2.0 * peak)
     if reach > 0:
@@ -179,14 +184,20 @@ def plot_moving_bounds(ax: Axes, result: Result) -> None:
 
 
 def plot_range(ax: Axes, position: Array, bounds: Array) -> None:
-    """Where between its bounds each joint has been: 0 is the lower, 1 the upper."""
+    """Plot the range of each joint relative to its bounds: 0 is the lower, 1 the upper.
+
+    Args:
+        ax: The axes.
+        position: Joint positions, shape (k, n) [rad].
+        bounds: Lower and upper bounds, shape (n, 2) [rad].
+    """
     bounded = np.flatnonzero(np.isfinite(bounds).all(axis=1))
     for k in bounded.tolist():
         lower, upper = bounds[k]
         low, high = (span(position[:, k], least=0.0) - lower) / (upper - lower)
         bar: Style = {"linewidth": 3, "solid_capstyle": "butt"}
         ax.plot([0, 1], [k + 1, k + 1], color="0.88", **bar)
-        # A joint that rests is still seen.
+        # Widened, so that a joint at rest is visible as well.
         ax.plot([low - 0.004, high + 0.004], [k + 1, k + 1], **joint_style(k), **bar)
     for bound in (0, 1):
         ax.axvline(bound, **BOUND)
@@ -199,7 +210,15 @@ def plot_range(ax: Axes, position: Array, bounds: Array) -> None:
 
 
 def plot_bounded(ax: Axes, result: Result, name: str, bounds: Array | None, text: str) -> None:
-    """Curves of all joints, with their bounds of either sign."""
+    """Plot a series of all joints with the bounds of its magnitude.
+
+    Args:
+        ax: The axes.
+        result: The run.
+        name: Name of the series.
+        bounds: Shape (n,); None if there are none.
+        text: Label of the axis, without the unit.
+    """
     values = result.series[name]
     plot_joints(ax, result.time, values, linewidth=0.5 if noisy(values) else 1.0)
     peak, known = largest(values), _known(bounds)
@@ -212,7 +231,7 @@ def plot_bounded(ax: Axes, result: Result, name: str, bounds: Array | None, text
             ax.axhline(sign * bound, **{**BOUND, **own})
     reach = 1.08 * max([peak, *in_view])
     notes = []
-    # What cannot be read from the axes is written above the curves.
+    # Values that cannot be read from the axes are written above the curves.
     steps = result.series.get(f"{name}_peak")
     if steps is not None and largest(steps) > 1.5 * peak:
         notes.append(f"up to {largest(steps):.3g} between samples")
@@ -230,7 +249,10 @@ def plot_bounded(ax: Axes, result: Result, name: str, bounds: Array | None, text
 
 
 def plot_bound_curves(ax: Axes, time: Array, bounds: Array) -> None:
-    """What joints share, once; of the others' bounds where they are not that."""
+    """Plot bounds that change with time, shape (k, n), without drawing shared ones repeatedly.
+
+    The bound that most joints share is drawn once; the others only where they differ from it.
+    """
     curves, holders, counts = np.unique(bounds, axis=1, return_inverse=True, return_counts=True)
     common = curves[:, np.argmax(counts)]
     for k in np.argsort(-counts, kind="stable"):
@@ -243,5 +265,5 @@ def plot_bound_curves(ax: Axes, time: Array, bounds: Array) -> None:
 
 
 def _known(bounds: Array | None) -> Array:
-    """The values that finite bounds have, rising."""
+    """Return the distinct values of the finite bounds in ascending order."""
     return np.empty(0) if bounds is None else np.unique(bounds[np.isfinite(bounds)])

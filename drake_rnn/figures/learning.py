@@ -1,4 +1,4 @@
-"""The picture that lays runs over one another by how far what they learned is from the truth."""
+"""The figure of a sweep that compares how well the runs learned the Jacobian."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from .style import COLOURS, label, legend, log_axis, save, single, styled, ticks
 
 
 def learning_figure(keys: Sequence[str], rows: Sequence[Row], file: Path) -> Path | None:
-    """The Frobenius norm of J - J_hat over time, one curve a run.
+    """Draw the Frobenius norm of J - J_hat over time, a curve for each run.
 
     Args:
-        keys: That were swept.
-        rows: Of the sweep; those that learned no Jacobian have no curve.
-        file: To write.
+        keys: Swept keys.
+        rows: Rows of the sweep; those that learned no Jacobian have no curve.
+        file: File to write.
 
     Returns:
-        The file, or None if there is nothing to draw.
+        The file, or None if no run learned a Jacobian.
     """
     learned = [(row.values, *row.learning) for row in rows if row.learning is not None]
     if not learned:

@@ -1,4 +1,4 @@
-"""One page that sums a run up."""
+"""The overview: a run on one page."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from ..measures import shown_in
 from ..runs.result import Result
 from .force_panels import plot_force, plot_force_error
-from .jacobian_panels import plot_jacobian_error, plot_least_known, plot_singular_value
+from .jacobian_panels import plot_jacobian, plot_jacobian_error, plot_singular_value
 from .joint_panels import (
     plot_acceleration_norm,
     plot_angles,
@@ -34,36 +34,38 @@ from .task_panels import (
     plot_position_error_axes,
     plot_velocity_error,
 )
-from .traits import bounds_are_felt, commands_acceleration, has_target, presses
+from .traits import commands_acceleration, has_target, moving_bounds_matter, presses
 
 _Panels = list[tuple[set[str], Callable[[Axes, Result], None]]]
 
 
-def _plot_velocities(ax: Axes, result: Result) -> None:
-    """Between the bounds that matter."""
+def _plot_bounded_velocities(ax: Axes, result: Result) -> None:
+    """Plot the joint velocities between changing bounds that matter, or fixed ones."""
     moving = {"velocity_lower", "velocity_upper"} <= result.series.keys()
-    felt = moving and bounds_are_felt(result)
-    (plot_moving_bounds if felt else plot_velocities)(ax, result)
+    matter = moving and moving_bounds_matter(result)
+    (plot_moving_bounds if matter else plot_velocities)(ax, result)
 
 
+#: Panels of a run along a path, each with the series it needs.
 _PANELS: _Panels = [
     ({"p_WE", "p_WE_desired"}, plot_path),
     ({"p_WE", "p_WE_desired"}, plot_position_error),
     ({"position"}, plot_angles),
     ({"velocity"}, plot_velocities),
     ({"acceleration_peak"}, plot_acceleration_norm),
-    ({"J", "network_velocity"}, plot_least_known),
+    ({"J", "network_velocity"}, plot_jacobian),
 ]
-#: In their stead where a posture is sought.
+#: Panels of a run towards a target posture.
 _TARGET_PANELS: _Panels = [
     ({"position"}, plot_postures),
     ({"p_WE"}, plot_end_effector),
     ({"position"}, plot_angles),
     ({"joint_error"}, plot_joint_error),
-    ({"velocity"}, _plot_velocities),
+    ({"velocity"}, _plot_bounded_velocities),
     ({"acceleration_peak"}, plot_acceleration_norm),
 ]
-#: And where the joints are to return; the last but where there are torques.
+#: Panels of a run in which the joints should return to their start; without torques, the last
+#: one takes their place.
 _RETURN_PANELS: _Panels = [
     ({"p_WE", "p_WE_desired"}, plot_path),
     ({"p_WE", "p_WE_desired"}, plot_position_error_axes),
@@ -73,7 +75,8 @@ _RETURN_PANELS: _Panels = [
     ({"torque"}, plot_torques),
     ({"J"}, plot_singular_value),
 ]
-#: And where a tool is pressed against a surface; the last where there is room.
+#: Panels of a run in which the tool presses against a surface; without an estimate of the Jacobian,
+#: the last one takes its place.
 _PRESSING_PANELS: _Panels = [
     ({"p_WE", "p_WE_desired", "normal_force", "normal_force_desired"}, plot_on_surface),
     ({"normal_force", "normal_force_desired", "normal_force_measured"}, plot_force),
@@ -83,42 +86,40 @@ _PRESSING_PANELS: _Panels = [
     ({"J", "J_hat", "network_velocity"}, plot_jacobian_error),
     ({"normal_force", "normal_force_desired", "normal_force_measured"}, plot_force_error),
 ]
-_MOST = 6
-#: Height of the header's name and of each line below it [inch].
+_MOST_PANELS = 6
+#: Heights of the header's title and of each line below it [inch].
 _TITLE, _LINE = 0.24, 0.14
-#: Of those lines, whose room is known before they are drawn.
-_LETTERS = 120
+#: Width of these lines [characters].
+_LINE_WIDTH = 120
 
 
 @draws("p_WE", "p_WE_desired")
 def overview(result: Result) -> Figure:
-    """One page: path, joints, errors, and the metrics beside what they are expected to be."""
-    every, names = _contents(result)
-    panels = [plot for needs, plot in every if needs <= result.series.keys()][:_MOST]
+    """Draw path, joints and errors, and a table of the metrics with their expected values."""
+    candidates, metrics = _contents(result)
+    panels = [plot for needs, plot in candidates if needs <= result.series.keys()][:_MOST_PANELS]
     rows = (len(panels) + 1) // 2
-    told = [
-        *wrap(result.experiment.document.paper, _LETTERS),
-        *wrap(result.experiment.document.expect, _LETTERS),
-    ]
-    heights = (_TITLE + _LINE * len(told), 2.3 * rows, 1.3)
+    document = result.experiment.document
+    lines = [*wrap(document.paper, _LINE_WIDTH), *wrap(document.expect, _LINE_WIDTH)]
+    heights = (_TITLE + _LINE * len(lines), 2.3 * rows, 1.3)
     figure = Figure(figsize=(PAGE, sum(heights)), layout="constrained")
     parts: Any = figure.subfigures(3, 1, height_ratios=heights)
     header, body, footer = parts
-    _header(header, result.experiment.name or "experiment", told)
+    _header(header, document.name or "experiment", lines)
     grid = body.add_gridspec(rows, 2)
     for k, plot in enumerate(panels):
         in_space = plot is plot_postures and is_spatial(result)
         cell = grid[k // 2, k % 2]
         if plot is plot_on_surface:
-            # Its colour bar takes its own room, not that of the panels below.
+            # A grid of its own: its colour bar then takes no room from the panels below.
             cell = cell.subgridspec(1, 1)[0, 0]
         plot(body.add_subplot(cell, projection="3d" if in_space else None), result)
-    _table(footer, result, names)
+    _table(footer, result, metrics)
     return figure
 
 
 def _contents(result: Result) -> tuple[_Panels, tuple[str, ...]]:
-    """Panels and metrics that say what a law is about."""
+    """Return panels and names of metrics for the kind of run."""
     if has_target(result):
         return _TARGET_PANELS, shown_in("posture")
     if presses(result):
@@ -128,19 +129,19 @@ def _contents(result: Result) -> tuple[_Panels, tuple[str, ...]]:
     return _PANELS, shown_in("path")
 
 
-def _header(part: Any, name: str, told: list[str]) -> None:
-    """Lines below the name, if there is anything to be told."""
-    height = _TITLE + _LINE * len(told)
+def _header(part: Any, name: str, lines: list[str]) -> None:
+    """Write a title, and the lines below it."""
+    height = _TITLE + _LINE * len(lines)
     part.text(0.5, 1 - 0.04 / height, name, va="top", ha="center", fontsize=11)
-    if told:
+    if lines:
         y = 1 - (_TITLE + 0.01) / height
-        part.text(0.5, y, "\n".join(told), va="top", ha="center", fontsize=7.5)
+        part.text(0.5, y, "\n".join(lines), va="top", ha="center", fontsize=7.5)
 
 
-def _table(part: Any, result: Result, common: tuple[str, ...]) -> None:
-    """Metrics in two columns, each beside what the experiment accepts."""
+def _table(part: Any, result: Result, metrics: tuple[str, ...]) -> None:
+    """Write the metrics in two columns, with the values that the experiment expects."""
     accept = result.experiment.document.accept
-    names = [name for name in dict.fromkeys((*accept, *common)) if name in result.metrics]
+    names = [name for name in dict.fromkeys((*accept, *metrics)) if name in result.metrics]
     rows = max(1, (len(names) + 1) // 2)
     for k, name in enumerate(names):
         column, row = divmod(k, rows)

@@ -1,4 +1,4 @@
-"""The figures of a tool that is pressed against a surface."""
+"""The figures of a tool that presses against a surface."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .traits import presses
 
 @draws("normal_force", "normal_force_desired", "normal_force_measured", applies=presses)
 def normal_force(result: Result) -> Figure:
-    """The force and what is desired, and below how it settles before the window."""
+    """Draw the true and the desired normal force, and below how it settles before the window."""
     window = result.experiment.document.window
     settling = window is not None and result.time[1] <= window[0]
     panels = 1 + settling
@@ -31,7 +31,7 @@ def normal_force(result: Result) -> Figure:
 
 @draws("normal_force", "normal_force_desired", "normal_force_measured", applies=presses)
 def force_error(result: Result) -> Figure:
-    """The force error where it counts, and its spectrum."""
+    """Draw the force error in the window and its spectrum."""
     figure = Figure(figsize=(COLUMN, 4.3), layout="constrained")
     axes = figure.subplots(2, 1)
     plot_force_error(axes[0], result)
@@ -42,7 +42,7 @@ def force_error(result: Result) -> Figure:
 
 @draws("p_WE", "p_WE_desired", "normal_force", "normal_force_desired", applies=presses)
 def path_on_surface(result: Result) -> Figure:
-    """What is drawn on the surface, from above, coloured by the force."""
+    """Draw the path on the surface as seen from above, coloured by the force."""
     figure, ax = single(height=3.0)
     plot_on_surface(ax, result)
     return figure
@@ -50,7 +50,7 @@ def path_on_surface(result: Result) -> Figure:
 
 @draws("orientation_error", applies=presses)
 def orientation_error(result: Result) -> Figure:
-    """How far the tool is off the orientation that it should keep."""
+    """Draw the angle between the tool and the orientation that it should keep."""
     figure, ax = single()
     plot_orientation_error(ax, result)
     return figure

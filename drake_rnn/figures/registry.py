@@ -1,4 +1,4 @@
-"""Which figures there are, and writing those for which a result has the series."""
+"""The register of figures, and writing those that apply to a result."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ Draw = Callable[[Result], Figure]
 
 @dataclass(frozen=True)
 class Drawing:
-    """How a figure is drawn, and the series without which it is not.
+    """A registered figure.
 
     Attributes:
-        draw: Draws it.
-        needs: Names of series.
-        applies: Whether it says anything of a result that has them.
+        draw: Function that draws it.
+        needs: Names of the series it needs.
+        applies: Whether it is meaningful for a result that has these series.
     """
 
     draw: Draw
@@ -31,14 +31,19 @@ class Drawing:
     applies: Callable[[Result], bool]
 
 
-#: Every figure, by name.
+#: All figures, by name.
 FIGURES: dict[str, Drawing] = {}
 
 
 def draws(
     *needs: str, applies: Callable[[Result], bool] = lambda result: True
 ) -> Callable[[Draw], Draw]:
-    """Register a function as the figure of its name, drawn in the common style."""
+    """Register a function as the figure of that name, drawn in the common style.
+
+    Args:
+        needs: Names of the series that the figure needs.
+        applies: Whether it is meaningful for a result that has these series.
+    """
 
     def register(draw: Draw) -> Draw:
         @wraps(draw)
@@ -53,7 +58,7 @@ def draws(
 
 
 def drawable(result: Result) -> list[str]:
-    """Names of the figures for which ``result`` has the series; none of a single sample."""
+    """Return the names of the figures that apply to a result; none to a single sample."""
     if result.time.size < 2:
         return []
     return [
@@ -64,11 +69,11 @@ def drawable(result: Result) -> list[str]:
 
 
 def write_figures(result: Result, folder: str | Path) -> list[Path]:
-    """Write every figure for which ``result`` has the series, as ``<name>.png``.
+    """Write every figure that applies to a result as ``<name>.png``.
 
     Args:
-        result: What to show.
-        folder: Made if it is not there.
+        result: The run to show.
+        folder: Folder to write to; created if it does not exist.
 
     Returns:
         The files.

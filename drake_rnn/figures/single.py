@@ -1,4 +1,4 @@
-"""The figures of one quantity each; a function's name is its file's."""
+"""The figures that show one quantity each."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from itertools import cycle
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -46,21 +47,21 @@ from .style import (
     time_axis,
     unit,
 )
-from .surface import brought_onto_surface
+from .surface import desired_at_tool_height
 from .task_panels import (
     plot_end_effector,
     plot_path,
     plot_position_error,
     plot_position_error_axes,
-    plot_turn,
+    plot_rotation,
     plot_velocity_error,
 )
-from .traits import apart, bounds_are_felt, first_lap, has_path, has_target, presses
+from .traits import apart, first_lap, has_path, has_target, moving_bounds_matter, presses
 
 
 @draws("p_WE", "p_WE_desired", applies=lambda r: has_path(r) and r.series["p_WE"].shape[1] == 3)
 def path_3d(result: Result) -> Figure:
-    """Desired and traced path in space."""
+    """Draw the desired and the traced path in space."""
     figure = Figure(figsize=(COLUMN, 3.2))
     ax: Any = figure.add_axes((0.02, 0.13, 0.84, 0.82), projection="3d")
     p_WE, desired, text = _traced_and_desired(result)
@@ -74,7 +75,7 @@ def path_3d(result: Result) -> Figure:
 
 @draws("p_WE", "p_WE_desired", applies=lambda r: has_path(r) and not presses(r))
 def path_plane(result: Result) -> Figure:
-    """Desired and traced path in the plane in which it varies most."""
+    """Draw the desired and the traced path in the plane in which the former varies most."""
     figure, ax = single(height=3.0)
     plot_path(ax, result)
     return figure
@@ -82,9 +83,8 @@ def path_plane(result: Result) -> Figure:
 
 @draws("position")
 def joint_angles(result: Result) -> Figure:
-    """A panel for each joint, and one that shows where within its bounds each has been."""
+    """Draw a panel for each joint, and one of the joints' ranges within their bounds."""
     position, limits = result.series["position"], result.experiment.limits
-    target = result.experiment.target
     bounds = np.stack((limits.position_lower, limits.position_upper), axis=1)
     bounded = bool(np.isfinite(bounds).all(axis=1).any())
     n = position.shape[1]
@@ -94,49 +94,55 @@ def joint_angles(result: Result) -> Figure:
     axes: Any = figure.subplots(rows, 2, squeeze=False).ravel()
     for ax in axes[cells:]:
         ax.remove()
-    for k, (ax, angle) in enumerate(zip(axes, position.T, strict=False)):
-        ax.plot(result.time, angle, **joint_style(k))
-        low, high = span(angle, least=0.02)
-        if target is not None:
-            ax.axhline(target[k], **TARGET)
-            low, high = min(low, target[k]), max(high, target[k])
-        for bound in bounds[k]:
-            # Near enough that the curve still fills half of its panel.
-            if low - (high - low) <= bound <= high + (high - low):
-                ax.axhline(bound, **BOUND)
-                low, high = min(low, bound), max(high, bound)
-        ax.set_ylim(low - 0.08 * (high - low), high + 0.08 * (high - low))
-        ticks(ax.yaxis, 4)
-        ax.set_ylabel(f"$q_{{{k + 1}}}$ [rad]")
-        ax.set_title(_bounds_note(bounds[k]), loc="right", pad=2, **NOTE)
-        time_axis(ax, result)
+    for k, ax in enumerate(axes[:n]):
+        _plot_angle(ax, result, k, bounds[k])
         if k + 2 < n:
             ax.tick_params(labelbottom=False)
             ax.set_xlabel("")
     if bounded:
         plot_range(axes[n], position, bounds)
-    if target is not None:
+    if result.experiment.target is not None:
         handles = [Line2D([], [], label="target", **TARGET)]
         figure.legend(handles=handles, loc="outside upper center")
     figure.align_ylabels()
     return figure
 
 
+def _plot_angle(ax: Axes, result: Result, k: int, bounds: Array) -> None:
+    """Plot the angle of joint ``k``, with its target and those of its two bounds that are near."""
+    angle, target = result.series["position"][:, k], result.experiment.target
+    ax.plot(result.time, angle, **joint_style(k))
+    low, high = span(angle, least=0.02)
+    if target is not None:
+        ax.axhline(target[k], **TARGET)
+        low, high = min(low, target[k]), max(high, target[k])
+    for bound in bounds:
+        # Near enough that the curve still fills half of its panel.
+        if low - (high - low) <= bound <= high + (high - low):
+            ax.axhline(bound, **BOUND)
+            low, high = min(low, bound), max(high, bound)
+    ax.set_ylim(low - 0.08 * (high - low), high + 0.08 * (high - low))
+    ticks(ax.yaxis, 4)
+    ax.set_ylabel(f"$q_{{{k + 1}}}$ [rad]")
+    ax.set_title(_bounds_note(bounds), loc="right", pad=2, **NOTE)
+    time_axis(ax, result)
+
+
 @draws("velocity")
 def joint_velocities(result: Result) -> Figure:
-    """All joints with their bounds; the law's apart from the arm's where they differ."""
+    """Draw the joint velocities with their bounds; those of law and arm apart if they differ."""
     return _law_and_arm(result, "velocity", result.experiment.limits.velocity)
 
 
 @draws("acceleration")
 def joint_accelerations(result: Result) -> Figure:
-    """All joints with their bounds; the law's apart from the arm's where they differ."""
+    """Draw the joint accelerations with their bounds; those of law and arm apart if they differ."""
     return _law_and_arm(result, "acceleration", result.experiment.limits.acceleration)
 
 
 @draws("acceleration_peak")
 def acceleration_norm(result: Result) -> Figure:
-    """Largest joint acceleration in magnitude, no step left out, with the bound."""
+    """Draw the largest joint acceleration over all steps, with the bound."""
     figure, ax = single()
     plot_acceleration_norm(ax, result)
     return figure
@@ -144,19 +150,19 @@ def acceleration_norm(result: Result) -> Figure:
 
 @draws("p_WE", "p_WE_desired")
 def position(result: Result) -> Figure:
-    """Position and what is desired, axis by axis."""
+    """Draw the desired and the traced position of the end effector, a panel for each axis."""
     p_WE, desired, text = _traced_and_desired(result)
     m = p_WE.shape[1]
     figure = Figure(figsize=(COLUMN, 0.6 + 1.1 * m), layout="constrained")
     axes = figure.subplots(m, 1, sharex=True, squeeze=False).ravel()
-    # Where nothing is to move, all axes have the scale of that which does most.
+    # If the end effector should rest, all panels have the scale of the axis that moves most.
     widest = max(np.ptp(span(values, 0.0)) for values in (desired if has_path(result) else p_WE).T)
     share = 0.05 if has_path(result) else 1.0
-    for name, ax, is_, ought in zip("xyz", axes, p_WE.T, desired.T, strict=False):
-        ax.plot(result.time, is_, label="traced", **TRACED)
-        ax.plot(result.time, ought, label=text, **DESIRED)
-        # An axis along which nothing should move is not filled with micrometres.
-        low, high = span(np.concatenate((is_, ought)), least=max(share * widest, 1e-4))
+    for name, ax, is_at, should_be in zip("xyz", axes, p_WE.T, desired.T, strict=False):
+        ax.plot(result.time, is_at, label="traced", **TRACED)
+        ax.plot(result.time, should_be, label=text, **DESIRED)
+        # An axis along which nothing should move does not show every micrometre.
+        low, high = span(np.concatenate((is_at, should_be)), least=max(share * widest, 1e-4))
         ax.set_ylim(low - 0.06 * (high - low), high + 0.06 * (high - low))
         ticks(ax.yaxis, 4)
         ax.ticklabel_format(axis="y", useOffset=False)
@@ -169,7 +175,7 @@ def position(result: Result) -> Figure:
 
 @draws("p_WE", "p_WE_desired")
 def position_error(result: Result) -> Figure:
-    """Norm of the position error, with what counts as settled."""
+    """Draw the norm of the position error, with the settling tolerance."""
     figure, ax = single()
     plot_position_error(ax, result)
     return figure
@@ -177,7 +183,7 @@ def position_error(result: Result) -> Figure:
 
 @draws("p_WE", "p_WE_desired", applies=has_path)
 def position_error_axes(result: Result) -> Figure:
-    """Position error axis by axis."""
+    """Draw the position error along each axis."""
     figure, ax = single()
     plot_position_error_axes(ax, result)
     return figure
@@ -185,7 +191,7 @@ def position_error_axes(result: Result) -> Figure:
 
 @draws("v_WE", "v_WE_desired", applies=has_path)
 def velocity_error(result: Result) -> Figure:
-    """Velocity error axis by axis, with what the law's theory says that it is."""
+    """Draw the velocity error along each axis, with the error that the law's theory predicts."""
     figure, ax = single()
     plot_velocity_error(ax, result)
     return figure
@@ -193,7 +199,7 @@ def velocity_error(result: Result) -> Figure:
 
 @draws("position", applies=has_path)
 def joint_drift(result: Result) -> Figure:
-    """How far each joint is from where it was at first, and what is left of that in the end."""
+    """Draw the drift of each joint from the start of the window, and what is left at its end."""
     figure = Figure(figsize=(COLUMN, 4.1), layout="constrained")
     axes = figure.subplots(2, 1, height_ratios=(3, 2))
     plot_drift(axes[0], result)
@@ -204,7 +210,7 @@ def joint_drift(result: Result) -> Figure:
 
 @draws("torque")
 def joint_torques(result: Result) -> Figure:
-    """All joints."""
+    """Draw the torques of all joints."""
     figure, ax = single()
     plot_torques(ax, result)
     return figure
@@ -212,7 +218,7 @@ def joint_torques(result: Result) -> Figure:
 
 @draws("position", applies=has_target)
 def postures(result: Result) -> Figure:
-    """The arm as it starts, as it ends, and as it should."""
+    """Draw the arm at the start, at the end, and in its target posture."""
     figure, ax = arm_figure(result)
     plot_postures(ax, result)
     return figure
@@ -220,19 +226,19 @@ def postures(result: Result) -> Figure:
 
 @draws("position", "velocity", applies=has_target)
 def stroboscope(result: Result) -> Figure:
-    """The arm at equal intervals of time while it moves: dense where it is slow."""
-    return _flashes(result)
+    """Draw the arm at equal intervals of time while it moves towards its target."""
+    return _stroboscope_figure(result)
 
 
 @draws("position", "velocity", applies=has_path)
 def motion(result: Result) -> Figure:
-    """The arm at equal intervals of time along its path."""
-    return _flashes(result)
+    """Draw the arm at equal intervals of time along its path."""
+    return _stroboscope_figure(result)
 
 
 @draws("position", applies=has_target)
 def angles_to_target(result: Result) -> Figure:
-    """All joints, with where they should end."""
+    """Draw the angles of all joints, with their targets."""
     figure, ax = single()
     plot_angles(ax, result)
     return figure
@@ -240,15 +246,15 @@ def angles_to_target(result: Result) -> Figure:
 
 @draws("joint_error", applies=has_target)
 def joint_error(result: Result) -> Figure:
-    """How far each joint is from its target, and when all have arrived."""
+    """Draw the distance of each joint to its target, and the time when all have arrived."""
     figure, ax = single()
     plot_joint_error(ax, result)
     return figure
 
 
-@draws("velocity", "velocity_lower", "velocity_upper", applies=bounds_are_felt)
+@draws("velocity", "velocity_lower", "velocity_upper", applies=moving_bounds_matter)
 def moving_bounds(result: Result) -> Figure:
-    """Joint velocities between bounds that change."""
+    """Draw the joint velocities between bounds that change with time."""
     figure, ax = single()
     plot_moving_bounds(ax, result)
     return figure
@@ -256,22 +262,22 @@ def moving_bounds(result: Result) -> Figure:
 
 @draws("p_WE", applies=has_target)
 def end_effector(result: Result) -> Figure:
-    """How far the end effector strays from its start, and what the law makes of it."""
-    turned = result.series.get("orientation_error")
-    panels = 1 if turned is None else 2
+    """Draw the drift of the end effector from its start, and its rotation where that is known."""
+    rotated = "orientation_error" in result.series
+    panels = 2 if rotated else 1
     figure = Figure(figsize=(COLUMN, 0.5 + 1.9 * panels), layout="constrained")
     axes = figure.subplots(panels, 1, sharex=True, squeeze=False).ravel()
     plot_end_effector(axes[0], result)
-    if turned is not None:
+    if rotated:
         axes[0].set_xlabel("")
-        plot_turn(axes[1], result)
+        plot_rotation(axes[1], result)
         figure.align_ylabels()
     return figure
 
 
 @draws("J", "J_hat")
 def jacobian(result: Result) -> Figure:
-    """Every entry of J and of J_hat: a column of panels for each, a row for each axis."""
+    """Draw every entry of J and of J_hat: a column of panels for each, a row for each axis."""
     J, J_hat = result.series["J"], result.series["J_hat"]
     m = J.shape[1]
     figure = Figure(figsize=(PAGE, 0.7 + 1.35 * m), layout="constrained")
@@ -282,7 +288,7 @@ def jacobian(result: Result) -> Figure:
             plot_joints(ax, result.time, values[:, row])
             ax.set_ylabel(f"{'xyz'[row]} row of {name} [{unit('J')}]")
             if values is J_hat:
-                # What it starts from may last no longer than a sample.
+                # The initial estimate may last for one sample only: it is marked.
                 for entry, colour in zip(J_hat[0, row], cycle(COLOURS), strict=False):
                     ax.plot(0, entry, "o", color=colour, markersize=3, clip_on=False)
         time_axis(axes[-1, column], result)
@@ -294,25 +300,26 @@ def jacobian(result: Result) -> Figure:
 
 @draws("J", "J_hat", "network_velocity")
 def jacobian_error(result: Result) -> Figure:
-    """How far J_hat is from J, at large and along the motion."""
+    """Draw the error of J_hat: its Frobenius norm, and its norm along the motion."""
     figure, ax = single()
     plot_jacobian_error(ax, result)
     return figure
 
 
 def _traced_and_desired(result: Result) -> tuple[Array, Array, str]:
-    """Points, shape (k, m) [m] both, that are to be compared, and what the latter are called."""
+    """Return the paths to compare, shape (k, m) [m] both, and a label for the desired one."""
     if presses(result):
-        return result.series["p_WE"], brought_onto_surface(result), "desired, along the surface"
+        return result.series["p_WE"], desired_at_tool_height(result), "desired, along the surface"
     return result.series["p_WE"], result.series["p_WE_desired"], "desired"
 
 
-def _flashes(result: Result) -> Figure:
+def _stroboscope_figure(result: Result) -> Figure:
+    """Return a stroboscopic picture with a colour bar for the time."""
     figure, ax = arm_figure(result, below=0.5)
     times = plot_stroboscope(ax, result)
     if times is not None:
         place: Style = {"ax": ax, "shrink": 0.7, "aspect": 28}
-        if ax.name == "3d":  # whose labels layouts do not reckon with
+        if ax.name == "3d":  # the layout does not account for the labels of such axes
             place = {"cax": ax.inset_axes((0.15, -0.16, 0.7, 0.035))}
         bar: Any = figure.colorbar(times, orientation="horizontal", **place)
         bar.set_label("time [s]")
@@ -321,7 +328,13 @@ def _flashes(result: Result) -> Figure:
 
 
 def _law_and_arm(result: Result, quantity: str, bounds: Array | None) -> Figure:
-    """One panel if the arm does what the law asks for, else one for each."""
+    """Return a figure of a joint quantity, with a panel each for law and arm if they differ.
+
+    Args:
+        result: The run.
+        quantity: ``velocity`` or ``acceleration``.
+        bounds: Bounds of its magnitude, shape (n,); None if there are none.
+    """
     if apart(result, quantity):
         names = {f"network_{quantity}": f"{quantity}, law", quantity: f"{quantity}, arm"}
     else:
@@ -338,6 +351,7 @@ def _law_and_arm(result: Result, quantity: str, bounds: Array | None) -> Figure:
 
 
 def _bounds_note(bounds: Array) -> str:
+    """Return the two bounds of a joint as text."""
     if not np.isfinite(bounds).any():
         return "no bounds"
     low, high = (f"{bound:.3g}" if np.isfinite(bound) else "none" for bound in bounds)

@@ -1,4 +1,4 @@
-"""Axes in space, and the arm in them as a stick figure."""
+"""The arm as a stick figure, in space or in the plane, and axes for it."""
 
 from __future__ import annotations
 
@@ -21,27 +21,28 @@ _LOOKS: dict[str, Style] = {
     "end": {"color": COLOURS[5], "linewidth": 2.4},
     "target": {**DESIRED, "markersize": 2.0},
 }
-#: What the end effector traces, above the arm.
+#: Path of the end effector, drawn over the arm.
 _TRACE: Style = {"color": COLOURS[1], "linewidth": 1.0, "zorder": 4}
-#: Postures of a stroboscopic picture, about.
+#: Approximate number of postures of a stroboscopic picture.
 _FLASHES = 20
-#: On the way along a path, which is short beside the arm: more would be a smear.
+#: The same along a path, which is short compared with the arm: more postures would blur.
 _FLASHES_ALONG = 10
-#: Share of its largest speed below which the arm counts as resting.
+#: Speed relative to the largest one below which the arm counts as resting.
 _AT_REST = 0.02
-#: Of the palest of them.
+#: Strength of the first posture's colour.
 _PALEST = 0.25
+#: Elevation of the view [deg].
 _ELEVATION = 20.0
-#: From where a path in a horizontal plane is more than a line.
+#: The same for a horizontal path, which would be a mere line from lower down [deg].
 _HIGH = 42.0
-#: Views along or across an axis would fold its labels up.
+#: Azimuths of the view [deg]; others would look along an axis and crowd its labels.
 _AZIMUTHS = [quarter + angle for quarter in (-90, 0, 90, 180) for angle in (35, 55)]
 
 
 def plot_postures(ax: Axes, result: Result) -> None:
-    """The arm as it starts, as it ends, and as it should."""
-    sound = finite(result.series["position"])
-    ends = {"start": sound[0], "end": sound[-1]} if sound.size else {}
+    """Plot the arm at the start, at the end, and in its target posture."""
+    known = finite(result.series["position"])
+    ends = {"start": known[0], "end": known[-1]} if known.size else {}
     joints = {name: _skeleton(result, q) for name, q in {**ends, "target": _target(result)}.items()}
     for name, points in joints.items():
         _plot_stick(ax, points, label=name, **_LOOKS[name])
@@ -51,12 +52,10 @@ def plot_postures(ax: Axes, result: Result) -> None:
 
 
 def plot_stroboscope(ax: Axes, result: Result) -> ScalarMappable | None:
-    """The arm at equal intervals of time while it moves, along a path for a lap.
-
-    Dense where it is slow.
+    """Plot the arm at equal intervals of time while it moves, along a path for one lap.
 
     Returns:
-        What a colour bar shows time by; None if nothing was finite.
+        The relation of colour and time, for a colour bar; None if no posture was finite.
     """
     steps, flashes = _steps_in_motion(result), _FLASHES
     if has_path(result):
@@ -64,13 +63,13 @@ def plot_stroboscope(ax: Axes, result: Result) -> ScalarMappable | None:
     stride = max(1, ceil(steps / flashes))
     shown = slice(0, stride * flashes + 1, stride)
     time, position = result.time[shown], result.series["position"][shown]
-    sound = np.isfinite(position).all(axis=1)
-    joints = np.array([_skeleton(result, q) for q in position[sound]])
+    known = np.isfinite(position).all(axis=1)
+    joints = np.array([_skeleton(result, q) for q in position[known]])
     if not joints.size:
         return None
     shares = np.linspace(_PALEST, 1.0, time.size)[:, np.newaxis]
     colours = 1.0 - shares * (1.0 - np.array(to_rgb(COLOURS[0])))
-    for points, colour in zip(joints, colours[sound], strict=True):
+    for points, colour in zip(joints, colours[known], strict=True):
         _plot_stick(ax, points, color=colour, linewidth=0.9, markersize=2.0)
     _mark_ends(ax, joints[0])
     lies_flat = False
@@ -86,7 +85,12 @@ def plot_stroboscope(ax: Axes, result: Result) -> ScalarMappable | None:
 
 
 def arm_figure(result: Result, below: float = 0.0) -> tuple[Figure, Axes]:
-    """A figure as wide as a column, with axes for the arm; ``below`` [inch] leaves room."""
+    """Return a figure of the width of a column, and axes for the arm.
+
+    Args:
+        result: The run; a planar arm gets plane axes.
+        below: Height to leave free below the axes [inch].
+    """
     if not is_spatial(result):
         return single(height=3.0 + below)
     height = 3.2 + below
@@ -96,18 +100,18 @@ def arm_figure(result: Result, below: float = 0.0) -> tuple[Figure, Axes]:
 
 
 def is_spatial(result: Result) -> bool:
-    """Whether the arm leaves the plane z = const."""
-    setup = result.experiment
-    postures = [setup.start] if setup.target is None else [setup.start, setup.target]
+    """Return whether the arm leaves a plane z = const, at the start or in the target posture."""
+    start, target = result.experiment.start, result.experiment.target
+    postures = [start] if target is None else [start, target]
     heights = [_skeleton(result, q)[:, 2] for q in postures]
     return bool(np.ptp(heights) > 1e-9)
 
 
 def frame_space(ax: Any, points: Array) -> None:
-    """Axes of equal scale about ``points``, shape (k, 3) [m]."""
+    """Set axes in space to equal scales around ``points``, shape (k, 3) [m]."""
     middle = (points.max(axis=0) + points.min(axis=0)) / 2
     half = np.ptp(points, axis=0) / 2
-    # A planar path gets some depth, or the labels of a slab's edges would collide.
+    # A planar path gets some depth: on a thin box, the labels of the edges would overlap.
     half = 1.05 * np.maximum(half, max(0.6 * half.max(), 1e-6))
     ax.set(
         xlim=(middle[0] - half[0], middle[0] + half[0]),
@@ -124,19 +128,21 @@ def frame_space(ax: Any, points: Array) -> None:
 
 
 def _steps_in_motion(result: Result) -> int:
-    """Samples until the joints all but rest: of those after, one posture would hide another."""
+    """Return the number of samples until the joints nearly rest; later postures would overlap."""
     speed = np.abs(result.series["velocity"]).max(axis=1)
     moving = np.flatnonzero(speed > _AT_REST * largest(speed))
     return int(moving[-1]) + 1 if moving.size else 1
 
 
 def _target(result: Result) -> Array:
+    """Return the target posture, shape (n,) [rad]."""
     target = result.experiment.target
-    assert target is not None, "not drawn without one"
+    assert target is not None, "drawn only with a target"
     return target
 
 
 def _skeleton(result: Result, q: Array) -> Array:
+    """Return the points of the stick figure in a posture, shape (k, 3) [m]."""
     return result.experiment.arm.kinematics().skeleton(q)
 
 
@@ -145,6 +151,7 @@ def _plot_stick(ax: Axes, points: Array, **style: Any) -> None:
 
 
 def _mark_ends(ax: Axes, points: Array) -> None:
+    """Mark base and end effector of a stick figure."""
     base, hand = _shown(ax, points)[[0, -1]]
     mark: Style = {"linestyle": "none", "color": "black", "zorder": 5}
     ax.plot(*base[:, np.newaxis], marker="s", markersize=4.5, **mark)
@@ -152,14 +159,16 @@ def _mark_ends(ax: Axes, points: Array) -> None:
 
 
 def _shown(ax: Axes, points: Array) -> Array:
+    """Return the coordinates of points that the axes show."""
     return points if ax.name == "3d" else points[:, :2]
 
 
 def _fit(ax: Any, postures: Array, elevation: float = _ELEVATION) -> None:
+    """Fit axes to stick figures, shape (postures, k, 3) [m], and label them."""
     if ax.name == "3d":
         ax.view_init(elevation, _azimuth(postures))
         frame_space(ax, postures.reshape(-1, 3))
-        # From some sides it would stand on its head.
+        # From some directions the label would be upside down.
         ax.zaxis.set_rotate_label(False)
         ax.zaxis.label.set_rotation(90)
         return
@@ -171,7 +180,7 @@ def _fit(ax: Any, postures: Array, elevation: float = _ELEVATION) -> None:
 
 
 def _azimuth(postures: Array) -> float:
-    """From where the arm looks wide and its postures lie apart."""
+    """Return the azimuth [deg] at which the arm looks wide and its postures differ most."""
     change = postures - postures[0]
 
     def worth(azimuth: float) -> float:

@@ -1,4 +1,4 @@
-"""What all figures look like, and the parts of axes they share."""
+"""The common style of all figures, and helpers for axes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from ..runs.result import Result
 
 Style = dict[str, Any]
 
-#: Width of a column and of a page [inch]; text is set for them, not for a screen.
+#: Widths of a printed column and page [inch].
 COLUMN, PAGE = 3.5, 7.1
 
 STYLE: Style = {
@@ -62,9 +62,9 @@ STYLE: Style = {
     "legend.borderpad": 0.1,
 }
 
-#: Okabe and Ito's colours, told apart by the colour-blind as well. Their yellow is lost on
-#: white paper, and black is kept for what is desired and for bounds; the brown in their stead
-#: is further from the others, however one sees, than those are from one another.
+#: Colours of Okabe and Ito, which colour-blind people can tell apart. Brown replaces their yellow,
+#: which is too pale on white, and their black, which is for desired values and bounds; it differs
+#: more from the others than these from one another, for any kind of colour vision.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7A3B12")
 BOUND: Style = {"color": "0.25", "linestyle": (0, (4, 2)), "linewidth": 0.8}
 DESIRED: Style = {"color": "black", "linestyle": (0, (4, 2)), "linewidth": 0.9}
@@ -75,14 +75,14 @@ SHADE: Style = {"color": "0.93", "linewidth": 0, "zorder": 0}
 
 
 def styled() -> AbstractContextManager[Any]:
-    """What a user has set does not show in the figures, nor is it touched."""
+    """Return a context with the common style; the user's settings neither matter nor change."""
     return matplotlib.style.context(["default", STYLE])
 
 
 def save(figure: Figure, file: Path) -> None:
-    """With a palette: a third of the size."""
+    """Write a figure as a PNG file with a palette, which makes it a third of the size."""
     canvas: Any = FigureCanvasAgg(figure)
-    # Fonts are looked up only now.
+    # Matplotlib looks fonts up only now.
     with styled():
         canvas.draw()
     pixels = np.asarray(canvas.buffer_rgba())[..., :3].astype(int)
@@ -99,9 +99,10 @@ def save(figure: Figure, file: Path) -> None:
 
 @cache
 def _palette() -> NDArray[np.int_]:
-    """Greys, and every colour on its way to white, which is how lines' edges are smoothed.
+    """Return 256 colours, shape (256, 3): greys, and `COLOURS` with tints of them.
 
-    A palette made to fit an image would merge the colours of which there is little.
+    Edges of lines are smoothed with such tints. A palette fitted to the image would merge colours
+    that are rare in it.
     """
     shades = np.linspace(1.0, 0.0, 22, endpoint=False)[:, np.newaxis]
     tints = [255 + shades * (np.array(to_rgb(colour)) - 1) * 255 for colour in COLOURS]
@@ -110,31 +111,36 @@ def _palette() -> NDArray[np.int_]:
 
 
 def single(height: float = 2.4) -> tuple[Figure, Axes]:
-    """A figure of one panel, as wide as a column."""
+    """Return a figure of the width of a column with one panel, and its axes."""
     figure = Figure(figsize=(COLUMN, height), layout="constrained")
     return figure, figure.add_subplot()
 
 
 def plot_joints(ax: Axes, time: Array, values: Array, **style: Any) -> None:
-    """A curve for each column."""
+    """Plot a curve for each joint; ``values`` have the shape (k, n)."""
     for k, column in enumerate(values.T):
         ax.plot(time, column, **joint_style(k), **style)
 
 
 def joint_style(k: int) -> Style:
-    """The same joint looks the same in every figure."""
+    """Return the line style of joint ``k``, the same in every figure."""
     n = len(COLOURS)
     return {"color": COLOURS[k % n], "linestyle": ("-", "-.", ":")[k // n % 3]}
 
 
 def joint_handles(n: int) -> list[Line2D]:
-    """Of a legend in one line: the word, then numbers."""
+    """Return the entries of a one-line legend: the word "joint", then the numbers."""
     joints = [Line2D([], [], label=f"{k + 1}", **joint_style(k)) for k in range(n)]
     return [Line2D([], [], linestyle="none", label="joint"), *joints]
 
 
 def legend(ax: Axes, handles: list[Line2D] | None = None) -> None:
-    """Above the axes, where it covers nothing."""
+    """Add a legend above the axes, where it covers nothing.
+
+    Args:
+        ax: The axes.
+        handles: Entries; by default the labelled curves. Without entries there is no legend.
+    """
     entries: list[Any] = ax.get_legend_handles_labels()[0] if handles is None else list(handles)
     if not entries:
         return
@@ -150,27 +156,29 @@ def legend(ax: Axes, handles: list[Line2D] | None = None) -> None:
 
 
 def ticks(axis: Any, most: int) -> None:
-    """Round numbers, and few of them."""
+    """Set round numbers as ticks of an axis, at most ``most`` intervals."""
     axis.set_major_locator(MaxNLocator(most, steps=[1, 2, 5, 10]))
 
 
 def time_axis(ax: Axes, result: Result) -> None:
-    """From the first sample to the last."""
+    """Set the x-axis to time, from the first sample to the last."""
     ax.set_xlim(result.time[0], result.time[-1])
     ticks(ax.xaxis, 5)
     ax.set_xlabel("time [s]")
 
 
 def shade_window(ax: Axes, result: Result) -> None:
-    """Where errors are evaluated."""
-    if result.experiment.document.window is not None:
-        ax.axvspan(*result.experiment.document.window, label="window", **SHADE)
+    """Shade the window over which errors are evaluated, if there is one."""
+    window = result.experiment.document.window
+    if window is not None:
+        ax.axvspan(*window, label="window", **SHADE)
 
 
 def log_axis(ax: Axes, curves: Iterable[Array]) -> None:
-    """Whole decades, over all that is positive but for the dips of curves that reach zero.
+    """Set a logarithmic y-axis of whole decades.
 
-    Those would otherwise take all decades there are.
+    They cover all positive values except narrow dips towards zero, which would take up most of the
+    axis.
     """
     positive = [curve[(curve > 0) & np.isfinite(curve)] for curve in curves]
     positive = [curve for curve in positive if curve.size]
@@ -178,7 +186,7 @@ def log_axis(ax: Axes, curves: Iterable[Array]) -> None:
         return
     low = min(max(curve.min(), np.percentile(curve, 1) / 5) for curve in positive)
     high = max(curve.max() for curve in positive)
-    # Limits first: to a logarithmic scale matplotlib would take none that are the same.
+    # Limits first: on a logarithmic scale, matplotlib refuses equal limits.
     ax.set_ylim(10 ** np.floor(np.log10(low)), 10 ** np.ceil(np.log10(high) + 0.01))
     ax.set_yscale("log")
     ax.yaxis.set_major_locator(LogLocator(numticks=7))
@@ -186,31 +194,31 @@ def log_axis(ax: Axes, curves: Iterable[Array]) -> None:
 
 
 def finite(points: Array) -> Array:
-    """Those rows that are."""
+    """Return the rows of ``points`` that are finite."""
     return points[np.isfinite(points).all(axis=1)]
 
 
 def largest(values: Array) -> float:
-    """In magnitude; 0 of none."""
+    """Return the largest magnitude of the finite values; 0 if there are none."""
     return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
 
 
 def noisy(values: Array) -> bool:
-    """Whether curves go to and fro from sample to sample, and so would hide one another."""
+    """Return whether curves jump up and down from sample to sample, so that lines overlap."""
     steps = np.diff(values, axis=0)
     return bool(np.nansum(np.abs(np.diff(steps, axis=0))) > 0.5 * np.nansum(np.abs(steps)))
 
 
 def span(values: Array, least: float) -> tuple[float, float]:
-    """From the least to the greatest value, or ``least`` about their middle if that is more."""
-    sound = values[np.isfinite(values)]
-    low, high = (float(sound.min()), float(sound.max())) if sound.size else (0.0, 0.0)
+    """Return the range of the finite values, widened to ``least`` about its middle."""
+    known = values[np.isfinite(values)]
+    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
     widen = max(0.0, least - (high - low)) / 2
     return low - widen, high + widen
 
 
 def prefixed(values: Array, unit: str) -> tuple[str, float]:
-    """The unit in which small values read well, and how many of it one ``unit`` has."""
+    """Return the unit with a prefix that suits the values, and the factor to convert to it."""
     peak = largest(values)
     return next(
         (name + unit, scale)
@@ -220,10 +228,10 @@ def prefixed(values: Array, unit: str) -> tuple[str, float]:
 
 
 def unit(series: str) -> str:
-    """Of a series, as it is printed."""
+    """Return the unit of a series, with superscripts."""
     return UNITS[series].replace("^2", "²").replace("^3", "³")
 
 
 def label(text: str, series: str) -> str:
-    """Of an axis that shows a series."""
+    """Return a label with the unit of a series."""
     return f"{text} [{unit(series)}]"

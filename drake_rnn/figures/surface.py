@@ -1,4 +1,4 @@
-"""The plane of the surface that a tool is pressed against, and what is drawn on it."""
+"""The path on the surface that a tool presses against, as seen from above."""
 
 from __future__ import annotations
 
@@ -12,38 +12,38 @@ from matplotlib.colors import BoundaryNorm, ListedColormap, to_rgb
 
 from ..inputs.fields import Array
 from ..runs.result import Result
+from ..systems import Contact
 from .style import COLOURS, DESIRED, Style, finite, legend, prefixed, span, ticks
 from .traits import evaluated, first_lap
 
-#: Share of the desired force by which it may be missed and still be near it.
+#: Relative error up to which a force counts as near the desired one.
 NEAR = 0.05
 
-#: How far the x-axis may lean towards the normal and still give the surface's first axis.
+#: Cosine of the angle between normal and x-axis up to which the surface's first axis follows x.
 _STEEP = 0.9
-#: Tints, as a figure's palette has them, of what is desired, and of less and more, ever
-#: further off.
+#: Colours of the desired force, and of smaller and larger ones in the order of their distance from
+#: it: index in `COLOURS` and strength. They are in the palette of the file.
 _DESIRED = (2, 1.0)
 _LESS = ((5, 0.45), (5, 1.0), (0, 0.75), (0, 1.0))
 _MORE = ((4, 0.45), (4, 1.0), (1, 1.0), (6, 1.0))
-#: Share of the desired force that one colour stands for; finer ones would tell apart what is near.
+#: Widths of a colour's range to choose from, relative to the desired force. None is narrower: that
+#: would show differences between forces that are all near the desired one.
 _STEPS = (0.02, 0.05, 0.1, 0.2, 0.25, 0.5, 1.0)
-#: Width of a curve that all but stands still [mm].
+#: Smallest extent of the axes, for a curve that hardly moves [mm].
 _LEAST = 1.0
 
 
 def surface_axes(result: Result) -> tuple[Array, list[str]]:
-    """Two axes along the surface, the second to the left of the first as seen from above.
+    """Return two axes along the surface, the second to the left of the first as seen from above.
 
-    The first is the base's x-axis laid down on the surface, or its y-axis where x is all but
-    the normal.
+    The first is the base's x-axis projected onto the surface, or the y-axis if x is nearly the
+    normal.
 
     Returns:
-        The axes, of length 1, shape (2, 3), and for each the name of the base's axis it is
-        closest to, with its sign.
+        Unit vectors, shape (2, 3), and for each the name of the closest axis of the base, with its
+        sign.
     """
-    contact = result.experiment.contact
-    assert contact is not None, "not drawn without one"
-    n = contact.surface.normal_W
+    n = _contact(result).surface.normal_W
     base = np.eye(3)[0 if abs(n[0]) < _STEEP else 1]
     first = base - n.dot(base) * n
     first /= np.linalg.norm(first)
@@ -53,31 +53,34 @@ def surface_axes(result: Result) -> tuple[Array, list[str]]:
     return axes, [sign + "xyz"[k] for sign, k in zip(signs, closest, strict=True)]
 
 
-def on_surface(result: Result, points: Array) -> Array:
-    """Points, shape (k, 3) [m], seen from above: from the desired path's start, shape (k, 2)."""
+def surface_coordinates(result: Result, points: Array) -> Array:
+    """Return coordinates along the surface, shape (k, 2) [m], from the desired path's start.
+
+    Args:
+        result: The run.
+        points: Shape (k, 3) [m].
+    """
     axes, _ = surface_axes(result)
     return np.asarray((points - result.series["p_WE_desired"][0]) @ axes.T)
 
 
-def brought_onto_surface(result: Result) -> Array:
-    """The desired path as high above the surface as the tool is, shape (k, 3) [m].
+def desired_at_tool_height(result: Result) -> Array:
+    """Return the desired path moved along the normal to the tool's height, shape (k, 3) [m].
 
-    Along the normal the force rules, not the path. What is left of the distance to the tool is
-    the position error.
+    Along the normal, the force is controlled and not the position. The remaining distance to the
+    tool is the position error.
     """
-    contact = result.experiment.contact
-    assert contact is not None, "not drawn without one"
-    n = contact.surface.normal_W
+    n = _contact(result).surface.normal_W
     desired = result.series["p_WE_desired"]
     height = (result.series["p_WE"] - desired) @ n
-    # A run that diverged has nowhere to bring it.
+    # The height of a run that diverged may not be finite.
     return np.asarray(desired + np.outer(np.where(np.isfinite(height), height, 0.0), n))
 
 
 def plot_on_surface(ax: Axes, result: Result) -> None:
-    """What is drawn on the surface, coloured by the force with which it is."""
-    traced = 1e3 * on_surface(result, result.series["p_WE"])
-    desired = 1e3 * on_surface(result, result.series["p_WE_desired"])
+    """Plot the path on the surface as seen from above, coloured by the normal force."""
+    traced = 1e3 * surface_coordinates(result, result.series["p_WE"])
+    desired = 1e3 * surface_coordinates(result, result.series["p_WE_desired"])
     unit, scale = prefixed(result.series["normal_force_desired"], "N")
     force = scale * result.series["normal_force"]
     edges, colours = force_scale(result)
@@ -91,7 +94,7 @@ def plot_on_surface(ax: Axes, result: Result) -> None:
         capstyle="round",
     )
     ax.add_collection(curve)
-    # Thin, and above: errors are seldom as wide as a curve whose colour can be told.
+    # A thin line on top: the error is usually smaller than the width of the coloured curve.
     lap = first_lap(result)
     ax.plot(*desired[lap].T, label="desired", zorder=3, **{**DESIRED, "linewidth": 0.6})
     ax.plot(*traced[:1].T, "o", color="black", markersize=3.5, label="start")
@@ -113,11 +116,11 @@ def plot_on_surface(ax: Axes, result: Result) -> None:
 
 
 def force_scale(result: Result) -> tuple[Array, ListedColormap]:
-    """Forces [N] between which a colour each stands for what lies there, rising, and the colours.
+    """Return the edges of the colours' ranges of force, ascending [N], and the colours.
 
-    One colour has the desired force in its middle, and is the same in every run: what lies near
-    it looks like it. The others reach over the forces in the window; from first contact on, all
-    those would have one colour.
+    The desired force is in the middle of the range of one colour, which is the same in every run.
+    The others cover the forces in the window; if they covered the first contact as well, all forces
+    in the window would have one colour.
     """
     desired = _desired(result)
     low, high = _range(result)
@@ -131,20 +134,31 @@ def force_scale(result: Result) -> tuple[Array, ListedColormap]:
     return edges.clip(min=0.0), ListedColormap([tuple(colour) for colour in colours])
 
 
+def _contact(result: Result) -> Contact:
+    """Return the contact of a run that has one."""
+    contact = result.experiment.contact
+    assert contact is not None, "drawn only with a contact"
+    return contact
+
+
 def _steps_beyond(steps: float) -> int:
-    """Colours beyond the middle one, which takes half a step; none for a rounding error."""
+    """Return the number of colours on one side of the middle one, which takes half a step.
+
+    A rounding error needs no further colour.
+    """
     return max(0, ceil(steps - 0.5 - 1e-9))
 
 
 def _desired(result: Result) -> float:
-    """Once it has risen [N]."""
-    contact = result.experiment.contact
-    assert contact is not None, "not drawn without one"
-    return contact.force.value
+    """Return the desired force once it has risen [N]."""
+    return _contact(result).force.value
 
 
 def _range(result: Result) -> tuple[float, float]:
-    """Of the forces told apart [N]: those in the window, and what is near the desired one."""
+    """Return the range of force that colours distinguish [N].
+
+    It covers the forces in the window and those near the desired one.
+    """
     force = result.series["normal_force"][evaluated(result)]
     near = _desired(result) * np.array([1 - NEAR, 1 + NEAR])
     low, high = span(np.concatenate((force, near)), least=0.0)
@@ -152,8 +166,8 @@ def _range(result: Result) -> tuple[float, float]:
 
 
 def _beyond(values: Array, low: float, high: float) -> str:
-    """Which ends of the colour bar stand for more than their value."""
-    # What touches nothing may press by less than nothing, by a rounding error.
+    """Return which ends of the colour bar stand for values beyond them."""
+    # Without contact, the force may be negative by a rounding error.
     rounding = 1e-6 * (high - low)
     below, above = bool((values < low - rounding).any()), bool((values > high + rounding).any())
     return ("both" if above else "min") if below else ("max" if above else "neither")

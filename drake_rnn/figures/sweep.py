@@ -1,4 +1,4 @@
-"""The picture of a sweep: each metric that differs, against the swept value."""
+"""The figure of a sweep: metrics against the swept value."""
 
 from __future__ import annotations
 
@@ -22,36 +22,40 @@ from ..runs.sweep import Row
 from .style import COLOURS, PAGE, save, styled
 
 _COLUMNS = 3
-#: Values of a logarithmic axis are labelled up to this many, and this far apart [decades].
+#: Largest number of swept values that a logarithmic axis labels, and their smallest distance
+#: [decades].
 _TICKS, _APART = 10, 0.17
-#: A logarithmic axis has at least as many labels.
+#: Smallest number of labels of a logarithmic axis.
 _LABELLED = 2
-#: A metric that varies by less is shown from zero, as the constant that it all but is.
+#: Relative variation of a metric below which its axis begins at zero: it is nearly constant.
 _FLAT = 0.1
-#: Of the curves, so that of two that coincide both are seen.
+#: Line styles: two curves that coincide are both visible.
 _LOOKS: Sequence[dict[str, Any]] = (
     {"linestyle": "-", "marker": "o"},
     {"linestyle": (0, (4, 2)), "marker": "s", "markerfacecolor": "white"},
     {"linestyle": (0, (1, 1)), "marker": "^"},
 )
 
+#: Swept values and the metrics there.
 _Curve = list[tuple[float, dict[str, float]]]
 
 
 def sweep_figure(
     keys: Sequence[str], rows: Sequence[Row], metrics: Sequence[str], file: Path
 ) -> Path | None:
-    """One panel a metric, over the first key of numbers; one curve for each of the others' values.
+    """Draw a panel for each metric, against the first swept key with numbers as values.
+
+    There is a curve for each combination of values of the other keys.
 
     Args:
-        keys: That were swept.
-        rows: Of the sweep; those that failed have no point.
-        metrics: To show.
-        file: To write.
+        keys: Swept keys.
+        rows: Rows of the sweep; those that failed have no point.
+        metrics: Names of the metrics to show.
+        file: File to write.
 
     Returns:
-        The file, or None if there is nothing to draw: no run, no metric, or no key whose
-        values are numbers.
+        The file, or None if there is nothing to draw: no run, no metric, or no key with numbers as
+        values.
     """
     along = next((k for k in range(len(keys)) if any(_is_number(r.values[k]) for r in rows)), 0)
     curves = _curves(rows, along)
@@ -83,7 +87,7 @@ def sweep_figure(
 
 
 def _scale(ax: Axes) -> None:
-    """Logarithmic where numbers span decades, and from zero where they hardly differ."""
+    """Set axes to a logarithmic scale if values span decades, and from zero if they hardly vary."""
     points = np.concatenate([line.get_xydata() for line in ax.lines])
     x, y = points[:, 0], points[:, 1]
     if _spans_decades(x):
@@ -105,19 +109,19 @@ def _scale(ax: Axes) -> None:
 
 
 def _label_decades(axis: Any) -> None:
-    """And 2 and 5 between them where too few are in view: one label alone gives no scale."""
+    """Label decades, and 2 and 5 between them if too few decades are in view."""
     is_x = axis.axis_name == "x"
     low, high = axis.axes.get_xlim() if is_x else axis.axes.get_ylim()
     if sum(low <= tick <= high for tick in axis.get_majorticklocs()) < _LABELLED:
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.set_minor_locator(NullLocator())
         powers = LogFormatterSciNotation(minor_thresholds=(np.inf, np.inf))
-        # Swept values as they were given.
+        # Swept values are written as plain numbers.
         axis.set_major_formatter(StrMethodFormatter("{x:g}") if is_x else powers)
 
 
 def _legible(values: Array) -> list[str]:
-    """Names of the values on a logarithmic axis, but of none that would touch the one before."""
+    """Return labels for a logarithmic axis; empty where one would touch the previous one."""
     names, last = [], -np.inf
     for value in np.log10(values):
         names.append(f"{10**value:g}" if value - last >= _APART else "")
@@ -126,6 +130,12 @@ def _legible(values: Array) -> list[str]:
 
 
 def _curves(rows: Sequence[Row], along: int) -> Mapping[tuple[object, ...], _Curve]:
+    """Return the points of each curve by the values of the other keys.
+
+    Args:
+        rows: Rows of the sweep.
+        along: Index of the key that the metrics are drawn against.
+    """
     curves: dict[tuple[object, ...], _Curve] = {}
     for row in rows:
         value = row.values[along]
@@ -136,7 +146,7 @@ def _curves(rows: Sequence[Row], along: int) -> Mapping[tuple[object, ...], _Cur
 
 
 def _distinct(metrics: Sequence[str], curves: Mapping[Any, _Curve]) -> list[str]:
-    """The metrics but those that say the same as one before, up to rounding."""
+    """Return the metrics without those that equal an earlier one up to rounding."""
     found: dict[str, Array] = {}
     for name in metrics:
         points = [point.get(name, np.nan) for curve in curves.values() for _, point in curve]
@@ -151,6 +161,6 @@ def _is_number(value: object) -> bool:
 
 
 def _spans_decades(values: Array) -> bool:
-    """Whether a logarithmic axis shows them better."""
-    sound = values[np.isfinite(values)]
-    return bool(sound.size and sound.min() > 0 and sound.max() >= 8 * sound.min())
+    """Return whether the finite values suit a logarithmic axis."""
+    known = values[np.isfinite(values)]
+    return bool(known.size and known.min() > 0 and known.max() >= 8 * known.min())

@@ -1,4 +1,4 @@
-"""Panels of what the end effector does; each draws on axes what it finds in a result."""
+"""Panels of the end effector's motion; each function draws on given axes."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ from .style import (
 from .surface import surface_axes
 from .traits import evaluated, first_lap, has_path, presses
 
-#: Errors outside the window that are this many times those within are named, not shown.
+#: Ratio of errors outside to those inside the window above which the former are only written.
 _OUTSIZE = 4.0
 
 
 def plot_path(ax: Axes, result: Result) -> None:
-    """Desired and traced path in the plane in which the desired one varies most."""
+    """Plot the desired and the traced path in the plane in which the former varies most."""
     p_WE, desired = result.series["p_WE"], result.series["p_WE_desired"]
     a, b = sorted(np.argsort(np.ptp(finite(desired), axis=0), kind="stable")[-2:].tolist())
     ax.plot(p_WE[:, a], p_WE[:, b], label="traced", **TRACED)
@@ -53,7 +53,7 @@ def plot_path(ax: Axes, result: Result) -> None:
 
 
 def plot_position_error(ax: Axes, result: Result) -> None:
-    """Its norm, and when it has settled."""
+    """Plot the norm of the position error, and when it has settled."""
     tolerance = result.experiment.document.settling_tolerance_m
     ax.plot(result.time, result.position_error, color=COLOURS[0])
     ax.axhline(tolerance, label="settling tolerance", **BOUND)
@@ -62,7 +62,7 @@ def plot_position_error(ax: Axes, result: Result) -> None:
     shade_window(ax, result)
     log_axis(ax, [result.position_error, tolerance * np.array([0.6, 1.6])])
     if not has_path(result):
-        # It starts from zero, whence a line would run along the axis.
+        # The error starts at zero: a line from there would run along the axis.
         ax.set_yscale("log", nonpositive="mask")
     ax.set_ylabel(label(_along(result, "position error"), "p_WE"))
     time_axis(ax, result)
@@ -70,7 +70,7 @@ def plot_position_error(ax: Axes, result: Result) -> None:
 
 
 def plot_position_error_axes(ax: Axes, result: Result) -> None:
-    """Axis by axis, with its norm."""
+    """Plot the position error along each axis, and its norm."""
     error = result.series["p_WE"] - result.series["p_WE_desired"]
     _plot_error(ax, result, error, "position error", "m", norm="norm")
     shade_window(ax, result)
@@ -78,15 +78,15 @@ def plot_position_error_axes(ax: Axes, result: Result) -> None:
 
 
 def plot_velocity_error(ax: Axes, result: Result) -> None:
-    """Axis by axis, and in it what the law's theory says that it is."""
+    """Plot the velocity error along each axis, with the error that the law's theory predicts."""
     error = result.series["v_WE"] - result.series["v_WE_desired"]
-    told = result.series.get("velocity_error_predicted")
-    if told is None:
+    predicted = result.series.get("velocity_error_predicted")
+    if predicted is None:
         _plot_error(ax, result, error, "velocity error", "m/s")
     else:
         scale = _plot_axes(ax, result, error, "velocity error", "m/s", linewidth=2.6, alpha=0.4)
         inner: Style = {**DESIRED, "linewidth": 1.1}
-        for colour, column in zip(COLOURS, told.T, strict=False):
+        for colour, column in zip(COLOURS, predicted.T, strict=False):
             ax.plot(result.time, scale * column, **{**inner, "color": colour})
         ax.plot([], [], label=r"predicted, $\sigma$", **{**inner, "color": "0.25"})
     shade_window(ax, result)
@@ -94,18 +94,18 @@ def plot_velocity_error(ax: Axes, result: Result) -> None:
 
 
 def plot_end_effector(ax: Axes, result: Result) -> None:
-    """How far it is from its start, and how far the network's multipliers say it is."""
+    """Plot the end effector's distance from its start, and that which the multipliers imply."""
     moved = result.series["p_WE"] - result.series["p_WE"][0]
     scale = _plot_axes(ax, result, moved, "end-effector drift", "m", norm="distance")
     if "displacement" in result.series:
-        told = result.series["displacement"] - result.series["displacement"][0]
-        lines = ax.plot(result.time, scale * told, **DESIRED)
+        implied = result.series["displacement"] - result.series["displacement"][0]
+        lines = ax.plot(result.time, scale * implied, **DESIRED)
         lines[0].set_label("by the multipliers")
     legend(ax)
 
 
-def plot_turn(ax: Axes, result: Result) -> None:
-    """How far the end effector is off the orientation that it should keep."""
+def plot_rotation(ax: Axes, result: Result) -> None:
+    """Plot the angle between the end effector and the orientation that it should keep."""
     ax.plot(result.time, 1e3 * result.series["orientation_error"], color=COLOURS[0])
     ax.set_ylim(bottom=0)
     ax.set_ylabel("orientation error [mrad]")
@@ -113,7 +113,10 @@ def plot_turn(ax: Axes, result: Result) -> None:
 
 
 def plot_orientation_error(ax: Axes, result: Result) -> None:
-    """How far a tool is off the orientation that it should keep, readable where it counts."""
+    """Plot the angle between a tool and the orientation that it should keep.
+
+    The axis suits the values in the window.
+    """
     error = result.series["orientation_error"]
     shown, scale = prefixed(error, "rad")
     ax.plot(result.time, scale * error, color=COLOURS[0], linewidth=0.6 if noisy(error) else 1.0)
@@ -128,7 +131,18 @@ def plot_orientation_error(ax: Axes, result: Result) -> None:
 def _plot_error(
     ax: Axes, result: Result, error: Array, text: str, unit: str, norm: str = ""
 ) -> None:
-    """Axis by axis; on a surface, of its own axes, as across it the force is what counts."""
+    """Plot an error along each axis; on a surface, along the surface's axes.
+
+    Across the surface, the force is controlled and not the position.
+
+    Args:
+        ax: The axes.
+        result: The run.
+        error: Shape (k, m).
+        text: Label of the axis, without the unit.
+        unit: Unit of the error.
+        norm: Label of its norm; the norm is not plotted if it is empty.
+    """
     if not presses(result):
         _plot_axes(ax, result, error, text, unit, norm)
         return
@@ -140,11 +154,15 @@ def _plot_error(
 
 
 def _along(result: Result, text: str) -> str:
+    """Return a label that says whether an error is that along the surface."""
     return f"{text}\nalong the surface" if presses(result) else text
 
 
 def _keep_window_in_view(ax: Axes, result: Result, values: Array) -> None:
-    """What would flatten it, as a first touch may, is written above the curves."""
+    """Limit the y-axis to the window if larger values outside, as at first contact, flatten it.
+
+    The largest value is then written above the curves.
+    """
     inner = values[evaluated(result)]
     peak = largest(values)
     if not peak > _OUTSIZE * largest(inner) > 0.0:
@@ -166,10 +184,20 @@ def _plot_axes(
     names: Sequence[str] = "xyz",
     **style: Any,
 ) -> float:
-    """Small vectors, shape (k, m), and their norm if it has a name.
+    """Plot the components of vectors, with a unit that suits them.
+
+    Args:
+        ax: The axes.
+        result: The run.
+        values: Vectors, shape (k, m).
+        text: Label of the axis, without the unit.
+        unit: Unit of the values.
+        norm: Label of their norm; the norm is not plotted if it is empty.
+        names: Names of the components.
+        style: Line style.
 
     Returns:
-        How many of the unit shown one ``unit`` has.
+        Factor from ``unit`` to the unit shown.
     """
     shown, scale = prefixed(values, unit)
     if norm:

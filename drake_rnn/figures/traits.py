@@ -1,4 +1,4 @@
-"""What is asked of a result before it is drawn."""
+"""Properties of a result that decide what is drawn of it, and how."""
 
 from __future__ import annotations
 
@@ -11,45 +11,45 @@ from ..robot.limits import DERIVATIVE_UNITS
 from ..runs.result import Result
 from .style import largest
 
-#: The arm's curves are shown apart from the law's if they differ by more than this share.
+#: Difference between arm and law, relative to the law's peak, above which both are drawn.
 _APART = 0.01
 
 
 def has_target(result: Result) -> bool:
-    """Whether there is a posture to reach."""
+    """Return whether the experiment has a target posture."""
     return result.experiment.target is not None
 
 
 def commands_acceleration(result: Result) -> bool:
-    """Whether its law commands accelerations, as those that bring the joints back do."""
+    """Return whether the law commands accelerations, as joint-drift-free laws do."""
     return not {"velocity_error_predicted", "torque"}.isdisjoint(result.series)
 
 
 def has_path(result: Result) -> bool:
-    """Whether the end effector is to go anywhere."""
+    """Return whether the end effector should move, and not stay at its start."""
     path = result.experiment.path
     return not isinstance(path, Rest) or bool(path.offset.any())
 
 
 def presses(result: Result) -> bool:
-    """Whether a tool is pressed against a surface."""
+    """Return whether the tool presses against a surface."""
     return result.experiment.contact is not None
 
 
 def bounds_jerk(result: Result) -> bool:
-    """Whether the experiment itself bounds derivatives beyond the acceleration."""
+    """Return whether the experiment itself sets a bound on the jerk, and enough was sampled."""
     declared = result.experiment.document.limits
     enough = result.time.size > len(DERIVATIVE_UNITS)
     return enough and isinstance(declared, dict) and declared.get("jerk") is not None
 
 
 def shows_signals(result: Result) -> bool:
-    """Whether its law has signals that stand for derivatives and are none."""
+    """Return whether the law has signals in place of derivatives that differ from them."""
     return not result.experiment.law.levels_are_derivatives
 
 
-def bounds_are_felt(result: Result) -> bool:
-    """Whether a bound on the velocity that is not what it can be comes near a joint's."""
+def moving_bounds_matter(result: Result) -> bool:
+    """Return whether a joint comes close to a velocity bound while that bound is reduced."""
     v = law_velocity(result)
     for sign, name in ((1, "velocity_upper"), (-1, "velocity_lower")):
         bound = sign * result.series[name]
@@ -60,26 +60,34 @@ def bounds_are_felt(result: Result) -> bool:
 
 
 def law_velocity(result: Result) -> Array:
-    """What the law asks for; the arm's own velocity may be hidden in noise."""
+    """Return the joint velocities of the law, as the arm's may be noisy, shape (k, n) [rad/s]."""
     return result.series.get("network_velocity", result.series["velocity"])
 
 
 def first_lap(result: Result) -> NDArray[np.bool_]:
-    """Which samples belong to it: laps drawn over one another would fill the dashes' gaps."""
-    setup = result.experiment
-    lap = setup.path.period + setup.path_delay
-    return result.time <= lap + result.experiment.document.log_period
+    """Return which samples belong to the first lap of the path, shape (k,).
+
+    Several laps drawn over one another would fill the gaps of a dashed line.
+    """
+    experiment = result.experiment
+    lap_end = experiment.path.period + experiment.path_delay
+    return result.time <= lap_end + experiment.document.log_period
 
 
 def evaluated(result: Result) -> NDArray[np.bool_]:
-    """Which samples errors are taken over; all of a run that did not come to its window."""
+    """Return which samples are in the window, shape (k,); all of them if none is."""
     start, end = result.experiment.document.window or (-np.inf, np.inf)
     within = (result.time >= start - 1e-9) & (result.time <= end + 1e-9)
     return within if within.any() else ~within
 
 
 def apart(result: Result, quantity: str) -> bool:
-    """Whether the arm's joints do something else than the law asks for."""
+    """Return whether the motion of the arm visibly differs from that of the law.
+
+    Args:
+        result: The run.
+        quantity: ``velocity`` or ``acceleration``.
+    """
     law = result.series.get(f"network_{quantity}")
     if law is None:
         return False

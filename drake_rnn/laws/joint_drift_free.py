@@ -123,11 +123,14 @@ class JointDriftFree(ContinuousLaw):
     def __post_init__(self) -> None:
         if self.home.size != self.limits.size:
             raise ValueError(
-                f"home: must have {self.limits.size} entries, one a joint, not {self.home.size}"
+                f"home: must have {self.limits.size} entries, one per joint, not {self.home.size}"
             )
         self.limits.require("acceleration", f"scheme: {self.scheme}")
         if self.alpha is not None and not self.weighs_torque:
-            raise ValueError(f"alpha: weighs the torque, which scheme: {self.scheme} does not")
+            raise ValueError(
+                "alpha: needs a scheme that weights the torque, moaljdf or moaljdf_printed, "
+                f"not {self.scheme}"
+            )
 
     def continuous(self) -> ContinuousReading:
         """Return the law itself.
@@ -137,8 +140,8 @@ class JointDriftFree(ContinuousLaw):
         """
         if self.bounds == "all":
             raise InvalidInputError(
-                "law.bounds: all is kept from sample to sample; give a period in place of the "
-                "integrator, or take bounds: acceleration"
+                "law.bounds: all needs a sampled law; give a period instead of an integrator, or "
+                "bounds: acceleration"
             )
         return super().continuous()
 
@@ -297,26 +300,26 @@ class JointDriftFree(ContinuousLaw):
         if saturated > 0.0:
             demand = metrics.get("joint_acceleration_demand_max_rad_s2", np.inf)
             found.append(
-                f"law: accelerations were cut to their bounds in {100 * saturated:.3g} % of the "
-                f"steps (up to {demand:.3g} rad/s^2 was asked for); omega is not told, and the "
-                "theorems do not hold of such a run"
+                f"law: accelerations were clipped to their bounds in {100 * saturated:.3g} % of "
+                f"the steps (demand up to {demand:.3g} rad/s^2); omega ignores the clipping, so "
+                "the paper's theorems do not hold for this run"
             )
         if saturated > 0.5:
             found.append(
-                "law: an explicit integrator whose step is too long for velocity_gain looks "
-                "like this, too; sample the law with a period, or take radau3"
+                "law: an explicit integrator with too long a step for velocity_gain has the same "
+                "effect; give a period instead, or integrator.scheme: radau3"
             )
         broken = metrics.get("limit_violation_max", 0.0)
         if broken > 1e-9 and self.bounds == "acceleration":
             found.append(
-                f"law: bounds that it knows nothing of were broken by {broken:.3g}; sampled with "
-                "law.bounds: all it keeps them"
+                f"law: limits that this law does not consider were violated by {broken:.3g}; a "
+                "sampled law with law.bounds: all keeps them"
             )
         singular = metrics.get("singular_value_min", np.inf)
         if singular < 0.1:
             found.append(
-                f"law: J came near losing rank, its smallest singular value being {singular:.3g}; "
-                "the theorems take it to have full rank"
+                "law: J came close to losing rank, with a smallest singular value of "
+                f"{singular:.3g}; the paper's theorems assume full rank"
             )
         error = metrics.get("position_error_max_m", 0.0)
         if error > 0.01:

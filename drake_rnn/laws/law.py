@@ -204,7 +204,7 @@ class Law(Reading):
             InvalidInputError: If the law cannot be sampled, or not at this period.
         """
         raise InvalidInputError(
-            f"period: {type(self).__name__} cannot be sampled; give an integrator"
+            f"period: {type(self).__name__} cannot be sampled; give an integrator instead"
         )
 
     def continuous(self) -> ContinuousReading:
@@ -214,8 +214,8 @@ class Law(Reading):
             InvalidInputError: If the law, with its arguments, is not a differential equation.
         """
         raise InvalidInputError(
-            f"integrator: {type(self).__name__} is no differential equation; "
-            "sample it with a period"
+            f"integrator: {type(self).__name__} is not a differential equation; "
+            "give a period instead"
         )
 
     def doubts(self, circumstances: Circumstances) -> list[str]:

@@ -83,6 +83,7 @@ from .law import (
     SampledReading,
     Signals,
 )
+from .parts.constraint_rows import printed_orientation_rows, surface_split
 from .parts.contact_loss import LOST, ContactLoss
 from .parts.fixed_stiffness import FixedStiffness
 from .parts.learning import gradient, rank_one_update
@@ -138,10 +139,13 @@ class MotionForce(SampledLaw, ContinuousLaw):
             ):
                 if given:
                     raise ValueError(
-                        f"{name}: needs force_feedback: measured; assumed sees no force"
+                        f"{name}: needs force_feedback: measured; with assumed there is no force "
+                        "signal"
                     )
         if self.form == "literal" and self._learns_stiffness:
-            raise ValueError("stiffness: must be a number for form: literal, which scales with it")
+            raise ValueError(
+                "stiffness: must be a number with form: literal, which scales its rows by it"
+            )
 
     @property
     def _learns(self) -> bool:
@@ -232,11 +236,13 @@ class MotionForce(SampledLaw, ContinuousLaw):
             InvalidInputError: If ``stiffness`` is learned or ``contact_loss`` is given; both are
                 updated sample by sample.
         """
-        for name in ("stiffness", "contact"):
-            if name in self.state:
+        for what, given in (
+            ("stiffness: learning it", self._learns_stiffness),
+            ("contact_loss:", self.contact_loss is not None),
+        ):
+            if given:
                 raise InvalidInputError(
-                    f"law: learning the stiffness and contact_loss are sampled ({name}); "
-                    "give a period, no integrator"
+                    f"law.{what} needs a sampled law; give a period instead of an integrator"
                 )
         return super().continuous()
 
@@ -256,9 +262,9 @@ class MotionForce(SampledLaw, ContinuousLaw):
         count = substeps(period, 2.0 * scale, self.time_constant)
         if count > _MOST_SUBSTEPS:
             raise InvalidInputError(
-                f"law.{key}: the network would take some {count:.3g} substeps a period with "
+                f"law.{key}: the network would need about {count:.3g} substeps per period with "
                 f"stiffness {scale:g} and time_constant {self.time_constant:g}; it may take "
-                f"{_MOST_SUBSTEPS}"
+                f"at most {_MOST_SUBSTEPS}"
             )
         return super().sampled(period)
 
@@ -321,8 +327,8 @@ class MotionForce(SampledLaw, ContinuousLaw):
         rank = metrics.get("orientation_rank_min", 3.0)
         if rank < 3.0:
             found.append(
-                f"law.orientation: the rows of w have rank {rank:.0f} where a rotation has 3: the "
-                "orientation is not held; see orientation: rotation"
+                f"law.orientation: the rows of w have rank {rank:.0f}, but a rotation needs 3, so "
+                "the orientation is not held; consider orientation: rotation"
             )
         if self.contact_loss is not None and "contact_lost_time_s" in metrics:
             does = {"hold": "holds still", "retreat": "retreats"}[self.contact_loss.reaction]
@@ -368,7 +374,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
         rows, drive = self._rows(J_hat, J_drive, u)
         wanted = self._tip_velocity(x, u)
         if self.form == "literal":
-            wanted = self._split(u) @ wanted
+            wanted = surface_split(u["normal_WE"], self._assumed_stiffness) @ wanted
         turn = np.zeros(4)
         if self.orientation == "rotation":
             turn = self.orientation_gain * rotation_error(u["R_WE"], u["R_WE_desired"])
@@ -385,7 +391,9 @@ class MotionForce(SampledLaw, ContinuousLaw):
             u: Signals at the sample.
         """
         H = self._orientation_rows(u)
-        A = self._split(u) if self.form == "literal" else None
+        A = None
+        if self.form == "literal":
+            A = surface_split(u["normal_WE"], self._assumed_stiffness)
 
         def stacked(J: Array) -> Array:
             return np.concatenate((J if A is None else A @ J, H), axis=-2)
@@ -394,21 +402,9 @@ class MotionForce(SampledLaw, ContinuousLaw):
         return rows, rows if J_drive is J_sense else stacked(J_drive)
 
     def _orientation_rows(self, u: Signals) -> Array:
-        J_omega = u["J_omega"]
         if self.orientation == "rotation":
-            return J_omega
-        # The columns b and c of R rotate with the angular velocity: b' = omega x b.
-        turned = [
-            np.cross(J_omega, u["R_WE"][..., :, axis, np.newaxis], axis=-2)[..., 1:, :]
-            for axis in (1, 2)
-        ]
-        return np.concatenate(turned, axis=-2)
-
-    def _split(self, u: Signals) -> Array:
-        """Return A of (9), shape (..., 6, 3)."""
-        n = u["normal_WE"]
-        P_n = n[..., :, np.newaxis] * n[..., np.newaxis, :]
-        return np.concatenate((self._assumed_stiffness * P_n, np.eye(3) - P_n), axis=-2)
+            return u["J_omega"]
+        return printed_orientation_rows(u["J_omega"], u["R_WE"])
 
     def _tip_velocity(self, x: Array, u: Signals) -> Array:
         """Return the desired velocity of the tip, shape (3,) [m/s]."""

@@ -30,7 +30,8 @@ class PostureLaw(SampledLaw):
     def __post_init__(self) -> None:
         if self.target.size != self.limits.size:
             raise ValueError(
-                f"target: must have {self.limits.size} entries, one a joint, not {self.target.size}"
+                f"target: must have {self.limits.size} entries, one per joint, "
+                f"not {self.target.size}"
             )
         if self.limits.violation(self.target).any():
             raise ValueError(f"target: {self.limits.complaint(self.target)}")

@@ -132,12 +132,10 @@ class RecedingHorizon(SampledLaw):
         """
         q = u["position"]
         if (self.limits.violation(q) > 0.0).any():
-            raise InvalidInputError(
-                f"start: {self.limits.complaint(q)}, where law: receding_horizon starts"
-            )
+            raise InvalidInputError(f"start: {self.limits.complaint(q)} for law: receding_horizon")
         if "velocity" in u and u["velocity"].any():
             raise InvalidInputError(
-                "start: law: receding_horizon starts at rest, not with velocity "
+                "start: law: receding_horizon must start at rest, not with velocity "
                 f"{u['velocity'].tolist()}"
             )
         x = np.zeros(self.state.size)

@@ -76,11 +76,13 @@ class Recursive(SampledLaw):
     def __post_init__(self) -> None:
         n = self.gains.size
         if not 1 <= n <= len(_ORDERS):
-            raise ValueError(f"gains: must be 1 to {len(_ORDERS)} numbers, not {n}")
+            raise ValueError(f"gains: must have 1 to {len(_ORDERS)} entries, not {n}")
         if not (self.gains > 0).all():
             raise ValueError(f"gains: must be positive, not {self.gains.tolist()}")
         if (self.reading == "filters") != (self.time_constants is not None):
-            raise ValueError("time_constants: belong to reading: filters, one a level")
+            raise ValueError(
+                "time_constants: must be given with reading: filters, one per level, and only then"
+            )
         if self.time_constants is not None and (
             self.time_constants.size != n or not (self.time_constants > 0).all()
         ):

@@ -110,7 +110,7 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
     def __post_init__(self) -> None:
         if self.home.size != self.limits.size:
             raise ValueError(
-                f"home: must have {self.limits.size} entries, one a joint, not {self.home.size}"
+                f"home: must have {self.limits.size} entries, one per joint, not {self.home.size}"
             )
         if self.acceleration_bound != "none":
             self.limits.require("acceleration", f"acceleration_bound: {self.acceleration_bound}")
@@ -130,8 +130,8 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
         if self.acceleration_bound == "none" or not in_doubt:
             return []
         return [
-            "law.acceleration_bound: slows the law's loop beside the filter, which holds the "
-            "bound; both together may lose the path: see acceleration_bound: none"
+            "law.acceleration_bound: slows the law's loop in addition to the filter, which already "
+            "keeps the bound, and the arm may lose the path; consider acceleration_bound: none"
         ]
 
     @cached_property

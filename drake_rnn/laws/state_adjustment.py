@@ -80,7 +80,7 @@ class StateAdjustment(PostureLaw, ContinuousLaw):
         unbounded = ~np.isfinite(self.limits.velocity)
         if self.rise_time is not None and unbounded.any():
             raise ValueError(
-                "rise_time: opens the bounds of the velocity, of which joint "
+                "rise_time: needs a velocity limit for every joint, but joint "
                 f"{int(np.argmax(unbounded)) + 1} has none; give limits.velocity"
             )
 

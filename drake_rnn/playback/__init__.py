@@ -1,7 +1,7 @@
-"""A run as a web page: the arm, the path it was asked to follow and the path it traced.
+"""A run as a web page: the arm, the path it should follow and the path it traced.
 
-The page replays the recorded postures, over and over, in real time. It is one file that needs
-no network: Drake's Meshcat, the scene and its animation are inside.
+The page replays the recorded postures in real time, in a loop. It is one file that needs no
+network: it contains Drake's Meshcat viewer, the scene and its animation.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from pathlib import Path
 from ..errors import InvalidInputError
 from ..runs.result import Result
 from .page import make_page
-from .replayed_motion import replayed_motion
+from .replay import replayed_motion
 
 __all__ = ["write_playback"]
 
@@ -21,15 +21,15 @@ def write_playback(result: Result, file: str | Path, frames_per_second: int = 64
 
     Args:
         result: The run.
-        file: Where to write; replaced if it is there.
-        frames_per_second: Of the replay.
+        file: File to write; an existing one is replaced.
+        frames_per_second: Frame rate of the animation [1/s].
 
     Returns:
         The file.
 
     Raises:
-        InvalidInputError: If the file cannot be written, the rate is no positive integer, or
-            the run holds no posture.
+        InvalidInputError: If the file cannot be written, the frame rate is not a positive
+            integer, or the run contains no posture.
     """
     rate = frames_per_second
     if not isinstance(rate, int) or isinstance(rate, bool) or rate < 1:

@@ -1,4 +1,4 @@
-"""The arm in the scene, and where its parts are in a posture."""
+"""The arm in the scene, and the posture it should reach as a transparent image of it."""
 
 from __future__ import annotations
 
@@ -7,12 +7,16 @@ from functools import cached_property
 from typing import Any
 
 from pydrake.geometry import (
+    Convex,
     GeometryId,
+    Mesh,
     Meshcat,
     MeshcatVisualizer,
     MeshcatVisualizerParams,
+    Rgba,
     Role,
     SceneGraphInspector,
+    Shape,
 )
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
@@ -21,6 +25,19 @@ from pydrake.systems.framework import DiagramBuilder
 
 from ..inputs.fields import Array
 from ..robot.arm import Arm
+from .stage import DESIRED_COLOUR, TARGET_OPACITY
+
+# Where arm and target posture coincide, only the arm should be seen, without flicker: the target
+# is drawn as if it were some millimetres farther away, in units of the depth buffer.
+_BEHIND = {
+    "castShadow": False,
+    "material.polygonOffset": True,
+    "material.polygonOffsetFactor": 4.0,
+    "material.polygonOffsetUnits": 100.0,
+}
+# A first layer fills the depth buffer and leaves no colour. The tint that is drawn after it is then
+# that of the near side alone, without the parts inside.
+_DEPTH_ONLY = {**_BEHIND, "material.colorWrite": False, "renderOrder": 1.0}
 
 
 class DrawnArm:
@@ -28,11 +45,12 @@ class DrawnArm:
 
     Args:
         arm: The arm.
-        meshcat: Holds the scene.
+        meshcat: Meshcat with the scene.
     """
 
     def __init__(self, arm: Arm, meshcat: Meshcat) -> None:
         self.arm = arm
+        self._meshcat = meshcat
         builder = DiagramBuilder()
         self.plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
         arm.add_to(self.plant)
@@ -45,39 +63,57 @@ class DrawnArm:
         self._context = self._diagram.CreateDefaultContext()
         self._plant_context = self.plant.GetMyMutableContextFromRoot(self._context)
         self.inspector: SceneGraphInspector = scene_graph.model_inspector()
-        for body in self.beyond:
-            # A tool past the task frame would look like what is to be on the path.
-            meshcat.SetProperty(f"/arm/{scene_name(body)}", "visible", False)
+        for body in self._beyond_task_frame:
+            # A tool that extends beyond the task frame would look like what follows the path.
+            meshcat.SetProperty(f"/arm/{_scene_name(body)}", "visible", False)
 
     @property
     def bodies(self) -> list[Any]:
-        """All, the world first."""
+        """All bodies, the world first."""
         return [self.plant.get_body(BodyIndex(k)) for k in range(self.plant.num_bodies())]
 
     def geometries(self) -> Iterator[tuple[Any, GeometryId]]:
-        """What is drawn, and on which body."""
+        """Yield each drawn geometry and the body it belongs to."""
         for frame in self.inspector.GetAllFrameIds():
             for geometry in self.inspector.GetGeometries(frame, Role.kIllustration):
                 yield self.plant.GetBodyFromFrameId(frame), geometry
 
-    def take(self, q: Array) -> None:
-        """Let it have this posture, shape (n,) [rad]."""
+    def set_posture(self, q: Array) -> None:
+        """Set the joint positions, shape (n,) [rad], without drawing."""
         posture: Any = self.arm.posture(self.plant, q)
         self.plant.SetPositions(self._plant_context, posture)
 
     def X_WB(self, body: Any) -> RigidTransform:
-        """Where a body is in the posture taken."""
+        """Return the pose of a body in the posture that is set."""
         return self.plant.EvalBodyPoseInWorld(self._plant_context, body)
 
-    def show(self, q: Array, time: float) -> None:
-        """Take a posture and publish it, or record it if the scene records."""
+    def draw(self, q: Array, time: float) -> None:
+        """Draw a posture, shape (n,) [rad]; record it at ``time`` [s] if the scene records."""
         self._context.SetTime(time)
-        self.take(q)
+        self.set_posture(q)
         self._diagram.ForcedPublish(self._context)
 
+    def draw_target(self, q: Array) -> None:
+        """Draw a transparent image of the moving bodies in posture ``q`` below "/target"."""
+        self.set_posture(q)
+        hidden = [_scene_name(body) for body in self._beyond_task_frame]
+        for number, (body, geometry) in enumerate(self.geometries()):
+            if self.plant.IsAnchored(body) or _scene_name(body) in hidden:
+                continue
+            place = f"/target/{_scene_name(body)}"
+            path = f"{place}/{number:03d}"
+            shape = _without_colour(self.inspector.GetShape(geometry))
+            self._meshcat.SetTransform(place, self.X_WB(body))
+            self._meshcat.SetTransform(path, self.inspector.GetPoseInFrame(geometry))
+            layers = (("depth", 1.0, _DEPTH_ONLY), ("tint", TARGET_OPACITY, _BEHIND))
+            for layer, opacity, look in layers:
+                self._meshcat.SetObject(f"{path}/{layer}", shape, Rgba(*DESIRED_COLOUR, opacity))
+                for name, value in look.items():
+                    self._meshcat.SetProperty(f"{path}/{layer}/<object>", name, value)
+
     @cached_property
-    def beyond(self) -> list[Any]:
-        """The bodies between the task frame and the tool's tip, which are not shown."""
+    def _beyond_task_frame(self) -> list[Any]:
+        """Bodies between the task frame and the tip of the tool, which are not drawn."""
         if self.arm.tip is None:
             return []
         task_body = self.plant.GetFrameByName(self.arm.frame).body().index()
@@ -94,6 +130,11 @@ class DrawnArm:
         return found
 
 
-def scene_name(body: Any) -> str:
-    """A body's path below the arm's."""
+def _scene_name(body: Any) -> str:
+    """Return the scene path of a body relative to the arm's."""
     return str(body.scoped_name().get_full()).replace("::", "/")
+
+
+def _without_colour(shape: Shape) -> Shape:
+    """Return a mesh's convex hull, which has no colours of its own; any other shape as it is."""
+    return Convex(shape.source(), shape.scale3()) if isinstance(shape, Mesh) else shape

@@ -1,4 +1,4 @@
-"""The force on the tool as an arrow from where it touches."""
+"""The force on the tool, as an arrow from the point of contact."""
 
 from __future__ import annotations
 
@@ -11,45 +11,47 @@ from pydrake.geometry import Meshcat, MeshcatAnimation, Rgba
 from pydrake.math import RigidTransform, RotationMatrix
 
 from ..inputs.fields import Array
-from .pressing import Pressing
+from .replay import ReplayedContact
 from .stage import FORCE_COLOUR
 
-#: Of an arrow for the force that was desired [m].
+#: Length of the arrow for the force that the legend names [m].
 LENGTH = 0.1
+# Largest length of the arrow while the tool presses as hard as it does for long [m].
 _LONGEST = 0.3
+# Radii of shaft and head, and length of the head [m].
 _SHAFT, _HEAD, _HEAD_LENGTH = 0.0028, 0.0075, 0.026
 _SIDES = 24
-# It lies along the tool, mostly inside of it: drawn last of all, over whatever is in front.
+# The arrow lies mostly inside the tool: it is drawn last, over whatever is in front of it.
 _IN_FRONT = {
     "castShadow": False,
     "material.depthTest": False,
     "material.transparent": True,
     "renderOrder": 2.0,
 }
-# Share of the desired force that makes an arrow too short to be seen.
+# Share of the desired force below which an arrow would be too short to be seen.
 _NONE = 1e-3
-# Of two unit vectors' sum: below, they point against each other.
+# Norm of the sum of two unit vectors below which they count as opposite.
 _OPPOSITE = 1e-6
 
 
-def newtons(pressing: Pressing) -> float:
-    """The force whose arrow has the usual length [N].
+def reference_force(contact: ReplayedContact) -> float:
+    """Return the force for which the arrow has the length `LENGTH` [N].
 
-    That is the desired one, unless the tool presses so much harder for long that arrows would
-    leave the picture.
+    It is the desired force, or a round larger one if the tool presses so much harder for long that
+    arrows would leave the picture.
     """
-    size = np.linalg.norm(pressing.force, axis=1)
+    size = np.linalg.norm(contact.force, axis=1)
     held = float(np.percentile(size, 95.0))
-    return max(pressing.desired_force, _round_up(held * LENGTH / _LONGEST))
+    return max(contact.desired_force, _round_up(held * LENGTH / _LONGEST))
 
 
-def arrow_legend(pressing: Pressing) -> str:
-    """How long an arrow is for which force."""
-    return f"force, {newtons(pressing):g} N = {100.0 * LENGTH:g} cm"
+def arrow_legend(contact: ReplayedContact) -> str:
+    """Return the scale of the arrow as text."""
+    return f"force, {reference_force(contact):g} N = {100.0 * LENGTH:g} cm"
 
 
 def draw_arrow(meshcat: Meshcat) -> None:
-    """The arrow at "/force", of the usual length, along z."""
+    """Draw an arrow of length `LENGTH` along z at "/force"."""
     vertices, faces = _arrow()
     meshcat.SetTriangleMesh("/force", vertices, faces, Rgba(*FORCE_COLOUR))
     for name, value in _IN_FRONT.items():
@@ -57,39 +59,46 @@ def draw_arrow(meshcat: Meshcat) -> None:
 
 
 def record_arrow(
-    recording: MeshcatAnimation, pressing: Pressing, points: Array, forces: Array
+    recording: MeshcatAnimation, contact: ReplayedContact, points: Array, forces: Array
 ) -> None:
-    """How it moves: ``points`` [m] and ``forces`` [N] frame by frame, shape (f, 3) both."""
-    usual = newtons(pressing)
+    """Record position, direction and length of the arrow frame by frame.
+
+    Args:
+        recording: The animation.
+        contact: The contact, which sets the scale.
+        points: Point of contact in each frame, shape (f, 3) [m].
+        forces: Force on the tool in each frame, shape (f, 3) [N].
+    """
+    reference = reference_force(contact)
     for frame, (point, force) in enumerate(zip(points, forces, strict=True)):
         size = float(np.linalg.norm(force))
-        seen = size > _NONE * pressing.desired_force
-        direction = force / size if seen else pressing.normal
-        recording.SetTransform(frame, "/force", RigidTransform(_along(direction, pressing), point))
-        length = max(size / usual, _NONE)
-        # A short arrow is slim too.
+        seen = size > _NONE * contact.desired_force
+        direction = force / size if seen else contact.normal
+        recording.SetTransform(frame, "/force", RigidTransform(_along(direction, contact), point))
+        length = max(size / reference, _NONE)
+        # A short arrow is slim as well.
         width = min(length, 1.0)
         recording.SetProperty(frame, "/force", "scale", [width, width, length])
         recording.SetProperty(frame, "/force", "visible", seen)
 
 
-def _along(direction: Array, pressing: Pressing) -> RotationMatrix:
-    """Axes with z along a direction: the surface's, turned by the shortest way.
+def _along(direction: Array, contact: ReplayedContact) -> RotationMatrix:
+    """Return the surface's axes after the shortest rotation that turns z into ``direction``.
 
-    There is one for every direction but that into the surface, to which any half turn leads:
-    the arrow is round.
+    It varies continuously with the direction, except into the surface: any half turn leads there,
+    and as the arrow is round, each looks the same.
     """
-    n = pressing.normal
+    n = contact.normal
     middle = n + direction
     size = float(np.linalg.norm(middle))
-    axis = middle / size if size > _OPPOSITE else pressing.R_WS.matrix()[:, 0]
-    # Half a turn about the normal and half a turn about the middle make the shortest way.
-    about_normal = pressing.R_WS.matrix() @ np.diag([-1.0, -1.0, 1.0])
+    axis = middle / size if size > _OPPOSITE else contact.R_WS.matrix()[:, 0]
+    # Half a turn about the normal, then half a turn about the middle, is the shortest rotation.
+    about_normal = contact.R_WS.matrix() @ np.diag([-1.0, -1.0, 1.0])
     return RotationMatrix((2.0 * np.outer(axis, axis) - np.eye(3)) @ about_normal)
 
 
 def _round_up(number: float) -> float:
-    """To one or two digits, for a caption."""
+    """Return the next 1, 2, 3 or 5 times a power of ten that is not smaller; 0 for none."""
     if number <= 0.0:
         return 0.0
     unit = 10.0 ** math.floor(math.log10(number))
@@ -97,7 +106,10 @@ def _round_up(number: float) -> float:
 
 
 def _arrow() -> tuple[Any, Any]:
-    """Rings round z, from the tail to the tip; each part has its own, for sharp edges."""
+    """Return vertices and faces of an arrow along z.
+
+    Its parts do not share their rings of vertices, so that the edges between them look sharp.
+    """
     neck = LENGTH - _HEAD_LENGTH
     corners = ((0.0, 0.0), (_SHAFT, 0.0), (_SHAFT, neck), (_HEAD, neck), (0.0, LENGTH))
     profile = [corner for pair in pairwise(corners) for corner in pair]

@@ -1,4 +1,4 @@
-"""What surrounds the arm: ground, light, background, and a caption."""
+"""The surroundings of the arm: ground, lights and background, the caption, and the colours."""
 
 from __future__ import annotations
 
@@ -7,19 +7,25 @@ from html import escape
 
 from pydrake.geometry import Box, Meshcat, Rgba
 
-# Okabe and Ito's colours, which people with colour blindness tell apart.
+# Colours of Okabe and Ito, which colour-blind people can tell apart.
 DESIRED_COLOUR = (0.0, 0.447, 0.698)
 TRACED_COLOUR = (0.835, 0.369, 0.0)
 FORCE_COLOUR = (0.0, 0.62, 0.451)
-GHOST_OPACITY = 0.5
+TARGET_OPACITY = 0.5
 
 
 def set_stage(meshcat: Meshcat, floor: float, size: float) -> None:
-    """Ground, light and background; Meshcat's own axes and grid would be clutter."""
+    """Set ground, lights and background.
+
+    Args:
+        meshcat: Meshcat with the scene.
+        floor: Height of the ground [m].
+        size: Largest extent of the scene, which sets the size of the grid [m].
+    """
     meshcat.SetProperty("/Axes", "visible", False)
     meshcat.SetProperty("/Background/<object>", "top_color", [0.62, 0.73, 0.84])
     meshcat.SetProperty("/Background/<object>", "bottom_color", [0.93, 0.95, 0.97])
-    # Meshcat's grid has 40 cells of half a metre; these are of a tenth for arms of common size.
+    # Meshcat's grid has 40 cells of 0.5 m: for an arm of common size, they become 0.1 m.
     scale = 0.2 * math.ceil(size / 1.5)
     meshcat.SetProperty("/Grid", "scale", [scale, scale, scale])
     meshcat.SetProperty("/Grid", "position", [0.0, 0.0, floor + 1e-3])
@@ -38,20 +44,20 @@ def set_stage(meshcat: Meshcat, floor: float, size: float) -> None:
     meshcat.SetProperty(sun, "shadow.normalBias", 0.01)
 
 
-def with_caption(page: str, title: str, with_ghost: bool, force: str | None = None) -> str:
-    """The page with its name, what the colours mean, and the time.
+def with_caption(page: str, title: str, with_target: bool, force: str | None = None) -> str:
+    """Return a page with a title, a legend of the colours, and a clock.
 
     Args:
-        page: As Meshcat makes it.
-        title: Of the run.
-        with_ghost: Whether there is a target posture to name.
-        force: How long an arrow is for which force, if there is one.
+        page: The page that Meshcat made.
+        title: Title of the run.
+        with_target: Whether the legend explains the target posture.
+        force: Legend of the force arrow; None without one.
     """
     page = page.replace("<title>Drake MeshCat</title>", f"<title>{escape(title)}</title>")
     body, end = page.rsplit("</body>", 1)
     caption = _CAPTION.format(
         title=escape(title),
-        ghost=_GHOST if with_ghost else "",
+        target=_TARGET if with_target else "",
         force="" if force is None else _FORCE.format(escape(force)),
         desired=_css(DESIRED_COLOUR),
         traced=_css(TRACED_COLOUR),
@@ -60,19 +66,20 @@ def with_caption(page: str, title: str, with_ghost: bool, force: str | None = No
 
 
 def _css(colour: tuple[float, float, float]) -> str:
+    """Return a colour in the notation of style sheets."""
     return "rgb({}, {}, {})".format(*(round(255 * part) for part in colour))
 
 
-_GHOST = f"""
-    <span style="color: {_css(DESIRED_COLOUR)}; opacity: {GHOST_OPACITY}">&#9679;</span> target"""
-# The camera is near: the arm may lie behind the words.
+_TARGET = f"""
+    <span style="color: {_css(DESIRED_COLOUR)}; opacity: {TARGET_OPACITY}">&#9679;</span> target"""
+# The camera is close: the arm may be behind the text.
 _FORCE = f"""
     <style>#caption {{{{ background: rgba(255, 255, 255, 0.8); padding: 0.1em 0.6em; }}}}</style>
     <span style="color: {_css(FORCE_COLOUR)}">&#8593;</span> {{}}"""
 _CAPTION = """
   <div id="caption">
     <b>{title}</b>
-    <span style="color: {desired}">&#9679;</span> desired{ghost}
+    <span style="color: {desired}">&#9679;</span> desired{target}
     <span style="color: {traced}">&#9679;</span> traced{force}
     <span id="clock"></span>
   </div>

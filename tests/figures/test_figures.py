@@ -10,7 +10,7 @@ from matplotlib.colors import to_hex
 from PIL import Image
 
 from drake_rnn.errors import InvalidInputError
-from drake_rnn.experiment.document import load_experiment
+from drake_rnn.experiment import load_experiment
 from drake_rnn.figures import drawable, write_figures
 from drake_rnn.figures.style import COLOURS, save
 from drake_rnn.runs.simulation import simulate
@@ -55,7 +55,7 @@ def test_every_figure_is_written_as_a_small_png(learned, tmp_path):
         assert 3_000 < file.stat().st_size < 200_000
         with Image.open(file) as image:
             assert image.format == "PNG"
-            # As wide as a column or a page at 200 dots per inch.
+            # The width of a column or a page at 200 dots per inch.
             assert image.width in (700, 1420)
             assert 400 <= image.height <= 2000
             assert image.info["dpi"] == pytest.approx((200, 200), abs=0.5)
@@ -86,7 +86,7 @@ def test_every_panel_has_labels_with_units(learned, name):
         assert ax.get_ylabel().endswith("]"), name
         below = [other for other in panels if other.get_shared_x_axes().joined(ax, other)]
         labels = {other.get_xlabel() for other in [ax, *below]} - {""}
-        if name != "joint_angles":  # its columns share an axis without being tied
+        if name != "joint_angles":  # its columns share a time axis that matplotlib does not know of
             assert labels, name
         assert all(label.endswith("]") for label in labels)
 
@@ -138,7 +138,7 @@ def test_a_bound_far_away_is_named_and_does_not_flatten_the_curves(known):
 def test_a_position_bound_is_drawn_where_it_is_near(known):
     q = known.series["position"]
     upper = q[:, 1].max() + 0.5 * np.ptp(q[:, 1])
-    limits = known.experiment.setup.limits
+    limits = known.experiment.limits
     bounds = [*limits.position_upper]
     bounds[1] = float(upper)
     near = changed(known, limits={"velocity": 0.5, "acceleration": 1.0, "position_upper": bounds})
@@ -157,19 +157,19 @@ def test_bounds_per_joint(known):
 
 
 def test_without_limits(known):
-    law = {**known.experiment.law, "acceleration_bound": "none"}
+    law = {**known.experiment.document.law, "acceleration_bound": "none"}
     unlimited = changed(known, limits="none", law=law)
-    assert unlimited.experiment.setup.limits.acceleration is None
+    assert unlimited.experiment.limits.acceleration is None
     assert sorted(drawable(unlimited)) == sorted(KNOWN)
     draw(unlimited, "overview")
     for name in ("joint_velocities", "joint_accelerations", "acceleration_norm"):
         assert dashed_levels(panel(unlimited, name)) == []
-    # Without bounds there is no range to show either.
+    # Without bounds, there is no panel for the range.
     assert len(draw(unlimited, "joint_angles").get_axes()) == 7
 
 
 def test_some_infinite_bounds(known):
-    lower = [-np.inf, *known.experiment.setup.limits.position_lower[1:]]
+    lower = [-np.inf, *known.experiment.limits.position_lower[1:]]
     velocity = [0.5] * 6 + [np.inf]
     limits = {"velocity": velocity, "acceleration": 1.0, "position_lower": lower}
     some = changed(known, limits=limits)
@@ -179,7 +179,7 @@ def test_some_infinite_bounds(known):
     assert list(panels[7].get_yticks()) == [2, 3, 4, 5, 6, 7]
 
 
-def test_noise_is_shown_apart_from_what_the_law_asks_for(learned):
+def test_noisy_arm_and_law_are_shown_apart(learned):
     labels = [ax.get_ylabel() for ax in draw(learned, "joint_accelerations").get_axes()]
     assert labels == ["acceleration, law [rad/s²]", "acceleration, arm [rad/s²]"]
     ax = panel(learned, "acceleration_norm")
@@ -205,14 +205,14 @@ def test_window_is_shaded(known, learned):
     assert shade.get_extents().width > 0
 
 
-def test_overview_tells_the_metrics_and_what_was_expected(known):
+def test_overview_shows_the_metrics_and_their_expected_values(known):
     page = draw(known, "overview")
     texts = [text.get_text() for part in page.subfigs for text in part.texts]
     assert "slc_nephroid_known" in texts
     assert "position_error_max_m" in texts
     assert "≤ 0.0009" in texts
     missed = [text for part in page.subfigs for text in part.texts if text.get_weight() == "bold"]
-    # After half a second the arm has not reached its path.
+    # The arm has not reached its path after half a second.
     assert f"{known.metrics['position_error_max_m']:.4g}" in [text.get_text() for text in missed]
     assert len(page.get_axes()) == 6
 
@@ -225,7 +225,7 @@ def test_an_overview_has_no_empty_lines_above(known):
         part = page.subfigs[0]
         bottom = min(text.get_window_extent().y0 for text in part.texts)
         assert bottom >= part.bbox.y0
-        # Of a line [inch], what is empty below the last one.
+        # Less than a line [inch] is empty below the last one.
         assert (bottom - part.bbox.y0) / page.dpi < 0.15
         return part.bbox.height / page.dpi
 
@@ -238,7 +238,7 @@ def test_an_overview_has_no_empty_lines_above(known):
     np.testing.assert_allclose(np.diff(heights), 0.14, atol=0.01)
 
 
-def test_an_error_of_zero_and_numbers_that_are_none(known, tmp_path):
+def test_an_error_of_zero_and_values_that_are_not_finite(known, tmp_path):
     series = {name: values.copy() for name, values in known.series.items()}
     series["p_WE"] = series["p_WE_desired"].copy()
     draw(replace(known, series=series), "position_error")
@@ -250,7 +250,7 @@ def test_an_error_of_zero_and_numbers_that_are_none(known, tmp_path):
 
 
 def test_planar_task(known):
-    """As a planar arm has it: two rows, and nothing to see in space."""
+    """Two task rows, as a planar arm has, and so no path in space."""
     narrow = ("p_WE", "p_WE_desired", "v_WE", "v_WE_desired", "J")
     series = {k: v[:, :2] if k in narrow else v for k, v in known.series.items()}
     names = drawable(replace(known, series=series))

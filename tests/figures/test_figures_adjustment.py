@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from drake_rnn.experiment.document import load_experiment, make_experiment
+from drake_rnn.experiment import load_experiment, make_experiment
 from drake_rnn.figures import drawable, write_figures
 from drake_rnn.figures.style import COLOURS
 from drake_rnn.robot.arm import load_arm
@@ -22,7 +22,7 @@ from figure_helpers import (
     skeleton,
 )
 
-OLD = [
+COMMON = [
     "overview",
     "joint_angles",
     "joint_velocities",
@@ -32,7 +32,7 @@ OLD = [
     "position_error",
 ]
 ALWAYS = ["postures", "stroboscope", "angles_to_target", "joint_error", "end_effector"]
-NEW = [*ALWAYS, "moving_bounds"]
+OF_TARGET = [*ALWAYS, "moving_bounds"]
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +51,7 @@ def untargeted():
 
 
 def adjusted(arm_name, task, duration):
-    """A run towards some posture of another arm."""
+    """Return a run of another arm towards a posture that it can reach."""
     arm = load_arm(arm_name)
     target = SelfMotion(arm, arm.home, task).somewhere(0.5)
     law = {"kind": "state_adjustment", "target": target.tolist(), "rise_time": 2.0}
@@ -75,10 +75,10 @@ def labelled(ax, name):
 
 
 def test_figures_of_a_target_are_drawn_only_if_there_is_one(modified, null_space, untargeted):
-    assert sorted(drawable(modified)) == sorted([*OLD, *NEW])
-    # Its bounds stay open.
-    assert sorted(drawable(null_space)) == sorted([*OLD, *ALWAYS])
-    assert not {*NEW} & {*drawable(untargeted)}
+    assert sorted(drawable(modified)) == sorted([*COMMON, *OF_TARGET])
+    # Its bounds do not move.
+    assert sorted(drawable(null_space)) == sorted([*COMMON, *ALWAYS])
+    assert not {*OF_TARGET} & {*drawable(untargeted)}
 
 
 def test_a_point_to_go_to_is_a_path_and_one_to_stay_at_is_none(untargeted):
@@ -89,7 +89,7 @@ def test_a_point_to_go_to_is_a_path_and_one_to_stay_at_is_none(untargeted):
         assert {*drawable(resting)} & {"path_3d", "path_plane"} == paths
 
 
-@pytest.mark.parametrize("name", NEW)
+@pytest.mark.parametrize("name", OF_TARGET)
 def test_panels_have_units_and_no_text_is_cut_off(modified, planar, name):
     for result in (modified, planar):
         figure = draw(result, name)
@@ -100,12 +100,12 @@ def test_panels_have_units_and_no_text_is_cut_off(modified, planar, name):
 
 def test_postures_are_those_of_start_end_and_target(modified):
     ax = panel(modified, "postures")
-    setup, q = modified.experiment.setup, modified.series["position"]
-    for name, posture in (("start", q[0]), ("end", q[-1]), ("target", setup.target)):
+    experiment, q = modified.experiment, modified.series["position"]
+    for name, posture in (("start", q[0]), ("end", q[-1]), ("target", experiment.target)):
         drawn = np.stack(labelled(ax, name).get_data_3d(), axis=1)
         np.testing.assert_array_equal(drawn, skeleton(modified, posture))
     hand = np.ravel(labelled(ax, "end effector").get_data_3d())
-    np.testing.assert_allclose(hand, setup.p_WE_start, atol=1e-12)
+    np.testing.assert_allclose(hand, experiment.p_WE_start, atol=1e-12)
     assert labelled(ax, "target").get_zorder() >= labelled(ax, "end").get_zorder()
 
 
@@ -134,7 +134,7 @@ def test_stroboscope_flashes_at_equal_intervals_until_the_arm_rests(modified):
     assert at[0] == 0
     assert len({*np.diff(at)}) == 1
     assert len(at) > 15
-    # What is left to go is not seen.
+    # The rest of the motion is too small to be visible.
     left = np.abs(modified.series["position"][at[-1]] - modified.series["position"][-1]).max()
     assert left < 0.02
     darkness = [-sum(to_rgb(line.get_color())) for line in ax.lines[:-2]]
@@ -156,7 +156,7 @@ def test_drift_is_shown_in_the_unit_that_fits_beside_the_networks_own(modified, 
     np.testing.assert_allclose(told, 1e3 * modified.series["displacement"], atol=1e-9)
     fine = panel(null_space, "end_effector")
     assert fine.get_ylabel() == "end-effector drift [µm]"
-    # It has no network.
+    # This law has no multipliers.
     assert not any(map(is_dashed, fine.lines))
 
 
@@ -172,7 +172,7 @@ def test_orientation_is_shown_where_it_is_held(pose):
 
 
 def test_every_joint_has_its_target(modified):
-    target = modified.experiment.setup.target
+    target = modified.experiment.target
     for k, ax in enumerate(draw(modified, "joint_angles").get_axes()[:7]):
         levels = [line.get_ydata()[0] for line in ax.lines if is_dashed(line)]
         assert target[k] in levels
@@ -187,7 +187,7 @@ def test_every_joint_has_its_target(modified):
 
 def test_joint_error_is_the_distance_to_the_target(modified):
     ax = panel(modified, "joint_error")
-    off = np.abs(modified.series["position"] - modified.experiment.setup.target)
+    off = np.abs(modified.series["position"] - modified.experiment.target)
     np.testing.assert_allclose(curves(ax), off, atol=1e-15)
     assert ax.get_yscale() == "log"
     bound, settled = ax.lines[7:]
@@ -203,7 +203,7 @@ def test_moving_bounds_are_the_series_and_drawn_once(modified):
     lower, own, upper = [line for line in ax.lines if is_dashed(line)]
     np.testing.assert_array_equal(upper.get_ydata(), modified.series["velocity_upper"][:, 0])
     np.testing.assert_array_equal(lower.get_ydata(), modified.series["velocity_lower"][:, 0])
-    # The sixth joint starts near its limit; only until it has left it is its bound another.
+    # The sixth joint starts near its limit; its bound differs until it has left it.
     assert own.get_color() == COLOURS[5]
     apart = np.isfinite(own.get_ydata())
     sixth = modified.series["velocity_lower"][:, 5]
@@ -223,7 +223,7 @@ def test_a_resting_path_is_shown_on_axes_of_one_scale_and_from_zero(modified):
     assert ranges == pytest.approx([ranges[0]] * 3)
     ax = panel(modified, "position_error")
     assert ax.lines[0].get_ydata()[0] == 0.0
-    # No line falls to zero along the axis.
+    # No line is drawn along the axis down to zero.
     masked = ax.transScale.transform(np.array([[0.0, 0.0]]))[0, 1]
     assert not np.isfinite(masked)
 
@@ -253,7 +253,7 @@ def test_overview_of_a_target(modified, null_space):
     assert levels == {-1.5, 1.5}
 
 
-def test_numbers_that_are_none_and_a_single_sample(modified, tmp_path):
+def test_values_that_are_not_finite_and_a_single_sample(modified, tmp_path):
     series = {name: values.copy() for name, values in modified.series.items()}
     for values in series.values():
         values[-2:] = np.nan

@@ -1,4 +1,4 @@
-"""Figures of a tool that is pressed against a surface."""
+"""Figures of a tool that presses against a surface."""
 
 from dataclasses import replace
 
@@ -7,17 +7,17 @@ import pytest
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_hex
 
-from drake_rnn.experiment.document import load_experiment
+from drake_rnn.experiment import load_experiment
 from drake_rnn.figures import drawable, write_figures
 from drake_rnn.figures.force_panels import force_spectrum
 from drake_rnn.figures.learning import learning_figure
 from drake_rnn.figures.style import COLOURS
-from drake_rnn.figures.surface import force_scale, on_surface, surface_axes
+from drake_rnn.figures.surface import force_scale, surface_axes, surface_coordinates
 from drake_rnn.runs.simulation import simulate
 from drake_rnn.runs.sweep import Row
 from figure_helpers import assert_no_text_is_cut_off, changed, draw, is_dashed, panel
 
-NEW = ["normal_force", "force_error", "path_on_surface", "orientation_error"]
+OF_CONTACT = ["normal_force", "force_error", "path_on_surface", "orientation_error"]
 
 
 def run(name, **changes):
@@ -26,7 +26,7 @@ def run(name, **changes):
 
 @pytest.fixture(scope="module")
 def level():
-    # In kinematics: 0.1 N, from nothing, on a spring of 100 N/m.
+    # Kinematic level: the force rises from zero to 0.1 N on a spring of 100 N/m.
     return run("motion_force_tricuspid", duration=4.0, window=[1.0, 4.0])
 
 
@@ -50,7 +50,7 @@ def with_series(result, **series):
 
 
 def read_noisily(result, sigma):
-    """As a sensor with noise would have it."""
+    """Return a result with a force sensor that adds noise."""
     noise = np.random.default_rng(0).normal(0.0, sigma, result.time.size)
     return with_series(result, normal_force_measured=result.series["normal_force"] + noise)
 
@@ -70,16 +70,17 @@ def curve(ax):
 
 
 def test_which_figures_there_are(level, learned, free):
-    assert {*NEW} < {*drawable(level)}
-    # In its place is what is seen from above.
+    assert {*OF_CONTACT} < {*drawable(level)}
+    # The path on the surface replaces it.
     assert "path_plane" not in drawable(level)
-    assert {*NEW, "jacobian", "jacobian_error"} < {*drawable(learned)}
-    assert not {*NEW} & {*drawable(free)}
+    assert {*OF_CONTACT, "jacobian", "jacobian_error"} < {*drawable(learned)}
+    assert not {*OF_CONTACT} & {*drawable(free)}
     assert "path_plane" in drawable(free)
 
 
 @pytest.mark.parametrize(
-    "name", [*NEW, "position_error", "position_error_axes", "velocity_error", "joint_velocities"]
+    "name",
+    [*OF_CONTACT, "position_error", "position_error_axes", "velocity_error", "joint_velocities"],
 )
 def test_panels_have_units_and_no_text_is_cut_off(level, inclined, learned, name):
     for result in (level, inclined, learned, read_noisily(level, 0.02)):
@@ -104,7 +105,7 @@ def test_the_force_is_the_series_in_a_band_about_what_is_desired(level):
     edges = band.get_paths()[0].vertices[:, 1]
     assert (edges.min(), edges.max()) == pytest.approx((0.095, 0.105))
     assert band.get_label() == "±5 %"
-    # The tool has settled into the band before the window, which is shaded.
+    # The force has settled into the band before the shaded window begins.
     settled = level.time >= 1.0
     assert np.abs(force.get_ydata() - desired)[settled].max() < 0.05 * 0.1
     assert "window" in entries(ax)
@@ -119,7 +120,7 @@ def test_small_forces_have_a_unit_of_their_own(level):
     np.testing.assert_allclose(labelled(ax, "desired").get_ydata(), 1.0)
 
 
-def test_how_the_force_settles_is_what_was_before_the_window(level, learned):
+def test_the_settling_panel_shows_the_time_before_the_window(level, learned):
     _, settling = draw(level, "normal_force").get_axes()
     assert settling.get_xlim() == pytest.approx((0.0, 1.0))
     drawn = settling.lines[1].get_ydata()
@@ -127,7 +128,7 @@ def test_how_the_force_settles_is_what_was_before_the_window(level, learned):
     assert len(draw(learned, "normal_force").get_axes()) == 1
 
 
-def test_what_a_sensor_says_lies_behind_the_truth(level, learned):
+def test_the_measured_force_is_drawn_behind_the_true_one(level, learned):
     for result in (level, learned):
         assert "measured" not in entries(panel(result, "normal_force"))
     noisy = read_noisily(level, 0.02)
@@ -148,7 +149,7 @@ def test_noise_is_shown_beside_the_error_but_does_not_drown_it(level):
     assert drowned.get_legend() is None
 
 
-def test_what_a_sensor_says_can_be_told_from_the_truth(level):
+def test_measured_and_true_force_can_be_told_apart(level):
     error = level.metrics["force_error_max_N"]
     force = level.series["normal_force"]
     offset = with_series(level, normal_force_measured=force + 0.1 * error)
@@ -156,10 +157,10 @@ def test_what_a_sensor_says_can_be_told_from_the_truth(level):
         ax = panel(result, "force_error")
         measured, true = labelled(ax, "measured"), labelled(ax, "true")
         assert measured.get_color() != true.get_color()
-        # What runs beside the truth is seen on both sides of it.
+        # A smooth measurement is visible on both sides of the true force.
         assert measured.get_linewidth() >= least * true.get_linewidth()
         assert measured.get_zorder() < true.get_zorder()
-    # Less could not be seen.
+    # A smaller difference would not be visible.
     close = with_series(level, normal_force_measured=force + 0.03 * error)
     assert panel(close, "force_error").get_legend() is None
 
@@ -179,7 +180,7 @@ def test_the_force_error_is_that_of_the_window(level):
     drawn = ax.lines[0]
     np.testing.assert_array_equal(drawn.get_ydata(), 1e3 * error[level.time >= 1.0 - 1e-9])
     (note,) = ax.texts
-    # Of every step, not of the samples.
+    # The largest error over all steps, not over the samples.
     assert f"largest {1e3 * level.metrics['force_error_max_N']:.3g} mN" in note.get_text()
 
 
@@ -190,9 +191,9 @@ def test_a_sine_has_its_amplitude_in_the_spectrum_and_a_mean_none(level):
     swinging = with_series(level, normal_force=desired + error)
     frequency, amplitude = force_spectrum(swinging)
     peak = int(np.argmax(amplitude))
-    # Three seconds tell frequencies a third of a hertz apart.
+    # Over three seconds, the resolution is a third of a hertz.
     assert frequency[peak] == pytest.approx(5.0, abs=1 / 3)
-    # A Hann window is lower by 15 % between two frequencies at most.
+    # Between two frequencies, a Hann window loses 15 % at most.
     assert 0.0085 <= amplitude[peak] <= 0.0101
     assert amplitude[np.abs(frequency - 5.0) > 2.0].max() < 1e-4
     assert frequency[0] > 0.0
@@ -224,12 +225,12 @@ def test_a_level_surface_has_the_axes_of_the_base(level):
     ],
 )
 def test_axes_lie_in_the_surface_and_are_seen_from_above(level, normal, names):
-    experiment = level.experiment
-    # A path that leads nowhere lies in every plane.
+    document = level.experiment.document
+    # A path this small is within tolerance of every plane.
     turned = changed(
         level,
-        environment=experiment.environment | {"normal": normal},
-        path=experiment.path | {"size": 1e-9},
+        environment=document.environment | {"normal": normal},
+        path=document.path | {"size": 1e-9},
     )
     axes, found = surface_axes(turned)
     n = np.array(normal) / np.linalg.norm(normal)
@@ -245,9 +246,9 @@ def test_the_curve_from_above_is_where_the_tool_was_and_how_hard_it_pressed(leve
         drawn = curve(ax)
         segments = np.array(drawn.get_segments())
         points = np.concatenate((segments[:1, 0], segments[:, 1]))
-        # Together with the height above the surface they are the points in space.
+        # With the height above the surface, they give the points in space.
         p_WE, origin = result.series["p_WE"], result.series["p_WE_desired"][0]
-        n = result.experiment.setup.contact.surface.normal_W
+        n = result.experiment.contact.surface.normal_W
         height = np.outer((p_WE - origin) @ n, n)
         back = origin + 1e-3 * points @ surface_axes(result)[0] + height
         np.testing.assert_allclose(back, p_WE, atol=1e-12)
@@ -255,7 +256,7 @@ def test_the_curve_from_above_is_where_the_tool_was_and_how_hard_it_pressed(leve
         np.testing.assert_allclose(drawn.get_array(), (force[1:] + force[:-1]) / 2)
         bar = draw(result, "path_on_surface").get_axes()[1]
         assert bar.get_ylabel() == "normal force [N]"
-        # The approach lies below what is told apart: it has the palest colour, and an arrow.
+        # Forces of the approach are below the scale: the palest colour, and an arrow.
         within = result.time >= 1.0
         low, high = drawn.get_clim()
         assert force[0] < low <= force[within].min()
@@ -264,7 +265,7 @@ def test_the_curve_from_above_is_where_the_tool_was_and_how_hard_it_pressed(leve
 
 
 def pressed(result, shares):
-    """As if the force in the window had been these shares of the desired one, in turn."""
+    """Return a result with these shares of the desired force in the window, in turn."""
     force = result.series["normal_force"].copy()
     within = result.time >= 1.0 - 1e-9
     force[within] = 0.1 * np.resize(shares, int(within.sum()))
@@ -292,13 +293,13 @@ def test_the_desired_force_is_in_the_middle_of_a_colour(level, shares):
     assert edges[-1] >= 0.1 * max(1.05, *shares) - 1e-12
 
 
-def test_what_is_wanted_of_a_path_in_space_lies_where_the_tool_presses(level, inclined):
+def test_the_desired_path_in_space_is_drawn_where_the_tool_presses(level, inclined):
     for result in (level, inclined):
-        n = result.experiment.setup.contact.surface.normal_W
+        n = result.experiment.contact.surface.normal_W
         panels = draw(result, "position").get_axes()
         text = "desired, along the surface"
         wanted = np.stack([labelled(ax, text).get_ydata() for ax in panels], axis=1)
-        # As high as the tool, as far off as the position error, above the path it was given.
+        # At the tool's height, at the distance of the position error, above the given path.
         off = result.series["p_WE"] - wanted
         np.testing.assert_allclose(off @ n, 0.0, atol=1e-12)
         np.testing.assert_allclose(np.linalg.norm(off, axis=1), result.position_error, atol=1e-12)
@@ -309,7 +310,7 @@ def test_what_is_wanted_of_a_path_in_space_lies_where_the_tool_presses(level, in
         np.testing.assert_array_equal(drawn, wanted[: len(drawn)])
 
 
-def test_in_the_air_what_is_wanted_is_the_path(free):
+def test_in_the_air_the_desired_path_is_drawn_as_it_is(free):
     drawn = [labelled(ax, "desired").get_ydata() for ax in draw(free, "position").get_axes()]
     np.testing.assert_array_equal(np.stack(drawn, axis=1), free.series["p_WE_desired"])
 
@@ -319,7 +320,7 @@ def test_a_circle_on_an_inclined_plate_is_one_from_above(inclined):
     assert ax.get_xlabel() == "x along the surface [mm]"
     desired = np.stack(labelled(ax, "desired").get_data(), axis=1)
     np.testing.assert_allclose(np.hypot(desired[:, 0] + 30.0, desired[:, 1]), 30.0, atol=1e-6)
-    # Laid down on the x-y plane it would be an ellipse.
+    # Projected onto the x-y plane, it would be an ellipse.
     flat = 1e3 * (inclined.series["p_WE_desired"] - inclined.series["p_WE_desired"][0])
     assert np.ptp(flat[:, 0]) < 0.9 * np.ptp(desired[:, 0])
 
@@ -351,16 +352,16 @@ def test_errors_are_those_along_the_surface(level, inclined):
 
 
 def test_how_deep_the_tool_has_sunk_in_is_no_error(level):
-    # 0.1 N on 100 N/m are a millimetre.
+    # 0.1 N at 100 N/m is a millimetre.
     sunk = level.series["p_WE_desired"] - level.series["p_WE"]
     assert sunk[-1, 2] == pytest.approx(1e-3, rel=0.05)
     ax = panel(level, "position_error_axes")
     assert ax.get_ylabel().endswith("[µm]")
     assert max(np.abs(line.get_ydata()).max() for line in ax.lines) < 500.0
-    np.testing.assert_allclose(on_surface(level, level.series["p_WE_desired"])[0], 0.0)
+    np.testing.assert_allclose(surface_coordinates(level, level.series["p_WE_desired"])[0], 0.0)
 
 
-def test_what_was_before_the_window_does_not_flatten_the_error(level):
+def test_errors_before_the_window_do_not_flatten_those_in_it(level):
     error = np.where(level.time < 0.1, 1e-2, 1e-4)
     ax = panel(with_series(level, orientation_error=error), "orientation_error")
     assert ax.get_ylabel() == "orientation error [mrad]"
@@ -368,7 +369,7 @@ def test_what_was_before_the_window_does_not_flatten_the_error(level):
     assert 0.1 < ax.get_ylim()[1] < 0.2
     (note,) = ax.texts
     assert note.get_text() == "up to 10 outside the window"
-    # All of it is shown where there is no need to choose.
+    # Everything is shown if the window stays readable.
     ax = panel(with_series(level, orientation_error=error.clip(max=3e-4)), "orientation_error")
     assert ax.get_ylim()[1] > 0.3
     assert not ax.texts
@@ -382,11 +383,11 @@ def test_bounds_far_from_the_velocities_are_named(level):
         is_near = peak > 0.5 / 2
         assert any(map(is_dashed, ax.lines)) == is_near
         assert any("bounds ±0.5 rad/s" in text.get_text() for text in ax.texts) != is_near
-        # The curves fill that much of the panel.
+        # The curves fill at least this share of the panel.
         assert peak > share * ax.get_ylim()[1]
 
 
-# All in all.
+# The overview, and runs that are not finite.
 
 
 def test_overview(level, inclined, learned):
@@ -413,7 +414,7 @@ def test_overview(level, inclined, learned):
     } <= texts
 
 
-def test_numbers_that_are_none(level, tmp_path):
+def test_values_that_are_not_finite(level, tmp_path):
     series = {name: values.astype(float) for name, values in level.series.items()}
     for name in series.keys() - {"p_WE_desired", "v_WE_desired", "normal_force_desired"}:
         series[name][:] = np.nan
@@ -421,7 +422,7 @@ def test_numbers_that_are_none(level, tmp_path):
 
 
 @pytest.mark.long
-def test_numbers_that_are_none_any_more(level, learned, tmp_path):
+def test_values_that_are_no_longer_finite(level, learned, tmp_path):
     for result in (level, learned):
         series = {name: values.astype(float) for name, values in result.series.items()}
         for values in series.values():

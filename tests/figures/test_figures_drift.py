@@ -1,4 +1,4 @@
-"""Figures of runs that command accelerations and bring the joints back."""
+"""Figures of laws that command accelerations and return the joints to their start."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from drake_rnn.experiment.document import load_experiment
+from drake_rnn.experiment import load_experiment
 from drake_rnn.figures import drawable, write_figures
 from drake_rnn.figures.style import COLOURS
 from drake_rnn.figures.sweep import sweep_figure
@@ -22,7 +22,7 @@ from figure_helpers import (
     skeleton,
 )
 
-NEW = ["position_error_axes", "velocity_error", "joint_drift", "motion"]
+OF_PATH = ["position_error_axes", "velocity_error", "joint_drift", "motion"]
 
 
 @pytest.fixture(scope="module")
@@ -50,14 +50,14 @@ def errors(result, name):
 
 
 def test_which_figures_there_are(galjdf, moaljdf, windowed):
-    assert {*NEW} < {*drawable(galjdf)}
+    assert {*OF_PATH} < {*drawable(galjdf)}
     assert "joint_torques" not in drawable(galjdf)
-    assert {*NEW, "joint_torques"} < {*drawable(moaljdf)}
-    # They tell of any law that follows a path.
-    assert {*NEW} < {*drawable(windowed)}
+    assert {*OF_PATH, "joint_torques"} < {*drawable(moaljdf)}
+    # They apply to any law that follows a path.
+    assert {*OF_PATH} < {*drawable(windowed)}
 
 
-@pytest.mark.parametrize("name", [*NEW, "joint_torques"])
+@pytest.mark.parametrize("name", [*OF_PATH, "joint_torques"])
 def test_panels_have_units_and_no_text_is_cut_off(galjdf, moaljdf, name):
     for result in (galjdf, moaljdf):
         if name not in drawable(result):
@@ -78,19 +78,19 @@ def test_position_error_axis_by_axis_in_the_unit_that_fits(galjdf, naljdf):
         assert norm.max() == pytest.approx(largest, rel=1e-2)
 
 
-def test_what_is_predicted_lies_on_the_velocity_error(galjdf):
+def test_the_prediction_is_drawn_on_the_velocity_error(galjdf):
     ax = panel(galjdf, "velocity_error")
     assert ax.get_ylabel() == "velocity error [µm/s]"
     np.testing.assert_array_equal(curves(ax, 3), 1e6 * errors(galjdf, "v_WE"))
     told = [line for line in ax.lines if is_dashed(line) and len(line.get_ydata())]
     drawn = np.stack([line.get_ydata() for line in told], axis=1)
     np.testing.assert_array_equal(drawn, 1e6 * galjdf.series["velocity_error_predicted"])
-    # Each in the colour of its axis, and above it.
+    # Each has the colour of its axis and is drawn over it.
     assert [line.get_color() for line in told] == [line.get_color() for line in ax.lines[:3]]
     assert np.abs(drawn - curves(ax, 3)).max() < 0.05 * np.abs(drawn).max()
 
 
-def test_nothing_is_predicted_where_the_law_tells_nothing(moaljdf, windowed):
+def test_no_prediction_is_drawn_for_a_law_without_one(moaljdf, windowed):
     for result in (moaljdf, windowed):
         lines = panel(result, "velocity_error").lines
         assert len(lines) == result.series["p_WE"].shape[1]
@@ -149,11 +149,11 @@ def test_motion_is_the_arm_along_a_lap_of_its_path(galjdf, moaljdf):
     assert len({b - a for a, b in pairwise(at)}) == 1
     tips = np.stack(traced.get_data_3d(), axis=1)
     np.testing.assert_allclose(tips, galjdf.series["p_WE"][: len(tips)], atol=1e-12)
-    # All of it, but for the end where the arm all but rests.
+    # The whole lap, except its end, where the arm nearly rests.
     assert np.linalg.norm(tips[-1] - tips[0]) < 1e-3
     np.testing.assert_array_equal(np.ravel(hand.get_data_3d()), tips[0])
     assert np.ravel(base.get_data_3d()) == pytest.approx(poses[0, 0])
-    # A path in a horizontal plane is looked down upon.
+    # A horizontal path is seen from above.
     assert ax.elev > 30
     flat = panel(moaljdf, "motion")
     assert flat.name != "3d"
@@ -164,7 +164,7 @@ def test_a_path_in_an_upright_plane_is_looked_at_from_the_side(windowed):
     assert panel(windowed, "motion").elev < 30
 
 
-def test_what_was_asked_for_is_shown_where_it_was_cut():
+def test_an_acceleration_that_was_cut_is_shown():
     changes = {"limits.acceleration": 0.45, "duration": 6.0, "accept": None}
     cut = simulate(load_experiment("galjdf_clover", changes))
     assert cut.metrics["saturated_fraction"] > 0
@@ -203,12 +203,12 @@ def test_overview(galjdf, moaljdf, windowed):
         "saturated_fraction",
         "singular_value_min",
     } <= texts
-    # What was there before says what it said.
+    # Other laws have their own panels.
     assert labels(windowed)[1:3] == ["position error [m]", "joint angle [rad]"]
 
 
 @pytest.mark.long
-def test_numbers_that_are_none(galjdf, moaljdf, tmp_path):
+def test_values_that_are_not_finite(galjdf, moaljdf, tmp_path):
     for result in (galjdf, moaljdf):
         series = {name: values.copy() for name, values in result.series.items()}
         for values in series.values():
@@ -219,12 +219,12 @@ def test_numbers_that_are_none(galjdf, moaljdf, tmp_path):
         write_figures(replace(result, series=series), tmp_path)
 
 
-# The picture of a sweep over lambda and the schemes.
+# The figure of a sweep over lambda and the schemes.
 
 
 @pytest.fixture
 def pictured(monkeypatch, tmp_path):
-    """The axes of a sweep's picture."""
+    """Return a function that draws a sweep and returns its axes."""
 
     def draw_sweep(keys, rows, metrics):
         drawn = []
@@ -241,7 +241,7 @@ WEIGHTS = [0.1, 0.5, 1, 2, 3, 5, 10, 50, 100]
 
 
 def weighed():
-    """As GALJDF and NALJDF err."""
+    """Return rows with errors that scale like those of GALJDF and NALJDF."""
     return [
         Row((scheme, weight), {"error": 1e-4 * (weight if scheme == "a" else 1), "speed": 0.5})
         for scheme in "ab"
@@ -266,9 +266,9 @@ def test_values_are_labelled_where_there_is_room(pictured):
     assert [text.get_text() for text in ax.get_xticklabels()] == ["1", "2", "", "100"]
 
 
-def test_a_metric_that_says_nothing_new_or_nothing_is_shown_as_that(pictured):
+def test_a_duplicate_metric_is_left_out_and_a_constant_one_looks_constant(pictured):
     rows = [Row(row.values, {**row.metrics, "again": row.metrics["error"]}) for row in weighed()]
     panels = pictured(["scheme", "weight"], rows, ["error", "again", "speed"])
     assert [ax.get_title() for ax in panels] == ["error", "speed"]
-    # All but constant, and seen to be.
+    # Nearly constant, and drawn so.
     assert panels[1].get_ylim()[0] == 0.0

@@ -1,4 +1,4 @@
-"""Figures of runs whose derivatives are bounded up to the fifth, and of laws beside one another."""
+"""Figures of runs with bounds up to the fifth derivative, and the comparison of laws."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from drake_rnn.experiment.document import load_experiment
+from drake_rnn.experiment import load_experiment
 from drake_rnn.figures import drawable
 from drake_rnn.figures.comparison import comparison_figure, shares_of_bounds
 from drake_rnn.figures.derivative_panels import derivatives_of_motion
@@ -14,7 +14,7 @@ from drake_rnn.figures.style import save
 from drake_rnn.runs.simulation import simulate
 from figure_helpers import assert_no_text_is_cut_off, changed, curves, dashed_levels, draw
 
-NEW = ["derivatives", "displayed_signals"]
+OF_DERIVATIVES = ["derivatives", "displayed_signals"]
 UNITS = ["rad", "rad/s", "rad/s²", "rad/s³", "rad/s⁴", "rad/s⁵"]
 NAMES = ["angle", "velocity", "acceleration", "jerk", "snap", "crackle"]
 RATIOS = [f"limit_ratio_{order}_max" for order in range(1, 6)]
@@ -45,23 +45,25 @@ def panels(result, name="derivatives"):
 
 
 def test_which_figures_there_are(filters, printed, smooth):
-    assert {*NEW} < {*drawable(filters)}
-    # Levels of the chain are derivatives, and those of the motion say the same.
+    assert {*OF_DERIVATIVES} < {*drawable(filters)}
+    # The levels of the chain are derivatives, which the other figure shows already.
     for result in (printed, smooth):
-        assert [name for name in NEW if name in drawable(result)] == ["derivatives"]
+        assert [name for name in OF_DERIVATIVES if name in drawable(result)] == ["derivatives"]
     one = run("rnn_circle")
-    assert [name for name in NEW if name in drawable(one)] == ["derivatives"]
+    assert [name for name in OF_DERIVATIVES if name in drawable(one)] == ["derivatives"]
 
 
 def test_they_are_drawn_only_where_jerk_is_bounded(filters, smooth):
     plain = run("pinv_circle", limits={"acceleration": 1.0}, duration=0.2)
-    assert not {*NEW} & {*drawable(plain)}
+    assert not {*OF_DERIVATIVES} & {*drawable(plain)}
     for few in (2, 5):
         series = {name: values[:few] for name, values in filters.series.items()}
-        assert not {*NEW} & {*drawable(replace(filters, time=filters.time[:few], series=series))}
+        assert not {*OF_DERIVATIVES} & {
+            *drawable(replace(filters, time=filters.time[:few], series=series))
+        }
 
 
-@pytest.mark.parametrize("name", NEW)
+@pytest.mark.parametrize("name", OF_DERIVATIVES)
 def test_six_panels_with_units_and_no_text_is_cut_off(filters, name):
     figure = draw(filters, name)
     assert_no_text_is_cut_off(figure, ("]", "bound"))
@@ -71,7 +73,7 @@ def test_six_panels_with_units_and_no_text_is_cut_off(filters, name):
 
 
 def test_derivatives_are_the_arms_and_as_large_as_the_metrics_say(filters, printed, smooth):
-    """Rounding apart; the metrics' acceleration is of single steps, and here of 10 ms."""
+    """Except the acceleration: the metric is of single steps, the figure of 10 ms."""
     for result in (filters, printed, smooth):
         axes = panels(result)
         assert [ax.get_ylabel().split(" [")[0] for ax in axes] == NAMES
@@ -85,8 +87,8 @@ def test_derivatives_are_the_arms_and_as_large_as_the_metrics_say(filters, print
         assert notes == told
 
 
-def test_differences_lie_in_the_middle_of_what_they_are_taken_over():
-    """A motion whose fourth derivative is 1: the third is the time, wherever it is seen."""
+def test_differences_belong_to_the_middle_of_their_interval():
+    """If the fourth derivative is 1, the third equals the time at which it is drawn."""
     result = run("pinv_circle", duration=0.1)
     velocity = np.tile(result.time[:, np.newaxis] ** 3 / 6, 7)
     made = replace(result, series={**result.series, "velocity": velocity})
@@ -99,7 +101,7 @@ def test_differences_lie_in_the_middle_of_what_they_are_taken_over():
 
 @pytest.mark.parametrize("log_period", [1e-3, 2e-3, 0.05])
 def test_differences_are_over_10_ms_however_often_samples_are_stored(log_period, smooth):
-    """Or over the samples' own distance: 2 % smaller at 50 ms."""
+    """Or over the distance of the samples, if that is larger: 2 % less at 50 ms."""
     other = run("stretched_circle", duration=6.5, log_period=log_period)
     for order in (2, 3):
         largest = [np.abs(derivatives_of_motion(r)[order][1]).max() for r in (smooth, other)]
@@ -114,7 +116,7 @@ def test_bounds_are_in_view_however_far_the_curves_go(filters, printed, smooth):
             peak = np.abs(curves(ax)).max()
             assert low == -high
             assert high > max(bound, peak)
-            # At least a twentieth of the panel between the bounds.
+            # At least a twentieth of the panel is between the bounds.
             box = ax.transData.transform([(0, -bound), (0, bound), (0, low), (0, high)])[:, 1]
             assert box[1] - box[0] > 0.05 * (box[3] - box[2])
     assert panels(filters)[5].get_yscale() == "symlog"
@@ -122,7 +124,7 @@ def test_bounds_are_in_view_however_far_the_curves_go(filters, printed, smooth):
     assert dashed_levels(panels(filters)[0]) == [-2.0, 2.0]
 
 
-def test_a_bound_that_would_flatten_the_curves_is_only_told(smooth):
+def test_a_bound_that_would_flatten_the_curves_is_only_written(smooth):
     far = changed(smooth, limits={"velocity": 0.2, "acceleration": 0.1, "jerk": 1e3})
     ax = panels(far)[3]
     assert dashed_levels(ax) == []
@@ -130,7 +132,7 @@ def test_a_bound_that_would_flatten_the_curves_is_only_told(smooth):
     assert ax.get_title(loc="right").endswith(" × bound")
 
 
-def test_what_is_displayed_is_the_filters_and_within_the_bounds(filters):
+def test_displayed_signals_are_those_of_the_filters_and_within_the_bounds(filters):
     axes = panels(filters, "displayed_signals")
     np.testing.assert_array_equal(curves(axes[1]), filters.series["velocity"])
     for order, ax in enumerate(axes[2:], start=2):
@@ -159,25 +161,25 @@ def test_bounds_of_some_orders_and_of_each_joint(smooth):
     assert dashed_levels(axes[3]) == sorted(sign * bound for sign in (1, -1) for bound in {*own})
 
 
-def draw_new(result, folder):
-    for name in NEW:
+def draw_derivatives(result, folder):
+    for name in OF_DERIVATIVES:
         save(draw(result, name), folder / f"{name}.png")
 
 
-def test_numbers_that_are_none(filters, tmp_path):
+def test_values_that_are_not_finite(filters, tmp_path):
     series = {name: values.copy() for name, values in filters.series.items()}
     for values in series.values():
         values[-2:] = np.nan
     series["velocity"][10] = np.inf
-    draw_new(replace(filters, series=series), tmp_path)
+    draw_derivatives(replace(filters, series=series), tmp_path)
     for name in ("position", "velocity", "levels"):
         series[name][:] = np.nan
     broken = replace(filters, series=series, metrics={})
-    draw_new(broken, tmp_path)
+    draw_derivatives(broken, tmp_path)
     comparison_figure({"circle": {"none": broken, "some": filters}}, tmp_path / "compared.png")
 
 
-# The laws beside one another.
+# The comparison of laws.
 
 
 def test_shares_are_the_ratios_of_the_worst_joint(smooth):

@@ -1,4 +1,4 @@
-"""A playback in a browser that has no network."""
+"""A playback in a browser without a network."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drake_rnn.experiment.document import load_experiment
+from drake_rnn.experiment import load_experiment
+from drake_rnn.playback import write_playback
 from drake_rnn.runs.simulation import simulate
 
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
@@ -28,7 +29,7 @@ def browser(tmp_path: Path) -> Iterator[Any]:
     options.binary_location = CHROMIUM
     for argument in (
         "--headless",
-        "--no-sandbox",  # root may not use one
+        "--no-sandbox",  # chromium refuses a sandbox for root
         "--use-angle=swiftshader",  # WebGL without a graphics card
         "--enable-unsafe-swiftshader",
         "--host-resolver-rules=MAP * ~NOTFOUND",
@@ -63,13 +64,13 @@ def wait_for(condition: Callable[[], bool], seconds: float = 20.0) -> bool:
 def test_a_playback_plays_without_a_network(browser: Any, tmp_path: Path) -> None:
     changes = {"duration": DURATION, "window": None}
     result = simulate(load_experiment("slc_nephroid_known", changes))
-    page = result.playback(tmp_path / "playback.html")
+    page = write_playback(result, tmp_path / "playback.html")
     browser.get(page.as_uri())
 
     def ask(expression: str) -> Any:
         return browser.execute_script(f"return {expression}")
 
-    # It plays by itself, and goes on when it has come to its end, all tracks together.
+    # It plays by itself and in a loop, with all tracks in step.
     assert wait_for(lambda: ask("viewer.animator.actions.length") > 0)
     assert ask("viewer.animator.playing")
     assert ask("viewer.animator.duration") == DURATION
@@ -80,7 +81,7 @@ def test_a_playback_plays_without_a_network(browser: Any, tmp_path: Path) -> Non
     times = ask("viewer.animator.actions.map(action => action.time)")
     assert max(times) - min(times) < 1e-6
 
-    # The tool's origin is E, and the traced path follows it. three.js has y upwards.
+    # The tool's origin is E, and the traced path follows it. In three.js, y points up.
     browser.execute_script("viewer.animator.pause()")
     shown = []
     for sample in (0, 50, 125, 200):
@@ -102,14 +103,14 @@ def test_a_playback_plays_without_a_network(browser: Any, tmp_path: Path) -> Non
         for message in messages
         if message["message"]["method"] == "Network.requestWillBeSent"
     ]
-    # The empty tab before it had requests of its own.
+    # Other requests are those of the empty tab before.
     urls = {sent["request"]["url"] for sent in requests if sent["documentURL"] == page.as_uri()}
     assert {url for url in urls if not url.startswith("data:")} == {page.as_uri()}
 
 
 def test_the_ghost_stands_still_while_the_arm_comes_to_it(browser: Any, tmp_path: Path) -> None:
     result = simulate(load_experiment("modified_state_adjustment"))
-    browser.get(result.playback(tmp_path / "playback.html").as_uri())
+    browser.get(write_playback(result, tmp_path / "playback.html").as_uri())
     assert wait_for(lambda: browser.execute_script("return viewer.animator.actions.length") > 0)
     browser.execute_script("viewer.animator.pause()")
 
@@ -129,5 +130,5 @@ def test_the_ghost_stands_still_while_the_arm_comes_to_it(browser: Any, tmp_path
     assert np.abs(poses("arm", 0.0) - ghost).max() > 0.1
     np.testing.assert_allclose(poses("arm", result.time[-1]), ghost, atol=1e-4)
     np.testing.assert_array_equal(poses("target", result.time[-1]), ghost)
-    # Every property of the ghost was known to the viewer.
+    # The viewer knows every property of the ghost.
     assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []

@@ -1,4 +1,4 @@
-"""Playbacks, read without a browser: is the page the run?"""
+"""Playbacks, read without a browser: whether the page shows the run."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ import umsgpack
 from pydrake.common.eigen_geometry import Quaternion
 
 from drake_rnn.errors import InvalidInputError
-from drake_rnn.experiment.document import load_experiment, make_experiment
+from drake_rnn.experiment import load_experiment, make_experiment
 from drake_rnn.playback import write_playback
 from drake_rnn.robot.arm import load_arm
 from drake_rnn.robot.self_motion import SelfMotion
@@ -44,7 +44,7 @@ RESTING = {"path": {"kind": "rest", "offset": [0.05, 0, 0]}, "duration": 1.0, "w
 
 
 class Page:
-    """What a playback tells the browser to do."""
+    """The scene, its properties and the animation that a page sends to the viewer."""
 
     def __init__(self, file: Path) -> None:
         self.text = file.read_text(encoding="utf-8")
@@ -88,7 +88,7 @@ def planar() -> Result:
 @pytest.fixture(scope="module")
 def page(run: Result, tmp_path_factory: pytest.TempPathFactory) -> Page:
     file = tmp_path_factory.mktemp("playback") / "playback.html"
-    assert run.playback(file) == file
+    assert write_playback(run, file) == file
     return Page(file)
 
 
@@ -99,7 +99,7 @@ def adjusted() -> Result:
 
 @pytest.fixture(scope="module")
 def adjusted_page(adjusted: Result, tmp_path_factory: pytest.TempPathFactory) -> Page:
-    return Page(adjusted.playback(tmp_path_factory.mktemp("playback") / "playback.html"))
+    return Page(write_playback(adjusted, tmp_path_factory.mktemp("playback") / "playback.html"))
 
 
 @pytest.fixture(scope="module")
@@ -111,7 +111,7 @@ def planar_adjusted() -> Result:
 
 
 def links(run: Result) -> list[str]:
-    return [f"panda_link{k}" for k in range(1, run.experiment.setup.arm.n + 1)]
+    return [f"panda_link{k}" for k in range(1, run.experiment.arm.n + 1)]
 
 
 def pose(run: Result, sample: int, body: str) -> tuple[np.ndarray, np.ndarray]:
@@ -119,7 +119,7 @@ def pose(run: Result, sample: int, body: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def pose_at(run: Result, q: np.ndarray, body: str) -> tuple[np.ndarray, np.ndarray]:
-    arm = run.experiment.setup.arm
+    arm = run.experiment.arm
     plant = arm.plant()
     context = plant.CreateDefaultContext()
     plant.SetPositions(context, arm.posture(plant, q))
@@ -137,7 +137,7 @@ def test_both_paths_are_solid_and_of_different_colours(page: Page) -> None:
     for mesh in meshes:
         (geometry,) = mesh["geometries"]
         assert geometry["type"] == "BufferGeometry"
-        # A line would be one pixel wide.
+        # A line would be only one pixel wide.
         assert mesh["object"]["type"] == "Mesh"
     desired, traced = (mesh["materials"][0]["color"] for mesh in meshes)
     assert desired != traced
@@ -164,7 +164,7 @@ def test_the_arm_stands_where_the_run_had_it(run: Result, page: Page) -> None:
             np.testing.assert_allclose(Quaternion([w, x, y, z]).rotation(), R, atol=1e-9)
 
 
-def test_points_move_along_what_was_asked_and_done(run: Result, page: Page) -> None:
+def test_points_move_along_desired_and_traced_path(run: Result, page: Page) -> None:
     for path, name in (("/desired/point", "p_WE_desired"), ("/traced/point", "p_WE")):
         keys = page.tracks[path, ".position"]
         assert len(keys) == DURATION * 64 + 1
@@ -199,7 +199,7 @@ def test_the_trace_lies_on_the_traced_path(run: Result, page: Page) -> None:
     trace = run.series["p_WE"]
     distance = np.linalg.norm(points[:, None] - trace[None], axis=2).min(axis=1)
     assert distance.max() < 6e-3
-    # And all along it.
+    # All of the path is covered.
     distance = np.linalg.norm(points[:, None] - trace[None], axis=2).min(axis=0)
     assert distance.max() < 6e-3
 
@@ -208,7 +208,7 @@ def test_it_plays_by_itself_over_and_over(page: Page) -> None:
     assert page.options["play"] is True
     assert page.options["loopMode"] == 2201  # three.js: repeat
     assert page.options["repetitions"] >= 10**6
-    # Tracks repeat one by one: they stay together only if they are equally long.
+    # Each track repeats on its own: they stay in step only if all are equally long.
     ends = {keys[-1][0] for keys in page.tracks.values()}
     assert ends == {DURATION * 64}
 
@@ -216,13 +216,13 @@ def test_it_plays_by_itself_over_and_over(page: Page) -> None:
 def test_axes_are_hidden_and_the_camera_looks_at_the_arm(page: Page) -> None:
     assert page.properties["/Axes", "visible"] is False
     x, y, z = page.properties["/Cameras/default/rotated/<object>", "position"]
-    # Meshcat's camera has y upwards: (x, z, -y).
+    # Meshcat's camera has y pointing up: (x, z, -y).
     assert 1.0 < math.hypot(x, y, z) < 6.0
     assert y > 0.0
 
 
 def test_a_planar_arm_is_seen_from_above(planar: Result, tmp_path: Path) -> None:
-    page = Page(planar.playback(tmp_path / "playback.html"))
+    page = Page(write_playback(planar, tmp_path / "playback.html"))
     x, height, z = page.properties["/Cameras/default/rotated/<object>", "position"]
     assert height > 2.0 * math.hypot(x - 0.3, z + 0.4)
     for path, name in (("/desired/point", "p_WE_desired"), ("/traced/point", "p_WE")):
@@ -238,16 +238,17 @@ def test_size_and_name(run: Result, page: Page) -> None:
 
 
 def test_nothing_is_loaded_from_elsewhere(page: Page) -> None:
-    # The viewer mentions addresses that it does not ask for; test_browser.py sees to that.
+    # The viewer contains addresses that it never requests, as test_browser.py checks.
     assert not re.findall(r"<(?:script|link|img)[^>]+(?:src|href)=", page.text)
     assert not re.findall(r"@import|url\(\s*[\"']?http", page.text)
     assert not re.findall(r"fetch\(\"(?!data:)", page.text)
 
 
 def test_a_name_is_text(run: Result, tmp_path: Path) -> None:
-    experiment = dataclasses.replace(run.experiment, name="<b>{x}")
+    document = dataclasses.replace(run.experiment.document, name="<b>{x}")
+    experiment = dataclasses.replace(run.experiment, document=document)
     named = dataclasses.replace(run, experiment=experiment)
-    text = named.playback(tmp_path / "playback.html").read_text()
+    text = write_playback(named, tmp_path / "playback.html").read_text()
     assert "&lt;b&gt;{x}" in text
     assert "<b>{x}" not in text
 
@@ -256,7 +257,7 @@ def test_a_run_that_broke_off_plays_until_then(run: Result, tmp_path: Path) -> N
     position = run.series["position"].copy()
     position[50:] = np.nan
     broken = dataclasses.replace(run, series=run.series | {"position": position})
-    page = Page(broken.playback(tmp_path / "playback.html"))
+    page = Page(write_playback(broken, tmp_path / "playback.html"))
     keys = page.tracks["/arm/panda/panda_link7", ".position"]
     assert len(keys) == math.ceil(run.time[49] * 64) + 1
     assert np.isfinite([point for _, point in keys]).all()
@@ -266,9 +267,9 @@ def test_a_run_that_broke_off_plays_until_then(run: Result, tmp_path: Path) -> N
 def test_the_shortest_runs_can_be_shown(run: Result, tmp_path: Path, count: int) -> None:
     series = {name: values[:count] for name, values in run.series.items()}
     short = dataclasses.replace(run, time=run.time[:count], series=series)
-    page = Page(short.playback(tmp_path / "playback.html"))
+    page = Page(write_playback(short, tmp_path / "playback.html"))
     assert len(page.tracks["/arm/panda/panda_link7", ".position"]) == count
-    # Of a single sample no path is known.
+    # A single sample makes no path.
     assert ("/desired/path" in page.objects) == (count > 1)
     assert "/desired/point" in page.objects
 
@@ -276,7 +277,7 @@ def test_the_shortest_runs_can_be_shown(run: Result, tmp_path: Path, count: int)
 def test_an_arm_that_rests_can_be_shown(run: Result, tmp_path: Path) -> None:
     position = np.tile(run.series["position"][0], (run.time.size, 1))
     resting = dataclasses.replace(run, series=run.series | {"position": position})
-    page = Page(resting.playback(tmp_path / "playback.html"))
+    page = Page(write_playback(resting, tmp_path / "playback.html"))
     assert len(page.tracks["/traced/point", ".position"]) == DURATION * 64 + 1
 
 
@@ -284,19 +285,19 @@ def test_no_posture(run: Result, tmp_path: Path) -> None:
     series = {name: values[:0] for name, values in run.series.items()}
     empty = dataclasses.replace(run, time=run.time[:0], series=series)
     with pytest.raises(InvalidInputError, match="no posture"):
-        empty.playback(tmp_path / "playback.html")
+        write_playback(empty, tmp_path / "playback.html")
 
 
 @pytest.mark.parametrize("rate", [0, -1, 32.0, True, None])
-def test_rates_that_are_none(run: Result, tmp_path: Path, rate: Any) -> None:
+def test_invalid_frame_rates(run: Result, tmp_path: Path, rate: Any) -> None:
     with pytest.raises(InvalidInputError, match="frames_per_second: must be a positive integer"):
-        run.playback(tmp_path / "playback.html", rate)
+        write_playback(run, tmp_path / "playback.html", rate)
 
 
 def test_files_that_cannot_be_written(run: Result, tmp_path: Path) -> None:
     for file in (tmp_path, tmp_path / "absent" / "playback.html"):
         with pytest.raises(InvalidInputError, match=re.escape(str(file))):
-            run.playback(file)
+            write_playback(run, file)
 
 
 def test_it_is_silent(
@@ -306,19 +307,19 @@ def test_it_is_silent(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     level = logging.getLogger("drake").level
-    run.playback(tmp_path / "playback.html")
+    write_playback(run, tmp_path / "playback.html")
     assert capfd.readouterr() == ("", "")
     assert not caplog.records
     assert logging.getLogger("drake").level == level
 
 
 def test_a_tool_past_the_task_frame_is_not_drawn(tmp_path: Path) -> None:
-    """Its tip would look like what is to be on the path; the flange is."""
+    """Its tip would look like what follows the path, which is the flange."""
     pages = {}
     for frame in ("panda_link8", "tip"):
         changes = {"duration": 0.1, "arm": {"model": "panda", "frame": frame}}
         result = simulate(load_experiment("slc_nephroid_known", changes))
-        pages[frame] = Page(result.playback(tmp_path / f"{frame}.html"))
+        pages[frame] = Page(write_playback(result, tmp_path / f"{frame}.html"))
     tool = ("/drake/arm/panda/tool", "visible"), ("/arm/panda/tool", "visible")
     assert any(pages["panda_link8"].properties.get(place) is False for place in tool)
     assert not any(pages["tip"].properties.get(place) is False for place in tool)
@@ -327,12 +328,12 @@ def test_a_tool_past_the_task_frame_is_not_drawn(tmp_path: Path) -> None:
 def test_a_ghost_stands_in_the_target_posture(adjusted: Result, adjusted_page: Page) -> None:
     page = adjusted_page
     for k in range(1, 8):
-        R, p = pose_at(adjusted, adjusted.experiment.setup.target, f"iiwa_link_{k}")
+        R, p = pose_at(adjusted, adjusted.experiment.target, f"iiwa_link_{k}")
         ghost = f"/target/iiwa14/iiwa_link_{k}"
         np.testing.assert_allclose(page.poses[ghost][:3, :3], R, atol=1e-9)
         np.testing.assert_allclose(page.poses[ghost][:3, 3], p, atol=1e-9)
         assert any(path.startswith(f"{ghost}/") for path in page.objects), ghost
-        # The arm comes to it, and it does not move.
+        # The arm reaches it, and it does not move.
         _, position = page.tracks[f"/arm/iiwa14/iiwa_link_{k}", ".position"][-1]
         np.testing.assert_allclose(position, p, atol=1e-4)
     assert not [path for path, _ in page.tracks if path.startswith("/target")]
@@ -345,7 +346,7 @@ def test_the_ghost_is_clear_and_gives_way_to_the_arm(adjusted_page: Page) -> Non
     seen = []
     for path in layers:
         look = {name: value for (at, name), value in page.properties.items() if path in at}
-        # Two surfaces in one place would flicker: that of the ghost counts as farther away.
+        # Coincident surfaces would flicker: the ghost is drawn as if farther away.
         assert look["material.polygonOffset"] is True
         assert look["material.polygonOffsetUnits"] > 0
         assert look["castShadow"] is False
@@ -369,20 +370,20 @@ def test_only_a_target_has_a_ghost_and_a_legend(page: Page, adjusted_page: Page)
 
 
 def test_the_ghost_of_a_mesh_has_the_ghosts_colour(planar_adjusted: Result, tmp_path: Path) -> None:
-    """A mesh has colours of its own: its hull stands in for it."""
+    """A mesh has colours of its own: its convex hull replaces it."""
     corners = [f"v {x} {y} {z}" for x in (0, 1) for y in (0, 1) for z in (0, 1)]
     faces = [f"f {face}" for face in ("1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5")]
     own = ["mtllib part.mtl", "usemtl own"]
     (tmp_path / "part.obj").write_text("\n".join(own + corners + faces))
     (tmp_path / "part.mtl").write_text("newmtl own\nKd 1 0 0\n")
     mesh = '<mesh filename="part.obj" scale="0.02 0.02 0.02"/>'
-    arm = planar_adjusted.experiment.setup.arm
+    arm = planar_adjusted.experiment.arm
     model = re.sub("<cylinder [^>]*/>", mesh, arm.model.read_text())
     (tmp_path / "meshed.urdf").write_text(model)
     meshed = {"model": str(tmp_path / "meshed.urdf"), "frame": "tip", "home": arm.home.tolist()}
-    law = planar_adjusted.experiment.law
+    law = planar_adjusted.experiment.document.law
     result = simulate(make_experiment({**ADJUSTED, "law": law, "arm": meshed, "duration": 0.1}))
-    page = Page(result.playback(tmp_path / "playback.html"))
+    page = Page(write_playback(result, tmp_path / "playback.html"))
     kinds: dict[str, set[str]] = {"arm": set(), "target": set()}
     for path, sent in page.objects.items():
         if (place := path.split("/")[1]) in kinds:
@@ -395,13 +396,13 @@ def test_the_ghost_of_a_mesh_has_the_ghosts_colour(planar_adjusted: Result, tmp_
 def test_start_and_target_are_in_view_and_apart(
     kind: str, request: pytest.FixtureRequest, tmp_path: Path
 ) -> None:
-    page = Page(request.getfixturevalue(kind).playback(tmp_path / "playback.html"))
+    page = Page(write_playback(request.getfixturevalue(kind), tmp_path / "playback.html"))
     ghosts = [path for path in page.poses if re.fullmatch("/target/[^/]+/[^/]+", path)]
     last = np.array([page.poses[path][:3, 3] for path in ghosts])
     first = np.array(
         [page.tracks[path.replace("/target", "/arm"), ".position"][0][1] for path in ghosts]
     )
-    # Meshcat's camera has y upwards: (x, z, -y).
+    # Meshcat's camera has y pointing up: (x, z, -y).
     x, y, z = page.properties["/Cameras/default/rotated/<object>", "position"]
     eye = np.array([x, -z, y])
     x, y, z = page.looks_at
@@ -414,7 +415,7 @@ def test_start_and_target_are_in_view_and_apart(
         aside, above = screen @ (points - eye).T / ((points - eye) @ ahead)
         assert np.abs(aside).max() < 1.5 * math.tan(math.radians(15.0))
         assert np.abs(above).max() < math.tan(math.radians(15.0))
-    # What moves most is seen to move: much of it is across the line of sight.
+    # The largest motion is mostly across the line of sight.
     most = np.argmax(np.linalg.norm(last - first, axis=1))
     across = np.linalg.norm(screen @ (last - first)[most])
     assert across > 0.7 * np.linalg.norm((last - first)[most])
@@ -428,7 +429,7 @@ def test_a_point_that_stays_is_a_ball_and_no_path(
         result = simulate(load_experiment("slc_nephroid_known", RESTING))
     else:
         result = request.getfixturevalue(kind)
-    page = Page(result.playback(tmp_path / "playback.html"))
+    page = Page(write_playback(result, tmp_path / "playback.html"))
     assert "/desired/path" not in page.objects
     assert "/desired/point" in page.objects
     camera = page.properties["/Cameras/default/rotated/<object>", "position"]

@@ -1,4 +1,4 @@
-"""Playbacks of a tool that presses on a surface, read without a browser."""
+"""Playbacks of a tool that presses against a surface, read without a browser."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from pydrake.common.eigen_geometry import Quaternion
 from test_playback import Page
 
 from drake_rnn.environments import ElasticSurface, ModelSurface, Plate
-from drake_rnn.experiment.document import load_experiment
-from drake_rnn.playback.force_arrow import LENGTH, _along, newtons
-from drake_rnn.playback.on_surface import on_surface
-from drake_rnn.playback.pressing import Pressing, pressing_of
-from drake_rnn.playback.replayed_motion import replayed_motion
-from drake_rnn.playback.ribbons import ribbon
+from drake_rnn.experiment import load_experiment
+from drake_rnn.playback import write_playback
+from drake_rnn.playback.force_arrow import LENGTH, _along, reference_force
+from drake_rnn.playback.lines import ribbon
+from drake_rnn.playback.replay import ReplayedContact, replayed_contact, replayed_motion
+from drake_rnn.playback.surface import projected
 from drake_rnn.runs.result import Result
 from drake_rnn.runs.simulation import simulate
 
 RATE = 64
 UP = np.array([0.0, 0.0, 1.0])
 ORIGIN = np.zeros(3)
-# A path that leaves the plate when it has hardly begun.
+# A path that leaves the plate soon after its start.
 EDGE = {
     "path": {"kind": "circle", "plane": "xy", "size": 0.03, "period": 4.0, "timing": "sin2"},
     "environment": {"kind": "plate", "friction": 0.3, "size": 0.1, "offset": [0.045, 0, 0]},
     "duration": 1.5,
 }
-# A ball of 0.3 m, its top at the model's origin; it looks like a green box of 4 cm.
+# A ball with a radius of 0.3 m and its top at the model's origin; it may look like a green box.
 DOME = """<robot name="dome" xmlns:drake="http://drake.mit.edu"><link name="dome">
   <inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
   {visual}
@@ -49,7 +49,7 @@ def run(name: str, **changes: Any) -> Result:
 
 
 def page_of(result: Result, folder: Path) -> Page:
-    return Page(result.playback(folder / "playback.html"))
+    return Page(write_playback(result, folder / "playback.html"))
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +59,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def approach() -> Result:
-    """From 5 mm above the plate."""
+    """A run that starts 5 mm above the plate."""
     return run("contact_approach", duration=1.5)
 
 
@@ -80,7 +80,7 @@ def edge_page(edge: Result, folder: Path) -> Page:
 
 @pytest.fixture(scope="module")
 def elastic() -> Result:
-    """Two seconds along a tricuspid on a surface that gives way."""
+    """Two seconds along a tricuspid on an elastic surface."""
     path = {"kind": "deltoid", "plane": "xy", "size": 0.02, "period": 4.0, "timing": "sin2"}
     return run("motion_force_tricuspid", path=path, duration=2.0)
 
@@ -96,11 +96,11 @@ def inclined_page(inclined: Result, folder: Path) -> Page:
 
 
 def touches(result: Result) -> np.ndarray:
-    return result.series["contact_force"] @ pressing(result).normal > 0.0
+    return result.series["contact_force"] @ contact_of(result).normal > 0.0
 
 
-def pressing(result: Result) -> Pressing:
-    found = pressing_of(replayed_motion(result))
+def contact_of(result: Result) -> ReplayedContact:
+    found = replayed_contact(replayed_motion(result))
     assert found is not None
     return found
 
@@ -129,8 +129,8 @@ def with_force(result: Result, force: np.ndarray) -> Result:
 
 
 def heights(points: np.ndarray, result: Result) -> np.ndarray:
-    """Above the surface, whether or not it goes on as far."""
-    contact = pressing(result)
+    """Return the heights above the surface, or above its plane beyond the edges."""
+    contact = contact_of(result)
     return (points - contact.p_WS) @ contact.normal
 
 
@@ -150,16 +150,16 @@ def test_strokes_appear_one_after_another(approach_page: Page) -> None:
 def test_once_contact_is_lost_the_drawing_stays_as_it_is(edge: Result, edge_page: Page) -> None:
     lost = edge.time[np.flatnonzero(touches(edge))[-1]]
     assert lost < 1.2
-    # By a frame late at the most.
+    # At most one frame late.
     assert max(appears(edge_page, piece) for piece in pieces(edge_page)) <= lost * RATE + 1
     for piece in pieces(edge_page):
         assert edge_page.tracks[piece, ".visible"][-1] == (1.5 * RATE, True)
 
 
 def test_nothing_is_drawn_beyond_the_edge(edge: Result, edge_page: Page) -> None:
-    """The path goes on there, and so does the ball, which touches the edge with its side."""
-    plate = edge.experiment.setup.contact.surface
-    behind = pressing(edge).p_WS[0] + plate.offset[0] - plate.size / 2.0
+    """The path continues there, and so does the ball, which touches the edge with its side."""
+    plate = edge.experiment.contact.surface
+    behind = contact_of(edge).p_WS[0] + plate.offset[0] - plate.size / 2.0
     assert edge.series["p_WE"][touches(edge), 0].min() < behind - 5e-3
     assert traced_vertices(edge_page)[:, 0].min() > behind - 1e-3
     seen = dict(edge_page.tracks["/force", ".visible"])
@@ -170,7 +170,7 @@ def test_nothing_is_drawn_beyond_the_edge(edge: Result, edge_page: Page) -> None
 
 @pytest.mark.parametrize("kind", ["approach", "edge", "inclined"])
 def test_both_paths_lie_on_the_surface(kind: str, request: pytest.FixtureRequest) -> None:
-    """So little above that it is not seen, the traced one uppermost."""
+    """They are invisibly little above it, the traced one on top."""
     result, page = request.getfixturevalue(kind), request.getfixturevalue(f"{kind}_page")
     traced = heights(traced_vertices(page), result)
     desired = heights(vertices(page, "/desired/path"), result)
@@ -179,7 +179,7 @@ def test_both_paths_lie_on_the_surface(kind: str, request: pytest.FixtureRequest
 
 
 def test_the_trace_is_where_the_tool_was(elastic: Result, tmp_path: Path) -> None:
-    n = pressing(elastic).normal
+    n = contact_of(elastic).normal
     tool = elastic.series["p_WE"][touches(elastic)]
     away = traced_vertices(page_of(elastic, tmp_path))[:, None] - tool[None]
     lateral = np.linalg.norm(away - (away @ n)[..., None] * n, axis=2)
@@ -201,9 +201,9 @@ def test_a_tool_that_leaves_and_comes_back_leaves_a_gap(elastic: Result, tmp_pat
 def test_strokes_are_where_the_surface_pushes_back(edge: Result) -> None:
     force = np.zeros((len(edge.time), 3))
     force[3:5, 2], force[9, 2], force[20:, 2] = 1.0, 1e-9, 5.0
-    # Friction alone, or a pull, is no contact.
+    # Neither friction alone nor a pull counts as contact.
     force[12, 0], force[15, 2] = 2.0, -1.0
-    strokes = pressing(with_force(edge, force)).strokes()
+    strokes = contact_of(with_force(edge, force)).strokes()
     ends = [(stroke.start, stroke.stop) for stroke in strokes]
     assert ends == [(3, 5), (9, 10), (20, len(edge.time))]
 
@@ -234,9 +234,9 @@ def test_the_arrow_is_as_long_as_the_force(approach: Result, approach_page: Page
         force = approach.series["contact_force"][sample]
         x, y, z, w = turns[frame]
         arrow = Quaternion([w, x, y, z]).rotation() @ [0.0, 0.0, LENGTH * scales[frame][2]]
-        # The caption's scale: 10 cm for 5 N.
+        # The scale in the caption: 10 cm for 5 N.
         np.testing.assert_allclose(arrow, 0.02 * force, atol=1e-6)
-        contact = pressing(approach).contact[sample]
+        contact = contact_of(approach).contact[sample]
         np.testing.assert_allclose(places[frame], contact, atol=1e-6)
     assert heights(np.array(list(places.values())), approach) == pytest.approx(0.0, abs=1e-9)
 
@@ -251,7 +251,7 @@ def test_the_arrow_is_seen_while_there_is_a_force(approach: Result, approach_pag
 
 
 def test_the_arm_never_hides_the_arrow(approach_page: Page) -> None:
-    """It lies along the tool, inside of it."""
+    """The arrow is inside the tool."""
     of = approach_page.properties
     assert of["/force/<object>", "material.depthTest"] is False
     assert of["/force/<object>", "renderOrder"] > 0
@@ -269,7 +269,7 @@ def test_the_scale_is_round_and_holds_arrows_in_the_picture(
     edge: Result, held: float, expected: float
 ) -> None:
     force = np.tile(held * UP, (len(edge.time), 1))
-    scale = newtons(pressing(with_force(edge, force)))
+    scale = reference_force(contact_of(with_force(edge, force)))
     assert scale == pytest.approx(expected)
     assert held / scale * LENGTH <= 0.3
 
@@ -277,14 +277,14 @@ def test_the_scale_is_round_and_holds_arrows_in_the_picture(
 @pytest.mark.parametrize("kind", ["edge", "inclined"])
 def test_the_plate_is_where_the_tool_presses(kind: str, request: pytest.FixtureRequest) -> None:
     result, page = request.getfixturevalue(kind), request.getfixturevalue(f"{kind}_page")
-    contact, plate = pressing(result), result.experiment.setup.contact.surface
+    contact, plate = contact_of(result), result.experiment.contact.surface
     X_WP = page.poses["/surface/plate"]
     np.testing.assert_allclose(X_WP, plate.pose(contact.p_WS).GetAsMatrix4(), atol=1e-9)
     np.testing.assert_allclose(X_WP[:3, 2], contact.normal, atol=1e-6)
     (box,) = page.objects["/surface/plate"]["geometries"]
     sizes = sorted(box[name] for name in ("width", "height", "depth"))
     np.testing.assert_allclose(sizes, [plate.thickness, plate.size, plate.size])
-    # Its face is where the arrow begins.
+    # The arrow begins at its face.
     face = X_WP[:3, 3] + plate.thickness / 2.0 * contact.normal
     for _, point in page.tracks["/force", ".position"]:
         assert contact.normal @ (point - face) == pytest.approx(0.0, abs=1e-6)
@@ -296,7 +296,7 @@ def test_the_inclined_plate_is_tilted_by_30_degrees(inclined_page: Page) -> None
 
 
 def test_an_elastic_surface_is_a_thin_clear_sheet(elastic: Result, tmp_path: Path) -> None:
-    """It has no thickness and no edge: enough of it is shown for the drawing."""
+    """It has neither thickness nor edges: it is shown as far as the drawing reaches."""
     page = page_of(elastic, tmp_path)
     (material,) = page.objects["/surface/plate"]["materials"]
     assert material["transparent"]
@@ -312,7 +312,7 @@ def test_an_elastic_surface_is_a_thin_clear_sheet(elastic: Result, tmp_path: Pat
 
 @pytest.mark.parametrize("visual", [GREEN_BOX, ""])
 def test_a_model_is_drawn_as_its_file_shows_it(visual: str, tmp_path: Path) -> None:
-    """Or, if it shows nothing, what of it can be touched."""
+    """Without illustration geometry, its collision geometry is drawn."""
     (tmp_path / "dome.urdf").write_text(DOME.format(visual=visual))
     model = {"kind": "model", "model": str(tmp_path / "dome.urdf"), "offset": [0, 0.01, 0]}
     result = run("contact_approach", duration=0.02, environment=model)
@@ -326,34 +326,34 @@ def test_a_model_is_drawn_as_its_file_shows_it(visual: str, tmp_path: Path) -> N
     while path:
         at = page.poses.get(path, np.eye(4)) @ at
         path = path.rpartition("/")[0]
-    middle = np.add(pressing(result).p_WS, [0.0, 0.01, 0.0 if visual else -0.3])
+    middle = np.add(contact_of(result).p_WS, [0.0, 0.01, 0.0 if visual else -0.3])
     np.testing.assert_allclose(at[:3, 3], middle, atol=1e-9)
 
 
-def test_points_come_onto_a_plane_along_its_normal() -> None:
+def test_points_are_projected_onto_a_plane_along_its_normal() -> None:
     surface = ElasticSurface(stiffness=100.0, normal=[1.0, 0.0, 1.0])
     points = np.array([[0.3, 0.2, 0.5], [-0.1, 0.0, 0.0]])
-    placed = on_surface(points, surface, np.array([0.0, 0.0, 0.1]))
+    placed = projected(points, surface, np.array([0.0, 0.0, 0.1]))
     np.testing.assert_allclose((placed - [0.0, 0.0, 0.1]) @ [1.0, 0.0, 1.0], 0.0, atol=1e-12)
     np.testing.assert_allclose(np.cross(points - placed, [1.0, 0.0, 1.0]), 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("raised", [-0.02, 0.0, 0.02])
-def test_points_come_onto_a_curved_model_from_both_sides(raised: float, tmp_path: Path) -> None:
-    """They are looked for from the plane, which may be inside of it."""
+def test_points_are_projected_onto_a_curved_model(raised: float, tmp_path: Path) -> None:
+    """The search begins at the plane, which may be inside the model."""
     (tmp_path / "dome.urdf").write_text(DOME.format(visual=""))
     dome = ModelSurface(model=str(tmp_path / "dome.urdf"), offset=[0.0, 0.0, raised])
     aside = np.array([0.0, 0.05, 0.1, 0.2])
     points = np.column_stack((aside, np.zeros(4), [-0.1, 0.0, 0.1, 0.2]))
-    placed = on_surface(points, dome, ORIGIN)
+    placed = projected(points, dome, ORIGIN)
     np.testing.assert_allclose(placed[:, :2], points[:, :2], atol=1e-12)
     np.testing.assert_allclose(placed[:, 2], np.sqrt(0.09 - aside**2) - 0.3 + raised, atol=3e-6)
 
 
-def test_beyond_a_model_its_plane_is_meant(tmp_path: Path) -> None:
+def test_beyond_a_model_points_are_projected_onto_its_plane(tmp_path: Path) -> None:
     (tmp_path / "dome.urdf").write_text(DOME.format(visual=""))
     dome = ModelSurface(model=str(tmp_path / "dome.urdf"))
-    placed = on_surface(np.array([[0.4, 0.0, 0.1]]), dome, ORIGIN)
+    placed = projected(np.array([[0.4, 0.0, 0.1]]), dome, ORIGIN)
     np.testing.assert_allclose(placed, [[0.4, 0.0, 0.0]], atol=1e-12)
 
 
@@ -366,7 +366,7 @@ def test_a_ribbon_is_flat_and_as_wide_as_asked() -> None:
     across = np.column_stack((corners.T @ one, corners.T @ other))
     np.testing.assert_allclose(across.min(axis=0), -0.05, atol=1e-3)
     np.testing.assert_allclose(across.max(axis=0), 1.05, atol=1e-3)
-    # All triangles face along the normal, and each point is reached.
+    # All triangles face along the normal, and the faces reach each point.
     a, b, c = (corners[:, index].T for index in faces)
     assert np.all(np.cross(b - a, c - a) @ n >= 0.0)
     assert reached[0] == 0
@@ -375,13 +375,13 @@ def test_a_ribbon_is_flat_and_as_wide_as_asked() -> None:
 
 
 def test_the_ring_goes_where_the_tool_is_to_be(inclined: Result, inclined_page: Page) -> None:
-    contact = pressing(inclined)
+    contact = contact_of(inclined)
     for frame, point in inclined_page.tracks["/desired/point", ".position"]:
         sample = np.argmin(np.abs(inclined.time - frame / RATE))
         away = point - inclined.series["p_WE_desired"][sample]
         across = away - (away @ contact.normal) * contact.normal
         assert np.linalg.norm(across) < 1e-4
-    # It lies on the surface, round the ball.
+    # The ring is on the surface, around the tool's ball.
     ring = vertices(inclined_page, "/desired/point")
     np.testing.assert_allclose(ring @ contact.normal, 0.0, atol=1e-6)
     assert 0.01 < np.linalg.norm(ring, axis=1).min() < np.linalg.norm(ring, axis=1).max() < 0.02
@@ -392,7 +392,7 @@ def test_the_camera_is_near_enough_to_read_the_drawing(
     kind: str, request: pytest.FixtureRequest
 ) -> None:
     page = request.getfixturevalue(f"{kind}_page")
-    # Meshcat's camera has y upwards: (x, z, -y).
+    # Meshcat's camera has y pointing up: (x, z, -y).
     x, y, z = page.properties["/Cameras/default/rotated/<object>", "position"]
     eye = np.array([x, -z, y])
     x, y, z = page.looks_at
@@ -401,13 +401,13 @@ def test_the_camera_is_near_enough_to_read_the_drawing(
     right = np.cross(ahead, UP)
     right /= np.linalg.norm(right)
     screen = np.stack((right, np.cross(right, ahead))) / math.tan(math.radians(15.0))
-    contact = pressing(request.getfixturevalue(kind))
+    contact = contact_of(request.getfixturevalue(kind))
     arrow = contact.contact + LENGTH * contact.normal
     for points in (contact.lap, contact.contact, arrow):
         aside, above = screen @ (points - eye).T / ((points - eye) @ ahead)
         assert np.abs(aside).max() < 1.4
         assert np.abs(above).max() < 1.0
-    # Neither along the surface nor from below; 3 cm are a tenth of the view's height or more.
+    # The view is neither along the surface nor from below; 3 cm fill at least a tenth of it.
     assert -ahead @ contact.normal > 0.3
     assert 0.03 / np.linalg.norm(eye - contact.p_WS) / math.tan(math.radians(15.0)) > 0.2
 
@@ -430,7 +430,7 @@ def test_a_posture_without_a_force_can_be_shown(edge: Result, tmp_path: Path) ->
 
 
 def test_all_tracks_are_equally_long(edge_page: Page) -> None:
-    """They repeat one by one, and stay together only then."""
+    """Each track repeats on its own: they stay in step only if all are equally long."""
     assert {keys[-1][0] for keys in edge_page.tracks.values()} == {1.5 * RATE}
 
 
@@ -442,15 +442,15 @@ def test_a_run_without_contact_has_neither_surface_nor_force(tmp_path: Path) -> 
 
 
 def test_a_plate_is_not_clear(edge_page: Page, edge: Result) -> None:
-    assert isinstance(edge.experiment.setup.contact.surface, Plate)
+    assert isinstance(edge.experiment.contact.surface, Plate)
     (material,) = edge_page.objects["/surface/plate"]["materials"]
     assert material["opacity"] == 1.0
 
 
 @pytest.mark.parametrize("result", ["approach", "inclined"])
 def test_an_arrow_points_along_every_force(result: str, request: pytest.FixtureRequest) -> None:
-    """Also along the surface's axes, and into it; turned from the normal by the shortest way."""
-    contact = pressing(request.getfixturevalue(result))
+    """Also along the surface's axes and into it, after the shortest rotation from the normal."""
+    contact = contact_of(request.getfixturevalue(result))
     axes = contact.R_WS.matrix()
     directions = [*axes.T, *-axes.T, *np.random.default_rng(0).normal(size=(20, 3))]
     for direction in directions:

@@ -303,7 +303,7 @@ def check_filter(filtered: bool, feedback: Feedback, dither: DitherSettings | No
         dither: Excitation of the joints; None for none.
     """
     if feedback == "unfiltered" and not filtered:
-        raise InvalidInputError("feedback: unfiltered is for a loop with a filter; give one")
+        raise InvalidInputError("feedback: unfiltered needs a filter")
     if filtered and feedback != "unfiltered" and dither is not None and dither.model == "actuated":
         raise InvalidInputError(
             "dither.model: actuated would move the arm behind the filter, beyond its bounds; "
@@ -319,8 +319,8 @@ def _require_joints(controller: Controller, body: Body) -> None:
     joints = controller.GetOutputPort("commanded_velocity").size()
     if joints != body.arm.n:
         raise InvalidInputError(
-            f"limits: those of {type(controller.law).__name__} must be of {body.arm.n} joints, as "
-            f"{body.arm.name} has, not of {joints}"
+            f"limits: those of {type(controller.law).__name__} must be for {body.arm.n} joints, "
+            f"like {body.arm.name}, not for {joints}"
         )
 
 
@@ -366,7 +366,7 @@ def _require_offered(controller: Controller, offered: Mapping[str, OutputPort]) 
         if name not in offered:
             raise InvalidInputError(
                 f"{controller.get_name()}: nothing in this diagram offers {name!r}; "
-                f"there are {', '.join(sorted(offered))}{_HINTS.get(name, '')}"
+                f"available: {', '.join(sorted(offered))}{_HINTS.get(name, '')}"
             )
 
 
@@ -392,5 +392,5 @@ def _require_task(
     takes_size = "task_size" in field_names(law)
     hint = f"; or give the law task_size={TASKS[task].size}" if takes_size else ""
     raise InvalidInputError(
-        f"task: may be {', '.join(able)} for {law.__name__} as it is made, not {task}{hint}"
+        f"task: may be {', '.join(able)} for this {law.__name__}, not {task}{hint}"
     )

@@ -44,8 +44,8 @@ class Wiring:
         """
         if output.size() != port.size():
             raise InvalidInputError(
-                f"{_place(output)}: must have {port.size()} entries, as {_place(port)}, not "
-                f"{output.size()}; is it made for another task or arm?"
+                f"{_place(output)}: must have {port.size()} entries, like {_place(port)}, not "
+                f"{output.size()}; was it made for another task or arm?"
             )
         self._builder.Connect(output, port)
 

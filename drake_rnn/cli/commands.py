@@ -57,10 +57,11 @@ Set = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Change a key, e.g. law.kappa=8; repeatable."),
 ]
-Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Where the folders go.")]
-Seed = Annotated[int | None, typer.Option(help="Seed of everything random.")]
+Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the result folders.")]
+Seed = Annotated[int | None, typer.Option(help="Seed of all random numbers.")]
 Duration = Annotated[
-    float | None, typer.Option(help="Simulated time [s]; one that ends before the window drops it.")
+    float | None,
+    typer.Option(help="Simulated time [s]; a window that ends later is dropped."),
 ]
 
 
@@ -74,7 +75,10 @@ def list_experiments() -> None:
 @app.command()
 def run(
     experiments: Annotated[
-        list[str], typer.Argument(metavar="EXPERIMENT...", help="Shipped names or YAML files.")
+        list[str],
+        typer.Argument(
+            metavar="EXPERIMENT...", help="Names of shipped experiments, or YAML files."
+        ),
     ],
     out_folder: Out = Path("out"),
     changes: Set = None,
@@ -116,7 +120,9 @@ def run(
 
 @app.command("fastest")
 def run_fastest(
-    experiment: Annotated[str, typer.Argument(help="A shipped name or a YAML file.")],
+    experiment: Annotated[
+        str, typer.Argument(help="Name of a shipped experiment, or a YAML file.")
+    ],
     out_folder: Out = Path("out"),
     changes: Set = None,
     playback: Annotated[bool, typer.Option(help="Write playback.html.")] = True,
@@ -130,33 +136,35 @@ def run_fastest(
         _write(found.result, folder, playback)
     out.print(
         f"shortest duration {found.result.metrics['shortest_duration_s']:.4g} s, "
-        f"{found.stretch:.4g} times what was asked for; bound by the {found.binding}"
+        f"{found.stretch:.4g} times the one asked for; limited by the {found.binding}"
     )
 
 
 @app.command()
 def sweep(
-    experiment: Annotated[str, typer.Argument(help="A shipped name or a YAML file.")],
+    experiment: Annotated[
+        str, typer.Argument(help="Name of a shipped experiment, or a YAML file.")
+    ],
     over: Annotated[
         list[str] | None,
         typer.Option(
             "--over",
             metavar="KEY=v1,v2,...",
-            help="Values; repeat for the product; those of the document by default.",
+            help="Values of a key; repeat for all combinations. Default: those in the document.",
         ),
     ] = None,
     out_folder: Out = Path("out"),
     changes: Set = None,
     seed: Seed = None,
     duration: Duration = None,
-    jobs: Annotated[int, typer.Option(min=1, help="Runs at a time.")] = 1,
+    jobs: Annotated[int, typer.Option(min=1, help="Number of runs at a time.")] = 1,
 ) -> None:
-    """Run an experiment at many values; write a table, a CSV file and a figure."""
+    """Run an experiment with several values; write a table, a CSV file and a figure."""
     with _errors():
         changed = _changes(changes, seed, duration)
         axes = _axes(over) or load_experiment(experiment, changed).document.over
         if not axes:
-            raise InvalidInputError(f"--over: must be given; {experiment} names no values itself")
+            raise InvalidInputError(f"--over: must be given; {experiment} has no values of its own")
         keys = list(axes)
         folder = out_folder / f"sweep_{Path(experiment).stem}_{'_'.join(keys)}"
         _require_writable(folder)
@@ -187,7 +195,7 @@ def _axes(over: list[str] | None) -> dict[str, list[Any]]:
     named = [parse_axis(text) for text in over or []]
     keys = [key for key, _ in named]
     if twice := [key for key in keys if keys.count(key) > 1]:
-        raise InvalidInputError(f"--over: {twice[0]!r} stands twice; give all its values once")
+        raise InvalidInputError(f"--over: {twice[0]!r} is given twice; give all its values at once")
     return dict(named)
 
 
@@ -227,7 +235,7 @@ def _tell_of_window(name: str, changes: dict[str, Any]) -> None:
     lost = [key for key in ("window", "accept") if key in before and key not in now]
     if "window" not in lost:
         return
-    what = "and what is expected in it are" if "accept" in lost else "is"
+    what = "and the bounds of accept are" if "accept" in lost else "is"
     out.print(
         f"[yellow]note[/] {escape(str(now['name']))}: window {escape(str(before['window']))} s "
         f"{what} dropped: the run ends at {now['duration']:g} s",

@@ -52,7 +52,7 @@ class ModelSurface(ContactModel):
             if len(instances) != 1 or not bodies:
                 raise InvalidInputError(
                     f"environment.model: {self.model} holds {len(instances)} models with "
-                    f"{len(bodies)} bodies of their own; it must hold one, with a body to weld"
+                    f"{len(bodies)} bodies of their own; it must hold one model with a body to weld"
                 )
             base = plant.get_body(bodies[0])
             X_WM = RigidTransform(RollPitchYaw(*self.rotation), p_WS + self.offset)

@@ -43,7 +43,10 @@ class Plate(ContactModel):
     def __post_init__(self) -> None:
         super().__post_init__()
         if abs(off := float(self.normal_W.dot(self.offset))) > 1e-9:
-            raise ValueError(f"offset: must be along the plate; {off:.3g} m of it is a gap")
+            raise ValueError(
+                f"offset: must be parallel to the plate, not {off:.3g} m along its normal; "
+                "use gap for that"
+            )
 
     def pose(self, p_WS: Array) -> RigidTransform:
         """Return the pose of the plate's centre in the base frame, z along the normal.

@@ -32,7 +32,7 @@ class Surface:
     def __post_init__(self) -> None:
         for name, vector in (("normal", self.normal), ("believed_normal", self.believed_normal)):
             if vector is not None and not np.linalg.norm(vector) > 0.0:
-                raise ValueError(f"{name}: must point somewhere, not be {vector.tolist()}")
+                raise ValueError(f"{name}: must not be zero")
         if not self.believed_normal_W.dot(self.normal_W) > 0.0:
             # A law that presses the other way measures no force and keeps moving.
             raise ValueError(

@@ -36,7 +36,9 @@ def make_contact(
     section = document.environment
     if section is None:
         if "normal_WE" in law.inputs:
-            raise InvalidInputError("environment: must be given; this law presses on a surface")
+            raise InvalidInputError(
+                "environment: must be given; this law presses against a surface"
+            )
         for name, given in (("force", document.force), ("sensor", document.sensor)):
             if given is not None:
                 raise InvalidInputError(f"{name}: only with an environment")
@@ -46,7 +48,9 @@ def make_contact(
     if document.force is None:
         raise InvalidInputError("force: must be given with an environment")
     if document.sensor is not None and "normal_force" not in law.inputs:
-        raise InvalidInputError("sensor: this law, as it is set, does not see the force")
+        raise InvalidInputError(
+            "sensor: must be left out; with these settings the law does not use the measured force"
+        )
     surface: Surface = construct(kind, without_kind(section), "environment")
     contact = Contact(surface, document.force, document.sensor)
     contact.check_period(document.period)
@@ -61,8 +65,9 @@ def _require_along(surface: Surface, path: Path) -> None:
     extent = float(np.ptp(path.sample(100) @ surface.normal_W))
     if extent > _OFF:
         raise InvalidInputError(
-            f"path: leads off the surface by {extent:.3g} m, where the force rules; give one in "
-            f"the plane with the normal {np.round(surface.normal_W, 4).tolist()}"
+            f"path: leaves the surface by {extent:.3g} m along the normal, where the force is "
+            "controlled; give a path in the plane with the normal "
+            f"{np.round(surface.normal_W, 4).tolist()}"
         )
 
 
@@ -80,5 +85,5 @@ def _doubts(contact: Contact, path: Path, arm: Arm, start: Array) -> list[str]:
         points = surface.pose(p_WS).inverse().multiply((origin + path.sample(200)).T)
         beyond = float(np.abs(points[:2]).max()) - surface.size / 2.0
         if beyond > 0.0:
-            doubts.append(f"path: leads {beyond:.3g} m beyond the plate's edges")
+            doubts.append(f"path: extends {beyond:.3g} m beyond the plate's edges")
     return doubts

@@ -42,7 +42,7 @@ class IntegratorSettings:
     def __post_init__(self) -> None:
         if self.scheme not in GetIntegrationSchemes():
             may_be = ", ".join(GetIntegrationSchemes())
-            raise ValueError(f"scheme may be {may_be}, not {self.scheme!r}")
+            raise ValueError(f"scheme: may be {may_be}, not {self.scheme!r}")
         if (self.accuracy is None) == (self.step is None):
             raise ValueError("give either accuracy or step")
 
@@ -62,7 +62,9 @@ class Acceptance:
         if self.at_least is None and self.at_most is None:
             raise ValueError("must give at_least, at_most or both")
         if self.at_least is not None and self.at_most is not None and self.at_least > self.at_most:
-            raise ValueError(f"at_least: must not exceed at_most, {self.at_most:g}")
+            raise ValueError(
+                f"at_least: must not exceed at_most, {self.at_most:g}; it is {self.at_least:g}"
+            )
 
     def holds(self, value: float) -> bool:
         """Return whether ``value`` lies within the bounds; NaN does not."""
@@ -151,29 +153,35 @@ class ExperimentDocument:
     over: dict[str, list[Any]] = Field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        self._check_names()
+        self._check_times()
+        for metric in self.accept:
+            if metric not in METRIC_NAMES:
+                raise ValueError(
+                    f"accept.{metric}: no such metric; {nearest(metric, list(METRIC_NAMES))}"
+                )
+
+    def _check_names(self) -> None:
         if re.search(r"[/\\\x00-\x1f]|^\.+$", self.name):
-            raise ValueError(f"name: must be good for a folder's name, not {self.name!r}")
+            raise ValueError(f"name: must be a valid folder name, not {self.name!r}")
         for key, value, known in (("task", self.task, TASKS), ("level", self.level, BODIES)):
             if value not in known:
                 raise ValueError(f"{key}: may be {', '.join(known)}, not {value!r}")
+
+    def _check_times(self) -> None:
         if self.period is not None and self.integrator is not None:
-            raise ValueError("period: stands beside integrator; give one of them")
+            raise ValueError("period: cannot be combined with integrator; give one of them")
         if self.period is None and self.integrator is None:
-            raise ValueError("period: must be given, or integrator")
+            raise ValueError("period: must be given, unless integrator is given")
         if self.period is not None and self.period > self.duration:
             raise ValueError(
                 f"period: may be at most the duration, {self.duration:g} s, not {self.period:g}"
             )
         if self.window is not None and not self.window[0] < self.window[1] <= self.duration:
             raise ValueError(
-                f"window: must be two rising times up to {self.duration:g} s, "
+                f"window: must be two increasing times up to {self.duration:g} s, "
                 f"not {list(self.window)}"
             )
-        for metric in self.accept:
-            if metric not in METRIC_NAMES:
-                raise ValueError(
-                    f"accept.{metric}: no such metric; {nearest(metric, list(METRIC_NAMES))}"
-                )
 
     def contents(self) -> dict[str, Any]:
         """Return the document as plain data, without the keys that are not set."""

@@ -179,8 +179,9 @@ def _widened(arm: Arm, limits: JointLimits) -> list[str]:
     if beyond[worst] <= 1e-3:
         return []
     return [
-        f"limits: {arm.joints[worst]} may go {beyond[worst]:.3g} rad beyond what {arm.name} can, "
-        f"{arm.limits.position_lower[worst]:.4g} to {arm.limits.position_upper[worst]:.4g} rad"
+        f"limits: {arm.joints[worst]} may go {beyond[worst]:.3g} rad beyond the limits of "
+        f"{arm.name}, {arm.limits.position_lower[worst]:.4g} to "
+        f"{arm.limits.position_upper[worst]:.4g} rad"
     ]
 
 
@@ -211,7 +212,7 @@ def _limits(arm: Arm, bounds: Mapping[str, Any] | str) -> JointLimits:
         entries = bounds[name]
         if isinstance(entries, (list, np.ndarray)) and len(entries) != arm.n:
             raise InvalidInputError(
-                f"limits.{name}: must have {arm.n} entries, one a joint of {arm.name}, not "
+                f"limits.{name}: must have {arm.n} entries, one per joint of {arm.name}, not "
                 f"{len(entries)}"
             )
     return construct(JointLimits, arm.limits.merged(bounds), "limits")

@@ -38,12 +38,14 @@ def filter_delay(
     if settings is None:
         return FilterDelay()
     if document.period is None:
-        raise InvalidInputError("filter: is sampled like the law; give a period, no integrator")
+        raise InvalidInputError(
+            "filter: needs a sampled law; give a period instead of an integrator"
+        )
     delay = averaging_delay(averaging_windows(limits, document.period), document.period)
     if delay >= document.duration:
         raise InvalidInputError(
-            f"filter: these limits make its delay {delay:.4g} s; the duration must be more than "
-            f"that, not {document.duration:g}"
+            f"filter: with these limits its delay is {delay:.4g} s; the duration must be longer "
+            f"than that, not {document.duration:g}"
         )
     if feedback == "unfiltered":
         if settings.delay_desired:
@@ -80,6 +82,6 @@ def loop_delay_doubts(document: ExperimentDocument, law: Law, delay: float) -> l
     if law.loop_gains:
         return []
     return [
-        f"filter: delays the law's loop by {delay:.4g} s; nothing is known of whether "
-        f"{document.law['kind']} stays stable with it: see feedback: unfiltered"
+        f"filter: delays the law's loop by {delay:.4g} s; whether {document.law['kind']} stays "
+        "stable with this delay is not known; consider feedback: unfiltered"
     ]

@@ -52,7 +52,9 @@ def make_law(document: ExperimentDocument, limits: JointLimits, start: Array) ->
     else:
         law.continuous()
     if document.dither is not None and "velocity" not in law.inputs:
-        raise InvalidInputError("dither: this law does not learn; it has nothing to excite")
+        raise InvalidInputError(
+            "dither: must be left out; this law does not learn, so there is nothing to excite"
+        )
     return law
 
 

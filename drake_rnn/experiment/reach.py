@@ -103,7 +103,7 @@ def check_reach(experiment: Experiment) -> list[str]:
         raise InvalidInputError(
             f"path: out of reach: {experiment.arm.name} misses the point ({place}) m, at "
             f"t = {reach.time[first]:.4g} s, by {reach.miss[first] * 1e3:.3g} mm; "
-            f"the farthest miss is {reach.miss[worst]:.3g} m at t = {reach.time[worst]:.4g} s"
+            f"the largest miss is {reach.miss[worst]:.3g} m at t = {reach.time[worst]:.4g} s"
         )
     _require_torque(experiment, reach)
     return [
@@ -184,7 +184,7 @@ def _require_within_task(experiment: Experiment) -> None:
     if extent > 1e-9:
         raise InvalidInputError(
             f"path: leaves the plane of task {experiment.document.task} by {extent:.3g} m; "
-            "give it a path in that plane"
+            "give a path in that plane"
         )
 
 

@@ -63,7 +63,7 @@ def read_document(
     _resolve_files(document, file.parent)
     rivals = {key.split(".")[0] for key, value in (changes or {}).items() if value is not None}
     if {"period", "integrator"} <= rivals:
-        raise InvalidInputError("period: stands beside integrator; change one of them")
+        raise InvalidInputError("period: cannot be combined with integrator; change one of them")
     for key, value in (changes or {}).items():
         _change(document, key, value)
     _cut_short(document, changes or {})

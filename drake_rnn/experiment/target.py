@@ -28,8 +28,8 @@ def reachable_target(
     motion = SelfMotion(arm, start, document.task)
     if motion.free_dimensions == 0:
         raise InvalidInputError(
-            f"task: {document.task} leaves {arm.name} no self-motion at its start: of its "
-            f"{arm.n} joints 0 free dimensions remain"
+            f"task: {document.task} leaves {arm.name} no self-motion at its start: with its "
+            f"{arm.n} joints, 0 free dimensions remain"
         )
     closest = motion.towards(target)
     _require_plane(document.task, arm, start, closest)
@@ -55,7 +55,7 @@ def reachable_target(
         raise InvalidInputError(f"{what}, which is outside its limits; start nearer to them")
     if document.on_unreachable == "refuse":
         raise InvalidInputError(f"{what}; give that, or on_unreachable: project")
-    return closest, [f"{what}: taken in its place", *_detours(arm, start, closest)]
+    return closest, [f"{what}; that one is used instead", *_detours(arm, start, closest)]
 
 
 def _require_plane(task: str, arm: Arm, start: Array, target: Array) -> None:
@@ -82,8 +82,8 @@ def _detours(arm: Arm, start: Array, target: Array) -> list[str]:
     lower, upper = arm.limits.position_lower, arm.limits.position_upper
     detour = (np.abs(target - start) > np.pi) & (lower <= other) & (other <= upper)
     return [
-        f"law.target: {name} has {abs(to - begin):.3g} rad to go; at {near:.6g} rad the posture "
-        "is the same, and nearer"
+        f"law.target: {name} has to turn by {abs(to - begin):.3g} rad; at {near:.6g} rad the "
+        "posture is the same, and nearer"
         for name, begin, to, near, so in zip(arm.joints, start, target, other, detour, strict=True)
         if so
     ]

@@ -68,7 +68,7 @@ _WORDS = {
     "int_parsing": "must be an integer",
     "int_type": "must be an integer",
     "list_type": "must be a list",
-    "string_type": "must be a text",
+    "string_type": "must be text",
     "tuple_type": "must be a list",
 }
 # For a member of a union, these errors mean that another member was intended.
@@ -172,7 +172,7 @@ def short(value: Any) -> str:
         text = repr(plain(value))
     except RecursionError:
         # A YAML alias may refer to a value that contains it.
-        text = f"a {type(value).__name__} within itself"
+        text = f"a {type(value).__name__} that contains itself"
     return text if len(text) <= 60 else text[:57] + "..."
 
 

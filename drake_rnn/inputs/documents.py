@@ -33,7 +33,7 @@ def parse_yaml(text: str, source: str) -> Any:
         return YAML(typ="safe", pure=True).load(text)
     except DuplicateKeyError as error:
         key = str(error.problem).split('"')[1]
-        raise InvalidInputError(f"{source}: the key {key!r} stands twice") from None
+        raise InvalidInputError(f"{source}: the key {key!r} is given twice") from None
     except YAMLError as error:
         place, problem = "", str(error)
         if isinstance(error, MarkedYAMLError):

@@ -86,7 +86,9 @@ def validated(cls: type) -> type:
     @wraps(construct)
     def init(self: Any, *args: Any, **fields: Any) -> None:
         if args:
-            raise InvalidInputError(f"{cls.__name__}: takes keywords only, as in {_example(made)}")
+            raise InvalidInputError(
+                f"{cls.__name__}: takes keyword arguments only, e.g. {_example(made)}"
+            )
         try:
             construct(self, **fields)
         except ValidationError as error:

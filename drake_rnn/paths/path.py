@@ -91,7 +91,7 @@ class Path(ABC):
         done = (elapsed + _INSTANT) // 1.0
         if not 0.0 <= done < self._last:
             if not math.isfinite(t):
-                raise InvalidInputError(f"time must be finite, not {t}")
+                raise InvalidInputError(f"t: must be finite, not {t}")
             return np.zeros(3), np.zeros(3), np.zeros(3)
         s, ds, dds = self._law(max(elapsed - done, 0.0))
         stretch = TURN / self.segments
@@ -116,7 +116,7 @@ class Path(ABC):
         """
         until = min(until, self.duration)
         if not math.isfinite(until):
-            raise InvalidInputError(f"until must be finite, not {until}")
+            raise InvalidInputError(f"until: must be finite, not {until}")
         shares = {time_at(self._law, bend / TURN) for bend in self.bends}
         if self.timing != "uniform" or self.segments > 1:
             shares.add(0.0)
@@ -154,7 +154,10 @@ class Planar(Path):
 
     def __post_init__(self) -> None:
         if self.centre is not None and self.offset.any():
-            raise ValueError("offset and centre both say where the path starts: give one of them")
+            raise ValueError(
+                "offset: cannot be combined with centre, which also sets where the path starts; "
+                "give one of them"
+            )
 
     @abstractmethod
     def curve(self, phase: float) -> tuple[complex, complex, complex]:

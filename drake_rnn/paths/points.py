@@ -96,7 +96,10 @@ class Points(Path):
         if (self.file is None) == (self.points is None):
             raise ValueError("give either a file or points")
         if self.absolute and self.offset.any():
-            raise ValueError("offset and absolute both say where the path starts: give one")
+            raise ValueError(
+                "offset: cannot be combined with absolute, which also sets where the path starts; "
+                "give one of them"
+            )
         self._table  # noqa: B018 (a bad file is refused now, not during a run)
 
     @cached_property

@@ -35,11 +35,14 @@ class Square(Planar):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.corners == "sharp" and self.corner_radius is not None:
-            raise ValueError("corner_radius belongs to rounded corners")
+            raise ValueError("corner_radius: only with corners: rounded")
         if self.corners == "rounded" and self.corner_radius is None:
-            raise ValueError("rounded corners need a corner_radius")
+            raise ValueError("corner_radius: must be given with corners: rounded")
         if self._radius > self.size / 2:
-            raise ValueError(f"corner_radius must be at most half the side, {self.size / 2:g}")
+            raise ValueError(
+                f"corner_radius: may be at most half the side, {self.size / 2:g}, "
+                f"not {self._radius:g}"
+            )
 
     @property
     def segments(self) -> int:

@@ -229,7 +229,9 @@ class Arm:
             instances = parser.AddModels(str(self.model))
         except RuntimeError as error:
             hint = (
-                "; arm.packages says where packages lie" if "unknown package" in str(error) else ""
+                "; give the package's folder in arm.packages"
+                if "unknown package" in str(error)
+                else ""
             )
             raise InvalidInputError(
                 f"arm.model: {self.model} cannot be read: {_one_line(error)}{hint}"
@@ -274,7 +276,7 @@ class Arm:
         joints_used = self._chain(plant) if chosen is None else list(chosen)
         if len(set(joints_used)) < len(joints_used):
             twice = next(name for name in joints_used if joints_used.count(name) > 1)
-            raise InvalidInputError(f"arm.joints: {twice!r} stands twice")
+            raise InvalidInputError(f"arm.joints: {twice!r} is given twice")
         if both := set(joints_used) & set(self.description.lock):
             raise InvalidInputError(f"arm.lock: {sorted(both)[0]!r} is also a controlled joint")
         if not joints_used:

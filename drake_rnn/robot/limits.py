@@ -57,8 +57,8 @@ class JointLimits:
             joint = int(np.argmax(inverted))
             lower, upper = self.position_lower[joint], self.position_upper[joint]
             raise ValueError(
-                f"position_lower: must be below position_upper, not {lower:g} and {upper:g} "
-                f"as for joint {joint + 1}"
+                "position_lower: must be below position_upper, but they are "
+                f"{lower:g} and {upper:g} for joint {joint + 1}"
             )
         for name, bound in known.items():
             if not (bound > 0).all():

@@ -147,7 +147,7 @@ class SelfMotion:
         if seed < 0:
             raise InvalidInputError(f"seed: must be 0 or more, not {seed}")
         rng = np.random.default_rng(seed)
-        last = f"the self-motion of {self.arm.name} leads there, but not straight"
+        last = f"the self-motion of {self.arm.name} reaches the posture only by a detour"
         for _ in range(20):
             try:
                 q = self.walk(rng.standard_normal(self.arm.n), length)

@@ -94,7 +94,7 @@ def standoff(arm: Arm, q: Array, normal: Array) -> float:
         if not isinstance(shape, Sphere):
             raise InvalidInputError(
                 f"environment.standoff: must be given for the tool {tool.body.name()!r}, which is "
-                "no ball"
+                "not made of balls only"
             )
         centre = X_WB.multiply(inspector.GetPoseInFrame(geometry).translation())
         reach.append(shape.radius() - float(normal.dot(centre - p_WE)))

@@ -70,7 +70,7 @@ def _metrics(
 def _contact_caveats(motion: Motion, metrics: dict[str, float]) -> list[str]:
     caveats = []
     if motion.pressing is not None and not motion.pressing.force.any():
-        caveats.append("contact: never made")
+        caveats.append("contact: the tool never touched the surface")
     if "contact_lost_time_s" in metrics:
         caveats.append(f"contact: lost at t = {metrics['contact_lost_time_s']:.4g} s")
     return caveats

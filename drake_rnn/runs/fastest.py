@@ -95,7 +95,7 @@ def _require_that_it_scales(experiment: Experiment) -> None:
     if not experiment.law.stays_on_path:
         able = ", ".join(kind for kind, law in LAWS.items() if law.stays_on_path)
         raise InvalidInputError(
-            f"law.kind: may be {able} for a path to be stretched, not "
+            f"law.kind: may be {able} for stretching a path in time, not "
             f"{experiment.document.law['kind']}, which keeps its bounds by leaving the path"
         )
     if experiment.document.filter is not None:
@@ -110,11 +110,13 @@ def _smooth(experiment: Experiment, told: Callable[[str], None] | None) -> dict[
     document = experiment.document.contents()
     path = document.get("path")
     if path is None or path["kind"] == "rest":
-        raise InvalidInputError("path: there is none to run through faster")
+        raise InvalidInputError(
+            "path: must be given, and of another kind than rest, to be run faster"
+        )
     if (path.get("timing"), path.get("laps")) != ("ramps", 1) and told is not None:
         told("path: one lap from rest to rest, timing: ramps")
     path |= {"timing": "ramps", "laps": 1}
-    document["expect"] = "on its path, as fast as the limits admit"
+    document["expect"] = "on its path, as fast as the limits allow"
     document.pop("window", None)
     document.pop("accept", None)
     document["name"] = f"{experiment.name}_fastest"
@@ -127,7 +129,9 @@ def _require_bounds(experiment: Experiment) -> None:
         bound = limits.bounds[name]
         if bound is not None and np.isfinite(bound).any():
             return
-    raise InvalidInputError("limits: none of the derivatives is bounded; any speed is admissible")
+    raise InvalidInputError(
+        "limits: must bound at least one derivative; without bounds any speed is allowed"
+    )
 
 
 def _stretched(document: dict[str, Any], period: float) -> Experiment:
@@ -155,9 +159,9 @@ def _require_position_limits(result: Result) -> None:
         return
     lower, upper = experiment.limits.position_lower[joint], experiment.limits.position_upper[joint]
     raise InvalidInputError(
-        f"limits.position: {experiment.arm.joints[joint]} gets to "
-        f"{result.series['position'][k, joint]:.4g} rad at t = {result.time[k]:.4g} s, and may be "
-        f"{lower:.4g} to {upper:.4g}, however slowly; start from another posture"
+        f"limits.position: {experiment.arm.joints[joint]} reaches "
+        f"{result.series['position'][k, joint]:.4g} rad at t = {result.time[k]:.4g} s and would do "
+        f"so at any speed; it may be {lower:.4g} to {upper:.4g}; start from another posture"
     )
 
 
@@ -166,7 +170,7 @@ def _too_slow(result: Result, stretch: float, asked: float) -> str:
     k = int(np.argmin(smallest))
     place = ", ".join(f"{value:.4g}" for value in result.series["p_WE_desired"][k])
     return (
-        f"path.period: {asked:g} s would have to be stretched {stretch:.3g}-fold; near ({place}) m "
-        f"the smallest singular value of J is {smallest[k]:.3g}. If that is not the reason, ask "
-        f"for {asked * stretch:.3g} s"
+        f"path.period: {asked:g} s would have to be stretched by a factor of {stretch:.3g}; near "
+        f"({place}) m the smallest singular value of J is {smallest[k]:.3g}; if that is not the "
+        f"reason, give {asked * stretch:.3g} s"
     )

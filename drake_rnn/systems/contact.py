@@ -44,7 +44,9 @@ class Contact:
             period: Sampling period of the controller [s]; None if Drake integrates the law.
         """
         if self.sensor is not None and period is None:
-            raise InvalidInputError("sensor: is sampled like the law; give a period, no integrator")
+            raise InvalidInputError(
+                "sensor: needs a sampled law; give a period instead of an integrator"
+            )
 
     def place(self, arm: Arm, start: Array) -> Array:
         """Return the point of the surface below the tool at the start, shape (3,) [m].

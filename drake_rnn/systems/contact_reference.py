@@ -27,7 +27,7 @@ class ForceProfile:
 
     def __post_init__(self) -> None:
         if self.initial > 0.0 and self.rise_time is None:
-            raise ValueError(f"initial: goes with rise_time; without, {self.initial:g} is not used")
+            raise ValueError(f"initial: must be 0 without rise_time, not {self.initial:g}")
 
     def at(self, t: float) -> float:
         """Return the desired force [N] at time ``t`` [s]."""

@@ -128,9 +128,9 @@ class Controller(LeafSystem):
         parts = self.reading.state.parts.items()
         bad = [name for name, (at, _) in parts if not np.isfinite(value[at]).all()]
         seen = [n for n, array in self.signals(context).items() if not np.isfinite(array).all()]
-        cause = f"; so are its inputs {', '.join(seen)}" if seen else ""
+        cause = f"; neither are the inputs {', '.join(seen)}" if seen else ""
         raise SimulationError(
-            f"{self.get_name()}: {what} {', '.join(bad) or 'v'} not finite any more{cause}",
+            f"{self.get_name()}: {what} {', '.join(bad) or 'v'} is no longer finite{cause}",
             context.get_time(),
         )
 

@@ -37,7 +37,7 @@ class SensorSettings:
 
     def __post_init__(self) -> None:
         if (self.failure is None) != (self.fails_at is None):
-            raise ValueError("failure: goes with fails_at; give both or neither")
+            raise ValueError("failure: must be given together with fails_at; give both or neither")
 
 
 class ForceSensor(LeafSystem):
@@ -94,7 +94,7 @@ class ForceSensor(LeafSystem):
         if not math.isfinite(x[-1]):
             # A law that sees this could only report that its own state is not finite.
             raise SimulationError(
-                f"{self.get_name()}: the force sensor says {x[-1]}", context.get_time()
+                f"{self.get_name()}: the force sensor reads {x[-1]}", context.get_time()
             )
         state.set_value(x)
 

@@ -45,7 +45,7 @@ class ForceWatch(LeafSystem):
             state.set_value(np.concatenate(((force, t), q)))
         elif t - x[1] > self._patience and np.abs(q - x[2:]).max() > _AT_REST:
             raise SimulationError(
-                f"{self.get_name()}: the force sensor is stuck at {force:.6g} N since "
+                f"{self.get_name()}: the force sensor has been stuck at {force:.6g} N since "
                 f"t = {x[1]:.4g} s, while the arm moves",
                 t,
             )

@@ -71,6 +71,6 @@ class IdealArm(Body):
         super().check_loop(period, feedback)
         if feedback == "measured":
             raise InvalidInputError(
-                "feedback: measured is for level: dynamic; here the arm is where it is commanded "
-                "to be"
+                "feedback: measured needs level: dynamic; at level: kinematic the arm is exactly "
+                "where it is commanded to be"
             )

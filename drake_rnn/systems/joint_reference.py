@@ -94,7 +94,7 @@ def followed_path(
     """
     followed = named_task(task)
     if followed.with_orientation:
-        raise InvalidInputError(f"task: a reference for the joints knows xyz and xy, not {task!r}")
+        raise InvalidInputError(f"task: may be xyz, xy for a joint reference, not {task!r}")
     check_sampling_rate(step, {"feedback": _FEEDBACK})
     kinematics = arm.kinematics()
     q = np.array(start, dtype=float)

@@ -86,8 +86,8 @@ def averaging_windows(limits: JointLimits, period: float) -> NDArray[np.intp]:
     longest = np.nan_to_num(samples, nan=1.0).sum(axis=0).max()
     if longest > _MOST_SAMPLES:
         raise InvalidInputError(
-            f"filter: its windows may hold {_MOST_SAMPLES:g} samples, not {longest:.3g} of "
-            f"{period:g} s; take a longer period"
+            f"filter: its windows may hold at most {_MOST_SAMPLES:g} samples, not {longest:.3g} "
+            f"of {period:g} s; give a longer period"
         )
     # Above a joint's last bound the quotient is inf / inf, and nothing is averaged.
     windows = np.maximum(1, np.nan_to_num(samples, nan=1.0)).astype(np.intp)

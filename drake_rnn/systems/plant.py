@@ -82,8 +82,7 @@ def add_plant(
     settings = PlantSettings() if settings is None else settings
     if arm.description.mass_scale != 1.0:
         raise InvalidInputError(
-            "arm.mass_scale: only for an arm at the kinematic level, not "
-            f"{arm.description.mass_scale:g}"
+            f"arm.mass_scale: must be 1 at level: dynamic, not {arm.description.mass_scale:g}"
         )
     config = MultibodyPlantConfig(
         time_step=settings.time_step,

@@ -98,7 +98,9 @@ class PlantArm(Body):
         """Raise an InvalidInputError if the controller is not sampled."""
         super().check_loop(period, feedback)
         if period is None:
-            raise InvalidInputError("period: must be given at level: dynamic, no integrator")
+            raise InvalidInputError(
+                "period: must be given at level: dynamic, instead of an integrator"
+            )
 
     def _drive(self, builder: DiagramBuilder, arm: Arm, instance: ModelInstanceIndex) -> None:
         """Connect the command to the motors, and export the joint state in the arm's order."""

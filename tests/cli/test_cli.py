@@ -163,7 +163,7 @@ def notes(result):
 def test_a_window_that_is_dropped_is_told(tmp_path):
     result = call("run", KNOWN, "--out", tmp_path, "--no-playback", *SHORT)
     assert notes(result) == [
-        f"note {KNOWN}: window [12, 20] s and what is expected in it are dropped: "
+        f"note {KNOWN}: window [12, 20] s and the bounds of accept are dropped: "
         "the run ends at 0.05 s"
     ]
     # It is told where it is dropped, and only there.
@@ -250,7 +250,7 @@ def simulated(monkeypatch):
         ((KNOWN, "--set", "law.kappa='[/red]'"), "law.kappa: must be a number, not '[/red]'"),
         ((KNOWN, "--duration", "-1"), "duration: must be greater than 0, not -1"),
         ((KNOWN, "--set", "path.size=2"), "path: out of reach: panda misses the point ("),
-        ((KNOWN, LEARNED, "--set", "law.jacobian=known"), f"{LEARNED}: dither: this law does"),
+        ((KNOWN, LEARNED, "--set", "law.jacobian=known"), f"{LEARNED}: dither: must be left"),
     ],
 )
 def test_bad_input_is_one_sentence_and_nothing_runs(tmp_path, simulated, arguments, message):
@@ -303,7 +303,7 @@ def test_a_run_that_fails_saves_what_there_was_and_names_the_time(tmp_path, brea
     assert "Traceback" not in result.stderr
     (line,) = result.stderr.splitlines()
     assert line.startswith("failed controller: ")
-    assert line.endswith("not finite any more (at t = 0.03 s)")
+    assert line.endswith("is no longer finite (at t = 0.03 s)")
     until_then = Result.load(tmp_path / KNOWN)
     np.testing.assert_allclose(until_then.time, [0, 0.01, 0.02, 0.03], atol=1e-12)
     assert np.isfinite(until_then.series["position"]).all()
@@ -359,7 +359,7 @@ def test_a_sweep_in_which_a_run_fails_ends_with_1_and_shows_the_others(tmp_path,
     assert result.exit_code == 1
     assert "failed" in result.stdout
     assert "duration=0.05: controller: " in result.stderr
-    assert "not finite any more (at t = 0.03 s)" in result.stderr
+    assert "is no longer finite (at t = 0.03 s)" in result.stderr
     (table,) = tmp_path.rglob("sweep.csv")
     assert len(table.read_text().splitlines()) == 3
 

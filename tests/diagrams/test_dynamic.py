@@ -169,7 +169,7 @@ def test_two_runs_are_the_same_to_the_last_bit():
 def test_a_controller_that_is_not_sampled_is_refused():
     builder = DiagramBuilder()
     path = builder.AddNamedSystem("path", PathSource(Rest(), P_WE))
-    with pytest.raises(InvalidInputError, match="period: must be given at level: dynamic, no int"):
+    with pytest.raises(InvalidInputError, match="period: must be given at level: dynamic, inst"):
         AddLoop(builder, PlantArm(PANDA), ContinuousController(known()), path)
 
 
@@ -194,12 +194,12 @@ def test_a_start_outside_the_limits_and_an_unknown_feedback_are_refused():
 
 
 def test_where_an_arm_is_is_for_the_dynamic_level_only():
-    with pytest.raises(InvalidInputError, match="feedback: measured is for level: dynamic; here"):
+    with pytest.raises(InvalidInputError, match="feedback: measured needs level: dynamic; at"):
         Run(known(), make=IdealArm, feedback="measured")
 
 
 def test_unfiltered_feedback_needs_a_filter():
-    with pytest.raises(InvalidInputError, match="feedback: unfiltered is for a loop with a filter"):
+    with pytest.raises(InvalidInputError, match="feedback: unfiltered needs a filter"):
         Run(known(), feedback="unfiltered")
 
 

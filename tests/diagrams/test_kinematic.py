@@ -194,7 +194,7 @@ def test_a_law_of_another_size_is_refused():
     builder = DiagramBuilder()
     p_WE = PANDA.kinematics().p_WE(PANDA.home)
     path = builder.AddNamedSystem("path", PathSource(Circle(size=0.05, period=4.0), p_WE))
-    message = "task: may be xy for SimultaneousLearning .*, not xyz; or give the law task_size=3"
+    message = "task: may be xy for this SimultaneousLearning, not xyz; or give the law task_size=3"
     with pytest.raises(InvalidInputError, match=message):
         AddLoop(builder, IdealArm(PANDA), SampledController(planar, 1e-3), path)
 
@@ -203,14 +203,14 @@ def test_a_reference_of_another_size_is_refused():
     builder = DiagramBuilder()
     path = PathSource(Circle(size=0.05, period=4.0), np.zeros(3), "xy")
     builder.AddNamedSystem("path", path)
-    message = r"path\.p_WE_desired: must have 3 entries, as controller\.p_WE_desired, not 2"
+    message = r"path\.p_WE_desired: must have 3 entries, like controller\.p_WE_desired, not 2"
     with pytest.raises(InvalidInputError, match=message):
         AddLoop(builder, IdealArm(PANDA), SampledController(law(), 1e-3), path)
 
 
 def test_a_law_for_another_arm_is_refused():
     other = SampledController(Pseudoinverse(limits=load_arm("ur5").limits), 1e-3)
-    message = r"limits: those of Pseudoinverse must be of 7 joints, as panda has, not of 6"
+    message = r"limits: those of Pseudoinverse must be for 7 joints, like panda, not for 6"
     with pytest.raises(InvalidInputError, match=message):
         AddLoop(DiagramBuilder(), IdealArm(PANDA), other)
 
@@ -333,7 +333,7 @@ def test_a_sensor_needs_a_controller_that_is_sampled():
     builder = DiagramBuilder()
     path = builder.AddNamedSystem("path", PathSource(Rest(), p_WE))
     body = IdealArm(PANDA, **contact(SensorSettings()))
-    with pytest.raises(InvalidInputError, match="sensor: is sampled like the law; give a period"):
+    with pytest.raises(InvalidInputError, match="sensor: needs a sampled law; give a period"):
         AddLoop(builder, body, ContinuousController(law()), path)
 
 

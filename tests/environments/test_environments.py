@@ -140,15 +140,15 @@ def test_environments_are_known_by_their_kind():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Plate(normal=[0, 0, 0]), "normal: must point somewhere"),
-        (lambda: Plate(believed_normal=[0, 0, 0]), "believed_normal: must point somewhere"),
+        (lambda: Plate(normal=[0, 0, 0]), "normal: must not be zero"),
+        (lambda: Plate(believed_normal=[0, 0, 0]), "believed_normal: must not be zero"),
         (
             lambda: Plate(believed_normal=[0.1, 0, -1]),
             r"believed_normal: must be less than a right angle .* not \[0\.1, 0\.0, -1\.0\]",
         ),
         (lambda: Plate(normal=[0, 1]), "normal: must have 3 entries"),
         (lambda: Plate(friction=-0.1), "friction"),
-        (lambda: Plate(offset=[0, 0, 0.1]), r"offset: must be along the plate; 0\.1 m of it"),
+        (lambda: Plate(offset=[0, 0, 0.1]), r"offset: must be parallel to the plate, not 0\.1 m"),
         (lambda: Plate(thickness=0.001), "thickness"),
         (lambda: Plate(hydroelastic_modulus=0.0), "hydroelastic_modulus"),
         (lambda: Plate(standoff=-0.1), "standoff"),

@@ -45,12 +45,12 @@ def load(name="contact_circle", **changes):
         (
             "motion_force_tricuspid",
             {"integrator": {"scheme": "runge_kutta3", "step": 1e-3}, "sensor": {"noise": 0.1}},
-            "sensor: is sampled like the law",
+            "sensor: needs a sampled law; give a period instead of an integrator",
         ),
         (
             "contact_open_loop",
             {"sensor": {"noise": 0.1}},
-            "sensor: this law, as it is set, does not see the force",
+            "sensor: must be left out; with these settings the law does not use the measured force",
         ),
         (
             "contact_circle",
@@ -65,21 +65,22 @@ def load(name="contact_circle", **changes):
         ("contact_circle", {"law.stiffness": None}, r"law\.stiffness: must be given"),
         ("contact_circle", {"task": "pose"}, "task: may be xyz for this law, not pose"),
         ("motion_force_tricuspid", {"task": "xy"}, "task: may be xyz for this law, not xy"),
-        ("contact_circle", {"path.plane": "xz"}, r"path: leads off the surface by 0\.06 m"),
+        ("contact_circle", {"path.plane": "xz"}, r"path: leaves the surface by 0\.06 m"),
         (
             "contact_inclined",
             {"path.rotation": None},
-            r"path: leads off the surface by .* normal \[0\.5, 0\.0, 0\.866\]",
+            r"path: leaves the surface by .* normal \[0\.5, 0\.0, 0\.866\]",
         ),
         (
             "motion_force_tricuspid_literal",
             {"law.stiffness": 8000},
-            r"law\.form: the network would take some .* substeps a period .*; it may take 1000",
+            r"law\.form: the network would need .* substeps per period with .*; "
+            "it may take at most 1000",
         ),
         (
             "motion_force_tricuspid",
             {"law.time_constant": 1e-9},
-            r"law\.time_constant: the network would take some",
+            r"law\.time_constant: the network would need about",
         ),
     ],
 )
@@ -108,7 +109,7 @@ def test_a_frame_without_a_tool_is_refused_when_it_is_read():
 
 
 def test_a_path_over_the_edge_is_told_with_how_far():
-    assert check_reach(load("contact_edge")) == ["path: leads 0.03 m beyond the plate's edges"]
+    assert check_reach(load("contact_edge")) == ["path: extends 0.03 m beyond the plate's edges"]
     assert check_reach(load("contact_circle")) == []
     (told,) = check_reach(load("contact_circle", environment__offset=[1.0, 0.0, 0.0]))
     assert "beyond the plate's edges" in told

@@ -197,7 +197,7 @@ BAD = [
     ({"start": "home"}, "start: must be a list of numbers, not 'home'"),
     (
         {"limits": {"position_lower": 1, "position_upper": -1}},
-        "limits.position_lower: must be below position_upper, not 1 and -1",
+        "limits.position_lower: must be below position_upper, but they are 1 and -1",
     ),
     ({"limits.velocity": -1}, "limits.velocity: must be positive, not [-1.0"),
     ({"limits.velocity": nan}, "limits.velocity: must be one list of numbers, none of them NaN"),
@@ -212,14 +212,14 @@ BAD = [
     ({"period": 0}, "period: must be greater than 0, not 0"),
     ({"period": -1e-3}, "period: must be greater than 0, not -0.001"),
     ({"period": 30}, "period: may be at most the duration, 20"),
-    ({"period": None}, "period: must be given, or integrator"),
+    ({"period": None}, "period: must be given, unless integrator is given"),
     ({"integrator": {"scheme": "radau3"}}, "integrator: give either accuracy or step"),
-    ({"integrator": {"scheme": "rk4", "step": 1e-3}}, "integrator: scheme may be "),
+    ({"integrator": {"scheme": "rk4", "step": 1e-3}}, "integrator.scheme: may be "),
     ({"integrator.accuracy": 0}, "integrator.accuracy: must be greater than 0, not 0"),
-    ({"dither": {"sigma": 0.1, "hold": 1e-3}}, "dither: this law does not learn"),
+    ({"dither": {"sigma": 0.1, "hold": 1e-3}}, "dither: must be left out; this law does not learn"),
     ({"dither": {"sigma": 0.1}}, "dither.hold: must be given"),
-    ({"window": [12, 30]}, "window: must be two rising times up to 20"),
-    ({"window": [13, 12]}, "window: must be two rising times up to 20"),
+    ({"window": [12, 30]}, "window: must be two increasing times up to 20"),
+    ({"window": [13, 12]}, "window: must be two increasing times up to 20"),
     ({"window": [-1, 12]}, "window.0: must be greater than or equal to 0, not -1"),
     ({"window": [1, 2, 3]}, "window: must have 2 entries, not 3"),
     ({"seed": -1}, "seed: must be greater than or equal to 0, not -1"),
@@ -250,7 +250,7 @@ BAD_CONTACT = [
     ({"environment.tip": {"modulus": 3}}, "environment.tip.modulus: no such key; "),
     ({"environment.normal": {"z": 1}}, "environment.normal: must be a list of numbers, not {'z"),
     ({"environment.believed_normal": 3}, "environment.believed_normal: must be a list of numb"),
-    ({"sensor": {"failure": "nan"}}, "sensor.failure: goes with fails_at; give both or neither"),
+    ({"sensor": {"failure": "nan"}}, "sensor.failure: must be given together with fails_at"),
     ({"sensor": {"delay": 1e7}}, "sensor.delay: must be less than or equal to 5, not 1"),
     ({"over": {"a[0]": 3}}, "over.a[0]: must be a list, not 3"),
 ]
@@ -280,7 +280,7 @@ def test_an_unknown_experiment_is_refused_with_those_of_like_name():
 
 def test_period_and_integrator_in_one_document_are_refused():
     document = {**load_experiment(KNOWN).document.contents(), "integrator": {"step": 1e-3}}
-    with pytest.raises(InvalidInputError, match="period: stands beside integrator"):
+    with pytest.raises(InvalidInputError, match="period: cannot be combined with integrator"):
         make_experiment(document)
 
 
@@ -290,7 +290,7 @@ def test_a_document_that_is_no_mapping_is_refused(file, text):
 
 
 def test_a_key_that_stands_twice_is_refused(file):
-    assert refusal(file("seed: 1\nseed: 2\n")).endswith("the key 'seed' stands twice")
+    assert refusal(file("seed: 1\nseed: 2\n")).endswith("the key 'seed' is given twice")
 
 
 def test_numbers_without_a_point_are_numbers(file):
@@ -321,7 +321,7 @@ def test_a_planar_task_takes_no_path_that_leaves_its_plane():
 
 
 def test_period_and_integrator_cannot_both_be_changed():
-    with pytest.raises(InvalidInputError, match="period: stands beside integrator"):
+    with pytest.raises(InvalidInputError, match="period: cannot be combined with integrator"):
         load_experiment(KNOWN, {"period": 1e-3, "integrator": {"step": 1e-3}})
 
 

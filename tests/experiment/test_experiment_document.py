@@ -143,6 +143,8 @@ def test_feedback_that_is_contentsstands_at_the_dynamic_level():
 
 
 def test_an_arm_that_is_where_it_is_commanded_to_be_has_nothing_to_measure():
-    message = "feedback: measured is for level: dynamic; here the arm is where it is commanded"
+    message = (
+        "feedback: measured needs level: dynamic; at level: kinematic the arm is exactly where"
+    )
     with pytest.raises(InvalidInputError, match=f"^{message}"):
         make_experiment(written(KINEMATIC, feedback="measured"))

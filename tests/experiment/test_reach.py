@@ -70,7 +70,7 @@ def test_a_path_out_of_reach_is_refused_with_the_place():
         check_reach(load_experiment(KNOWN, {"path.size": 2}))
     message = str(caught.value)
     assert message.startswith("path: out of reach: panda misses the point (0.2069, ")
-    for part in (") m, at t = ", " mm; the farthest miss is ", " m at t = "):
+    for part in (") m, at t = ", " mm; the largest miss is ", " m at t = "):
         assert part in message
     assert "\n" not in message
 

@@ -53,7 +53,7 @@ def test_a_projected_target_is_said_to_be_one():
     experiment = load_experiment(MSA)
     (warning,) = experiment.warnings
     assert warning.startswith("law.target: moves the end effector 0.0223 m")
-    assert warning.endswith("taken in its place")
+    assert warning.endswith("; that one is used instead")
     np.testing.assert_array_equal(experiment.law.target, experiment.target)
     kinematics = experiment.arm.kinematics()
     np.testing.assert_allclose(
@@ -104,7 +104,7 @@ def test_rates_and_times_must_be_positive(name, key, value):
 @pytest.mark.parametrize(
     ("target", "message"),
     [
-        ([0.0] * 6, "law.target: must have 7 entries, one a joint, not 6"),
+        ([0.0] * 6, "law.target: must have 7 entries, one per joint, not 6"),
         ([nan] * 7, "law.target: must be one list of numbers, none of them NaN"),
         ([3.0, *[0.0] * 6], "law.target: joint 1 is at 3 rad; it may be -2.96706 to 2.96706"),
         ("home", "law.target: must be a list of numbers, not 'home'"),
@@ -125,11 +125,15 @@ def test_a_target_must_be_a_posture_within_the_limits(target, message):
         (SLC, {"task": "pose"}, "task: may be xyz, xy for this law, not pose"),
         (MSA, {"task": "yaw"}, "task: may be xyz, xy, pose, not 'yaw'"),
         (MSA, {"law.task_size": 3}, "law.task_size: follows from task; leave it out"),
-        (MSA, {"dither": {"sigma": 0.1, "hold": 1e-3}}, "dither: this law does not learn"),
+        (
+            MSA,
+            {"dither": {"sigma": 0.1, "hold": 1e-3}},
+            "dither: must be left out; this law does not learn",
+        ),
         (
             NSA,
             {"integrator.step": 1e-3},
-            "integrator: NullSpaceAdjustment is no differential equation; sample it with a period",
+            "integrator: NullSpaceAdjustment is not a differential equation; give a period instead",
         ),
         (
             NSA,
@@ -192,7 +196,7 @@ def test_a_target_in_place_of_another_lies_within_the_limits_though_the_start_do
     changes = {"position_lower": lower.tolist(), "position_upper": upper.tolist(), "velocity": 1.5}
     made = load_experiment(MSA, {"limits": changes, "law.target": target.tolist()})
     assert not made.limits.violation(made.target).any()
-    assert "taken in its place" in made.warnings[1]
+    assert "that one is used instead" in made.warnings[1]
 
 
 # Detours.
@@ -203,7 +207,7 @@ def test_a_joint_that_goes_more_than_half_a_turn_is_warned_of(way):
     """The last joint of the UR5 turns the flange about its own axis."""
     experiment = load_experiment(MSA, {**ON_UR5, "law.target": moved(UR5, 5, way * 3.3)})
     (warning,) = experiment.warnings
-    assert "wrist_3_joint has 3.3 rad to go" in warning
+    assert "wrist_3_joint has to turn by 3.3 rad" in warning
     nearer = way * (3.3 - 2 * pi)
     assert f"at {nearer:.6g} rad the posture is the same, and nearer" in warning
 
@@ -213,7 +217,7 @@ def test_half_a_turn_or_one_that_has_no_other_way_is_not():
     assert half.warnings == ()
     limits = {"position_lower": [*[-2 * pi] * 5, -1]}
     only = load_experiment(MSA, {**ON_UR5, "limits": limits, "law.target": moved(UR5, 5, 3.3)})
-    assert not any("to go" in warning for warning in only.warnings)
+    assert not any("has to turn" in warning for warning in only.warnings)
 
 
 # Documents.
@@ -249,7 +253,7 @@ def test_an_offered_posture_at_a_limit_can_be_given_back():
 
 @pytest.mark.parametrize("name", ["position_lower", "position_upper", "velocity"])
 def test_limits_of_another_arm_are_refused_by_their_own_name(name):
-    message = f"limits.{name}: must have 7 entries, one a joint of iiwa14, not 6"
+    message = f"limits.{name}: must have 7 entries, one per joint of iiwa14, not 6"
     with pytest.raises(InvalidInputError, match=message):
         load_experiment(MSA, {f"limits.{name}": [1.0] * 6})
 
@@ -257,7 +261,7 @@ def test_limits_of_another_arm_are_refused_by_their_own_name(name):
 def test_limits_beyond_what_the_arm_can_are_warned_of():
     upper = [*load_experiment(MSA).document.contents()["limits"]["position_upper"][:6], 4.0]
     warnings = load_experiment(MSA, {"limits.position_upper": upper}).warnings
-    assert any("iiwa_joint_7 may go 0.946 rad beyond what iiwa14 can" in w for w in warnings)
+    assert any("iiwa_joint_7 may go 0.946 rad beyond the limits of iiwa14" in w for w in warnings)
 
 
 def test_a_planar_task_that_lets_the_end_effector_leave_its_plane_is_refused():
@@ -266,6 +270,6 @@ def test_a_planar_task_that_lets_the_end_effector_leave_its_plane_is_refused():
 
 
 def test_bounds_that_open_must_be_there():
-    message = "law.rise_time: opens the bounds of the velocity, of which joint 1 has none"
+    message = "law.rise_time: needs a velocity limit for every joint, but joint 1 has none"
     with pytest.raises(InvalidInputError, match=message):
         load_experiment(MSA, {"limits": "none"})

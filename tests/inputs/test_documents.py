@@ -71,8 +71,8 @@ def test_scalars_are_those_of_yaml_1_2(text, value):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("a: 1\nb: 2\na: 3\n", "f.yaml: the key 'a' stands twice"),
-        ("a: {b: 1, b: 2}", "f.yaml: the key 'b' stands twice"),
+        ("a: 1\nb: 2\na: 3\n", "f.yaml: the key 'a' is given twice"),
+        ("a: {b: 1, b: 2}", "f.yaml: the key 'b' is given twice"),
         (
             "a: [1\nb: 2\n",
             "f.yaml: not a YAML document: line 2, column 2: expected ',' or ']', but got ':'",
@@ -147,7 +147,7 @@ def test_arrays_are_written_as_lists():
         ({"load": [1, "x"]}, "cart.load: must be a list of numbers, not [1, 'x']"),
         ({"load": [1, inf]}, "cart.load: must be finite, not [1, inf]"),
         ({"load": [1, 2, 3, 4]}, "cart.load: must have at most 3 entries"),
-        ({"brake": []}, "cart.brake: must be a number or a text, not []"),
+        ({"brake": []}, "cart.brake: must be a number or text, not []"),
     ],
 )
 def test_a_refusal_names_the_key_its_value_and_what_it_may_be(values, message):
@@ -162,7 +162,7 @@ def test_a_long_value_is_cut():
 def test_a_value_within_itself_is_refused():
     """A YAML alias may stand within what it stands for."""
     assert refusal(parse_yaml("spare: &a {radius: *a}", "here")) == (
-        "cart.spare.radius: must be a number, not a dict within itself"
+        "cart.spare.radius: must be a number, not a dict that contains itself"
     )
 
 

@@ -119,7 +119,7 @@ def assert_near(actual, expected, relative=1e-9):
         ({"velocity_gain": 0.0}, "velocity_gain: must be greater than 0"),
         ({"scheme": "moaljdf", "alpha": 0.0}, "alpha: must be greater than 0, not 0.0"),
         ({"scheme": "moaljdf", "alpha": 1.5}, "alpha: must be less than or equal to 1"),
-        ({"home": np.zeros(5)}, "home: must have 6 entries, one a joint, not 5"),
+        ({"home": np.zeros(5)}, "home: must have 6 entries, one per joint, not 5"),
         ({"home": np.full(N, np.nan)}, "home: must be one list of numbers, none of them NaN"),
         ({"scheme": "galdjf"}, "scheme: "),
         ({"task_size": 6}, "task_size: must be 2 or 3, not 6"),
@@ -373,9 +373,9 @@ class TestCaveats:
         [
             (
                 {"saturated_fraction": 0.12, "joint_acceleration_demand_max_rad_s2": 7.5},
-                ["cut to their bounds", "12 %", "7.5 rad/s^2"],
+                ["clipped to their bounds in 12 %", "demand up to 7.5 rad/s^2"],
             ),
-            ({"singular_value_min": 0.05}, ["near losing rank", "0.05", "full rank"]),
+            ({"singular_value_min": 0.05}, ["close to losing rank", "0.05", "full rank"]),
             ({"position_error_max_m": 0.03}, ["0.03 m off its path"]),
         ],
     )
@@ -391,12 +391,17 @@ class TestCaveats:
 
 
 def test_a_weight_of_torque_is_refused_by_a_scheme_without():
-    with pytest.raises(InvalidInputError, match="alpha: weighs the torque, which scheme: galjdf"):
+    message = (
+        "alpha: needs a scheme that weights the torque, moaljdf or moaljdf_printed, not galjdf"
+    )
+    with pytest.raises(InvalidInputError, match=message):
         JointDriftFree(scheme="galjdf", limits=LIMITS, home=np.zeros(N), alpha=0.5)
 
 
 def test_bounds_kept_from_sample_to_sample_cannot_be_integrated():
-    with pytest.raises(InvalidInputError, match=r"law\.bounds: all is kept from sample to sample"):
+    with pytest.raises(
+        InvalidInputError, match=r"law\.bounds: all needs a sampled law; give a per"
+    ):
         ContinuousController(make(bounds="all"))
 
 
@@ -424,7 +429,7 @@ def test_an_outstretched_arm_is_warned_of_and_stays_finite():
     assert result.metrics["singular_value_min"] < 1e-6
     said = " ".join(result.warnings)
     assert "near-singular posture" in said
-    assert "near losing rank" in said
+    assert "close to losing rank" in said
     assert result.metrics["position_error_max_m"] < 0.01 or "off its path" in said
 
 
@@ -443,7 +448,7 @@ def test_accelerations_that_do_not_suffice_are_told():
     assert result.metrics["saturated_fraction"] > 0.1
     assert result.metrics["joint_acceleration_max_rad_s2"] <= 0.3 + 1e-9
     said = " ".join(result.warnings)
-    assert "cut to their bounds" in said
+    assert "clipped to their bounds" in said
     assert "asks elbow_joint for an acceleration of" in said
     assert "off its path" in said
 
@@ -460,7 +465,7 @@ class TestPositionLimit:
         assert result.metrics["limit_violation_max"] <= 1e-11
         assert -1e-11 <= result.metrics["joint_limit_margin_min_rad"] < 1e-11
         assert result.metrics["position_error_max_m"] == pytest.approx(7.9e-4, rel=0.02)
-        assert any("cut to their bounds" in said for said in result.warnings)
+        assert any("clipped to their bounds" in said for said in result.warnings)
 
     def test_with_those_of_the_paper_it_is_broken(self):
         result = run("naljdf_clover", **LIMITED)

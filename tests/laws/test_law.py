@@ -48,7 +48,7 @@ def test_a_law_of_state_inputs_and_step_is_sampled():
     assert not isinstance(law, ContinuousReading)
     for period in (1e-6, 1e-3, 10.0):
         assert law.sampled(period) is law
-    message = "^integrator: Steps is no differential equation; sample it with a period$"
+    message = "^integrator: Steps is not a differential equation; give a period instead$"
     with pytest.raises(InvalidInputError, match=message):
         law.continuous()
 
@@ -58,7 +58,7 @@ def test_a_law_of_derivatives_alone_is_integrated():
     assert isinstance(law, ContinuousReading)
     assert not isinstance(law, SampledReading)
     assert law.continuous() is law
-    message = "^period: Flows cannot be sampled; give an integrator$"
+    message = "^period: Flows cannot be sampled; give an integrator instead$"
     with pytest.raises(InvalidInputError, match=message):
         law.sampled(1e-3)
 

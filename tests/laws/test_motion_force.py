@@ -495,10 +495,15 @@ def test_what_it_cannot_be_is_refused_by_name(fields, message):
 
 
 @pytest.mark.parametrize(
-    "fields", [{"stiffness": OnlineStiffness()}, {"contact_loss": ContactLoss()}]
+    ("fields", "key"),
+    [
+        ({"stiffness": OnlineStiffness()}, "stiffness: learning it"),
+        ({"contact_loss": ContactLoss()}, "contact_loss:"),
+    ],
 )
-def test_what_is_learned_by_samples_is_not_integrated(fields):
-    with pytest.raises(InvalidInputError, match="give a period, no integrator"):
+def test_what_is_learned_by_samples_is_not_integrated(fields, key):
+    message = rf"law\.{key} needs a sampled law; give a period instead of an integrator"
+    with pytest.raises(InvalidInputError, match=message):
         law(**fields).continuous()
     network = law()
     assert network.continuous() is network

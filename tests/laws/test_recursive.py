@@ -56,12 +56,18 @@ def on_its_path(rng):
     ("fields", "message"),
     [
         ({"gains": []}, "gains: must"),
-        ({"gains": [1.0] * 6}, "gains: must be 1 to 5 numbers, not 6"),
+        ({"gains": [1.0] * 6}, "gains: must have 1 to 5 entries, not 6"),
         ({"gains": [100.0, 0.0]}, "gains: must be positive, not [100.0, 0.0]"),
         ({"gains": [-100.0]}, "gains: must be positive, not [-100.0]"),
         ({"gains": [100.0, np.nan]}, "gains: must"),
-        ({"reading": "filters"}, "time_constants: belong to reading: filters"),
-        ({"time_constants": [1.0] * 5}, "time_constants: belong to reading: filters"),
+        (
+            {"reading": "filters"},
+            "time_constants: must be given with reading: filters, one per level",
+        ),
+        (
+            {"time_constants": [1.0] * 5},
+            "time_constants: must be given with reading: filters, one per level",
+        ),
         (
             {"reading": "filters", "time_constants": [1e-4, 1.0]},
             "time_constants: must be 5 positive numbers, not [0.0001, 1.0]",

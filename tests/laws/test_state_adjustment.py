@@ -59,7 +59,7 @@ def optimum(law, q, J, t=0.0):
         ({"ramp_time": -1.0}, "ramp_time: must be greater than 0"),
         ({"time_constant": 0.0}, "time_constant: must be greater than 0"),
         ({"limit_stiffness": 0.0}, "limit_stiffness: must be greater than 0"),
-        ({"target": np.zeros(6)}, "target: must have 7 entries, one a joint, not 6"),
+        ({"target": np.zeros(6)}, "target: must have 7 entries, one per joint, not 6"),
         ({"target": np.full(N, np.nan)}, "target: must be one list of numbers, none of them NaN"),
         ({"target": [0, 0, 0, 0, 0, -3.1, 0]}, "target: joint 6 is at -3.1 rad; it may be -3 to 3"),
         ({"task_size": 4}, "task_size: must be 2, 3 or 6, not 4"),

@@ -350,7 +350,7 @@ def test_a_mesh_that_is_missing_is_missed_at_once_and_not_by_the_playback(meshed
     file, folder = meshed
     message = refusal(file, frame="hand")
     assert "unknown package 'parts'" in message
-    assert message.endswith("arm.packages says where packages lie")
+    assert message.endswith("; give the package's folder in arm.packages")
     message = refusal(file, frame="hand", packages={"parts": str(folder)})
     assert message == f"arm.packages.parts: no folder '{folder}'"
     folder.mkdir()
@@ -490,7 +490,7 @@ def test_a_joint_is_either_controlled_or_locked_and_only_once(gripper):
         gripper, frame="hand", joints=["elbow"], lock={"elbow": 0}
     )
     assert refusal(gripper, frame="hand", joints=["elbow", "elbow"]) == (
-        "arm.joints: 'elbow' stands twice"
+        "arm.joints: 'elbow' is given twice"
     )
 
 

@@ -130,11 +130,11 @@ def test_limits_do_not_change():
     [
         (
             {"position_lower": [-1, 3]},
-            "limits.position_lower: must be below position_upper, not 3 and 2 as for joint 2",
+            "limits.position_lower: must be below position_upper, but they are 3 and 2 for joint 2",
         ),
         (
             {"position_lower": [1, -2]},
-            "limits.position_lower: must be below position_upper, not 1 and 1 as for joint 1",
+            "limits.position_lower: must be below position_upper, but they are 1 and 1 for joint 1",
         ),
         ({"velocity": [0, 1]}, "limits.velocity: must be positive, not [0.0, 1.0]"),
         ({"acceleration": [-1, 1]}, "limits.acceleration: must be positive, not [-1.0, 1.0]"),

@@ -209,7 +209,7 @@ def test_written_and_read_it_is_the_same(name):
 
 
 BAD = [
-    (CIRCLE, {"filter": None}, "feedback: unfiltered is for a loop with a filter; give one"),
+    (CIRCLE, {"filter": None}, "feedback: unfiltered needs a filter"),
     (CIRCLE, {"feedback": "commanded"}, "filter.precompensate: only with feedback: unfiltered"),
     (
         CIRCLE,
@@ -222,7 +222,7 @@ BAD = [
     (CIRCLE, {"limits.jerk": None}, "limits.jerk: not known for this arm, but needed for filter"),
     (CIRCLE, {"limits": "none"}, "limits.acceleration: not known"),
     (CIRCLE, {"limits.snap": 0}, "limits.snap: must be positive, not [0.0"),
-    (CIRCLE, {"limits.crackle": 1e-3}, "filter: these limits make its delay 203.5 s; the dura"),
+    (CIRCLE, {"limits.crackle": 1e-3}, "filter: with these limits its delay is 203.5 s; the dura"),
     (
         CIRCLE,
         {"feedback": "commanded", "filter.precompensate": False},
@@ -240,7 +240,7 @@ BAD = [
     (
         LEARNING,
         {"integrator": {"step": 1e-3}},
-        "filter: is sampled like the law; give a period, no integrator",
+        "filter: needs a sampled law; give a period instead of an integrator",
     ),
 ]
 
@@ -255,10 +255,11 @@ def test_what_cannot_be_is_refused_by_key_and_value(name, changes, message):
 def test_doubts_are_told():
     unknown = {"law": {"kind": "recursive", "gains": [100.0]}, "filter": {}}
     told = load_experiment(CIRCLE, {**unknown, "feedback": "commanded"}).warnings
-    assert any("nothing is known of whether recursive stays stable" in text for text in told)
+    doubt = "whether recursive stays stable with this delay is not known"
+    assert any(doubt in text for text in told)
     both = {"law.acceleration_bound": "scalar", "filter.delay_desired": False}
     told = load_experiment(LEARNING, both).warnings
-    assert any("both together may lose the path" in text for text in told)
+    assert any("already keeps the bound, and the arm may lose the path" in text for text in told)
 
 
 def test_python_users_are_refused_the_same():

@@ -128,8 +128,8 @@ def test_the_law_sees_what_its_sensor_says():
 @pytest.mark.parametrize(
     ("failure", "message"),
     [
-        ("nan", r"force_sensor: the force sensor says nan \(at t = 0\.05 s\)"),
-        ("frozen", r"force_watch: the force sensor is stuck at .* N since t = 0\.05"),
+        ("nan", r"force_sensor: the force sensor reads nan \(at t = 0\.05 s\)"),
+        ("frozen", r"force_watch: the force sensor has been stuck at .* N since t = 0\.05"),
     ],
 )
 def test_a_sensor_that_breaks_stops_the_run(failure, message):
@@ -140,7 +140,7 @@ def test_a_sensor_that_breaks_stops_the_run(failure, message):
 
 def test_a_sensor_that_breaks_stops_a_law_that_does_not_look_at_it():
     sensor = SensorSettings(failure="nan", fails_at=0.05)
-    with pytest.raises(SimulationError, match="the force sensor says nan"):
+    with pytest.raises(SimulationError, match="the force sensor reads nan"):
         Pressing(ElasticSurface(stiffness=100.0), sensor, force_feedback="assumed").after(0.1)
 
 

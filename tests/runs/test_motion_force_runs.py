@@ -109,7 +109,7 @@ class TestKinematic:
         dead = run("motion_force_tricuspid_learned", duration=1, dither=None, period=1e-3)
         assert not dead.series["velocity"].any()
         assert not dead.series["J_hat"].any()
-        assert any("never made" in warning for warning in dead.warnings)
+        assert any("never touched the surface" in warning for warning in dead.warnings)
 
     def test_joint_4_of_the_papers_posture_is_beyond_what_an_iiwa_can(self):
         with pytest.raises(InvalidInputError, match=r"start: iiwa_joint_4 is at 2\.5 rad"):
@@ -205,7 +205,7 @@ class TestContact:
     @pytest.mark.parametrize(
         ("failure", "message"),
         [
-            ("nan", r"force_sensor: the force sensor says nan \(at t = 1 s\)"),
+            ("nan", r"force_sensor: the force sensor reads nan \(at t = 1 s\)"),
             ("frozen", r"stuck at 4\..* N since t = 1 s, while the arm moves \(at t = 1.1 s\)"),
         ],
     )
@@ -231,7 +231,7 @@ class TestContact:
 
     def test_a_force_that_is_too_small_never_makes_contact(self):
         result = run("contact_circle_1N", duration=0.5, force__value=1e-3, environment__gap=1e-3)
-        assert "contact: never made" in result.warnings
+        assert "contact: the tool never touched the surface" in result.warnings
         assert result.metrics["normal_force_peak_N"] == 0.0
 
     def test_a_force_beyond_the_motors_is_refused(self):

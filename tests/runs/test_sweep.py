@@ -82,7 +82,7 @@ def test_every_combination_is_checked_before_the_first_runs(monkeypatch):
 def test_a_run_that_fails_takes_a_row_and_the_others_run(monkeypatch):
     def simulate_or_fail(experiment):
         if experiment.document.seed == 2:
-            error = SimulationError("controller: v not finite any more", 0.01)
+            error = SimulationError("controller: state v is no longer finite", 0.01)
             error.result = simulate(experiment)
             raise error
         return simulate(experiment)
@@ -90,7 +90,7 @@ def test_a_run_that_fails_takes_a_row_and_the_others_run(monkeypatch):
     monkeypatch.setattr(sweeping, "simulate", simulate_or_fail)
     rows = sweep(KNOWN, {"seed": [1, 2, 3]}, SHORT)
     assert [row.failure is None for row in rows] == [True, False, True]
-    assert rows[1].failure == "controller: v not finite any more (at t = 0.01 s)"
+    assert rows[1].failure == "controller: state v is no longer finite (at t = 0.01 s)"
     assert "joint_velocity_max_rad_s" in rows[1].metrics
 
 

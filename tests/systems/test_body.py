@@ -109,7 +109,7 @@ class TestLoop:
     @pytest.mark.parametrize(
         ("make", "period", "feedback", "message"),
         [
-            (IdealArm, 1e-3, "measured", "feedback: measured is for level: dynamic"),
+            (IdealArm, 1e-3, "measured", "feedback: measured needs level: dynamic"),
             (PlantArm, None, "measured", "period: must be given at level: dynamic"),
             (IdealArm, 1e-3, "guessed", "feedback: may be commanded, measured, unfiltered, not"),
             (PlantArm, 1e-3, "guessed", "feedback: may be commanded, measured, unfiltered, not"),

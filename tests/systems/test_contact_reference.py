@@ -48,7 +48,7 @@ def test_its_ports_are_normal_and_profile():
         ({"value": 0.0}, "value"),
         ({"value": 5.0, "rise_time": 0.0}, "rise_time"),
         ({"value": 5.0, "initial": -1.0}, "initial"),
-        ({"value": 5.0, "initial": 1.0}, "initial: goes with rise_time"),
+        ({"value": 5.0, "initial": 1.0}, "initial: must be 0 without rise_time, not 1"),
     ],
 )
 def test_what_it_cannot_be_is_refused_by_name(fields, name):

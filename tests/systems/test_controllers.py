@@ -131,7 +131,7 @@ def test_an_input_that_is_not_connected_is_named():
 def test_it_stops_when_a_part_of_the_state_is_not_finite(make):
     """Not silently, and not for ever: error control would shorten its steps without end."""
     simulator, _ = wire(make(Exploding()))
-    with pytest.raises(SimulationError, match=r"controller.* other not finite") as raised:
+    with pytest.raises(SimulationError, match=r"controller.* other is no longer finite") as raised:
         simulator.AdvanceTo(1.0)
     # One step of the default integrator past it, at most.
     assert 0.1 <= raised.value.time <= 0.2
@@ -139,7 +139,10 @@ def test_it_stops_when_a_part_of_the_state_is_not_finite(make):
 
 def test_an_input_that_is_not_finite_is_named_as_the_cause():
     simulator, _ = wire(SampledController(LAW, 1e-3), v_WE_desired=[0.0, np.nan, 0.0])
-    with pytest.raises(SimulationError, match=r"multipliers not finite.*v_WE_desired"):
+    with pytest.raises(
+        SimulationError,
+        match=r"multipliers is no longer finite; neither are the inputs v_WE_desired",
+    ):
         simulator.AdvanceTo(0.01)
 
 
@@ -157,7 +160,7 @@ def test_a_law_without_derivatives_can_only_be_sampled():
         def step(self, t, x, u, period):
             return x
 
-    message = "integrator: Memoryless is no differential equation; sample it with a period"
+    message = "integrator: Memoryless is not a differential equation; give a period instead"
     with pytest.raises(InvalidInputError, match=message):
         ContinuousController(Memoryless())
     assert SampledController(Memoryless(), 1e-3).period == 1e-3
@@ -171,7 +174,7 @@ def test_a_law_without_a_step_can_only_be_integrated():
         def derivatives(self, t, x, u):
             return -x
 
-    message = "period: Flow cannot be sampled; give an integrator"
+    message = "period: Flow cannot be sampled; give an integrator instead"
     with pytest.raises(InvalidInputError, match=message):
         SampledController(Flow(), 1e-3)
     assert ContinuousController(Flow()).period is None

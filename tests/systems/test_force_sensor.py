@@ -84,7 +84,7 @@ def test_a_frozen_sensor_says_what_it_last_said():
 
 
 def test_a_dead_sensor_stops_the_run_at_its_next_sample_and_says_why():
-    with pytest.raises(SimulationError, match="dead: the force sensor says nan") as caught:
+    with pytest.raises(SimulationError, match="dead: the force sensor reads nan") as caught:
         said(name="dead", failure="nan", fails_at=0.0505)
     assert caught.value.time == pytest.approx(0.051)
 
@@ -92,7 +92,7 @@ def test_a_dead_sensor_stops_the_run_at_its_next_sample_and_says_why():
 @pytest.mark.parametrize("late", [0, 3])
 def test_a_force_that_is_no_number_stops_the_run_once_it_is_to_be_said(late):
     force = PiecewisePolynomial.ZeroOrderHold([0.0, 0.0505, 1.0], [[1.0, np.nan, np.nan]])
-    with pytest.raises(SimulationError, match="the force sensor says nan") as caught:
+    with pytest.raises(SimulationError, match="the force sensor reads nan") as caught:
         said(force=force, delay=late * PERIOD)
     assert caught.value.time == pytest.approx(0.051 + late * PERIOD)
 
@@ -110,8 +110,8 @@ def test_by_default_it_says_what_is():
         ({"delay": 1e7}, "delay: must be less than or equal to 5, not 10000000"),
         ({"low_pass": 0.0}, "low_pass"),
         ({"failure": "melted", "fails_at": 1.0}, "failure"),
-        ({"failure": "nan"}, "failure: goes with fails_at"),
-        ({"fails_at": 1.0}, "failure: goes with fails_at"),
+        ({"failure": "nan"}, "failure: must be given together with fails_at"),
+        ({"fails_at": 1.0}, "failure: must be given together with fails_at"),
     ],
 )
 def test_what_it_cannot_be_is_refused_by_name(fields, message):

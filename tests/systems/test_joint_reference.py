@@ -60,7 +60,9 @@ def test_refuses(arguments, message):
 
 
 def test_knows_no_orientation():
-    with pytest.raises(InvalidInputError, match="task: a reference"):
+    with pytest.raises(
+        InvalidInputError, match="task: may be xyz, xy for a joint reference, not 'pose'"
+    ):
         followed_path(Circle(size=0.1, period=4.0), load_arm("iiwa14"), START, 1.0, "pose")
 
 

@@ -299,7 +299,9 @@ def test_an_arm_with_joints_that_nobody_controls_is_refused():
 
 def test_a_scaled_mass_is_refused():
     arm = IIWA.replace(mass_scale=1.5)
-    with pytest.raises(InvalidInputError, match=r"arm\.mass_scale: only .* kinematic .* not 1\.5"):
+    with pytest.raises(
+        InvalidInputError, match=r"arm\.mass_scale: must be 1 at level: dynamic, not 1\.5"
+    ):
         PlantArm(arm, arm.home)
 
 

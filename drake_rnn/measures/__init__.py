@@ -2,9 +2,9 @@
 
 from .metrics import METRIC_NAMES, METRICS, TIMING_METRICS, Metric, shown_in
 from .motion import Motion, Pressing
+from .motion_metrics import ARRIVED, law_metrics, motion_metrics
 from .recorder import Recorder
 from .series import UNITS
-from .motion_metrics import ARRIVED, law_metrics, motion_metrics
 
 __all__ = [
     "ARRIVED",

@@ -16,41 +16,53 @@ import hashlib
 import json
 import sys
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
 from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
 
-from drake_rnn import InvalidInputError, SimulationError, load_experiment, shipped_experiments
-from drake_rnn import simulate as run
-
-#: Metrics that depend on the machine, different in every run.
-TIMING = {"real_time_factor", "wall_time_s", "control_step_us"}
+from drake_rnn import (
+    InvalidInputError,
+    Result,
+    SimulationError,
+    load_experiment,
+    shipped_experiments,
+    simulate,
+)
+from drake_rnn.measures import TIMING_METRICS
 
 
 def hashes(name: str, longest: float) -> dict[str, str]:
-    """Return the hash of each array and each metric of a shipped experiment, by name.
+    """Return the hash of each array and metric of a shipped experiment, by name.
 
     Args:
         name: Name of the experiment.
-        longest: Longest duration [s]; longer runs are cut to it.
+        longest: A longer run is cut to this duration [s], unless it is refused then.
     """
     try:
-        experiment = load_experiment(name)
-        if experiment.document.duration > longest:
-            experiment = load_experiment(name, {"duration": longest})
-        result = run(experiment)
-    except InvalidInputError as error:
-        return {"refused": _hash(str(error).encode())}
-    except SimulationError as error:
-        result = error.result
+        result = _result(name, longest)
+    except InvalidInputError:
+        return {"refused": "yes"}
     arrays = {"time": result.time, **result.series}
     found = {
         key: _hash(str((array.dtype, array.shape)).encode() + np.ascontiguousarray(array).tobytes())
         for key, array in arrays.items()
     }
-    metrics = {key: value for key, value in result.metrics.items() if key not in TIMING}
+    metrics = {key: value for key, value in result.metrics.items() if key not in TIMING_METRICS}
     return found | {f"metrics.{key}": float(value).hex() for key, value in metrics.items()}
+
+
+def _result(name: str, longest: float) -> Result:
+    experiment = load_experiment(name)
+    if experiment.document.duration > longest:
+        # A filter may delay its arm by more than that.
+        with suppress(InvalidInputError):
+            experiment = load_experiment(name, {"duration": longest})
+    try:
+        return simulate(experiment)
+    except SimulationError as error:
+        return error.result
 
 
 def _hash(content: bytes) -> str:

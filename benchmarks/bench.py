@@ -32,12 +32,14 @@ class Idle(SampledLaw):
 
     state = Layout()
     inputs = Layout()
-    # With any scheme, because the command is the state itself.
-    holds_command = True
 
     def __init__(self, law: Law, period: float) -> None:
         self.state = law.state
-        self.integration_scheme = law.sampled(period).integration_scheme
+        self._scheme = law.sampled(period).integration_scheme
+
+    @property
+    def integration_scheme(self):
+        return self._scheme
 
     def step(self, t, x, u, period):
         return x

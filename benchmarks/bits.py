@@ -6,7 +6,8 @@ Record in both checkouts, each with its own Python, and compare::
     python benchmarks/bits.py record after.json
     python benchmarks/bits.py compare before.json after.json
 
-The script uses only the package's public functions, so one copy serves both checkouts.
+The script goes with the package's functions: across a change of these, each checkout runs its own.
+Runs are cut to 2 s unless ``--longest`` says otherwise; what happens later is not compared then.
 """
 
 from __future__ import annotations
@@ -90,6 +91,7 @@ def compare(before: Path, after: Path) -> int:
             print(f"{name}: {', '.join(changed)}")
     for name in sorted(old.keys() ^ new.keys()):
         print(f"{name}: only in {'the first' if name in old else 'the second'} record")
+        differing += 1
     print(f"{len(old.keys() & new.keys())} experiments compared, {differing} differ")
     return differing
 

@@ -138,7 +138,7 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
         told, forces = _offer_contact(wiring, body, body.contact, controller.period, given, seed)
         offered |= told
     offered |= given
-    _require_ahead(controller, reference, offered)
+    _require_ahead(controller, offered)
     _require_offered(controller, offered)
     _require_task(controller, seen.kinematics, task, offered)
     for name in controller.reading.inputs.parts:
@@ -159,7 +159,8 @@ def _check(
     require_type("filter", filter, MovingAverage, NoneType)
     _require_joints(controller, body)
     body.check_loop(controller.period, feedback)
-    body.check_task(len(named_task(task).axes))
+    named_task(task)
+    body.check_task(task)
     check_filter(filter is not None, feedback, dither)
     _require_same_period(controller, filter)
 
@@ -332,24 +333,22 @@ def _require_same_period(controller: Controller, filter: MovingAverage | None) -
         )
 
 
-def _require_ahead(
-    controller: Controller, reference: System | None, offered: Mapping[str, OutputPort]
-) -> None:
+def _require_ahead(controller: Controller, offered: Mapping[str, OutputPort]) -> None:
     """Raise an InvalidInputError if a preview shows another time than the law plans for."""
-    inputs, period = controller.reading.inputs, controller.period
-    if "p_preview" in inputs and isinstance(reference, PathSource) and period is not None:
-        ahead = reference.preview
-        if ahead is not None and ahead != period:
+    period = controller.period
+    if "p_preview" in controller.reading.inputs and "p_preview" in offered:
+        source = offered["p_preview"].get_system()
+        if isinstance(source, PathSource) and period is not None and source.preview != period:
             raise InvalidInputError(
-                f"preview: must be the controller's period, {period}, not {ahead}"
+                f"preview: must be the controller's period, {period}, not {source.preview}"
             )
     asked = controller.law.joint_preview
     if asked is None or "position_preview" not in offered:
         return
-    source = offered["position_preview"].get_system()
-    if isinstance(source, JointReference) and source.interval != asked.interval:
+    ahead = offered["position_preview"].get_system()
+    if isinstance(ahead, JointReference) and ahead.interval != asked.interval:
         raise InvalidInputError(
-            f"interval: must be the law's, {asked.interval}, not {source.interval}"
+            f"interval: must be the law's, {asked.interval}, not {ahead.interval}"
         )
 
 

@@ -27,7 +27,9 @@ from .laws import (
     LAWS,
     Circumstances,
     ContinuousLaw,
+    ContinuousReading,
     JointDriftFree,
+    JointPreview,
     Law,
     Layout,
     MotionForce,
@@ -37,6 +39,8 @@ from .laws import (
     RecedingHorizon,
     Recursive,
     SampledLaw,
+    SampledReading,
+    Signals,
     SimultaneousLearning,
     StateAdjustment,
 )
@@ -68,6 +72,8 @@ from .runs import Result, build_diagram, check_experiment, simulate
 from .runs.fastest import Fastest, fastest
 from .runs.sweep import sweep
 from .systems import (
+    BODIES,
+    Body,
     Contact,
     ContinuousController,
     Dither,
@@ -89,6 +95,7 @@ from .systems import (
 __version__ = version("drake-rnn")
 
 __all__ = [
+    "BODIES",
     "ENVIRONMENTS",
     "LAWS",
     "METRICS",
@@ -97,6 +104,7 @@ __all__ = [
     "Arm",
     "ArmDescription",
     "ArmKinematics",
+    "Body",
     "Cat",
     "Circle",
     "Circumstances",
@@ -106,6 +114,7 @@ __all__ = [
     "ContactModel",
     "ContinuousController",
     "ContinuousLaw",
+    "ContinuousReading",
     "Deltoid",
     "Dither",
     "DitherSettings",
@@ -123,6 +132,7 @@ __all__ = [
     "InvalidInputError",
     "JointDriftFree",
     "JointLimits",
+    "JointPreview",
     "JointReference",
     "Kinematics",
     "Law",
@@ -152,8 +162,10 @@ __all__ = [
     "Result",
     "SampledController",
     "SampledLaw",
+    "SampledReading",
     "SelfMotion",
     "SensorSettings",
+    "Signals",
     "SimulationError",
     "SimultaneousLearning",
     "Square",

@@ -34,6 +34,8 @@ RADIUS = 0.3
 class Dome(ContactModel):
     """A rigid ball with its top below the tool at the start."""
 
+    is_plane = False
+
     def add_to(self, plant: MultibodyPlant, p_WS: np.ndarray) -> None:
         properties = ProximityProperties()
         AddRigidHydroelasticProperties(0.02, properties)

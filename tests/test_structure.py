@@ -82,6 +82,7 @@ def test_only_laws_know_single_laws():
         for name, tree in outside.items()
         for node in ast.walk(tree)
         if (isinstance(node, ast.Name) and node.id in classes)
+        or (isinstance(node, ast.Attribute) and node.attr in classes)
         or (isinstance(node, ast.alias) and node.name in classes)
         or (isinstance(node, ast.Constant) and node.value in kinds)
     ]

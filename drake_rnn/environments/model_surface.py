@@ -27,6 +27,9 @@ class ModelSurface(ContactModel):
         offset: Offset of the model's origin, in the base frame, shape (3,) [m].
     """
 
+    # Its file may hold any shape.
+    is_plane = False
+
     kind: Literal["model"] = "model"
     model: str
     rotation: Point = Field(default_factory=zeros)

@@ -48,6 +48,11 @@ class Plate(ContactModel):
                 "use gap for that"
             )
 
+    def overhang(self, points: Array, p_WS: Array) -> float:
+        """See `Surface.overhang`."""
+        inside = self.pose(p_WS).inverse().multiply(points.T)
+        return max(0.0, float(np.abs(inside[:2]).max()) - self.size / 2.0)
+
     def pose(self, p_WS: Array) -> RigidTransform:
         """Return the pose of the plate's centre in the base frame, z along the normal.
 

@@ -29,6 +29,9 @@ class Surface:
     gap: Finite = 0.0
     believed_normal: Point | None = None
 
+    #: Whether it is a plane, on which a path must lie.
+    is_plane = True
+
     def __post_init__(self) -> None:
         for name, vector in (("normal", self.normal), ("believed_normal", self.believed_normal)):
             if vector is not None and not np.linalg.norm(vector) > 0.0:
@@ -51,3 +54,12 @@ class Surface:
         if self.believed_normal is None:
             return self.normal_W
         return np.asarray(self.believed_normal / np.linalg.norm(self.believed_normal))
+
+    def overhang(self, points: Array, p_WS: Array) -> float:
+        """Return how far ``points`` lie beyond its edges [m]; 0 for a surface without edges.
+
+        Args:
+            points: Points in the base frame, shape (k, 3) [m].
+            p_WS: Point of the surface below the tool at the start, shape (3,) [m].
+        """
+        return 0.0

@@ -2,8 +2,8 @@
 
 from .document import Acceptance, ExperimentDocument, IntegratorSettings
 from .experiment import OUTSIDE, Experiment, make_experiment
+from .files import load_experiment, parse_change, read_document, shipped_experiments
 from .reach import Reach, check_reach, follow
-from .reading import load_experiment, parse_change, read_document, shipped_experiments
 
 __all__ = [
     "OUTSIDE",

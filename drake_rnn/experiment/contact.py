@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..environments import ENVIRONMENTS, ContactModel, ModelSurface, Plate, Surface
+from ..environments import ENVIRONMENTS, ContactModel, Surface
 from ..errors import InvalidInputError
 from ..inputs.documents import construct, kind_of, without_kind
 from ..inputs.fields import Array
@@ -60,8 +60,8 @@ def make_contact(
 
 def _require_along(surface: Surface, path: Path) -> None:
     """Raise an InvalidInputError for a path off the plane, which would be ignored silently."""
-    if isinstance(surface, ModelSurface):
-        return  # a model need not be plane
+    if not surface.is_plane:
+        return
     extent = float(np.ptp(path.sample(100) @ surface.normal_W))
     if extent > _OFF:
         raise InvalidInputError(
@@ -80,10 +80,7 @@ def _doubts(contact: Contact, path: Path, arm: Arm, start: Array) -> list[str]:
             f"environment.gap: the tool starts {-surface.gap:.3g} m inside the surface, which "
             "pushes it out at once"
         )
-    if isinstance(surface, Plate):
-        origin = path.start_point(p_WS)
-        points = surface.pose(p_WS).inverse().multiply((origin + path.sample(200)).T)
-        beyond = float(np.abs(points[:2]).max()) - surface.size / 2.0
-        if beyond > 0.0:
-            doubts.append(f"path: extends {beyond:.3g} m beyond the plate's edges")
+    beyond = surface.overhang(path.start_point(p_WS) + path.sample(200), p_WS)
+    if beyond > 0.0:
+        doubts.append(f"path: extends {beyond:.3g} m beyond the edges of the surface")
     return doubts

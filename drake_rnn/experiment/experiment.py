@@ -29,21 +29,18 @@ from .target import reachable_target
 OUTSIDE = 0.1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Experiment:
     """The objects that an experiment consists of.
 
     Attributes:
         document: The document as it was written.
         arm: The arm, with the limits of the experiment.
-        limits: Limits of the joints in this experiment.
         law: The law.
         path: The path, relative to ``p_WE_start``.
         start: Start posture, shape (n,) [rad].
         p_WE_start: Position of the end effector at the start, shape (3,) [m].
         R_WE_start: Orientation of the end effector at the start, shape (3, 3).
-        target: Target posture of the law, shape (n,) [rad]; None without one.
-        holds_orientation: Whether the end effector is to keep the orientation of the start.
         contact: Contact of the tool with a surface; None without one.
         feedback: Arm that the law sees.
         path_delay: Delay with which the arm follows the path [s].
@@ -52,14 +49,11 @@ class Experiment:
 
     document: ExperimentDocument
     arm: Arm
-    limits: JointLimits
     law: Law
     path: Path
     start: Array
     p_WE_start: Array
     R_WE_start: Array
-    target: Array | None
-    holds_orientation: bool
     contact: Contact | None
     feedback: Feedback
     path_delay: float
@@ -69,6 +63,21 @@ class Experiment:
     def name(self) -> str:
         """Name of the experiment."""
         return self.document.name
+
+    @property
+    def limits(self) -> JointLimits:
+        """Joint limits of the experiment, those of its arm."""
+        return self.arm.limits
+
+    @property
+    def target(self) -> Array | None:
+        """Target posture of the law, shape (n,) [rad]; None without one."""
+        return self.law.target if isinstance(self.law, PostureLaw) else None
+
+    @property
+    def holds_orientation(self) -> bool:
+        """Whether the end effector is to keep its orientation at the start."""
+        return self.task.with_orientation or "R_WE_desired" in self.law.inputs
 
     @property
     def task(self) -> Task:
@@ -93,6 +102,7 @@ def make_experiment(document: Mapping[str, Any] | ExperimentDocument) -> Experim
     if not isinstance(document, ExperimentDocument):
         document = construct(ExperimentDocument, document, "")
     feedback = _feedback(document)
+    _require_plant(document)
     published = _arm(document.arm)
     limits = _limits(published, document.limits)
     arm = published.with_limits(limits)
@@ -103,52 +113,52 @@ def make_experiment(document: Mapping[str, Any] | ExperimentDocument) -> Experim
     warnings = [*_widened(published, limits), *_outside(arm, start)]
     delay = filter_delay(document, feedback, limits, law)
     warnings += loop_delay_doubts(document, law, delay.loop)
-    circumstances = Circumstances(
-        loop_delay=delay.loop,
-        reference_is_delayed=delay.path > 0.0,
-        pressing_force=None if document.force is None else document.force.value,
-    )
-    warnings += law.doubts(circumstances)
-    target = None
     if isinstance(law, PostureLaw):
         target, changes = reachable_target(document, arm, start, law.target)
         law = replace(law, target=target)
         warnings += changes
     contact, doubts = make_contact(document, law, path, arm, start)
+    circumstances = Circumstances(
+        loop_delay=delay.loop,
+        reference_is_delayed=delay.path > 0.0,
+        pressing_force=None if contact is None else contact.force.value,
+    )
     kinematics = arm.kinematics()
     return Experiment(
         document=document,
         arm=arm,
-        limits=limits,
         law=law,
         path=path,
         start=start,
         p_WE_start=kinematics.p_WE(start),
         R_WE_start=kinematics.R_WE(start),
-        target=target,
-        holds_orientation=named_task(document.task).with_orientation
-        or "R_WE_desired" in law.inputs,
         contact=contact,
         feedback=feedback,
         path_delay=delay.path,
-        warnings=(*warnings, *doubts),
+        warnings=(*warnings, *law.doubts(circumstances), *doubts),
     )
 
 
 def _feedback(document: ExperimentDocument) -> Feedback:
-    """Return the arm that the law sees, and check it and ``plant`` against the level."""
+    """Return the arm that the law sees, checked against the level."""
     body = BODIES[document.level]
     feedback = body.default_feedback if document.feedback is None else document.feedback
     body.check_loop(document.period, feedback)
+    return feedback
+
+
+def _require_plant(document: ExperimentDocument) -> None:
+    """Raise an InvalidInputError if the level has no plant, or the plant is too slow."""
     settings, period = document.plant, document.period
-    if settings is not None and not body.has_motors:
+    if settings is None:
+        return
+    if not BODIES[document.level].has_motors:
         raise InvalidInputError("plant: only at level: dynamic")
-    if settings is not None and period is not None and settings.time_step > period:
+    if period is not None and settings.time_step > period:
         raise InvalidInputError(
             f"plant.time_step: may be at most the controller's period, {period:g} s, "
             f"not {settings.time_step:g}"
         )
-    return feedback
 
 
 def _path(document: ExperimentDocument, seeks_posture: bool) -> Path:

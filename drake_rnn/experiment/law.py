@@ -63,7 +63,7 @@ def _require_size(task: str, kind: Any) -> None:
     if "task_size" not in field_names(kind):
         return
     sizes = get_args(kind.__pydantic_fields__["task_size"].annotation)
-    if TASKS[task].size not in sizes:
+    if sizes and TASKS[task].size not in sizes:
         able = ", ".join(name for name, known in TASKS.items() if known.size in sizes)
         raise InvalidInputError(f"task: may be {able} for this law, not {task}")
 

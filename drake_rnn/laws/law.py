@@ -66,10 +66,6 @@ class Reading(ABC):
     controller.
     """
 
-    #: Name of the Drake scheme that integrates the command over a sample exactly in one step:
-    #: Euler's for a velocity that is held, one of higher order for a command that varies with time.
-    integration_scheme = "explicit_euler"
-
     @property
     @abstractmethod
     def state(self) -> Layout:
@@ -87,8 +83,19 @@ class Reading(ABC):
 
     @property
     def holds_command(self) -> bool:
-        """Whether the command depends on the state alone, and not on time as well."""
-        return self.integration_scheme == "explicit_euler"
+        """Whether the command depends on the state alone, and not on time as well.
+
+        A reading that overrides `commanded_velocity` does so to let the command vary with time.
+        """
+        return type(self).commanded_velocity is Reading.commanded_velocity
+
+    @property
+    def integration_scheme(self) -> str:
+        """Name of the Drake scheme that integrates the command over a sample exactly in one step.
+
+        By default Euler's for a velocity that is held, and Heun's, exact for a ramp, otherwise.
+        """
+        return "explicit_euler" if self.holds_command else "runge_kutta2"
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
         """Return the initial state, shape (state.size,); zero by default.

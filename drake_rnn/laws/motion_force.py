@@ -308,7 +308,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
         return told
 
     def doubts(self, circumstances: Circumstances) -> list[str]:
-        """Return no warnings.
+        """Return no warnings: there is only something to check.
 
         Raises:
             InvalidInputError: If the pressing force is not above ``contact_loss.floor`` and would

@@ -37,8 +37,8 @@ def evaluate(
     observed = observed_signals(experiment, seen, recorder.series("state"), reading)
     metrics = _metrics(experiment, motion, seen, observed)
     at = _samples(motion.time, experiment.document.log_period)
-    series = _series(motion, at) | _felt(motion, recorder, at)
-    series |= _remembered(recorder.series("state")[at], reading)
+    series = _series(motion, at) | _contact_series(motion, recorder, at)
+    series |= _state_series(recorder.series("state")[at], reading)
     return Result(
         experiment=experiment,
         time=motion.time[at],
@@ -98,7 +98,7 @@ def _series(motion: Motion, at: NDArray[np.intp]) -> dict[str, Array]:
     return series
 
 
-def _felt(motion: Motion, recorder: Recorder, at: NDArray[np.intp]) -> dict[str, Array]:
+def _contact_series(motion: Motion, recorder: Recorder, at: NDArray[np.intp]) -> dict[str, Array]:
     """Return the series of a target posture, an orientation to hold and a contact, if any."""
     series = {}
     if motion.target is not None:
@@ -113,7 +113,7 @@ def _felt(motion: Motion, recorder: Recorder, at: NDArray[np.intp]) -> dict[str,
     return series
 
 
-def _remembered(states: Array, reading: Reading) -> dict[str, Array]:
+def _state_series(states: Array, reading: Reading) -> dict[str, Array]:
     """Return the parts of the law's state, except its velocity, which has its own series."""
     names = [name for name in reading.state.parts if name != "v"]
     return {name: reading.state.part(states, name) for name in names}

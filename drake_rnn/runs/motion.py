@@ -32,7 +32,11 @@ def observed_signals(
         "p_WE_desired": motion.p_WE_desired,
         "v_WE_desired": motion.v_WE_desired,
         "J": motion.J,
+        "velocity": motion.velocity,
+        "v_WE": motion.v_WE,
     }
+    if motion.pressing is not None:
+        u["normal_force_desired"] = motion.pressing.desired[:, np.newaxis]
     u |= _further(experiment, motion, [name for name in reading.inputs.parts if name not in u])
     return reading.diagnostics(motion.time, states, u)
 

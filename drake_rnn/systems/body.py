@@ -13,6 +13,7 @@ from ..errors import InvalidInputError
 from ..inputs.complaints import require_type
 from ..inputs.fields import Array
 from ..robot.arm import Arm
+from ..robot.task import TASKS, named_task
 from .contact import Contact
 from .plant import PlantSettings
 
@@ -90,8 +91,15 @@ class Body(Diagram):
         """Time for which the joint velocity is held [s]; None if it is the commanded one."""
         return None
 
-    def check_task(self, size: int) -> None:
-        """Raise an InvalidInputError if a task with ``size`` position axes is not possible."""
+    def check_task(self, task: str) -> None:
+        """Raise an InvalidInputError if the body has a contact and the task is planar.
+
+        Args:
+            task: Key of `drake_rnn.robot.task.TASKS`.
+        """
+        if self.contact is not None and len(named_task(task).axes) != 3:
+            able = ", ".join(name for name, known in TASKS.items() if len(known.axes) == 3)
+            raise InvalidInputError(f"task: may be {able} with a contact, not {task}")
 
     @classmethod
     def check_loop(cls, period: float | None, feedback: Feedback) -> None:

@@ -60,11 +60,6 @@ class IdealArm(Body):
                 builder.ExportOutput(spring.get_output_port(), name)
         builder.BuildInto(self)
 
-    def check_task(self, size: int) -> None:
-        """Raise an InvalidInputError for a contact and fewer than 3 position axes, ``size``."""
-        if self.contact is not None and size != 3:
-            raise InvalidInputError("task: must be xyz or pose with a contact, not xy")
-
     @classmethod
     def check_loop(cls, period: float | None, feedback: Feedback) -> None:
         """Raise an InvalidInputError if ``feedback`` is measured: nothing is measured here."""

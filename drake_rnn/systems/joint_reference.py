@@ -12,7 +12,6 @@ from pydrake.systems.framework import Context, LeafSystem
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..laws.parts.damped_inverse import damped_joint_velocity
-from ..laws.parts.sampling_rate import check_sampling_rate
 from ..paths import Path
 from ..robot.arm import Arm
 from ..robot.task import named_task
@@ -95,7 +94,8 @@ def followed_path(
     followed = named_task(task)
     if followed.with_orientation:
         raise InvalidInputError(f"task: may be xyz, xy for a joint reference, not {task!r}")
-    check_sampling_rate(step, {"feedback": _FEEDBACK})
+    if step * _FEEDBACK >= 1.0:
+        raise InvalidInputError(f"step: must be below {1.0 / _FEEDBACK:g} s, not {step:g}")
     kinematics = arm.kinematics()
     q = np.array(start, dtype=float)
     origin = path.start_point(kinematics.p_WE(q))

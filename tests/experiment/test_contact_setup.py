@@ -109,10 +109,12 @@ def test_a_frame_without_a_tool_is_refused_when_it_is_read():
 
 
 def test_a_path_over_the_edge_is_told_with_how_far():
-    assert check_reach(load("contact_edge")) == ["path: extends 0.03 m beyond the plate's edges"]
+    assert check_reach(load("contact_edge")) == [
+        "path: extends 0.03 m beyond the edges of the surface"
+    ]
     assert check_reach(load("contact_circle")) == []
     (told,) = check_reach(load("contact_circle", environment__offset=[1.0, 0.0, 0.0]))
-    assert "beyond the plate's edges" in told
+    assert "beyond the edges of the surface" in told
 
 
 def test_a_tool_that_starts_inside_the_plate_is_told():

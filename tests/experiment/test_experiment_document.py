@@ -136,7 +136,7 @@ def test_feedback_is_the_bodys_own_unless_it_is_given(name, body, feedback):
     assert make_experiment(written(name, feedback=feedback)).feedback == feedback
 
 
-def test_feedback_that_is_contentsstands_at_the_dynamic_level():
+def test_feedback_that_is_given_stands_at_the_dynamic_level():
     experiment = make_experiment(written(DYNAMIC, feedback="commanded"))
     assert experiment.feedback == "commanded"
     assert experiment.document.contents()["feedback"] == "commanded"

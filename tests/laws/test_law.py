@@ -12,7 +12,10 @@ from drake_rnn import (
     Law,
     Layout,
     Recursive,
+    SampledController,
     SampledLaw,
+    make_experiment,
+    validated,
 )
 from drake_rnn.laws import ContinuousReading, SampledReading
 
@@ -85,13 +88,6 @@ def test_its_defaults():
     assert law.doubts(Circumstances()) == law.caveats({"saturated_fraction": 1.0}) == []
 
 
-def test_a_command_of_another_order_is_not_held():
-    class Ramps(Steps):
-        integration_scheme = "runge_kutta2"
-
-    assert not Ramps().holds_command
-
-
 @pytest.mark.parametrize("base", [Law, SampledLaw, ContinuousLaw])
 def test_a_law_that_lacks_what_makes_it_one_cannot_be_made(base):
     class Nothing(base):
@@ -118,3 +114,47 @@ def test_levels_are_derivatives_in_the_printed_network_alone(reading, fields):
         limits=limits, gains=gains, reading=reading, **{name: 0.1 * gains for name in fields}
     )
     assert law.levels_are_derivatives == (reading == "printed")
+
+
+def test_a_command_that_varies_with_time_is_not_held_and_moves_the_arm():
+    """No law has to say so: its own ``commanded_velocity`` does."""
+
+    class Accelerates(Steps):
+        def commanded_velocity(self, t, x):
+            return np.full(N, 0.1 * t)
+
+    law = Accelerates()
+    assert not law.holds_command
+    assert law.integration_scheme == "runge_kutta2"
+    controller = SampledController(law, 1.0)
+    context = controller.CreateDefaultContext()
+    controller.set_state(context, np.zeros(law.state.size))
+    port, seen = controller.GetOutputPort("commanded_velocity"), []
+    for t in (0.0, 0.5):
+        context.SetTime(t)
+        seen.append(port.Eval(context)[0])
+    assert seen == [0.0, 0.05]
+
+
+def test_a_law_may_take_a_task_of_any_size(monkeypatch):
+    @validated
+    class AnySize(SampledLaw):
+        limits: JointLimits
+        task_size: int = 3
+
+        @property
+        def state(self):
+            return Layout(v=(self.limits.size,))
+
+        @property
+        def inputs(self):
+            return Layout(p_WE=(self.task_size,))
+
+        def step(self, t, x, u, period):
+            return x
+
+    monkeypatch.setitem(LAWS, "any_size", AnySize)
+    document = {"arm": "planar6", "path": {"kind": "rest"}, "period": 1e-3, "duration": 1}
+    for task, size in (("xyz", 3), ("xy", 2)):
+        made = make_experiment({**document, "task": task, "law": {"kind": "any_size"}})
+        assert made.law.task_size == size

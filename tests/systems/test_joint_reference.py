@@ -68,5 +68,5 @@ def test_knows_no_orientation():
 
 def test_a_step_at_which_the_feedback_would_overshoot_is_refused():
     circle = Circle(size=0.1, period=4.0)
-    with pytest.raises(InvalidInputError, match=r"must be below 0\.1 s"):
+    with pytest.raises(InvalidInputError, match=r"step: must be below 0\.1 s, not 0\.1"):
         followed_path(circle, load_arm("iiwa14"), START, 1.0, step=0.1)

@@ -357,3 +357,9 @@ def test_it_starts_at_home_unless_it_is_told_another_posture():
 def test_settings_that_cannot_be_are_refused_by_name(fields, message):
     with pytest.raises(InvalidInputError, match=message):
         PlantSettings(**fields)
+
+
+def test_with_a_contact_all_three_axes_of_the_position_are_asked_for():
+    body = PlantArm(load_arm("iiwa14").replace(frame="tip"), contact=Contact(Plate(), FORCE))
+    with pytest.raises(InvalidInputError, match="task: may be xyz, pose with a contact, not xy"):
+        body.check_task("xy")

@@ -87,9 +87,6 @@ class TwoStep(SampledReading):
         law: The law to run.
     """
 
-    # Heun's method integrates a ramp of the velocity exactly.
-    integration_scheme = "runge_kutta2"
-
     def __init__(self, law: AccelerationLaw) -> None:
         self.law = law
 

@@ -12,7 +12,7 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import Adder, Integrator, MatrixGain
 
 from ..errors import InvalidInputError
-from ..inputs.complaints import require_type
+from ..inputs.complaints import nearest, require_type
 from ..inputs.dataclass_fields import field_names
 from ..robot.task import TASKS, named_task
 from ..systems.body import Body, Feedback
@@ -106,7 +106,7 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
     require_type("body", body, Body)
     feedback = body.default_feedback if feedback is None else feedback
     _check(body, controller, task, dither, filter, feedback)
-    given = dict(signals or {})
+    given = _given(signals, controller)
     wiring = Wiring(builder, prefix)
     wiring.add("controller", controller)
     # The law sees the arm itself, or a virtual arm ahead of the filter.
@@ -161,8 +161,25 @@ def _check(
     body.check_loop(controller.period, feedback)
     named_task(task)
     body.check_task(task)
+    body.check_period(controller.period)
     check_filter(filter is not None, feedback, dither)
     _require_same_period(controller, filter)
+
+
+# What the loop itself sees of a contact, beside the law.
+_OF_THE_CONTACT = ("normal_WE", "normal_force")
+
+
+def _given(signals: Mapping[str, OutputPort] | None, controller: Controller) -> Ports:
+    """Return the signals in place of those offered; ones that nothing asks for are refused."""
+    given = dict(signals or {})
+    asked = [*controller.reading.inputs.parts, *_OF_THE_CONTACT]
+    for name in given:
+        if name not in asked:
+            raise InvalidInputError(
+                f"signals.{name}: nothing in this loop asks for it; {nearest(name, asked)}"
+            )
+    return given
 
 
 class _Moved(NamedTuple):

@@ -31,8 +31,21 @@ class Wiring:
         self.systems: dict[str, System] = {}
 
     def add(self, name: str, system: S) -> S:
-        """Add a system and return it."""
-        self._builder.AddNamedSystem(self._prefix + name, system)
+        """Add a system and return it.
+
+        Raises:
+            InvalidInputError: If the diagram has it already, or another one of this name.
+        """
+        # Drake would end the process over either.
+        if any(system is known for known in self._builder.GetSystems()):
+            raise InvalidInputError(f"{name}: is in this diagram already; make another one")
+        full = self._prefix + name
+        if self._builder.HasSubsystemNamed(full):
+            raise InvalidInputError(
+                f"prefix: there is a system {full!r} in this diagram already; give each loop a "
+                f"prefix of its own, not {self._prefix!r}"
+            )
+        self._builder.AddNamedSystem(full, system)
         self.systems[name] = system
         return system
 

@@ -22,7 +22,7 @@ from .experiment import (
     shipped_experiments,
 )
 from .figures import write_figures
-from .inputs.fields import Finite, NonNegative, Positive, Vector, validated
+from .inputs.fields import Array, Finite, NonNegative, Positive, Vector, validated
 from .laws import (
     LAWS,
     Circumstances,
@@ -68,6 +68,7 @@ from .robot.arm import Arm, ArmDescription, load_arm, shipped_arms
 from .robot.kinematics import ArmKinematics
 from .robot.limits import JointLimits
 from .robot.self_motion import SelfMotion
+from .robot.task import TASKS
 from .runs import Result, build_diagram, check_experiment, simulate
 from .runs.fastest import Fastest, fastest
 from .runs.sweep import sweep
@@ -76,9 +77,11 @@ from .systems import (
     Body,
     Contact,
     ContinuousController,
+    Controller,
     Dither,
     DitherSettings,
     Dynamics,
+    Feedback,
     FilterSettings,
     ForceProfile,
     IdealArm,
@@ -100,10 +103,12 @@ __all__ = [
     "LAWS",
     "METRICS",
     "PATHS",
+    "TASKS",
     "AddLoop",
     "Arm",
     "ArmDescription",
     "ArmKinematics",
+    "Array",
     "Body",
     "Cat",
     "Circle",
@@ -115,6 +120,7 @@ __all__ = [
     "ContinuousController",
     "ContinuousLaw",
     "ContinuousReading",
+    "Controller",
     "Deltoid",
     "Dither",
     "DitherSettings",
@@ -124,6 +130,7 @@ __all__ = [
     "Experiment",
     "ExperimentDocument",
     "Fastest",
+    "Feedback",
     "FilterSettings",
     "Finite",
     "ForceProfile",

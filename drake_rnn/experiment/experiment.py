@@ -18,7 +18,7 @@ from ..paths import PATHS, Path, Rest
 from ..robot.arm import Arm, load_arm
 from ..robot.limits import JointLimits
 from ..robot.task import Task, named_task
-from ..systems import BODIES, Body, Contact, Feedback, start_posture
+from ..systems import BODIES, Body, Contact, Feedback, PlantSettings, start_posture
 from .contact import make_contact
 from .document import ExperimentDocument
 from .filter import filter_delay, loop_delay_doubts
@@ -149,16 +149,10 @@ def _feedback(document: ExperimentDocument) -> Feedback:
 
 def _require_plant(document: ExperimentDocument) -> None:
     """Raise an InvalidInputError if the level has no plant, or the plant is too slow."""
-    settings, period = document.plant, document.period
-    if settings is None:
-        return
-    if not BODIES[document.level].has_motors:
+    if BODIES[document.level].has_motors:
+        (document.plant or PlantSettings()).check_period(document.period)
+    elif document.plant is not None:
         raise InvalidInputError("plant: only at level: dynamic")
-    if period is not None and settings.time_step > period:
-        raise InvalidInputError(
-            f"plant.time_step: may be at most the controller's period, {period:g} s, "
-            f"not {settings.time_step:g}"
-        )
 
 
 def _path(document: ExperimentDocument, seeks_posture: bool) -> Path:

@@ -96,7 +96,7 @@ def _require_that_it_scales(experiment: Experiment) -> None:
         able = ", ".join(kind for kind, law in LAWS.items() if law.stays_on_path)
         raise InvalidInputError(
             f"law.kind: may be {able} for stretching a path in time, not "
-            f"{experiment.document.law['kind']}, which keeps its bounds by leaving the path"
+            f"{experiment.document.law['kind']}: its class does not say that it stays_on_path"
         )
     if experiment.document.filter is not None:
         raise InvalidInputError(

@@ -91,6 +91,13 @@ class Body(Diagram):
         """Time for which the joint velocity is held [s]; None if it is the commanded one."""
         return None
 
+    def check_period(self, period: float | None) -> None:
+        """Raise an InvalidInputError if the body moves in steps longer than the controller's.
+
+        Args:
+            period: Sampling period of the controller [s]; None if Drake integrates it.
+        """
+
     def check_task(self, task: str) -> None:
         """Raise an InvalidInputError if the body has a contact and the task is planar.
 

@@ -154,9 +154,9 @@ class SampledController(Controller):
     period: float
 
     def __init__(self, law: Law, period: float, seed: int = 0) -> None:
+        require_type("law", law, Law)
         if not (period > 0 and isfinite(period)):
             raise InvalidInputError(f"period: must be positive, not {period}")
-        require_type("law", law, Law)
         reading = law.sampled(period)
         super().__init__(law, reading, seed)
         self.period = period

@@ -49,6 +49,18 @@ class PlantSettings:
     damping: NonNegative = 60.0
     reflected_inertia: NonNegative = 0.0
 
+    def check_period(self, period: float | None) -> None:
+        """Raise an InvalidInputError if the time step is longer than the controller's period.
+
+        Args:
+            period: Sampling period of the controller [s]; None if Drake integrates it.
+        """
+        if period is not None and self.time_step > period:
+            raise InvalidInputError(
+                f"plant.time_step: may be at most the controller's period, {period:g} s, "
+                f"not {self.time_step:g}"
+            )
+
 
 class AddedPlant(NamedTuple):
     """Parts added by `add_plant`; ``tool`` is None without a contact."""

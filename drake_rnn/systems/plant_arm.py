@@ -93,6 +93,10 @@ class PlantArm(Body):
         """Time step of the plant [s]."""
         return self.settings.time_step
 
+    def check_period(self, period: float | None) -> None:
+        """See `Body.check_period`."""
+        self.settings.check_period(period)
+
     @classmethod
     def check_loop(cls, period: float | None, feedback: Feedback) -> None:
         """Raise an InvalidInputError if the controller is not sampled."""

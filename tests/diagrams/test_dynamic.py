@@ -213,3 +213,11 @@ def test_unfiltered_feedback_needs_a_filter():
 def test_an_argument_of_another_class_is_refused_by_name(name, value, message):
     with pytest.raises(InvalidInputError, match=message):
         Run(known(), body={name: value})
+
+
+def test_a_plant_slower_than_its_controller_is_refused():
+    builder, path = DiagramBuilder(), PathSource(Rest(), PANDA.kinematics().p_WE(PANDA.home))
+    builder.AddNamedSystem("path", path)
+    body = PlantArm(PANDA, settings=PlantSettings(time_step=1e-2))
+    with pytest.raises(InvalidInputError, match=r"plant\.time_step: .* 0\.001 s, not 0\.01"):
+        AddLoop(builder, body, SampledController(known(), 1e-3), path)

@@ -381,3 +381,25 @@ def test_a_law_that_sees_ahead_must_see_one_period_ahead(preview):
 def test_a_preview_that_is_no_time_is_refused(preview):
     with pytest.raises(InvalidInputError, match="preview: must be a time of 0 or more"):
         PathSource(Circle(size=0.05, period=4.0), np.zeros(3), preview=preview)
+
+
+def test_a_signal_that_nothing_asks_for_is_refused():
+    builder = DiagramBuilder()
+    path = PathSource(Circle(size=0.05, period=4.0), PANDA.kinematics().p_WE(PANDA.home))
+    builder.AddNamedSystem("path", path)
+    signals = {"p_WE_desird": path.GetOutputPort("p_WE_desired")}
+    controller = SampledController(law(), 1e-3)
+    with pytest.raises(InvalidInputError, match=r"signals\.p_WE_desird: .* nearest: p_WE_desired"):
+        AddLoop(builder, IdealArm(PANDA), controller, path, signals=signals)
+
+
+def test_a_second_loop_needs_systems_and_names_of_its_own():
+    builder = DiagramBuilder()
+    path = PathSource(Circle(size=0.05, period=4.0), PANDA.kinematics().p_WE(PANDA.home))
+    builder.AddNamedSystem("path", path)
+    body = IdealArm(PANDA)
+    AddLoop(builder, body, SampledController(law(), 1e-3), path)
+    with pytest.raises(InvalidInputError, match="prefix: there is a system 'controller'"):
+        AddLoop(builder, IdealArm(PANDA), SampledController(law(), 1e-3), path)
+    with pytest.raises(InvalidInputError, match="arm: is in this diagram already"):
+        AddLoop(builder, body, SampledController(law(), 1e-3), path, prefix="other_")

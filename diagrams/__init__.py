@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from .loop import AddLoop, Loop, check_filter
+from .checks import check_filter
+from .loop import AddLoop, Loop
 
 #: Folder of the shipped experiments: one folder per kind of law, one YAML file per experiment.
 EXPERIMENTS = Path(__file__).parent / "experiments"

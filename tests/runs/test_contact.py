@@ -147,8 +147,8 @@ def test_a_sensor_that_breaks_stops_a_law_that_does_not_look_at_it():
 @pytest.mark.parametrize("task", ["xy", "pose"])
 @pytest.mark.parametrize("surface", [ElasticSurface(stiffness=100.0), Plate()])
 def test_a_law_that_presses_names_the_task_it_is_for(surface, task):
-    may_be = "xyz" if task == "pose" or isinstance(surface, Plate) else "xyz or pose"
-    with pytest.raises(InvalidInputError, match=f"task: m.* be {may_be} .*not {task}$"):
+    may_be = "xyz for this MotionForce" if task == "pose" else "xyz, pose with a contact"
+    with pytest.raises(InvalidInputError, match=f"task: may be {may_be}.*, not {task}$"):
         Pressing(surface, task=task)
 
 

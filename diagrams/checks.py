@@ -1,0 +1,174 @@
+"""What a loop refuses, before anything of it is connected or run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import NoneType
+
+from pydrake.systems.framework import OutputPort
+
+from ..errors import InvalidInputError
+from ..inputs.complaints import nearest, require_type
+from ..inputs.dataclass_fields import field_names
+from ..robot.task import TASKS, named_task
+from ..systems.body import Body, Feedback
+from ..systems.controllers import Controller
+from ..systems.dither import DitherSettings
+from ..systems.joint_reference import JointReference
+from ..systems.kinematics import Kinematics
+from ..systems.moving_average import MovingAverage
+from ..systems.path_source import PathSource
+from .wiring import Ports
+
+
+def check_parts(
+    body: Body,
+    controller: Controller,
+    task: str,
+    dither: DitherSettings | None,
+    filter: MovingAverage | None,
+    feedback: Feedback,
+) -> None:
+    """Raise an InvalidInputError if the parts of a loop do not fit together."""
+    require_type("controller", controller, Controller)
+    require_type("dither", dither, DitherSettings, NoneType)
+    require_type("filter", filter, MovingAverage, NoneType)
+    _require_joints(controller, body)
+    body.check_loop(controller.period, feedback)
+    named_task(task)
+    body.check_task(task)
+    body.check_period(controller.period)
+    check_filter(filter is not None, feedback, dither)
+    _require_same_period(controller, filter)
+
+
+# What the loop itself sees of a contact, beside the law.
+_OF_THE_CONTACT = ("normal_WE", "normal_force")
+
+
+def given_signals(signals: Mapping[str, OutputPort] | None, controller: Controller) -> Ports:
+    """Return the signals in place of those offered; ones that nothing asks for are refused."""
+    given = dict(signals or {})
+    asked = [*controller.reading.inputs.parts, *_OF_THE_CONTACT]
+    for name in given:
+        if name not in asked:
+            raise InvalidInputError(
+                f"signals.{name}: nothing in this loop asks for it; {nearest(name, asked)}"
+            )
+    return given
+
+
+def check_filter(filtered: bool, feedback: Feedback, dither: DitherSettings | None) -> None:
+    """Raise an InvalidInputError if feedback or dither does not fit the filter, or its absence.
+
+    Args:
+        filtered: Whether the command passes through a filter.
+        feedback: Arm that the law sees.
+        dither: Excitation of the joints; None for none.
+    """
+    if feedback == "unfiltered" and not filtered:
+        raise InvalidInputError("feedback: unfiltered needs a filter")
+    if filtered and feedback != "unfiltered" and dither is not None and dither.model == "actuated":
+        raise InvalidInputError(
+            "dither.model: actuated would move the arm behind the filter, beyond its bounds; "
+            "it may be virtual"
+        )
+    if feedback == "measured" and dither is not None and dither.model != "actuated":
+        raise InvalidInputError(
+            f"dither.model: must be actuated with feedback: measured, not {dither.model}"
+        )
+
+
+def check_offers(
+    controller: Controller, offered: Mapping[str, OutputPort], kinematics: Kinematics, task: str
+) -> None:
+    """Raise an InvalidInputError if what is offered is not what the law needs.
+
+    Args:
+        controller: Controller that runs the law.
+        offered: Output ports by name.
+        kinematics: Kinematics of the arm that the law sees.
+        task: Task of the loop.
+    """
+    _require_ahead(controller, offered)
+    _require_offered(controller, offered)
+    _require_task(controller, kinematics, task, offered)
+
+
+def _require_joints(controller: Controller, body: Body) -> None:
+    joints = controller.GetOutputPort("commanded_velocity").size()
+    if joints != body.arm.n:
+        raise InvalidInputError(
+            f"limits: those of {type(controller.law).__name__} must be for {body.arm.n} joints, "
+            f"like {body.arm.name}, not for {joints}"
+        )
+
+
+def _require_same_period(controller: Controller, filter: MovingAverage | None) -> None:
+    period = controller.period
+    if filter is not None and period is not None and filter.period != period:
+        raise InvalidInputError(
+            f"filter: its period, {filter.period:g} s, must be the controller's, {period:g} s"
+        )
+
+
+def _require_ahead(controller: Controller, offered: Mapping[str, OutputPort]) -> None:
+    """Raise an InvalidInputError if a preview shows another time than the law plans for."""
+    period = controller.period
+    if "p_preview" in controller.reading.inputs and "p_preview" in offered:
+        source = offered["p_preview"].get_system()
+        if isinstance(source, PathSource) and period is not None and source.preview != period:
+            raise InvalidInputError(
+                f"preview: must be the controller's period, {period}, not {source.preview}"
+            )
+    asked = controller.law.joint_preview
+    if asked is None or "position_preview" not in offered:
+        return
+    ahead = offered["position_preview"].get_system()
+    if isinstance(ahead, JointReference) and ahead.interval != asked.interval:
+        raise InvalidInputError(
+            f"interval: must be the law's, {asked.interval}, not {ahead.interval}"
+        )
+
+
+_HINTS = {
+    "R_WE_desired": "; give the PathSource R_WE",
+    "normal_WE": "; give the body a contact",
+    "position_preview": "; give a JointReference",
+    "p_preview": "; give the PathSource a preview of one period",
+}
+
+
+def _require_offered(controller: Controller, offered: Mapping[str, OutputPort]) -> None:
+    for name in controller.reading.inputs.parts:
+        if name not in offered:
+            raise InvalidInputError(
+                f"{controller.get_name()}: nothing in this diagram offers {name!r}; "
+                f"available: {', '.join(sorted(offered))}{_HINTS.get(name, '')}"
+            )
+
+
+def _require_task(
+    controller: Controller, kinematics: Kinematics, task: str, offered: Mapping[str, OutputPort]
+) -> None:
+    """Raise an InvalidInputError if the law is made for another task than the kinematics."""
+    inputs = controller.reading.inputs.parts
+    names = [name for name in inputs if offered[name].get_system() is kinematics]
+
+    def fits(offering: Kinematics) -> bool:
+        return all(
+            offering.GetOutputPort(name).size() == controller.GetInputPort(name).size()
+            for name in names
+        )
+
+    if fits(kinematics):
+        return
+    able = [name for name in TASKS if fits(Kinematics(kinematics.arm, name))]
+    if not able:
+        return  # fits no task: connecting the ports will name the one of the wrong size
+    law = type(controller.law)
+    takes_size = "task_size" in field_names(law)
+    hint = f"; or give the law task_size={TASKS[task].size}" if takes_size else ""
+    raise InvalidInputError(
+        f"task: may be {', '.join(able)} for this {law.__name__}, not {task}{hint}"
+    )

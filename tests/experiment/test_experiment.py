@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import (
+    LAWS,
     InvalidInputError,
     check_reach,
     load_experiment,
@@ -179,7 +180,7 @@ BAD = [
     ({"law": "pid"}, "law: must be a mapping of keys to values, not 'pid'"),
     ({"law.kind": "simultaneous"}, "law.kind: no law 'simultaneous'; nearest: simultaneous_learn"),
     ({"law.kind": [1]}, "law.kind: no law [1]; "),
-    ({"law.kind": None}, "law.kind: must be given; it may be joint_drift_free, "),
+    ({"law.kind": None}, f"law.kind: must be given; it may be {', '.join(LAWS)}"),
     ({"path.kind": "nefroid"}, "path.kind: no path 'nefroid'; nearest: nephroid"),
     ({"path.size": -1}, "path.size: must be greater than 0, not -1"),
     ({"path.plane": "zx"}, "path.plane: must be 'xy', 'xz' or 'yz', not 'zx'"),

@@ -10,7 +10,7 @@ from pydrake.systems.framework import OutputPort
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest, require_type
 from ..inputs.dataclass_fields import field_names
-from ..robot.task import TASKS, named_task
+from ..robot.task import TASKS
 from ..systems.body import Body, Feedback
 from ..systems.controllers import Controller
 from ..systems.dither import DitherSettings
@@ -35,7 +35,6 @@ def check_parts(
     require_type("filter", filter, MovingAverage, NoneType)
     _require_joints(controller, body)
     body.check_loop(controller.period, feedback)
-    named_task(task)
     body.check_task(task)
     body.check_period(controller.period)
     check_filter(filter is not None, feedback, dither)

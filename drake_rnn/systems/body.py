@@ -99,12 +99,13 @@ class Body(Diagram):
         """
 
     def check_task(self, task: str) -> None:
-        """Raise an InvalidInputError if the body has a contact and the task is planar.
+        """Raise an InvalidInputError for an unknown task, or a planar one with a contact.
 
         Args:
             task: Key of `drake_rnn.robot.task.TASKS`.
         """
-        if self.contact is not None and len(named_task(task).axes) != 3:
+        axes = named_task(task).axes
+        if self.contact is not None and len(axes) != 3:
             able = ", ".join(name for name, known in TASKS.items() if len(known.axes) == 3)
             raise InvalidInputError(f"task: may be {able} with a contact, not {task}")
 

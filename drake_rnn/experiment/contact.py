@@ -9,7 +9,7 @@ from ..errors import InvalidInputError
 from ..inputs.documents import construct, kind_of, without_kind
 from ..inputs.fields import Array
 from ..laws import Law
-from ..paths import Path
+from ..paths import PlacedPath
 from ..robot.arm import Arm
 from ..systems import BODIES, Contact
 from .document import ExperimentDocument
@@ -19,14 +19,14 @@ _OFF = 1e-3
 
 
 def make_contact(
-    document: ExperimentDocument, law: Law, path: Path, arm: Arm, start: Array
+    document: ExperimentDocument, law: Law, desired: PlacedPath, arm: Arm, start: Array
 ) -> tuple[Contact | None, list[str]]:
     """Return the contact of an experiment, None if it has none, and warnings about it.
 
     Args:
         document: Document of the experiment.
         law: Law of the experiment.
-        path: Path of the experiment.
+        desired: Path of the experiment, placed at the start.
         arm: Arm of the experiment.
         start: Start posture, shape (n,) [rad].
 
@@ -54,15 +54,15 @@ def make_contact(
     surface: Surface = construct(kind, without_kind(section), "environment")
     contact = Contact(surface, document.force, document.sensor)
     contact.check_period(document.period)
-    _require_along(surface, path)
-    return contact, _doubts(contact, path, arm, start)
+    _require_along(surface, desired)
+    return contact, _doubts(contact, desired, arm, start)
 
 
-def _require_along(surface: Surface, path: Path) -> None:
+def _require_along(surface: Surface, desired: PlacedPath) -> None:
     """Raise an InvalidInputError for a path off the plane, which would be ignored silently."""
     if not surface.is_plane:
         return
-    extent = float(np.ptp(path.sample(100) @ surface.normal_W))
+    extent = float(np.ptp(desired.sample(100) @ surface.normal_W))
     if extent > _OFF:
         raise InvalidInputError(
             f"path: leaves the surface by {extent:.3g} m along the normal, where the force is "
@@ -71,7 +71,7 @@ def _require_along(surface: Surface, path: Path) -> None:
         )
 
 
-def _doubts(contact: Contact, path: Path, arm: Arm, start: Array) -> list[str]:
+def _doubts(contact: Contact, desired: PlacedPath, arm: Arm, start: Array) -> list[str]:
     surface = contact.surface
     p_WS = contact.place(arm, start)
     doubts = []
@@ -80,7 +80,7 @@ def _doubts(contact: Contact, path: Path, arm: Arm, start: Array) -> list[str]:
             f"environment.gap: the tool starts {-surface.gap:.3g} m inside the surface, which "
             "pushes it out at once"
         )
-    beyond = surface.overhang(path.start_point(p_WS) + path.sample(200), p_WS)
+    beyond = surface.overhang(desired.sample(200), p_WS)
     if beyond > 0.0:
         doubts.append(f"path: extends {beyond:.3g} m beyond the edges of the surface")
     return doubts

@@ -14,7 +14,7 @@ from ..inputs.dataclass_fields import field_names
 from ..inputs.documents import construct, kind_of, without_kind
 from ..inputs.fields import Array
 from ..laws import Circumstances, Law, PostureLaw
-from ..paths import PATHS, Path, Rest
+from ..paths import PATHS, Path, PlacedPath, Rest
 from ..robot.arm import Arm, load_arm
 from ..robot.limits import JointLimits
 from ..robot.task import Task, named_task
@@ -37,7 +37,8 @@ class Experiment:
         document: The document as it was written.
         arm: The arm, with the limits of the experiment.
         law: The law.
-        path: The path, relative to ``p_WE_start``.
+        path: The path.
+        desired: The path placed at the start: the desired motion of the end effector.
         start: Start posture, shape (n,) [rad].
         p_WE_start: Position of the end effector at the start, shape (3,) [m].
         R_WE_start: Orientation of the end effector at the start, shape (3, 3).
@@ -51,6 +52,7 @@ class Experiment:
     arm: Arm
     law: Law
     path: Path
+    desired: PlacedPath
     start: Array
     p_WE_start: Array
     R_WE_start: Array
@@ -117,7 +119,8 @@ def make_experiment(document: Mapping[str, Any] | ExperimentDocument) -> Experim
         target, changes = reachable_target(document, arm, start, law.target)
         law = replace(law, target=target)
         warnings += changes
-    contact, doubts = make_contact(document, law, path, arm, start)
+    desired = path.placed_on(arm, start)
+    contact, doubts = make_contact(document, law, desired, arm, start)
     circumstances = Circumstances(
         loop_delay=delay.loop,
         reference_is_delayed=delay.path > 0.0,
@@ -129,6 +132,7 @@ def make_experiment(document: Mapping[str, Any] | ExperimentDocument) -> Experim
         arm=arm,
         law=law,
         path=path,
+        desired=desired,
         start=start,
         p_WE_start=kinematics.p_WE(start),
         R_WE_start=kinematics.R_WE(start),

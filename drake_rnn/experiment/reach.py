@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,9 @@ from ..robot.kinematics import ArmKinematics
 from ..robot.rotation import rotation_error
 from .experiment import Experiment
 
-_SAMPLES = 400
+_SAMPLES, _MOST_SAMPLES = 400, 10_000
+# Largest distance between two points on a long path [m].
+_SPACING = 0.01
 _MISS = 1e-3
 _DAMPING = 1e-6
 # Lever that converts a rotation to a length [m].
@@ -26,7 +29,7 @@ class Reach:
     Attributes:
         time: Time of each point, shape (k,) [s].
         position: Joint positions, shape (k, n) [rad].
-        miss: Distance from the path, shape (k,) [m]; if the orientation is held, including its
+        miss: Distance from the path, shape (k,) [m]; if the orientation matters, including its
             error [rad] times a lever of 0.2 m.
         singular_value: Smallest singular value of J, shape (k,) [m].
         velocity: Joint velocities J^+ v_WE_desired, shape (k, n) [rad/s].
@@ -44,21 +47,29 @@ class Reach:
 
 
 def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
-    """Follow the experiment's path by inverse kinematics for its duration, at most one lap."""
-    rows = list(experiment.task.axes)
-    held = experiment.R_WE_start if experiment.holds_orientation else None
-    aim = _Aim(experiment.arm.kinematics(), rows, held)
-    origin = experiment.path.start_point(experiment.p_WE_start)
+    """Follow the experiment's path by inverse kinematics while it runs, passing the path once.
+
+    Args:
+        experiment: The experiment.
+        samples: Number of points; more on a path that is long.
+    """
+    rows, desired_motion = list(experiment.task.axes), experiment.desired
+    kinematics = experiment.arm.kinematics()
+    aim = _Aim(kinematics, rows, None)
+    # In contact the path lies on the surface.
+    shift = np.zeros(3)
     if experiment.contact is not None:
-        # In contact the path lies on the surface.
-        origin = origin - experiment.contact.surface.gap * experiment.contact.surface.normal_W
-    time = np.linspace(0.0, min(experiment.path.period, experiment.document.duration), samples)
+        shift = experiment.contact.surface.gap * experiment.contact.surface.normal_W
+    time = _times(experiment, samples)
     q = experiment.start.copy()
     miss: list[float] = []
     position, singular, velocity, desired = [], [], [], []
-    for t in time:
-        p, v, _ = experiment.path.evaluate(float(t))
-        target = (origin + p)[rows]
+    for t in time.tolist():
+        p, v, _ = desired_motion.position(t)
+        target, w = (p - shift)[rows], np.zeros(0)
+        if experiment.holds_orientation:
+            R, w, _ = desired_motion.orientation(t)
+            aim = _Aim(kinematics, rows, R)
         # Once the path is lost, only the distance matters: fewer iterations suffice.
         if max(miss, default=0.0) > _MISS:
             q = _descend(aim, q, target, 20)
@@ -69,7 +80,7 @@ def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
         desired.append(target)
         miss.append(_miss(aim, q, target))
         singular.append(np.linalg.svd(J, compute_uv=False)[-1])
-        asked = np.concatenate((np.zeros(J.shape[0] - len(rows)), v[rows]))
+        asked = np.concatenate((_LEVER * w, v[rows]))
         velocity.append(_damped_inverse(J) @ asked)
     return Reach(
         time=time,
@@ -80,6 +91,15 @@ def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
         acceleration=np.gradient(np.array(velocity), time, axis=0),
         desired=np.array(desired),
     )
+
+
+def _times(experiment: Experiment, samples: int) -> Array:
+    """Return the times at which a path is followed, shape (k,) [s]."""
+    end = min(experiment.desired.traversal, experiment.document.duration)
+    position = experiment.desired.position
+    points = np.array([position(t)[0] for t in np.linspace(0.0, end, samples).tolist()])
+    length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+    return np.linspace(0.0, end, min(max(samples, math.ceil(length / _SPACING)), _MOST_SAMPLES))
 
 
 def check_reach(experiment: Experiment) -> list[str]:
@@ -179,8 +199,7 @@ def _require_torque(experiment: Experiment, reach: Reach) -> None:
 def _require_within_task(experiment: Experiment) -> None:
     """Raise an InvalidInputError if a planar task would silently ignore part of its path."""
     dropped = [axis for axis in range(3) if axis not in experiment.task.axes]
-    lap = experiment.path.sample(50)
-    extent = np.ptp(lap[:, dropped], axis=0).max(initial=0.0)
+    extent = np.ptp(experiment.desired.sample(50)[:, dropped], axis=0).max(initial=0.0)
     if extent > 1e-9:
         raise InvalidInputError(
             f"path: leaves the plane of task {experiment.document.task} by {extent:.3g} m; "

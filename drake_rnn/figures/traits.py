@@ -70,7 +70,7 @@ def first_lap(result: Result) -> NDArray[np.bool_]:
     Several laps drawn over one another would fill the gaps of a dashed line.
     """
     experiment = result.experiment
-    lap_end = experiment.path.period + experiment.path_delay
+    lap_end = experiment.desired.traversal + experiment.path_delay
     return result.time <= lap_end + experiment.document.log_period
 
 

@@ -1,4 +1,4 @@
-r"""Closed curves with time laws, and their exact first and second derivatives.
+r"""Paths: desired motions of the end effector, with exact first and second derivatives.
 
 A planar curve maps a phase f in [0, 2 pi] to the complex number z(f) = x + i y, relative
 to an origin of its own; a time law (see `timing`) maps time to phase.
@@ -32,9 +32,12 @@ with all other time laws the point rests at the corners. Every other curve is on
 """
 
 from .cat import Cat
-from .path import Path, Planar
+from .curve import Curve
+from .path import BASE, TOOL, Motion, Path, PlacedPath
+from .planar import Planar
 from .points import Points
 from .polygons import Parallelogram, Square
+from .relative import RelativePath
 from .rest import Rest
 from .timing import TimeLaw, Timing, time_at, time_law
 from .trigonometric import Circle, Clover, Deltoid, FourRing, Nephroid, Trigonometric
@@ -54,17 +57,23 @@ PATHS: dict[str, type[Path]] = {
 }
 
 __all__ = [
+    "BASE",
     "PATHS",
+    "TOOL",
     "Cat",
     "Circle",
     "Clover",
+    "Curve",
     "Deltoid",
     "FourRing",
+    "Motion",
     "Nephroid",
     "Parallelogram",
     "Path",
+    "PlacedPath",
     "Planar",
     "Points",
+    "RelativePath",
     "Rest",
     "Square",
     "TimeLaw",

@@ -7,7 +7,7 @@ from cmath import exp
 from typing import Literal
 
 from ..inputs.fields import Positive, validated
-from .path import Planar
+from .planar import Planar
 
 # Height, position S and width of each bump on the circle.
 _BUMPS = (

@@ -14,7 +14,7 @@ from pydantic import BeforeValidator
 from pydrake.trajectories import PiecewisePolynomial
 
 from ..inputs.fields import Array, validated
-from .path import TURN, Path, Triple
+from .curve import TURN, Curve, Triple
 
 
 def _number(cell: Any, row: int, column: int) -> float:
@@ -76,7 +76,7 @@ def _read(file: str) -> Array:
 
 
 @validated
-class Points(Path):
+class Points(Curve):
     """A smooth closed curve through given points: a periodic cubic spline over the chord length.
 
     Args:
@@ -93,6 +93,7 @@ class Points(Path):
     absolute: bool = False
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if (self.file is None) == (self.points is None):
             raise ValueError("give either a file or points")
         if self.absolute and self.offset.any():
@@ -101,6 +102,11 @@ class Points(Path):
                 "give one of them"
             )
         self._table  # noqa: B018 (a bad file is refused now, not during a run)
+
+    @property
+    def has_place(self) -> bool:
+        """Whether the points stay where they are."""
+        return self.absolute
 
     @cached_property
     def _table(self) -> Array:
@@ -123,7 +129,7 @@ class Points(Path):
         return phase.tolist(), np.stack(orders, axis=-1).swapaxes(0, 1).tolist()
 
     def trace(self, phase: float) -> tuple[Triple, Triple, Triple]:
-        """See `Path.trace`."""
+        """See `Curve.trace`."""
         phases, coefficients = self._spline
         piece = min(bisect_right(phases, phase), len(coefficients)) - 1
         u = phase - phases[piece]
@@ -137,5 +143,5 @@ class Points(Path):
         return p, dp, ddp
 
     def start_point(self, p_WE: Array) -> Array:
-        """See `Path.start_point`; with ``absolute`` it is the first of the points."""
+        """See `RelativePath.start_point`; with ``absolute`` it is the first of the points."""
         return self._table[0].copy() if self.absolute else super().start_point(p_WE)

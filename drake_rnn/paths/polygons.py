@@ -10,7 +10,8 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator
 
 from ..inputs.fields import Array, Positive, Vector, validated
-from .path import TURN, Planar
+from .curve import TURN
+from .planar import Planar
 
 _RIGHT_TURNS = (1 + 0j, -1j, -1 + 0j, 1j)
 

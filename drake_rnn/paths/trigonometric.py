@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Literal
 
 from ..inputs.fields import Finite, Positive, validated
-from .path import Planar
+from .planar import Planar
 
 Harmonics = tuple[tuple[int, complex], ...]
 

@@ -115,9 +115,9 @@ def replayed_motion(result: Result) -> ReplayedMotion:
     position = result.series["position"][:count]
     kinematics = experiment.arm.kinematics()
     # A planar task leaves the height as it is at the start.
-    desired = np.tile(experiment.path.start_point(experiment.p_WE_start), (count, 1))
+    desired = np.tile(experiment.desired.position(0.0)[0], (count, 1))
     desired[:, list(experiment.task.axes)] = result.series["p_WE_desired"][:count]
-    lap_end = experiment.path.period + experiment.path_delay
+    lap_end = experiment.desired.traversal + experiment.path_delay
     return ReplayedMotion(
         result=result,
         time=time,

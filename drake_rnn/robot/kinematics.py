@@ -6,11 +6,20 @@ from collections.abc import Sequence
 from math import isfinite
 
 import numpy as np
+from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import Body, BodyIndex, Frame, JacobianWrtVariable, SpatialInertia
+from pydrake.multibody.tree import (
+    Body,
+    BodyIndex,
+    Frame,
+    FrameIndex,
+    JacobianWrtVariable,
+    SpatialInertia,
+)
 from pydrake.systems.framework import Context
 
 from ..errors import InvalidInputError
+from ..inputs.complaints import nearest
 from ..inputs.fields import Array
 
 _ORIGIN = np.zeros((3, 1))
@@ -111,6 +120,21 @@ class ArmKinematics:
     def R_WE(self, q: Array) -> Array:
         """Return the orientation of E in W, a rotation matrix of shape (3, 3)."""
         return self._pose(q)[:, :3].copy()
+
+    def X_WF(self, q: Array, frame: str) -> RigidTransform:
+        """Return the pose in W of any frame F of the model, by its name.
+
+        Raises:
+            InvalidInputError: If the model has no such frame.
+        """
+        if not self._plant.HasFrameNamed(frame):
+            frames = [self._plant.get_frame(FrameIndex(i)) for i in range(self._plant.num_frames())]
+            names = sorted({known.name() for known in frames} - {""})
+            raise InvalidInputError(
+                f"frame: no frame {frame!r} in the model; {nearest(frame, names)}"
+            )
+        self._set(q)
+        return self._plant.GetFrameByName(frame).CalcPoseInWorld(self._context)
 
     def J(self, q: Array) -> Array:
         """Return the Jacobian of E's origin, shape (3, n) [m], with v_WE = J v."""

@@ -20,6 +20,8 @@ _ORDERS = range(1, 1 + len(DERIVATIVE_UNITS))
 _NEAR, _ADMISSIBLE = 0.99, 1.0
 _AIM = 0.998
 _TRIES = 8
+# Distance at which the arm no longer starts on its path [m].
+_ASIDE = 1e-6
 # Ratio assumed for a run in which a bound cut the law's demand.
 _CUT = 1.05
 #: A larger stretch is attributed to a singularity near the path.
@@ -102,8 +104,12 @@ def _require_that_it_scales(experiment: Experiment) -> None:
         raise InvalidInputError(
             "filter: keeps the bounds at any speed, by leaving the path; leave it out"
         )
-    if experiment.path.offset.any():
-        raise InvalidInputError("path.offset: must be zero, for the arm to start on its path")
+    away = experiment.desired.position(0.0)[0] - experiment.p_WE_start
+    if (distance := float(np.linalg.norm(away[list(experiment.task.axes)]))) > _ASIDE:
+        raise InvalidInputError(
+            "path: must begin where the arm starts, not "
+            f"{distance:.3g} m away; leave out offset and whatever else places it"
+        )
 
 
 def _smooth(experiment: Experiment, told: Callable[[str], None] | None) -> dict[str, Any]:

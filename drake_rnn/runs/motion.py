@@ -46,12 +46,15 @@ def _further(experiment: Experiment, motion: Motion, names: Iterable[str]) -> Si
     arm = experiment.arm.kinematics()
     axes = list(experiment.task.axes)
     of_step: dict[str, Callable[[float, Array, Array], Array]] = {
-        "a_WE_desired": lambda t, q, v: experiment.path.evaluate(t)[2][axes],
+        "a_WE_desired": lambda t, q, v: experiment.desired.position(t)[2][axes],
         "Jdot_v": lambda t, q, v: arm.Jdot_v(q, v)[axes],
         "M": lambda t, q, v: arm.M(q),
         "bias": lambda t, q, v: arm.bias(q, v),
         "gravity": lambda t, q, v: arm.gravity(q),
         "R_WE": lambda t, q, v: arm.R_WE(q),
+        "R_WE_desired": lambda t, q, v: experiment.desired.orientation(t)[0],
+        "w_WE_desired": lambda t, q, v: experiment.desired.orientation(t)[1],
+        "alpha_WE_desired": lambda t, q, v: experiment.desired.orientation(t)[2],
         "J_omega": lambda t, q, v: arm.J_omega(q),
     }
     if experiment.contact is not None:
@@ -72,8 +75,8 @@ def seen_motion(experiment: Experiment, recorder: Recorder, loop: Loop, motion: 
     if experiment.feedback == "unfiltered":
         return motion_of(experiment, recorder, loop, virtual=True)
     axes = list(experiment.task.axes)
-    evaluate = experiment.path.evaluate
-    v_WE_desired = np.array([evaluate(t)[1][axes] for t in recorder.time.tolist()])
+    desired = experiment.desired.position
+    v_WE_desired = np.array([desired(t)[1][axes] for t in recorder.time.tolist()])
     return replace(motion, v_WE_desired=v_WE_desired)
 
 
@@ -93,7 +96,7 @@ def motion_of(
     prefix, delay = ("virtual_", 0.0) if virtual else ("", experiment.path_delay)
     position, velocity = (recorder.series(prefix + name) for name in ("position", "velocity"))
     state, layout = recorder.series("state"), loop.controller.reading.state
-    p_WE, J, turned = _task_motion(experiment, position)
+    p_WE, J, turned = _task_motion(experiment, position, recorder.time - delay)
     p_WE_desired, v_WE_desired = _desired(experiment, recorder.time - delay)
     return Motion(
         time=recorder.time,
@@ -114,8 +117,16 @@ def motion_of(
     )
 
 
-def _task_motion(experiment: Experiment, position: Array) -> tuple[Array, Array, Array | None]:
-    """Return position, Jacobian and angle to the orientation to hold, if any, at every step."""
+def _task_motion(
+    experiment: Experiment, position: Array, times: Array
+) -> tuple[Array, Array, Array | None]:
+    """Return position, Jacobian and angle to the desired orientation, if any, at every step.
+
+    Args:
+        experiment: Experiment that was run.
+        position: Joint positions at every step, shape (k, n) [rad].
+        times: Time along the path at every step, shape (k,) [s].
+    """
     task, kinematics = experiment.task, experiment.arm.kinematics()
     steps, n = position.shape
     axes = list(task.axes)
@@ -125,18 +136,18 @@ def _task_motion(experiment: Experiment, position: Array) -> tuple[Array, Array,
         p_WE[k] = kinematics.p_WE(q)[axes]
         J[k] = task.J(kinematics, q)
         if turned is not None:
-            turned[k] = np.linalg.norm(rotation_error(kinematics.R_WE(q), experiment.R_WE_start))
+            R_WE_desired = experiment.desired.orientation(float(times[k]))[0]
+            turned[k] = np.linalg.norm(rotation_error(kinematics.R_WE(q), R_WE_desired))
     return p_WE, J, turned
 
 
 def _desired(experiment: Experiment, times: Array) -> tuple[Array, Array]:
     """Return desired position and velocity at the given times."""
     axes = list(experiment.task.axes)
-    origin = experiment.path.start_point(experiment.p_WE_start)
     p_WE, v_WE = np.empty((times.size, len(axes))), np.empty((times.size, len(axes)))
     for k, t in enumerate(times.tolist()):
-        p, v, _ = experiment.path.evaluate(t)
-        p_WE[k], v_WE[k] = (origin + p)[axes], v[axes]
+        p, v, _ = experiment.desired.position(t)
+        p_WE[k], v_WE[k] = p[axes], v[axes]
     return p_WE, v_WE
 
 

@@ -157,10 +157,8 @@ def _add_path(
     builder: DiagramBuilder, experiment: Experiment, controller: Controller
 ) -> PathSource:
     source = PathSource(
-        experiment.path,
-        experiment.p_WE_start,
-        experiment.document.task,
-        experiment.R_WE_start if experiment.holds_orientation else None,
+        experiment.desired,
+        task=experiment.document.task,
         preview=controller.period if "p_preview" in controller.reading.inputs else None,
     )
     return builder.AddNamedSystem("path", source)
@@ -177,17 +175,16 @@ def _add_previews(
     builder: DiagramBuilder, experiment: Experiment, law: Law
 ) -> dict[str, OutputPort]:
     """Add and return signals of other times: future joint positions and a delayed path."""
-    document, path, start = experiment.document, experiment.path, experiment.start
+    document, desired, start = experiment.document, experiment.desired, experiment.start
     signals: dict[str, OutputPort] = {}
     if (preview := law.joint_preview) is not None:
         until = document.duration + preview.count * preview.interval
-        positions_at = followed_path(path, experiment.arm, start, until, document.task)
+        positions_at = followed_path(desired, experiment.arm, start, until, document.task)
         ahead = JointReference(positions_at, experiment.arm.n, preview.interval, preview.count)
         builder.AddNamedSystem("joint_reference", ahead)
         signals["position_preview"] = ahead.GetOutputPort("position_preview")
     if document.filter is not None and document.filter.delay_desired:
-        delay, p_WE = experiment.path_delay, experiment.p_WE_start
-        past = DelayedPathSource(delay, path, p_WE, document.task)
+        past = DelayedPathSource(experiment.path_delay, desired, None, document.task)
         builder.AddNamedSystem("delayed_path", past)
         signals["p_WE_desired"] = past.GetOutputPort("p_WE_desired")
     return signals
@@ -239,7 +236,7 @@ def _stops(experiment: Experiment) -> list[float]:
     end = experiment.document.duration
     if experiment.document.integrator is None:
         return [end]
-    return [*(t for t in experiment.path.knots(end).tolist() if 0 < t < end), end]
+    return [*(t for t in experiment.desired.knots(end).tolist() if 0 < t < end), end]
 
 
 def _set_initial_state(loop: Loop, root: Context) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..inputs.fields import Array
 from .path_source import PathSource
 
 
@@ -13,12 +12,12 @@ class DelayedPathSource(PathSource):
 
     Args:
         delay: Delay of the signals [s].
-        arguments: Arguments of `PathSource`.
+        arguments: Arguments of `PathSource`, in its order.
     """
 
     def __init__(self, delay: float, *arguments: Any) -> None:
         super().__init__(*arguments)
         self.delay = delay
 
-    def _at(self, t: float) -> list[Array]:
-        return super()._at(t - self.delay)
+    def _path_time(self, t: float) -> float:
+        return t - self.delay

@@ -12,7 +12,7 @@ from pydrake.systems.framework import Context, LeafSystem
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..laws.parts.damped_inverse import damped_joint_velocity
-from ..paths import Path
+from ..paths import Path, PlacedPath
 from ..robot.arm import Arm
 from ..robot.task import named_task
 
@@ -67,7 +67,7 @@ def held_posture(q: Array) -> PositionsAt:
 
 
 def followed_path(
-    path: Path,
+    path: Path | PlacedPath,
     arm: Arm,
     start: Array,
     until: float,
@@ -81,7 +81,7 @@ def followed_path(
     constant before the first and after the last one.
 
     Args:
-        path: Path of the end effector.
+        path: Path of the end effector; or one that has been placed.
         arm: The arm.
         start: Posture at t = 0, shape (n,) [rad].
         until: End time [s].
@@ -98,10 +98,10 @@ def followed_path(
         raise InvalidInputError(f"step: must be below {1.0 / _FEEDBACK:g} s, not {step:g}")
     kinematics = arm.kinematics()
     q = np.array(start, dtype=float)
-    origin = path.start_point(kinematics.p_WE(q))
+    placed = path.placed_on(arm, q) if isinstance(path, Path) else path
 
     def desired(t: float) -> Array:
-        return followed.position(origin + path.evaluate(t)[0])
+        return followed.position(placed.position(t)[0])
 
     times = step * np.arange(int(np.ceil(until / step)) + 1)
     positions = np.empty((times.size, q.size))

@@ -92,7 +92,11 @@ def test_without_a_path_there_is_nothing_to_stretch():
     [
         ("horizon_circle", {}, "law.kind: may be joint_drift_free, pseudoinverse, recursive for s"),
         ("chain_circle", {}, "filter: keeps the bounds at any speed"),
-        ("stretched_circle", {"path.offset": [0.01, 0, 0]}, "path.offset: must be zero"),
+        (
+            "stretched_circle",
+            {"path.offset": [0.01, 0, 0]},
+            "path: must begin where the arm starts, not 0.01 m away",
+        ),
     ],
 )
 def test_what_keeps_its_bounds_by_leaving_the_path_is_refused(name, changes, message):

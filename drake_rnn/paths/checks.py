@@ -1,0 +1,98 @@
+"""Checks of what a path says about itself, so that a wrong one is refused by name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..errors import InvalidInputError
+from ..inputs.complaints import short
+from ..inputs.fields import Array
+
+_COUNTS = {2: "two", 3: "three"}
+# Distance up to which two points count as the same [m].
+_MEET = 1e-6
+
+
+def require_values(
+    name: str,
+    function: Callable[[float], Any],
+    argument: str,
+    at: Iterable[float],
+    shapes: Sequence[tuple[int, ...]],
+) -> None:
+    """Raise an InvalidInputError unless a function returns finite arrays of these shapes.
+
+    Args:
+        name: Name of the function in messages.
+        function: The function.
+        argument: Name of its argument.
+        at: Arguments at which it is called.
+        shapes: Shape of each array that it must return.
+    """
+    wanted = f"must return {_COUNTS[len(shapes)]} arrays of finite numbers, of shapes " + ", ".join(
+        map(str, shapes)
+    )
+    for value in at:
+        where = f"path: {name}({argument} = {value:.4g})"
+        try:
+            returned = function(value)
+        except InvalidInputError:
+            raise
+        except Exception as error:
+            raise InvalidInputError(
+                f"{where}: fails with {type(error).__name__}: {error}; it {wanted}"
+            ) from error
+        fault = _fault(returned, shapes)
+        if fault:
+            raise InvalidInputError(f"{where}: {wanted}, not {fault}")
+
+
+def _fault(returned: Any, shapes: Sequence[tuple[int, ...]]) -> str:
+    """Return what is wrong with returned arrays; an empty text if nothing is."""
+    if not isinstance(returned, (tuple, list)) or len(returned) != len(shapes):
+        return short(returned)
+    for value, shape in zip(returned, shapes, strict=True):
+        try:
+            array = np.asarray(value, dtype=float)
+        except (TypeError, ValueError):
+            return short(value)
+        if array.shape != shape:
+            return f"one of shape {array.shape}"
+        if not np.isfinite(array).all():
+            return short(value)
+    return ""
+
+
+def require_times(name: str, duration: Any, traversal: Any) -> None:
+    """Raise an InvalidInputError unless a path's duration and traversal are times."""
+    for key, value, finite in (("duration", duration, False), ("traversal", traversal, True)):
+        number = isinstance(value, (int, float)) and value > 0.0
+        if not number or (finite and not math.isfinite(value)):
+            kind = "a finite time" if finite else "a time"
+            raise InvalidInputError(
+                f"path: {name}.{key}: must be {kind} above 0 [s], not {short(value)}"
+            )
+
+
+def require_start(name: str, first: Array, last: Array | None) -> None:
+    """Raise an InvalidInputError unless a path starts at its first point, and closes if it says so.
+
+    Args:
+        name: Name of the path's class.
+        first: Displacement at the start, shape (3,) [m].
+        last: Displacement at the end of a lap, shape (3,) [m]; None for an open path.
+    """
+    away = float(np.linalg.norm(first))
+    if away > _MEET:
+        raise InvalidInputError(
+            f"path: {name} must start at its first point, with a displacement of zero, not "
+            f"{away:.3g} m away"
+        )
+    if last is not None and (away := float(np.linalg.norm(last))) > _MEET:
+        raise InvalidInputError(
+            f"path: {name} says that it is closed, and a lap ends {away:.3g} m from where it began"
+        )

@@ -1,0 +1,259 @@
+"""Paths that are given by their motion from their own first pose."""
+
+# No postponed annotations: see `path`.
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import Field
+from pydrake.math import RigidTransform
+
+from ..errors import InvalidInputError
+from ..inputs.fields import Array, Point, validated, zeros
+from .checks import require_start, require_times, require_values
+from .path import BASE, TOOL, Motion, Path, PlacedPath
+
+# Number of times at which a path is tried when it is placed.
+_CHECKED = 5
+
+
+@validated
+class RelativePath(Path):
+    """A path given by its motion from its first pose, along the axes of a frame F.
+
+    Args:
+        offset: Arm's start relative to the path's first point, in F, shape (3,) [m].
+        frame: The frame F: ``base``; ``tool``, the task frame E as it is when the path begins; or
+            the name of any frame of the model, e.g. a camera's, as it is when the run begins.
+    """
+
+    offset: Point = Field(default_factory=zeros)
+    frame: str = BASE
+
+    @property
+    @abstractmethod
+    def duration(self) -> float:
+        """Time at which the path ends [s]; infinite for one without an end."""
+
+    @property
+    def traversal(self) -> float:
+        """Time after which all of the path has been passed once, finite [s]."""
+        return self.duration
+
+    @property
+    def closed(self) -> bool:
+        """Whether the path ends where it began."""
+        return False
+
+    @property
+    def turns(self) -> bool:
+        """Whether the path carries an orientation of its own, which may vary."""
+        return False
+
+    @property
+    def has_place(self) -> bool:
+        """Whether the path lies where it is given, wherever the arm starts."""
+        return False
+
+    @property
+    def frames(self) -> frozenset[str]:
+        """See `Path.frames`."""
+        return frozenset() if self.frame in (BASE, TOOL) else frozenset((self.frame,))
+
+    @abstractmethod
+    def evaluate(self, t: float) -> Motion:
+        """Return the motion of the point at time ``t`` [s].
+
+        Before t = 0 the point rests at the start, after the end where it ends. Where a derivative
+        jumps, the value after the jump is returned.
+
+        Returns:
+            Displacement from the first point [m], velocity [m/s], acceleration [m/s^2]; each
+            of shape (3,), in F.
+
+        Raises:
+            InvalidInputError: If ``t`` is not finite.
+        """
+
+    def evaluate_rotation(self, t: float) -> Motion:
+        """Return the rotation from the first orientation at time ``t`` [s].
+
+        Returns:
+            The rotation, shape (3, 3); angular velocity [rad/s] and acceleration [rad/s^2], each
+            of shape (3,), in F. A path that `turns` overrides this method.
+        """
+        return np.eye(3), np.zeros(3), np.zeros(3)
+
+    def start_point(self, p_FE: Array) -> Array:
+        """Return the path's first point for an arm that starts at ``p_FE``, shape (3,) [m]."""
+        return p_FE - self.offset
+
+    def start_orientation(self, R_FE: Array | None) -> Array | None:
+        """Return the path's first orientation, shape (3, 3), for an arm that starts with ``R_FE``.
+
+        None if it is that of an arm whose orientation is not known.
+        """
+        return R_FE
+
+    def begun_at(self, p_FE: Array) -> "RelativePath":
+        """Return the path for an arm that starts at ``p_FE``, shape (3,) [m].
+
+        It is the path itself, except for one whose displacement depends on where it begins.
+        """
+        return self
+
+    def knots(self, until: float) -> Array:
+        """Return the times in [0, until] at which a derivative may jump or the point rests [s].
+
+        Raises:
+            InvalidInputError: If ``until`` and the duration are both infinite.
+        """
+        until = min(until, self.duration)
+        if not np.isfinite(until):
+            raise InvalidInputError(f"until: must be finite, not {until}")
+        times = np.unique([0.0, self.duration])
+        return times[times <= until]
+
+    def sample(self, count: int) -> Array:
+        """Return displacements that show the path passed once, shape (count, 3) [m]."""
+        times = np.linspace(0.0, self.traversal, count).tolist()
+        return np.array([self.evaluate(t)[0] for t in times])
+
+    def require_motion(self) -> None:
+        """Raise an InvalidInputError if this is no motion that a point can follow."""
+        name = type(self).__name__
+        require_times(name, self.duration, self.traversal)
+        times = [-1.0, *np.linspace(0.0, self.traversal, _CHECKED).tolist(), 2.0 * self.traversal]
+        require_values(f"{name}.evaluate", self.evaluate, "t", times, ((3,), (3,), (3,)))
+        if self.turns:
+            require_values(
+                f"{name}.evaluate_rotation",
+                self.evaluate_rotation,
+                "t",
+                times,
+                ((3, 3), (3,), (3,)),
+            )
+        last = self.sample(2)[-1] if self.closed else None
+        require_start(name, self.evaluate(0.0)[0], last)
+
+    def placed(
+        self,
+        p_WE: Array | None = None,
+        R_WE: Array | None = None,
+        frames: Mapping[str, RigidTransform] | None = None,
+    ) -> PlacedPath:
+        """See `Path.placed`."""
+        if p_WE is None:
+            if not self.has_place or self.frame == TOOL:
+                raise InvalidInputError(
+                    "p_WE: must be given, for a path that begins where the arm starts"
+                )
+            p_WE = np.zeros(3)
+        X_WF = self._frame_pose(p_WE, R_WE, frames or {})
+        if X_WF is None:
+            path = self.begun_at(p_WE)
+            path.require_motion()
+            return _Placed(path, path.start_point(p_WE), path.start_orientation(R_WE))
+        p_WF, R_WF = X_WF
+        p_FE = R_WF.T @ (p_WE - p_WF)
+        path = self.begun_at(p_FE)
+        path.require_motion()
+        R_FE = path.start_orientation(None if R_WE is None else R_WF.T @ R_WE)
+        start = p_WF + R_WF @ path.start_point(p_FE)
+        return _Turned(path, start, None if R_FE is None else R_WF @ R_FE, R_WF)
+
+    def _frame_pose(
+        self, p_WE: Array, R_WE: Array | None, frames: Mapping[str, RigidTransform]
+    ) -> tuple[Array, Array] | None:
+        """Return origin and axes of F; None for the base."""
+        if self.frame == BASE:
+            return None
+        if self.frame == TOOL:
+            if R_WE is None:
+                raise InvalidInputError("R_WE: must be given, for a path in the frame of the tool")
+            return p_WE, R_WE
+        if self.frame not in frames:
+            raise InvalidInputError(
+                f"frames: must hold the pose of {self.frame!r}, which the path is given in"
+            )
+        X_WF = frames[self.frame]
+        return X_WF.translation(), X_WF.rotation().matrix()
+
+
+@dataclass(frozen=True, eq=False)
+class _Placed(PlacedPath):
+    """A path along the axes of W.
+
+    Attributes:
+        path: The path.
+        start: Its first point, shape (3,) [m].
+        R_WE: Its first orientation, shape (3, 3); None if that is not known.
+    """
+
+    path: RelativePath
+    start: Array
+    R_WE: Array | None
+
+    @property
+    def duration(self) -> float:
+        return self.path.duration
+
+    @property
+    def traversal(self) -> float:
+        return self.path.traversal
+
+    @property
+    def closed(self) -> bool:
+        return self.path.closed
+
+    @property
+    def turns(self) -> bool:
+        return self.path.turns
+
+    @property
+    def oriented(self) -> bool:
+        return self.R_WE is not None
+
+    def position(self, t: float) -> Motion:
+        p, v, a = self.path.evaluate(t)
+        return self.start + p, v, a
+
+    def orientation(self, t: float) -> Motion:
+        if self.R_WE is None:
+            raise InvalidInputError("R_WE: must be given, for the orientation to be known")
+        if not self.path.turns:
+            return self.R_WE, np.zeros(3), np.zeros(3)
+        R, w, alpha = self.path.evaluate_rotation(t)
+        return R @ self.R_WE, w, alpha
+
+    def knots(self, until: float) -> Array:
+        return self.path.knots(until)
+
+    def sample(self, count: int) -> Array:
+        return self.start + self.path.sample(count)
+
+
+@dataclass(frozen=True, eq=False)
+class _Turned(_Placed):
+    """A path along the axes of another frame F.
+
+    Attributes:
+        R_WF: Orientation of F, shape (3, 3).
+    """
+
+    R_WF: Array
+
+    def position(self, t: float) -> Motion:
+        p, v, a = self.path.evaluate(t)
+        return self.start + self.R_WF @ p, self.R_WF @ v, self.R_WF @ a
+
+    def orientation(self, t: float) -> Motion:
+        if self.R_WE is None or not self.path.turns:
+            return super().orientation(t)
+        R, w, alpha = self.path.evaluate_rotation(t)
+        R_WE = self.R_WF @ R @ self.R_WF.T @ self.R_WE
+        return R_WE, self.R_WF @ w, self.R_WF @ alpha
+
+    def sample(self, count: int) -> Array:
+        return np.asarray(self.start + self.path.sample(count) @ self.R_WF.T)

@@ -51,22 +51,22 @@ class PathsOnSurface:
     def set_up(self) -> Array:
         """Draw the surface and return corners of boxes round it."""
         contact = self._contact
-        drawing = np.concatenate((contact.lap, contact.trace))
+        drawing = np.concatenate((contact.course, contact.trace))
         return draw_surface(self._meshcat, contact.surface, contact.p_WS, drawing)
 
     def aim(self) -> None:
         """Aim the camera at the drawing and the tool above it."""
         contact = self._contact
         direction = view_of_surface(contact, self._boxes)
-        aim_camera(self._meshcat, points_round_drawing(contact), contact.lap, direction)
+        aim_camera(self._meshcat, points_round_drawing(contact), contact.course, direction)
 
     def draw(self) -> None:
         """Draw the desired path, a ring round the desired point, the traced path and the force."""
         contact = self._contact
-        extent = max(float(np.linalg.norm(np.ptp(contact.lap, axis=0))), _LEAST_EXTENT)
+        extent = max(float(np.linalg.norm(np.ptp(contact.course, axis=0))), _LEAST_EXTENT)
         step = _TRACED * extent / 4.0
         if not self._motion.rests:
-            self._draw_desired("path", thinned(contact.lap, step)[0], _DESIRED * extent)
+            self._draw_desired("path", thinned(contact.course, step)[0], _DESIRED * extent)
         self._draw_desired("point", self._ring(), _RING_WIDTH)
         for stroke in contact.strokes():
             points, kept = thinned(contact.trace[stroke], step)

@@ -20,6 +20,8 @@ from .surface import draw_surface
 # Widths of the traced and of the desired line relative to the extent of the drawing, and the
 # smallest extent that counts [m]: lines on a smaller drawing would be too thin to see.
 _TRACED, _DESIRED, _LEAST_EXTENT = 0.022, 0.05, 0.03
+# Diameter of the dot at the start of an open path and edge of the square at its end, likewise.
+_START, _END = 0.12, 0.16
 # Radius and width of the ring round the desired point [m]; it is wider than the tool's ball.
 _RING, _RING_WIDTH = 0.014, 0.0024
 
@@ -68,6 +70,9 @@ class PathsOnSurface:
         if not self._motion.rests:
             self._draw_desired("path", thinned(contact.course, step)[0], _DESIRED * extent)
         self._draw_desired("point", self._ring(), _RING_WIDTH)
+        if self._motion.ends:
+            self._draw_desired("start", contact.course[[0, 0]], _START * extent)
+            self._draw_desired("end", self._square(_END * extent), _DESIRED * extent)
         for stroke in contact.strokes():
             points, kept = thinned(contact.trace[stroke], step)
             if len(kept) == 1:
@@ -98,3 +103,9 @@ class PathsOnSurface:
         angles = np.linspace(0.0, math.tau, 121)
         circle = np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)))
         return np.asarray(_RING * (self._contact.R_WS.matrix() @ circle).T)
+
+    def _square(self, edge: float) -> Array:
+        """Return the corners of a square round the end of the path, shape (5, 3) [m]."""
+        corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0), (-1, -1, 0)])
+        around = edge / 2.0 * corners @ self._contact.R_WS.matrix().T
+        return np.asarray(self._contact.course[-1] + around)

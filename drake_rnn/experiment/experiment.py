@@ -7,14 +7,15 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from pydrake.trajectories import Trajectory
 
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest
 from ..inputs.dataclass_fields import field_names
-from ..inputs.documents import construct, kind_of, without_kind
+from ..inputs.documents import construct
 from ..inputs.fields import Array
 from ..laws import Circumstances, Law, PostureLaw
-from ..paths import PATHS, Path, PlacedPath, Rest
+from ..paths import Path, PlacedPath, as_path
 from ..robot.arm import Arm, load_arm
 from ..robot.limits import JointLimits
 from ..robot.task import Task, named_task
@@ -23,6 +24,7 @@ from .contact import make_contact
 from .document import ExperimentDocument
 from .filter import filter_delay, loop_delay_doubts
 from .law import law_class, make_law
+from .path import GIVEN, path_of
 from .target import reachable_target
 
 #: How far the start may lie outside the position limits for a law that brings it back [rad].
@@ -71,6 +73,14 @@ class Experiment:
         """Joint limits of the experiment, those of its arm."""
         return self.arm.limits
 
+    def with_path(self, path: Path | Trajectory) -> Experiment:
+        """Return the same experiment along another path, made in Python or a Drake trajectory.
+
+        Raises:
+            InvalidInputError: As `make_experiment` does.
+        """
+        return make_experiment(self.document, path)
+
     @property
     def target(self) -> Array | None:
         """Target posture of the law, shape (n,) [rad]; None without one."""
@@ -92,17 +102,23 @@ class Experiment:
         return BODIES[self.document.level]
 
 
-def make_experiment(document: Mapping[str, Any] | ExperimentDocument) -> Experiment:
+def make_experiment(
+    document: Mapping[str, Any] | ExperimentDocument, path: Path | Trajectory | None = None
+) -> Experiment:
     """Return the experiment that a document describes, checked as a whole.
 
     Args:
         document: The document, or its contents as plain data.
+        path: Path made in Python, or a trajectory of Drake's, in place of the document's; the
+            experiment's document then only says that one was given.
 
     Raises:
         InvalidInputError: If a key is wrong; the message names it, its value and what it may be.
     """
     if not isinstance(document, ExperimentDocument):
         document = construct(ExperimentDocument, document, "")
+    if path is not None:
+        document = replace(document, path=GIVEN)
     feedback = _feedback(document)
     _require_plant(document)
     published = _arm(document.arm)
@@ -110,7 +126,7 @@ def make_experiment(document: Mapping[str, Any] | ExperimentDocument) -> Experim
     arm = published.with_limits(limits)
     seeks_posture = issubclass(law_class(document), PostureLaw)
     start = start_posture(arm, document.start, OUTSIDE if seeks_posture else 0.0)
-    path = _path(document, seeks_posture)
+    path = path_of(document, seeks_posture, as_path(path))
     law = make_law(document, limits, start)
     warnings = [*_widened(published, limits), *_outside(arm, start)]
     delay = filter_delay(document, feedback, limits, law)
@@ -159,22 +175,6 @@ def _require_plant(document: ExperimentDocument) -> None:
         (document.plant or PlantSettings()).check_period(document.period)
     elif document.plant is not None:
         raise InvalidInputError("plant: only at level: dynamic")
-
-
-def _path(document: ExperimentDocument, seeks_posture: bool) -> Path:
-    if seeks_posture:
-        if document.path is not None:
-            raise InvalidInputError(
-                "path: this law holds the end effector where it is; leave the path out"
-            )
-        return Rest()
-    if document.on_unreachable != "refuse":
-        raise InvalidInputError("on_unreachable: only for a law that seeks a target posture")
-    if document.path is None:
-        raise InvalidInputError("path: must be given")
-    kind = kind_of(document.path, PATHS, "path")
-    path: Path = construct(kind, without_kind(document.path), "path")
-    return path
 
 
 def _require_orientation_seen(law: Law, desired: PlacedPath) -> None:

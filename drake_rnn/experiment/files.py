@@ -112,9 +112,10 @@ def _cut_short(document: dict[str, Any], changes: Mapping[str, Any]) -> None:
 
 
 def _resolve_files(document: dict[str, Any], folder: File) -> None:
-    arm, path = _section(document, "arm"), _section(document, "path")
+    arm = _section(document, "arm")
     packages, environment = _section(arm, "packages"), _section(document, "environment")
-    files = ((arm, "model"), (path, "file"), (environment, "model"))
+    paths = ((path, "file") for path in _path_sections(document))
+    files = ((arm, "model"), *paths, (environment, "model"))
     for section, key in (*files, *((packages, key) for key in packages)):
         value = section.get(key)
         # `is_file`, because a folder may have the name of a shipped arm.
@@ -122,6 +123,17 @@ def _resolve_files(document: dict[str, Any], folder: File) -> None:
         if isinstance(value, str) and found(folder / value):
             # Absolute, so that the document means the same wherever it is saved.
             section[key] = str((folder / value).resolve())
+
+
+def _path_sections(document: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the section of the path and, in a sequence, those of its parts."""
+    path = _section(document, "path")
+    parts = path.get("parts")
+    entries = parts if isinstance(parts, list) else []
+    return [
+        path,
+        *(inner for part in entries if isinstance(part, dict) for inner in _path_sections(part)),
+    ]
 
 
 def _section(document: dict[str, Any], key: str) -> dict[str, Any]:

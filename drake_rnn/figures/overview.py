@@ -34,7 +34,7 @@ from .task_panels import (
     plot_position_error_axes,
     plot_velocity_error,
 )
-from .traits import commands_acceleration, has_target, moving_bounds_matter, presses
+from .traits import commands_acceleration, has_target, moving_bounds_matter, presses, returns
 
 _Panels = list[tuple[set[str], Callable[[Axes, Result], None]]]
 
@@ -98,7 +98,11 @@ _LINE_WIDTH = 120
 def overview(result: Result) -> Figure:
     """Draw path, joints and errors, and a table of the metrics with their expected values."""
     candidates, metrics = _contents(result)
-    panels = [plot for needs, plot in candidates if needs <= result.series.keys()][:_MOST_PANELS]
+    panels = [plot for needs, plot in candidates if needs <= result.series.keys()]
+    if not returns(result):
+        # Along an open path nothing should return.
+        panels = [plot_angles if plot is plot_drift else plot for plot in panels]
+    panels = panels[:_MOST_PANELS]
     rows = (len(panels) + 1) // 2
     document = result.experiment.document
     lines = [*wrap(document.paper, _LINE_WIDTH), *wrap(document.expect, _LINE_WIDTH)]

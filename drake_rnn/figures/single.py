@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 
 from ..inputs.fields import Array
 from ..runs.result import Result
+from .ends import mark_ends
 from .jacobian_panels import plot_jacobian_error
 from .joint_panels import (
     plot_acceleration_norm,
@@ -56,7 +57,7 @@ from .task_panels import (
     plot_rotation,
     plot_velocity_error,
 )
-from .traits import apart, first_lap, has_path, has_target, moving_bounds_matter, presses
+from .traits import apart, first_pass, has_path, has_target, moving_bounds_matter, presses, returns
 
 
 @draws("p_WE", "p_WE_desired", applies=lambda r: has_path(r) and r.series["p_WE"].shape[1] == 3)
@@ -66,10 +67,10 @@ def path_3d(result: Result) -> Figure:
     ax: Any = figure.add_axes((0.02, 0.13, 0.84, 0.82), projection="3d")
     p_WE, desired, text = _traced_and_desired(result)
     ax.plot(*p_WE.T, label="traced", **TRACED)
-    ax.plot(*desired[first_lap(result)].T, label=text, **DESIRED)
-    ax.plot(*p_WE[:1].T, "o", color="black", markersize=3.5, label="start")
+    ax.plot(*desired[first_pass(result)].T, label=text, **DESIRED)
+    mark_ends(ax, result, p_WE, desired)
     frame_space(ax, finite(np.concatenate((p_WE, desired))))
-    figure.legend(*ax.get_legend_handles_labels(), loc="upper center", ncols=3)
+    figure.legend(*ax.get_legend_handles_labels(), loc="upper center", ncols=4)
     return figure
 
 
@@ -197,7 +198,7 @@ def velocity_error(result: Result) -> Figure:
     return figure
 
 
-@draws("position", applies=has_path)
+@draws("position", applies=lambda r: has_path(r) and returns(r))
 def joint_drift(result: Result) -> Figure:
     """Draw the drift of each joint from the start of the window, and what is left at its end."""
     figure = Figure(figsize=(COLUMN, 4.1), layout="constrained")

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from ..inputs.fields import Array
 from ..runs.result import Result
 from .style import COLOURS, COLUMN, DESIRED, Style, finite, largest, legend, single, ticks
-from .traits import first_lap, has_path
+from .traits import first_pass, has_path
 
 _LOOKS: dict[str, Style] = {
     "start": {"color": COLOURS[4], "linewidth": 1.2},
@@ -52,14 +52,14 @@ def plot_postures(ax: Axes, result: Result) -> None:
 
 
 def plot_stroboscope(ax: Axes, result: Result) -> ScalarMappable | None:
-    """Plot the arm at equal intervals of time while it moves, along a path for one lap.
+    """Plot the arm at equal intervals of time while it moves, along a path until it is passed once.
 
     Returns:
         The relation of colour and time, for a colour bar; None if no posture was finite.
     """
     steps, flashes = _steps_in_motion(result), _FLASHES
     if has_path(result):
-        steps, flashes = min(steps, int(first_lap(result).sum())), _FLASHES_ALONG
+        steps, flashes = min(steps, int(first_pass(result).sum())), _FLASHES_ALONG
     stride = max(1, ceil(steps / flashes))
     shown = slice(0, stride * flashes + 1, stride)
     time, position = result.time[shown], result.series["position"][shown]

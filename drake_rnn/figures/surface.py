@@ -13,8 +13,9 @@ from matplotlib.colors import BoundaryNorm, ListedColormap, to_rgb
 from ..inputs.fields import Array
 from ..runs.result import Result
 from ..systems import Contact
+from .ends import mark_ends
 from .style import COLOURS, DESIRED, Style, finite, legend, prefixed, span, ticks
-from .traits import evaluated, first_lap
+from .traits import evaluated, first_pass
 
 #: Relative error up to which a force counts as near the desired one.
 NEAR = 0.05
@@ -95,9 +96,9 @@ def plot_on_surface(ax: Axes, result: Result) -> None:
     )
     ax.add_collection(curve)
     # A thin line on top: the error is usually smaller than the width of the coloured curve.
-    lap = first_lap(result)
-    ax.plot(*desired[lap].T, label="desired", zorder=3, **{**DESIRED, "linewidth": 0.6})
-    ax.plot(*traced[:1].T, "o", color="black", markersize=3.5, label="start")
+    once = first_pass(result)
+    ax.plot(*desired[once].T, label="desired", zorder=3, **{**DESIRED, "linewidth": 0.6})
+    mark_ends(ax, result, traced, desired)
     shown = finite(np.concatenate((traced, desired)))
     ax.update_datalim(np.stack([span(values, least=_LEAST) for values in shown.T], axis=1))
     ax.margins(0.06)

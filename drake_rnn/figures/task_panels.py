@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 
 from ..inputs.fields import Array
 from ..runs.result import Result
+from .ends import mark_ends
 from .style import (
     BOUND,
     COLOURS,
@@ -30,7 +31,7 @@ from .style import (
     time_axis,
 )
 from .surface import surface_axes
-from .traits import evaluated, first_lap, has_path, presses
+from .traits import evaluated, first_pass, has_path, presses
 
 #: Ratio of errors outside to those inside the window above which the former are only written.
 _OUTSIZE = 4.0
@@ -41,9 +42,9 @@ def plot_path(ax: Axes, result: Result) -> None:
     p_WE, desired = result.series["p_WE"], result.series["p_WE_desired"]
     a, b = sorted(np.argsort(np.ptp(finite(desired), axis=0), kind="stable")[-2:].tolist())
     ax.plot(p_WE[:, a], p_WE[:, b], label="traced", **TRACED)
-    lap = first_lap(result)
-    ax.plot(desired[lap, a], desired[lap, b], label="desired", **DESIRED)
-    ax.plot(p_WE[0, a], p_WE[0, b], "o", color="black", markersize=3.5, label="start")
+    once = first_pass(result)
+    ax.plot(desired[once, a], desired[once, b], label="desired", **DESIRED)
+    mark_ends(ax, result, p_WE[:, [a, b]], desired[:, [a, b]])
     ax.margins(0.06)
     ax.set_aspect("equal", adjustable="datalim")
     ticks(ax.xaxis, 6)

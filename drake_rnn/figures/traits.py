@@ -64,14 +64,29 @@ def law_velocity(result: Result) -> Array:
     return result.series.get("network_velocity", result.series["velocity"])
 
 
-def first_lap(result: Result) -> NDArray[np.bool_]:
-    """Return which samples belong to the first lap of the path, shape (k,).
+def first_pass(result: Result) -> NDArray[np.bool_]:
+    """Return which samples show the path passed once, shape (k,): one lap, or an open path.
 
     Several laps drawn over one another would fill the gaps of a dashed line.
     """
     experiment = result.experiment
-    lap_end = experiment.desired.traversal + experiment.path_delay
-    return result.time <= lap_end + experiment.document.log_period
+    passed = experiment.desired.traversal + experiment.path_delay
+    return result.time <= passed + experiment.document.log_period
+
+
+def returns(result: Result) -> bool:
+    """Return whether the path ends where it began, so that the joints should as well."""
+    return result.experiment.desired.closed
+
+
+def open_end(result: Result) -> NDArray[np.bool_]:
+    """Return which sample shows the end of an open path, shape (k,); none if it is not reached."""
+    experiment = result.experiment
+    end = experiment.desired.traversal + experiment.path_delay
+    shown = np.zeros(result.time.size, dtype=bool)
+    if not returns(result) and result.time[-1] >= end * (1.0 - 1e-9):
+        shown[np.flatnonzero(first_pass(result))[-1]] = True
+    return shown
 
 
 def evaluated(result: Result) -> NDArray[np.bool_]:

@@ -191,14 +191,16 @@ METRICS: tuple[Metric, ...] = (
     Metric(
         "joint_drift_mean_rad",
         "rad",
-        "joint displacement from the window's first to its last step, mean over the joints",
+        "joint displacement from the window's first to its last step, mean over the joints; "
+        "only for a path that ends where it began",
         over="window",
         shown=_shown("return", "sweep"),
     ),
     Metric(
         "joint_drift_max_rad",
         "rad",
-        "joint displacement from the window's first to its last step, largest over the joints",
+        "joint displacement from the window's first to its last step, largest over the joints; "
+        "only for a path that ends where it began",
         over="window",
         shown=_shown("path", "return", "sweep"),
     ),

@@ -41,6 +41,7 @@ class Motion:
             shape (k,) [rad]; None if the orientation is left free.
         pressing: Contact with a surface; None without one. With a contact, position errors are
             those along the surface.
+        returns: Whether the desired path ends where it began, so that the joints should as well.
         tick, network_tick: Time for which the arm's and the law's velocities are held [s];
             None if they change at every step.
     """
@@ -58,6 +59,7 @@ class Motion:
     target: Array | None = None
     orientation_error: Array | None = None
     pressing: Pressing | None = None
+    returns: bool = True
     tick: float | None = None
     network_tick: float | None = None
 

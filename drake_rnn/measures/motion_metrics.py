@@ -113,8 +113,8 @@ def _errors(
 def _drift(motion: Motion, window: tuple[float, float] | None) -> dict[str, float]:
     metrics = {}
     within = np.flatnonzero(_within(motion, window))
-    # Joints that move to a target posture do not drift.
-    if within.size > 1 and motion.target is None:
+    # Joints that move to a target posture, or along an open path, do not drift.
+    if within.size > 1 and motion.target is None and motion.returns:
         drift = np.abs(motion.position[within[-1]] - motion.position[within[0]])
         metrics = {"joint_drift_max_rad": drift.max(), "joint_drift_mean_rad": drift.mean()}
     moved = np.linalg.norm(motion.p_WE - motion.p_WE[0], axis=1)

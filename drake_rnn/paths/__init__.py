@@ -33,14 +33,18 @@ with all other time laws the point rests at the corners. Every other curve is on
 
 from .cat import Cat
 from .curve import Curve
+from .line import Line
 from .path import BASE, TOOL, Motion, Path, PlacedPath
 from .planar import Planar
-from .points import Points
+from .points import Points, Spline, ThroughPoints
 from .polygons import Parallelogram, Square
 from .relative import RelativePath
 from .rest import Rest
+from .sequence import Part, Sequence
 from .timing import TimeLaw, Timing, time_at, time_law
+from .trajectory import TrajectoryPath, as_path
 from .trigonometric import Circle, Clover, Deltoid, FourRing, Nephroid, Trigonometric
+from .waypoints import Waypoints
 
 #: The curves an experiment may name, by their ``kind``.
 PATHS: dict[str, type[Path]] = {
@@ -52,8 +56,12 @@ PATHS: dict[str, type[Path]] = {
     "cat": Cat,
     "square": Square,
     "parallelogram": Parallelogram,
+    "line": Line,
+    "waypoints": Waypoints,
     "points": Points,
+    "spline": Spline,
     "rest": Rest,
+    "sequence": Sequence,
 }
 
 __all__ = [
@@ -66,19 +74,27 @@ __all__ = [
     "Curve",
     "Deltoid",
     "FourRing",
+    "Line",
     "Motion",
     "Nephroid",
     "Parallelogram",
+    "Part",
     "Path",
     "PlacedPath",
     "Planar",
     "Points",
     "RelativePath",
     "Rest",
+    "Sequence",
+    "Spline",
     "Square",
+    "ThroughPoints",
     "TimeLaw",
     "Timing",
+    "TrajectoryPath",
     "Trigonometric",
+    "Waypoints",
+    "as_path",
     "time_at",
     "time_law",
 ]

@@ -99,6 +99,11 @@ class Path(ABC):
     """A desired motion of the end effector, to be placed where an arm starts."""
 
     @property
+    def has_place(self) -> bool:
+        """Whether the path lies where it is given, wherever the arm starts."""
+        return False
+
+    @property
     def frames(self) -> frozenset[str]:
         """Names of the model's frames that it is given in, besides the base's and the tool's."""
         return frozenset()

@@ -1,13 +1,9 @@
-"""A smooth closed curve through points that are given or read from a CSV file."""
+"""Smooth curves through points that are given or read from a CSV file, open or closed."""
 
-from __future__ import annotations
-
-import csv
-import math
+# No postponed annotations: see `path`.
 from bisect import bisect_right
-from collections.abc import Iterable, Sequence
 from functools import cached_property
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import BeforeValidator
@@ -15,81 +11,25 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from ..inputs.fields import Array, validated
 from .curve import TURN, Curve, Triple
+from .table import QUATERNION, RPY, TIME, Table, listed, read_table
 
-
-def _number(cell: Any, row: int, column: int) -> float:
-    try:
-        number = float(cell)
-    except (TypeError, ValueError, OverflowError):
-        number = math.nan
-    if not math.isfinite(number):
-        raise ValueError(f"row {row}, column {column}: {cell!r} is not a finite number")
-    return number
-
-
-def _closed(numbered: Iterable[tuple[int, Sequence[Any]]]) -> Array:
-    """Return the points in numbered rows of cells, read-only, with the first repeated as the last.
-
-    Args:
-        numbered: Number of each row, for messages, and its three cells x, y and z [m].
-    """
-    rows: list[int] = []
-    table: list[list[float]] = []
-    for row, cells in numbered:
-        if not isinstance(cells, (list, tuple, np.ndarray)) or len(cells) != 3:
-            raise ValueError(f"row {row}: must be 3 numbers, x, y and z")
-        rows.append(row)
-        table.append([_number(cell, row, column) for column, cell in enumerate(cells, 1)])
-    points = np.array(table).reshape(-1, 3)
-    same = 1e-9 * np.ptp(points, axis=0).max() if table else 0.0
-    repeated = np.linalg.norm(np.diff(points, axis=0), axis=1) <= same
-    if repeated.any():
-        raise ValueError(f"row {rows[int(repeated.argmax()) + 1]}: repeats the point before it")
-    if table and np.linalg.norm(points[-1] - points[0]) <= same:
-        points = points[:-1]
-    distinct = len(np.unique(points, axis=0))
-    if distinct < 4:
-        raise ValueError(f"a closed curve needs at least 4 distinct points, not {distinct}")
-    points = np.vstack([points, points[:1]])
-    points.setflags(write=False)
-    return points
-
-
-def _listed(value: Any) -> Array:
-    rows = value.tolist() if isinstance(value, np.ndarray) else value
-    if not isinstance(rows, (list, tuple)):
-        raise ValueError("must be a list of points [x, y, z]")
-    return _closed(enumerate(rows, 1))
-
-
-def _read(file: str) -> Array:
-    try:
-        with open(file, newline="", encoding="utf-8-sig") as lines:
-            reader = csv.reader(lines)
-            return _closed((reader.line_num, cells) for cells in reader if cells)
-    except OSError as error:
-        raise ValueError(f"file {file}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise ValueError(f"file {file}: is not a text file") from None
-    except (ValueError, csv.Error) as error:
-        raise ValueError(f"file {file}: {error}") from None
+# Difference between two points, relative to the extent of all, up to which they are the same.
+_SAME = 1e-9
 
 
 @validated
-class Points(Curve):
-    """A smooth closed curve through given points: a periodic cubic spline over the chord length.
+class ThroughPoints(Curve):
+    """A smooth curve through given points: a cubic spline over the chord length.
 
     Args:
-        file: CSV file of three columns x, y, z without a header [m]; give this or ``points``.
-        points: Rows x, y, z in the base frame, shape (k, 3) [m]; at least 4 distinct points. The
-            first may be repeated as the last.
+        file: CSV file of three columns x, y, z [m]; give this or ``points``.
+        points: Rows x, y, z, shape (k, 3) [m]; at least 2 points.
         absolute: Whether the points stay where they are; otherwise the curve is moved so that the
             first point is at the arm's start, apart from ``offset``.
     """
 
-    kind: Literal["points"] = "points"
     file: str | None = None
-    points: Annotated[Array, BeforeValidator(_listed)] | None = None
+    points: Annotated[Array, BeforeValidator(listed)] | None = None
     absolute: bool = False
 
     def __post_init__(self) -> None:
@@ -101,7 +41,7 @@ class Points(Curve):
                 "offset: cannot be combined with absolute, which also sets where the path starts; "
                 "give one of them"
             )
-        self._table  # noqa: B018 (a bad file is refused now, not during a run)
+        self._knots  # noqa: B018 (a bad file is refused now, not during a run)
 
     @property
     def has_place(self) -> bool:
@@ -109,18 +49,44 @@ class Points(Curve):
         return self.absolute
 
     @cached_property
-    def _table(self) -> Array:
-        """The points, with the first repeated as the last, shape (k + 1, 3) [m]."""
-        return _read(self.file) if self.file is not None else np.asarray(self.points)
+    def _knots(self) -> Array:
+        """The points that the spline goes through, shape (k, 3) [m]."""
+        if self.points is not None:
+            return self._checked(Table.of_points(self.points))
+        table = read_table(str(self.file))
+        try:
+            for group in (TIME, QUATERNION, RPY):
+                if group[0] in table.columns:
+                    raise ValueError(
+                        f"column {group[0]}: is not used here, where period and timing say how "
+                        "the curve is passed; kind: waypoints takes times and orientations"
+                    )
+            return self._checked(table)
+        except ValueError as error:
+            raise ValueError(f"file {self.file}: {error}") from None
+
+    def _checked(self, table: Table) -> Array:
+        points = table.points
+        same = _SAME * np.ptp(points, axis=0).max() if len(points) else 0.0
+        repeated = np.linalg.norm(np.diff(points, axis=0), axis=1) <= same
+        if repeated.any():
+            row = table.rows[int(repeated.argmax()) + 1]
+            raise ValueError(f"row {row}: repeats the point before it")
+        if self.closed:
+            return _closed(points, same)
+        if len(points) < 2:
+            raise ValueError(f"an open curve needs at least 2 points, not {len(points)}")
+        # The middle of two points is on the line between them; a spline needs three.
+        return points if len(points) > 2 else np.array([points[0], points.mean(axis=0), points[1]])
 
     @cached_property
     def _spline(self) -> tuple[list[float], list[list[list[float]]]]:
         """Phases at the points, and the coefficients of x, y and z between them."""
-        way = np.cumsum([0.0, *np.linalg.norm(np.diff(self._table, axis=0), axis=1)])
+        way = np.cumsum([0.0, *np.linalg.norm(np.diff(self._knots, axis=0), axis=1)])
         phase = TURN * way / way[-1]
-        displacement = (self._table - self._table[0]).T
+        displacement = (self._knots - self._knots[0]).T
         spline = PiecewisePolynomial.CubicWithContinuousSecondDerivatives(
-            breaks=phase, samples=displacement, periodic_end_condition=True
+            breaks=phase, samples=displacement, periodic_end_condition=self.closed
         )
         slope = spline.MakeDerivative(1).vector_values(phase)
         second = spline.MakeDerivative(2).vector_values(phase)
@@ -142,6 +108,41 @@ class Points(Curve):
         )
         return p, dp, ddp
 
-    def start_point(self, p_WE: Array) -> Array:
+    def start_point(self, p_FE: Array) -> Array:
         """See `RelativePath.start_point`; with ``absolute`` it is the first of the points."""
-        return self._table[0].copy() if self.absolute else super().start_point(p_WE)
+        return self._knots[0].copy() if self.absolute else super().start_point(p_FE)
+
+
+@validated
+class Spline(ThroughPoints):
+    """A smooth open curve through given points."""
+
+    kind: Literal["spline"] = "spline"
+
+    @property
+    def closed(self) -> bool:
+        """Whether the curve ends where it began."""
+        return False
+
+
+@validated
+class Points(ThroughPoints):
+    """A smooth curve through given points, open unless it is said to be closed.
+
+    Args:
+        closed: Whether the curve leads back to its first point; it then needs at least 4 distinct
+            points, of which the first may be repeated as the last.
+    """
+
+    kind: Literal["points"] = "points"
+    closed: bool = False
+
+
+def _closed(points: Array, same: float) -> Array:
+    """Return the points of a closed curve with the first repeated as the last."""
+    if len(points) and np.linalg.norm(points[-1] - points[0]) <= same:
+        points = points[:-1]
+    distinct = len(np.unique(points, axis=0))
+    if distinct < 4:
+        raise ValueError(f"a closed curve needs at least 4 distinct points, not {distinct}")
+    return np.vstack([points, points[:1]])

@@ -52,11 +52,6 @@ class RelativePath(Path):
         return False
 
     @property
-    def has_place(self) -> bool:
-        """Whether the path lies where it is given, wherever the arm starts."""
-        return False
-
-    @property
     def frames(self) -> frozenset[str]:
         """See `Path.frames`."""
         return frozenset() if self.frame in (BASE, TOOL) else frozenset((self.frame,))

@@ -38,19 +38,19 @@ def view_of_paths(motion: ReplayedMotion, boxes: Boxes) -> Array:
     experiment = motion.result.experiment
     if experiment.document.task == "xy":
         return _direction(-math.pi / 2.0, math.radians(76.0))
-    lap = _some(motion.lap)
-    centre = lap.mean(axis=0)
+    course = _some(motion.course)
+    centre = course.mean(axis=0)
     ahead = math.atan2(centre[1], centre[0])
     if experiment.target is not None:
-        return _view_of_change(boxes, lap[:1], ahead)
+        return _view_of_change(boxes, course[:1], ahead)
     # A single point lies in no plane.
-    normal = np.zeros(3) if motion.rests else np.linalg.svd(lap - centre)[2][-1]
+    normal = np.zeros(3) if motion.rests else np.linalg.svd(course - centre)[2][-1]
     elevation = math.radians(16.0 + 16.0 * abs(normal[2]))
 
     def cost(aside: float) -> float:
         direction = _direction(ahead + math.radians(aside), elevation)
         face_on = min(abs(float(normal @ direction)), 0.7)
-        return boxes.hidden(lap, direction) - face_on + 0.003 * abs(abs(aside) - 48.0)
+        return boxes.hidden(course, direction) - face_on + 0.003 * abs(abs(aside) - 48.0)
 
     asides = (48.0, -48.0, 70.0, -70.0, 110.0, -110.0, 135.0, -135.0)
     return _direction(ahead + math.radians(min(asides, key=cost)), elevation)
@@ -64,7 +64,7 @@ def view_of_surface(contact: ReplayedContact, boxes: Boxes) -> Array:
     Returns:
         A unit vector from the scene to the camera, shape (3,).
     """
-    drawing = _some(contact.lap)
+    drawing = _some(contact.course)
     centre = drawing.mean(axis=0)
     ahead = math.atan2(centre[1], centre[0])
     last = boxes.posture(-1)
@@ -89,7 +89,7 @@ def points_round_drawing(contact: ReplayedContact) -> Array:
     A camera that shows them is close enough to read the drawing; of the arm it shows the tool and
     what is next to it.
     """
-    drawing = _some(contact.lap)
+    drawing = _some(contact.course)
     middle = (drawing.min(axis=0) + drawing.max(axis=0)) / 2.0
     extent = 2.0 * float(np.linalg.norm(drawing - middle, axis=1).max())
     axes = contact.R_WS.matrix().T

@@ -72,6 +72,7 @@ def make_page(motion: ReplayedMotion, rate: int) -> str:
         title=experiment.name or experiment.arm.name,
         with_target=experiment.target is not None,
         force=paths.legend,
+        with_end=motion.ends,
     )
 
 

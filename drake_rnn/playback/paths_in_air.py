@@ -5,7 +5,8 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from pydrake.geometry import Meshcat, MeshcatAnimation, Rgba, Sphere
+from pydrake.geometry import Box, Meshcat, MeshcatAnimation, Rgba, Shape, Sphere
+from pydrake.math import RigidTransform
 
 from ..inputs.fields import Array
 from .animation import Trace, move
@@ -18,6 +19,8 @@ from .stage import DESIRED_COLOUR, TRACED_COLOUR
 
 # Radius of the traced path, relative to the extent of the scene.
 _RADIUS = 0.003
+# Radius of the ball at the start of an open path and edge of the box at its end, likewise.
+_START, _END = 4.0, 7.0
 # Radii relative to that of the traced path: of the desired path, the traced point, the desired
 # point, and a desired point at rest, which would hide the flange if it were larger.
 _PATH, _TRACED_POINT, _DESIRED_POINT, _RESTING_POINT = 2.2, 2.0, 7.0, 5.5
@@ -82,7 +85,7 @@ class PathsInAir:
     @cached_property
     def _path(self) -> Array:
         """Points of both paths, shape (k, 3) [m]."""
-        return np.concatenate((self._motion.lap, self._motion.traced))
+        return np.concatenate((self._motion.course, self._motion.traced))
 
     @cached_property
     def _points(self) -> Array:
@@ -93,11 +96,19 @@ class PathsInAir:
         """Draw the desired path, unless it is a point, and the desired point."""
         motion = self._motion
         if not motion.rests:
-            vertices, faces, _ = tube(thinned(motion.lap, radius)[0], _PATH * radius)
+            vertices, faces, _ = tube(thinned(motion.course, radius)[0], _PATH * radius)
             # Only the inside of the wider tube is drawn, where it faces the camera: a rim round the
             # traced path that never hides it.
             rim = Meshcat.SideOfFaceToRender.kBackSide
             colour = Rgba(*DESIRED_COLOUR)
             self._meshcat.SetTriangleMesh("/desired/path", vertices, faces, colour, side=rim)
+        if motion.ends:
+            self._mark("start", Sphere(_START * radius), motion.course[0])
+            self._mark("end", Box(*3 * (_END * radius,)), motion.course[-1])
         ball = Sphere((_RESTING_POINT if motion.rests else _DESIRED_POINT) * radius)
         self._meshcat.SetObject("/desired/point", ball, Rgba(*DESIRED_COLOUR, 0.5))
+
+    def _mark(self, name: str, shape: Shape, point: Array) -> None:
+        """Draw a shape at a point of the desired path, at "/desired/name"."""
+        self._meshcat.SetObject(f"/desired/{name}", shape, Rgba(*DESIRED_COLOUR))
+        self._meshcat.SetTransform(f"/desired/{name}", RigidTransform(point))

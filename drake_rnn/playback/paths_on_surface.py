@@ -20,6 +20,8 @@ from .surface import draw_surface
 # Widths of the traced and of the desired line relative to the extent of the drawing, and the
 # smallest extent that counts [m]: lines on a smaller drawing would be too thin to see.
 _TRACED, _DESIRED, _LEAST_EXTENT = 0.022, 0.05, 0.03
+# Diameter of the dot at the start of an open path and edge of the square at its end, likewise.
+_START, _END = 0.12, 0.16
 # Radius and width of the ring round the desired point [m]; it is wider than the tool's ball.
 _RING, _RING_WIDTH = 0.014, 0.0024
 
@@ -51,23 +53,26 @@ class PathsOnSurface:
     def set_up(self) -> Array:
         """Draw the surface and return corners of boxes round it."""
         contact = self._contact
-        drawing = np.concatenate((contact.lap, contact.trace))
+        drawing = np.concatenate((contact.course, contact.trace))
         return draw_surface(self._meshcat, contact.surface, contact.p_WS, drawing)
 
     def aim(self) -> None:
         """Aim the camera at the drawing and the tool above it."""
         contact = self._contact
         direction = view_of_surface(contact, self._boxes)
-        aim_camera(self._meshcat, points_round_drawing(contact), contact.lap, direction)
+        aim_camera(self._meshcat, points_round_drawing(contact), contact.course, direction)
 
     def draw(self) -> None:
         """Draw the desired path, a ring round the desired point, the traced path and the force."""
         contact = self._contact
-        extent = max(float(np.linalg.norm(np.ptp(contact.lap, axis=0))), _LEAST_EXTENT)
+        extent = max(float(np.linalg.norm(np.ptp(contact.course, axis=0))), _LEAST_EXTENT)
         step = _TRACED * extent / 4.0
         if not self._motion.rests:
-            self._draw_desired("path", thinned(contact.lap, step)[0], _DESIRED * extent)
+            self._draw_desired("path", thinned(contact.course, step)[0], _DESIRED * extent)
         self._draw_desired("point", self._ring(), _RING_WIDTH)
+        if self._motion.ends:
+            self._draw_desired("start", contact.course[[0, 0]], _START * extent)
+            self._draw_desired("end", self._square(_END * extent), _DESIRED * extent)
         for stroke in contact.strokes():
             points, kept = thinned(contact.trace[stroke], step)
             if len(kept) == 1:
@@ -98,3 +103,9 @@ class PathsOnSurface:
         angles = np.linspace(0.0, math.tau, 121)
         circle = np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)))
         return np.asarray(_RING * (self._contact.R_WS.matrix() @ circle).T)
+
+    def _square(self, edge: float) -> Array:
+        """Return the corners of a square round the end of the path, shape (5, 3) [m]."""
+        corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0), (-1, -1, 0)])
+        around = edge / 2.0 * corners @ self._contact.R_WS.matrix().T
+        return np.asarray(self._contact.course[-1] + around)

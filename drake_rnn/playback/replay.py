@@ -24,7 +24,7 @@ _TRACED_ABOVE = 8e-4
 
 @dataclass(frozen=True)
 class ReplayedMotion:
-    """The motion of a run in the world frame: k samples, n joints, j points of a lap.
+    """The motion of a run in the world frame: k samples, n joints, j points of a path.
 
     Attributes:
         result: The run.
@@ -32,7 +32,8 @@ class ReplayedMotion:
         position: Joint positions, shape (k, n) [rad].
         traced: Position of the end effector, shape (k, 3) [m].
         desired: Desired position of the end effector, shape (k, 3) [m].
-        lap: The first lap of the desired path, shape (j, 3) [m].
+        course: The desired path passed once, shape (j, 3) [m].
+        ends: Whether the course shows an open path to its end.
     """
 
     result: Result
@@ -40,7 +41,8 @@ class ReplayedMotion:
     position: Array
     traced: Array
     desired: Array
-    lap: Array
+    course: Array
+    ends: bool
 
     @property
     def duration(self) -> float:
@@ -50,7 +52,7 @@ class ReplayedMotion:
     @property
     def rests(self) -> bool:
         """Whether the desired path is a single point."""
-        return bool(np.ptp(self.lap, axis=0).max() < _STILL)
+        return bool(np.ptp(self.course, axis=0).max() < _STILL)
 
     @property
     def turns(self) -> bool:
@@ -68,7 +70,7 @@ class ReplayedMotion:
 
 @dataclass(frozen=True)
 class ReplayedContact:
-    """The contact of a run in the world frame: k samples, j points of a lap.
+    """The contact of a run in the world frame: k samples, j points of a path.
 
     Attributes:
         surface: Surface that the tool presses against.
@@ -76,7 +78,7 @@ class ReplayedContact:
         desired_force: Desired force once it has risen [N].
         force: Force on the tool, shape (k, 3) [N].
         contact: Point of the surface closest to the tool, shape (k, 3) [m].
-        lap: The first lap of the desired path, as a line on the surface, shape (j, 3) [m].
+        course: The desired path passed once, as a line on the surface, shape (j, 3) [m].
         desired: Desired point on the surface, shape (k, 3) [m].
         trace: Line that a pen in place of the tool would draw, shape (k, 3) [m].
     """
@@ -86,7 +88,7 @@ class ReplayedContact:
     desired_force: float
     force: Array
     contact: Array
-    lap: Array
+    course: Array
     desired: Array
     trace: Array
 
@@ -126,14 +128,15 @@ def replayed_motion(result: Result) -> ReplayedMotion:
     # A planar task leaves the height as it is at the start.
     desired = np.tile(experiment.desired.position(0.0)[0], (count, 1))
     desired[:, list(experiment.task.axes)] = result.series["p_WE_desired"][:count]
-    lap_end = experiment.desired.traversal + experiment.path_delay
+    passed = experiment.desired.traversal + experiment.path_delay
     return ReplayedMotion(
         result=result,
         time=time,
         position=position,
         traced=np.array([kinematics.p_WE(q) for q in position]),
         desired=desired,
-        lap=desired[time <= lap_end * (1.0 + 1e-9)],
+        course=desired[time <= passed * (1.0 + 1e-9)],
+        ends=not experiment.desired.closed and bool(time[-1] >= passed * (1.0 - 1e-9)),
     )
 
 
@@ -158,7 +161,7 @@ def replayed_contact(motion: ReplayedMotion) -> ReplayedContact | None:
         # A run that diverged may have postures without a finite force.
         force=np.nan_to_num(motion.result.series["contact_force"][: len(motion.time)]),
         contact=touched,
-        lap=desired[: len(motion.lap)],
+        course=desired[: len(motion.course)],
         desired=desired,
         trace=touched + _TRACED_ABOVE * n,
     )

@@ -44,7 +44,9 @@ def set_stage(meshcat: Meshcat, floor: float, size: float) -> None:
     meshcat.SetProperty(sun, "shadow.normalBias", 0.01)
 
 
-def with_caption(page: str, title: str, with_target: bool, force: str | None = None) -> str:
+def with_caption(
+    page: str, title: str, with_target: bool, force: str | None = None, with_end: bool = False
+) -> str:
     """Return a page with a title, a legend of the colours, and a clock.
 
     Args:
@@ -52,12 +54,14 @@ def with_caption(page: str, title: str, with_target: bool, force: str | None = N
         title: Title of the run.
         with_target: Whether the legend explains the target posture.
         force: Legend of the force arrow; None without one.
+        with_end: Whether the legend explains the end of an open path.
     """
     page = page.replace("<title>Drake MeshCat</title>", f"<title>{escape(title)}</title>")
     body, end = page.rsplit("</body>", 1)
     caption = _CAPTION.format(
         title=escape(title),
         target=_TARGET if with_target else "",
+        end=_END if with_end else "",
         force="" if force is None else _FORCE.format(escape(force)),
         desired=_css(DESIRED_COLOUR),
         traced=_css(TRACED_COLOUR),
@@ -72,6 +76,8 @@ def _css(colour: tuple[float, float, float]) -> str:
 
 _TARGET = f"""
     <span style="color: {_css(DESIRED_COLOUR)}; opacity: {TARGET_OPACITY}">&#9679;</span> target"""
+_END = f"""
+    <span style="color: {_css(DESIRED_COLOUR)}">&#9632;</span> end"""
 # The camera is close: the arm may be behind the text.
 _FORCE = f"""
     <style>#caption {{{{ background: rgba(255, 255, 255, 0.8); padding: 0.1em 0.6em; }}}}</style>
@@ -79,7 +85,7 @@ _FORCE = f"""
 _CAPTION = """
   <div id="caption">
     <b>{title}</b>
-    <span style="color: {desired}">&#9679;</span> desired{target}
+    <span style="color: {desired}">&#9679;</span> desired{end}{target}
     <span style="color: {traced}">&#9679;</span> traced{force}
     <span id="clock"></span>
   </div>

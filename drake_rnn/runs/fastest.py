@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import InvalidInputError
 from ..experiment import Experiment, make_experiment
 from ..laws import LAWS
+from ..paths import Curve
 from ..robot.limits import DERIVATIVE_UNITS
 from .result import Result
 from .simulation import simulate
@@ -54,8 +55,9 @@ def fastest(experiment: Experiment, told: Callable[[str], None] | None = None) -
     ratio lies between 0.99 and 1.
 
     Args:
-        experiment: Experiment with a path on which the arm starts; it is run for one lap with the
-            timing "ramps".
+        experiment: Experiment with a path on which the arm starts. A curve is run once, with the
+            timing "ramps"; waypoints with a period as they are. The experiment's own timing, laps,
+            pause, duration, window and accept do not apply.
         told: Called with a message about each trial.
 
     Raises:
@@ -119,14 +121,35 @@ def _smooth(experiment: Experiment, told: Callable[[str], None] | None) -> dict[
         raise InvalidInputError(
             "path: must be given, and of another kind than rest, to be run faster"
         )
-    if (path.get("timing"), path.get("laps")) != ("ramps", 1) and told is not None:
-        told("path: one lap from rest to rest, timing: ramps")
-    path |= {"timing": "ramps", "laps": 1}
+    _require_period(experiment)
+    smooth = {"timing": "ramps", "laps": 1} if isinstance(experiment.path, Curve) else {}
+    changed = [
+        f"path.{key}: {value}, not {path.get(key, 'its default')}"
+        for key, value in smooth.items()
+        if path.get(key) != value
+    ]
+    path |= smooth
+    if path.pop("pause", None):
+        changed.append("no path.pause")
+    if document["duration"] != path["period"]:
+        changed.append(f"duration: the path's, not {document['duration']:g} s")
+    dropped = [key for key in ("window", "accept") if document.pop(key, None) is not None]
+    changed += [f"no {key}" for key in dropped]
+    if changed and told is not None:
+        told(f"runs the path once, from rest to rest: {'; '.join(changed)}")
     document["expect"] = "on its path, as fast as the limits allow"
-    document.pop("window", None)
-    document.pop("accept", None)
     document["name"] = f"{experiment.name}_fastest"
     return document
+
+
+def _require_period(experiment: Experiment) -> None:
+    """Raise an InvalidInputError for a path whose time no period stretches."""
+    if (experiment.document.path or {}).get("period") is None:
+        kind = type(experiment.path).__name__
+        raise InvalidInputError(
+            f"path.period: must be given, for the path to be stretched in time; a {kind} without "
+            "one has times of its own"
+        )
 
 
 def _require_bounds(experiment: Experiment) -> None:

@@ -112,6 +112,7 @@ def motion_of(
         target=experiment.target,
         orientation_error=turned,
         pressing=_pressing(experiment, recorder),
+        returns=experiment.desired.closed,
         tick=_tick(experiment, loop),
         network_tick=experiment.document.period,
     )

@@ -10,11 +10,13 @@ from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
+from pydrake.trajectories import Trajectory
 
 from ..errors import InvalidInputError
 from ..experiment import Experiment, make_experiment
 from ..inputs.documents import parse_yaml
 from ..inputs.fields import Array
+from ..paths import Path as MotionPath
 
 
 @dataclass(frozen=True)
@@ -71,8 +73,12 @@ class Result:
         return folder
 
     @classmethod
-    def load(cls, folder: str | Path) -> Result:
+    def load(cls, folder: str | Path, path: MotionPath | Trajectory | None = None) -> Result:
         """Return a result that `save` has written.
+
+        Args:
+            folder: The folder.
+            path: Path of the run, if it was made in Python: the folder does not hold it.
 
         Raises:
             InvalidInputError: If the folder does not hold a result.
@@ -88,7 +94,7 @@ class Result:
             raise InvalidInputError(f"{folder}: holds no result: {error}") from None
         graph = folder / "diagram.dot"
         return cls(
-            experiment=make_experiment(document),
+            experiment=make_experiment(document, path),
             time=time,
             series=series,
             metrics=metrics,

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 from pydrake.systems.framework import Context, LeafSystem
+from pydrake.trajectories import Trajectory
 
 from ..errors import InvalidInputError
 from ..inputs.complaints import require_type
 from ..inputs.fields import Array
-from ..paths import Path, PlacedPath
+from ..paths import Path, PlacedPath, as_path
 from ..robot.task import named_task
 
 Port = Callable[[Context, Any], None]
@@ -32,7 +33,8 @@ class PathSource(LeafSystem):
     angular velocity of E in W and its derivative, shape (3,) [rad/s, rad/s^2].
 
     Args:
-        path: Path of the end effector; or one that has been placed, without ``p_WE`` and ``R_WE``.
+        path: Path of the end effector; one that has been placed, without ``p_WE`` and ``R_WE``; or
+            a trajectory of Drake's, as `drake_rnn.TrajectoryPath` takes it.
         p_WE: Start position of the end effector, shape (3,) [m]; None for a path with a place of
             its own.
         task: A key of `drake_rnn.robot.task.TASKS`, which determines the m axes.
@@ -50,7 +52,7 @@ class PathSource(LeafSystem):
 
     def __init__(
         self,
-        path: Path | PlacedPath,
+        path: Path | PlacedPath | Trajectory,
         p_WE: Array | None = None,
         task: str = "xyz",
         R_WE: Array | None = None,
@@ -114,12 +116,14 @@ def _ports(motion: Callable[[float], list[Array]], ahead: float) -> list[Port]:
     return [port(order) for order in range(3)]
 
 
-def _placed(path: Path | PlacedPath, p_WE: Array | None, R_WE: Array | None) -> PlacedPath:
-    require_type("path", path, Path, PlacedPath)
+def _placed(path: Any, p_WE: Array | None, R_WE: Array | None) -> PlacedPath:
+    path = as_path(path)
+    require_type("path", path, Path, PlacedPath, Trajectory)
     if isinstance(path, Path):
         return path.placed(p_WE, R_WE)
+    placed: PlacedPath = path
     if p_WE is not None or R_WE is not None:
         raise InvalidInputError(
             "p_WE: must be left out, with R_WE, for a path that has been placed"
         )
-    return path
+    return placed

@@ -1,0 +1,67 @@
+"""The path that an experiment's document describes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ..errors import InvalidInputError
+from ..inputs.complaints import require_type
+from ..inputs.documents import construct, kind_of, without_kind
+from ..paths import PATHS, Part, Path, Rest, Sequence
+from .document import ExperimentDocument
+
+#: Section of a document in place of a path that was made in Python.
+GIVEN = {"kind": "given"}
+
+
+def path_of(document: ExperimentDocument, seeks_posture: bool, given: Path | None) -> Path:
+    """Return the path of an experiment.
+
+    Args:
+        document: Document of the experiment.
+        seeks_posture: Whether its law seeks a posture while the end effector stays.
+        given: Path that was made in Python, in place of one that the document describes.
+
+    Raises:
+        InvalidInputError: If a key is wrong, or the path must be given or left out.
+    """
+    if seeks_posture:
+        if document.path is not None:
+            raise InvalidInputError(
+                "path: this law holds the end effector where it is; leave the path out"
+            )
+        return Rest()
+    if document.on_unreachable != "refuse":
+        raise InvalidInputError("on_unreachable: only for a law that seeks a target posture")
+    if given is not None:
+        require_type("path", given, Path)
+        return given
+    if document.path is None:
+        raise InvalidInputError("path: must be given")
+    if document.path == GIVEN:
+        raise InvalidInputError(
+            "path: was made in Python, which a document does not hold; give it again, as the "
+            "argument path"
+        )
+    return _made(document.path, "path")
+
+
+def _made(section: Mapping[str, Any], key: str) -> Path:
+    """Return the path that a section describes; in one of parts, each part is such a section."""
+    kind = kind_of(section, PATHS, key)
+    fields = without_kind(section)
+    if issubclass(kind, Sequence) and isinstance(fields.get("parts"), list):
+        fields["parts"] = [
+            _part(part, f"{key}.parts.{number}") for number, part in enumerate(fields["parts"])
+        ]
+    path: Path = construct(kind, fields, key)
+    return path
+
+
+def _part(section: Any, key: str) -> Part:
+    if not isinstance(section, Mapping) or not isinstance(section.get("path"), Mapping):
+        raise InvalidInputError(
+            f"{key}: must be a mapping with a path, and perhaps lasts and bridge, not {section!r}"
+        )
+    return construct(Part, {**section, "path": _made(section["path"], f"{key}.path")}, key)

@@ -1,0 +1,185 @@
+r"""Trajectories of vectors through given values, as piecewise polynomials of degree 5 or less.
+
+With values y_k at times t_k, and rest at both ends:
+
+=========  ==================================================================================
+cubic      cubic spline: y, y', y'' continuous; y' = 0 at the ends, where y'' jumps
+quintic    quintic spline: y to y'''' continuous; y' = y'' = 0 at the ends
+legs       straight, by 10 s^3 - 15 s^4 + 6 s^5 from rest to rest at each value
+blended    straight at constant rates between the values, round the inner ones by a blend of
+           a stated time: parabolic (y'' constant in it) or quintic (y'' continuous)
+=========  ==================================================================================
+
+A blend of time b about t_k begins and ends on the two straight legs, b / 2 before and after t_k;
+half-way it is b |y'_{k} - y'_{k-1}| / 8 (parabolic) or 3 b |y'_{k} - y'_{k-1}| / 32 (quintic) from
+y_k. At the ends a blend leads from rest to the rate of the leg, and back.
+
+Source:
+    J. J. Craig, Introduction to Robotics, for straight legs with parabolic blends; L. Biagiotti
+    and C. Melchiorri, Trajectory Planning for Automatic Machines and Robots, for splines.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from pydrake.polynomial import Polynomial
+from pydrake.trajectories import PiecewisePolynomial
+
+from ..inputs.fields import Array
+
+Blend = Literal["quintic", "parabolic"]
+
+# Share of the whole time up to which a piece has no duration.
+_NO_TIME = 1e-9
+
+
+def cubic_spline(times: Array, values: Array) -> PiecewisePolynomial:
+    """Return the cubic spline through values, at rest at both ends.
+
+    Args:
+        times: Increasing times, shape (k,) [s].
+        values: Shape (k, m).
+    """
+    still = np.zeros((values.shape[1], 1))
+    return PiecewisePolynomial.CubicWithContinuousSecondDerivatives(times, values.T, still, still)
+
+
+def quintic_spline(times: Array, values: Array) -> PiecewisePolynomial:
+    """Return the quintic spline through values, at rest at both ends without acceleration.
+
+    Args:
+        times: Increasing times, shape (k,) [s].
+        values: Shape (k, m).
+    """
+    # Unknown are y' and y'' at the inner times, where y''' and y'''' must be the same on both
+    # sides: a block tridiagonal system, solved by elimination from the first block to the last.
+    duration = np.diff(times)
+    inner = len(times) - 2
+    u = np.zeros((len(times), 2, values.shape[1]))
+    upper = np.zeros((inner + 1, 2, 2))
+    right = np.zeros((inner + 1, 2, values.shape[1]))
+    for k in range(1, inner + 1):
+        before, after = duration[k - 1], duration[k]
+        ends, starts = _higher_at_end(before), _higher_at_start(after)
+        middle = ends[:, 4:6] - starts[:, 1:3]
+        lower = ends[:, 1:3]
+        known = np.outer(starts[:, 0], values[k]) + np.outer(starts[:, 3], values[k + 1])
+        known -= np.outer(ends[:, 0], values[k - 1]) + np.outer(ends[:, 3], values[k])
+        pivot = middle - lower @ upper[k - 1]
+        upper[k] = np.linalg.solve(pivot, -starts[:, 4:6])
+        right[k] = np.linalg.solve(pivot, known - lower @ right[k - 1])
+    for k in range(inner, 0, -1):
+        u[k] = right[k] - upper[k] @ u[k + 1]
+    return quintic_pieces(times, values, u[:, 0], u[:, 1])
+
+
+def rest_to_rest(times: Array, values: Array) -> PiecewisePolynomial:
+    """Return straight legs between values, each from rest to rest.
+
+    Args:
+        times: Increasing times, shape (k,) [s].
+        values: Shape (k, m).
+    """
+    still = np.zeros_like(values)
+    return quintic_pieces(times, values, still, still)
+
+
+def blended(times: Array, values: Array, blends: Array, kind: Blend) -> PiecewisePolynomial:
+    """Return straight legs between values, with blends at all of them.
+
+    Args:
+        times: Increasing times, shape (k,) [s].
+        values: Shape (k, m).
+        blends: Time of the blend at each value, shape (k,) [s]; with their halves at inner values
+            and their whole at the ends, two blends must fit in the leg between them.
+        kind: Kind of the blends.
+    """
+    reach = blends / 2.0
+    # A leg takes its rate half a blend after the first value and keeps it to half a blend before
+    # the last: there the blends begin and end.
+    from_, to = times.copy(), times.copy()
+    from_[0] += reach[0]
+    to[-1] -= reach[-1]
+    rate = np.diff(values, axis=0) / (to[1:] - from_[:-1])[:, np.newaxis]
+    before = np.vstack((np.zeros_like(rate[:1]), rate))
+    after = np.vstack((rate, np.zeros_like(rate[:1])))
+    begins, ends = times - reach, times + reach
+    begins[0], ends[0] = times[0], times[0] + blends[0]
+    begins[-1], ends[-1] = times[-1] - blends[-1], times[-1]
+    middle = begins + reach
+    at = np.column_stack((begins, ends)).ravel()
+    y = np.stack(
+        (
+            values - before * (middle - begins)[:, np.newaxis],
+            values + after * (ends - middle)[:, np.newaxis],
+        ),
+        axis=1,
+    ).reshape(-1, values.shape[1])
+    dy = np.stack((before, after), axis=1).reshape(y.shape)
+    kept = np.concatenate(([True], np.diff(at) > _NO_TIME * (times[-1] - times[0])))
+    if kind == "quintic":
+        return quintic_pieces(at[kept], y[kept], dy[kept], np.zeros_like(y[kept]))
+    return _hermite_parabolas(at[kept], y[kept], dy[kept])
+
+
+def quintic_pieces(times: Array, y: Array, dy: Array, ddy: Array) -> PiecewisePolynomial:
+    """Return the polynomials of degree 5 between given values and derivatives.
+
+    Args:
+        times: Increasing times, shape (k,) [s].
+        y: Values there, shape (k, m).
+        dy: Their first derivatives, shape (k, m).
+        ddy: Their second derivatives, shape (k, m).
+    """
+    T = np.diff(times)[:, np.newaxis]
+    rise, v, w, a, b = np.diff(y, axis=0), dy[:-1], dy[1:], ddy[:-1], ddy[1:]
+    return _polynomials(
+        times,
+        [
+            y[:-1],
+            v,
+            a / 2,
+            (20 * rise - (8 * w + 12 * v) * T - (3 * a - b) * T**2) / (2 * T**3),
+            (-30 * rise + (14 * w + 16 * v) * T + (3 * a - 2 * b) * T**2) / (2 * T**4),
+            (12 * rise - 6 * (w + v) * T - (a - b) * T**2) / (2 * T**5),
+        ],
+    )
+
+
+def _hermite_parabolas(times: Array, y: Array, dy: Array) -> PiecewisePolynomial:
+    """Return the parabolas that begin with given values and rates."""
+    T = np.diff(times)[:, np.newaxis]
+    return _polynomials(times, [y[:-1], dy[:-1], np.diff(dy, axis=0) / (2 * T)])
+
+
+def _polynomials(times: Array, coefficients: list[Array]) -> PiecewisePolynomial:
+    """Return polynomials by their coefficients in ascending order, each of shape (k - 1, m)."""
+    pieces = np.stack(coefficients, axis=-1)
+    return PiecewisePolynomial(
+        [np.array([[Polynomial(row)] for row in piece]) for piece in pieces], times.tolist()
+    )
+
+
+def _higher_at_start(T: float) -> Array:
+    """Return y''' and y'''' at the start of a piece of duration ``T`` [s], as a matrix.
+
+    It multiplies y, y', y'' at the start, then at the end; shape (2, 6).
+    """
+    return np.array(
+        [
+            [-60 / T**3, -36 / T**2, -9 / T, 60 / T**3, -24 / T**2, 3 / T],
+            [360 / T**4, 192 / T**3, 36 / T**2, -360 / T**4, 168 / T**3, -24 / T**2],
+        ]
+    )
+
+
+def _higher_at_end(T: float) -> Array:
+    """Return y''' and y'''' at the end of a piece, like `_higher_at_start`."""
+    return np.array(
+        [
+            [-60 / T**3, -24 / T**2, -3 / T, 60 / T**3, -36 / T**2, 9 / T],
+            [-360 / T**4, -168 / T**3, -24 / T**2, 360 / T**4, -192 / T**3, 36 / T**2],
+        ]
+    )

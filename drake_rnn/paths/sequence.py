@@ -1,0 +1,209 @@
+"""Paths one after another: several in turn, or a change of path while one is followed."""
+
+# No postponed annotations: see `path`.
+from bisect import bisect_right
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator
+from pydrake.math import RigidTransform
+
+from ..errors import InvalidInputError
+from ..inputs.complaints import short
+from ..inputs.fields import Array, NonNegative, Positive, validated
+from .bridge import State, bridge, require_meeting
+from .path import Motion, Path, PlacedPath
+from .trajectory import as_path
+
+# Distance up to which a sequence ends where it began [m].
+_CLOSED = 1e-6
+
+
+def _path(value: Any) -> Any:
+    path = as_path(value)
+    if not isinstance(path, Path):
+        raise ValueError(f"must be a path, not {short(value)}")
+    return path
+
+
+@validated
+class Part:
+    """A part of a `Sequence`.
+
+    Args:
+        path: The path.
+        lasts: Time after which the next part begins [s]; by default the path's duration, which
+            must be finite unless the part is the last one. A shorter time changes the path while
+            it is followed, a longer one waits where it ends.
+        bridge: Time of a move that leads to the part's start [s]; 0 for none.
+    """
+
+    path: Annotated[Path, BeforeValidator(_path)]
+    lasts: Positive | None = None
+    bridge: NonNegative = 0.0
+
+
+def _parts(value: Any) -> Any:
+    """Return parts, in which a path stands for a part of its own duration."""
+    if not isinstance(value, (list, tuple)) or not value:
+        raise ValueError("must be a list of one part or more")
+    entries = [as_path(entry) for entry in value]
+    return tuple(Part(path=entry) if isinstance(entry, Path) else entry for entry in entries)
+
+
+@validated
+class Sequence(Path):
+    """Paths one after another.
+
+    Each part begins with the pose that is desired then: a part without a place of its own begins
+    there, and one in the frame of the tool is given in that pose. Where the end of a part does not
+    meet the start of the next one, in position and velocity, orientation and angular velocity, a
+    bridge is needed: it begins with the motion of the one and ends with that of the other, up to
+    the acceleration. With a bridge of time b from velocity v to the first velocity w of a part
+    without a place of its own, that part begins b (v + w) / 2 further on.
+
+    The first part may begin away from the arm and at speed, like any path; with a bridge it is
+    approached from rest.
+
+    Args:
+        parts: The parts; a path alone is a part of its own duration.
+    """
+
+    kind: Literal["sequence"] = "sequence"
+    parts: Annotated[tuple[Part, ...], BeforeValidator(_parts)]
+
+    @property
+    def has_place(self) -> bool:
+        """Whether the first part lies where it is given."""
+        return self.parts[0].path.has_place and not self.parts[0].bridge
+
+    @property
+    def frames(self) -> frozenset[str]:
+        """See `Path.frames`."""
+        return frozenset(name for part in self.parts for name in part.path.frames)
+
+    def placed(
+        self,
+        p_WE: Array | None = None,
+        R_WE: Array | None = None,
+        frames: Mapping[str, RigidTransform] | None = None,
+    ) -> PlacedPath:
+        """See `Path.placed`."""
+        first, *others = self.parts
+        pieces: list[_Piece] = []
+        if first.bridge:
+            if p_WE is None:
+                raise InvalidInputError("p_WE: must be given, for a bridge that begins there")
+            pieces += _bridged(first, State.at_rest(p_WE, R_WE), 0.0, frames)
+        else:
+            pieces.append(_Piece.of(first, first.path.placed(p_WE, R_WE, frames), 0.0))
+        for number, part in enumerate(others, 1):
+            last = pieces[-1]
+            if not np.isfinite(last.end):
+                raise InvalidInputError(
+                    f"path.parts.{number - 1}: has no end; give it lasts, or laps to its path"
+                )
+            before = State.at_end(last.path, last.end - last.begin)
+            if part.bridge:
+                pieces += _bridged(part, before, last.end, frames)
+                continue
+            placed = part.path.placed(*before.pose, frames)
+            require_meeting(before, State.at_start(placed), f"path.parts.{number}")
+            pieces.append(_Piece.of(part, placed, last.end))
+        return _PlacedSequence(tuple(pieces))
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """A path that is followed from one time to another.
+
+    Attributes:
+        begin, end: These times [s]; the end may be infinite.
+        path: The path; its own time begins with the piece.
+    """
+
+    begin: float
+    end: float
+    path: PlacedPath
+
+    @classmethod
+    def of(cls, part: Part, placed: PlacedPath, begin: float) -> "_Piece":
+        lasts = placed.duration if part.lasts is None else part.lasts
+        return cls(begin, begin + lasts, placed)
+
+
+def _bridged(
+    part: Part, before: State, begin: float, frames: Mapping[str, RigidTransform] | None
+) -> list[_Piece]:
+    """Return the bridge to a part, and the part."""
+    p, R = before.pose
+    placed = part.path.placed(p, R, frames)
+    if not part.path.has_place:
+        v = before.position[1] + placed.position(0.0)[1]
+        placed = part.path.placed(p + part.bridge / 2.0 * v, R, frames)
+    way = bridge(before, State.at_start(placed), part.bridge)
+    end = begin + part.bridge
+    return [_Piece(begin, end, way), _Piece.of(part, placed, end)]
+
+
+@dataclass(frozen=True, eq=False)
+class _PlacedSequence(PlacedPath):
+    """Pieces in the world frame, each of which begins when the one before ends."""
+
+    pieces: tuple[_Piece, ...]
+
+    @property
+    def duration(self) -> float:
+        return self.pieces[-1].end
+
+    @property
+    def traversal(self) -> float:
+        last = self.pieces[-1]
+        return min(last.begin + last.path.traversal, last.end)
+
+    @property
+    def closed(self) -> bool:
+        if not np.isfinite(self.duration):
+            return False
+        way = self.position(self.duration)[0] - self.position(0.0)[0]
+        return bool(np.linalg.norm(way) < _CLOSED)
+
+    @property
+    def turns(self) -> bool:
+        return any(piece.path.turns for piece in self.pieces)
+
+    @property
+    def oriented(self) -> bool:
+        return all(piece.path.oriented for piece in self.pieces)
+
+    def _piece(self, t: float) -> _Piece:
+        if not np.isfinite(t):
+            raise InvalidInputError(f"t: must be finite, not {t}")
+        begins = [piece.begin for piece in self.pieces]
+        return self.pieces[max(bisect_right(begins, t) - 1, 0)]
+
+    def position(self, t: float) -> Motion:
+        piece = self._piece(t)
+        if t < piece.end:
+            return piece.path.position(t - piece.begin)
+        return piece.path.position(piece.end - piece.begin)[0], np.zeros(3), np.zeros(3)
+
+    def orientation(self, t: float) -> Motion:
+        piece = self._piece(t)
+        if t < piece.end:
+            return piece.path.orientation(t - piece.begin)
+        return piece.path.orientation(piece.end - piece.begin)[0], np.zeros(3), np.zeros(3)
+
+    def knots(self, until: float) -> Array:
+        until = min(until, self.duration)
+        if not np.isfinite(until):
+            raise InvalidInputError(f"until: must be finite, not {until}")
+        times = [
+            piece.begin + piece.path.knots(min(until, piece.end) - piece.begin)
+            for piece in self.pieces
+            if piece.begin <= until
+        ]
+        ends = [piece.end for piece in self.pieces if piece.end <= until]
+        return np.unique(np.concatenate([*times, ends]))

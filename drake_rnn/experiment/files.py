@@ -10,6 +10,8 @@ from ..diagrams import EXPERIMENTS
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest
 from ..inputs.documents import parse_yaml, read_yaml
+from ..robot.arm import shipped_arms
+from ..robot.limits_file import limits_beside
 from .experiment import Experiment, make_experiment
 
 
@@ -66,6 +68,7 @@ def read_document(
         raise InvalidInputError("period: cannot be combined with integrator; change one of them")
     for key, value in (changes or {}).items():
         _change(document, key, value)
+    _name_limits(document)
     _cut_short(document, changes or {})
     return {"name": file.stem, **document}
 
@@ -114,7 +117,7 @@ def _cut_short(document: dict[str, Any], changes: Mapping[str, Any]) -> None:
 def _resolve_files(document: dict[str, Any], folder: File) -> None:
     arm, path = _section(document, "arm"), _section(document, "path")
     packages, environment = _section(arm, "packages"), _section(document, "environment")
-    files = ((arm, "model"), (path, "file"), (environment, "model"))
+    files = ((arm, "model"), (arm, "limits"), (path, "file"), (environment, "model"))
     for section, key in (*files, *((packages, key) for key in packages)):
         value = section.get(key)
         # `is_file`, because a folder may have the name of a shipped arm.
@@ -122,6 +125,16 @@ def _resolve_files(document: dict[str, Any], folder: File) -> None:
         if isinstance(value, str) and found(folder / value):
             # Absolute, so that the document means the same wherever it is saved.
             section[key] = str((folder / value).resolve())
+
+
+def _name_limits(document: dict[str, Any]) -> None:
+    """Name the limits that are found beside a model, so that the document says what was used."""
+    arm = _section(document, "arm")
+    model = arm.get("model")
+    if not isinstance(model, str) or "limits" in arm or model in shipped_arms():
+        return
+    if (beside := limits_beside(File(model))) is not None:
+        arm["limits"] = str(beside.resolve())
 
 
 def _section(document: dict[str, Any], key: str) -> dict[str, Any]:

@@ -137,19 +137,27 @@ def start_posture(arm: Arm, start: Array | None, outside: float = 0.0) -> Array:
     """Return the start posture, shape (n,) [rad]: ``start``, or else the arm's home posture.
 
     Raises:
-        InvalidInputError: If there is neither; if ``start`` has the wrong size or lies outside
-            the position limits by more than ``outside`` [rad]; or if ``arm`` is not an `Arm`.
+        InvalidInputError: If there is neither; if ``start`` has the wrong shape or lies outside
+            the position limits by more than ``outside`` [rad]; if ``outside`` is negative or not
+            finite; or if ``arm`` is not an `Arm`.
     """
     require_type("arm", arm, Arm)
+    if not 0.0 <= outside < np.inf:
+        raise InvalidInputError(f"outside: must be a finite angle of at least 0 rad, not {outside}")
     if start is None:
         start = arm.home
     if start is None:
-        raise InvalidInputError(f"start: must be given; {arm.name} has no home posture")
+        raise InvalidInputError(
+            f"start: must be given; {arm.name} has no home posture, and `drake-rnn arm` or "
+            "proposed_home(arm) proposes one"
+        )
     try:
         start = np.asarray(start, dtype=float)
     except (TypeError, ValueError):
         raise InvalidInputError(f"start: must be {arm.n} numbers, not {start!r}") from None
-    if start.shape != (arm.n,):
+    if start.ndim != 1:
+        raise InvalidInputError(f"start: must have the shape ({arm.n},), not {start.shape}")
+    if start.size != arm.n:
         raise InvalidInputError(f"start: has {start.size} entries for {arm.n} joints")
     if not np.isfinite(start).all() or (arm.limits.violation(start) > outside).any():
         raise InvalidInputError(f"start: {arm.limits.complaint(start, outside, arm.joints)}")

@@ -136,9 +136,11 @@ def _add_motors(
     plant: MultibodyPlant, arm: Arm, instance: ModelInstanceIndex, settings: PlantSettings
 ) -> None:
     motors = {motor.joint().name(): motor for motor in motors_of(plant, instance)}
-    for name in arm.joints:
+    for name, effort in zip(arm.joints, arm.effort, strict=True):
         joint = plant.GetJointByName(name, instance)
         motor = motors.get(name) or plant.AddJointActuator(f"{name}_motor", joint)
+        # A file of limits may know better than the model.
+        motor.set_effort_limit(effort)
         motor.set_controller_gains(PdControllerGains(p=settings.stiffness, d=settings.damping))
         if settings.reflected_inertia > 0.0:
             motor.set_default_gear_ratio(1.0)

@@ -247,7 +247,7 @@ def test_whatever_the_order_of_joints_and_motors_each_does_what_it_is_told(tmp_p
     file = rewritten(tmp_path, change)
     joints = [IIWA.joints[i] for i in order]
     home = IIWA.home[order]
-    arm = load_arm(file, frame="tip", joints=joints, home=home)
+    arm = load_arm(file, frame="iiwa_link_ee", tool=IIWA.tool, joints=joints, home=home)
     driven = Driven(arm, home)
     goal = home + 0.02 * (1 + np.array(order))
     driven.command(goal, np.zeros(7))

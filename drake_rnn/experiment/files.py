@@ -67,7 +67,7 @@ def read_document(
     if {"period", "integrator"} <= rivals:
         raise InvalidInputError("period: cannot be combined with integrator; change one of them")
     for key, value in (changes or {}).items():
-        _change(document, key, value)
+        set_key(document, key, value)
     _name_limits(document)
     _cut_short(document, changes or {})
     return {"name": file.stem, **document}
@@ -85,7 +85,12 @@ def parse_change(text: str) -> tuple[str, Any]:
     return key.strip(), parse_yaml(value, f"--set {key.strip()}")
 
 
-def _change(document: dict[str, Any], key: str, value: Any) -> None:
+def set_key(document: dict[str, Any], key: str, value: Any) -> None:
+    """Set a dotted key of a document in place; None removes it.
+
+    Raises:
+        InvalidInputError: If the key leads into a value that has no keys.
+    """
     *folders, last = key.split(".")
     place = document
     for depth, folder in enumerate(folders):

@@ -12,9 +12,7 @@ from typing import Any
 
 import numpy as np
 from pydantic import Field
-from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
-from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
     BodyIndex,
@@ -30,9 +28,11 @@ from ..inputs.documents import construct, read_yaml
 from ..inputs.fields import Array, Finite, Point, Positive, Vector, validated
 from ..models import MODELS
 from .drake_log import quiet_drake
+from .held_joints import poses_where_held, weld_joints
 from .kinematics import ArmKinematics
 from .limits import JointLimits
 from .limits_file import LimitsFile, limits_beside, read_limits
+from .model import read_model
 from .tool_description import ToolDescription
 
 _EARTH = (0.0, 0.0, -9.81)
@@ -108,6 +108,7 @@ class Arm:
         joints: Names of the n controlled joints.
         limits: Limits of the controlled joints.
         home: Home posture, shape (n,) [rad], or None.
+        warnings: What the model's file needed to be read, and what Drake warns of.
 
     Raises:
         InvalidInputError: If the file, a frame or a joint does not exist, or sizes differ.
@@ -119,23 +120,21 @@ class Arm:
         self.description = description = description.mounted()
         self.name = name
         self.model = Path(description.model)
-        if not self.model.is_file():
-            raise InvalidInputError(f"arm.model: no file {description.model!r}")
-        for package, folder in description.packages.items():
-            if not Path(folder).is_dir():
-                raise InvalidInputError(f"arm.packages.{package}: no folder {folder!r}")
+        self._model = read_model(self.model, description.packages)
+        self._held: Mapping[str, RigidTransform] = {}
+        self.warnings = self._model.warnings
         self.frame = description.frame
         self.tool = description.tool
         self.tip = description.tip if self.tool is None else self.tool.tip
         self.home = description.home
         self.gravity = description.gravity
 
-        self._check_model()
         plant = self.plant()
         self._require_frame(plant, self.frame, "frame")
         if self.tip is not None:
             self._require_frame(plant, self.tip, "tip")
         self.joints = self._controlled_joints(plant)
+        self._held = poses_where_held(plant, self.joints, description.lock, self._model.mimics)
         self._published = self._read_limits(plant)
         self.limits = limits if limits is not None else self._known_limits(plant)
         self._require_size("limits", self.limits.size)
@@ -207,10 +206,13 @@ class Arm:
         # The parser already gave its warnings when this arm was constructed.
         with quiet_drake(logging.ERROR):
             bodies_before = plant.num_bodies()
-            instance = self._parse(plant)
+            instance = self._model.add_to(plant)
+        if self.tool is not None:
+            self.tool.add_to(plant, instance, self.model.name)
         for number, X_WB in self._floating_bases:
             body = plant.get_body(BodyIndex(bodies_before + number))
             plant.WeldFrames(plant.world_frame(), body.body_frame(), X_WB)
+        weld_joints(plant, instance, self._held)
         return instance
 
     def plant(self, time_step: float = 0.0) -> MultibodyPlant:
@@ -232,55 +234,15 @@ class Arm:
             plant: Plant with this arm.
             q: Positions of the controlled joints, shape (n,) [rad].
         """
-        positions = self._locked_positions(plant)
-        positions[self._indices(plant)] = q
-        return positions
+        positions = plant.GetDefaultPositions()
+        for name, position in zip(self.joints, q, strict=True):
+            positions[plant.GetJointByName(name).position_start()] = position
+        return np.asarray(positions, dtype=float)
 
     def kinematics(self) -> ArmKinematics:
         """Return the arm's kinematics and dynamics as functions of the controlled joints."""
-        plant = self.plant()
-        positions = self.posture(plant, np.zeros(self.n))
         scale = self.description.mass_scale
-        return ArmKinematics(plant, self.frame, self.joints, positions, scale)
-
-    def _check_model(self) -> None:
-        """Parse the model with its geometry, so that missing files and warnings show up now."""
-        scene_graph = SceneGraph()
-        plant = MultibodyPlant(0.0)
-        plant.RegisterAsSourceForSceneGraph(scene_graph)
-        self._parse(plant)
-        try:
-            plant.Finalize()
-        except RuntimeError as error:
-            raise InvalidInputError(f"arm.model: {self.model}: {_one_line(error)}") from None
-        del plant  # it points to the scene graph, which must outlive it
-
-    def _parse(self, plant: MultibodyPlant) -> ModelInstanceIndex:
-        parser = Parser(plant)
-        parser.SetAutoRenaming(True)
-        for package, folder in self.description.packages.items():
-            try:
-                parser.package_map().Add(package, folder)
-            except RuntimeError as error:
-                raise InvalidInputError(f"arm.packages.{package}: {_one_line(error)}") from None
-        try:
-            instances = parser.AddModels(str(self.model))
-        except RuntimeError as error:
-            hint = (
-                "; give the package's folder in arm.packages"
-                if "unknown package" in str(error)
-                else ""
-            )
-            raise InvalidInputError(
-                f"arm.model: {self.model} cannot be read: {_one_line(error)}{hint}"
-            ) from None
-        if len(instances) != 1:
-            raise InvalidInputError(
-                f"arm.model: {self.model} holds {len(instances)} models; it must hold one"
-            )
-        if self.tool is not None:
-            self.tool.add_to(plant, instances[0], self.model.name)
-        return instances[0]
+        return ArmKinematics(self.plant(), self.frame, self.joints, scale)
 
     @cached_property
     def _floating_bases(self) -> list[tuple[int, RigidTransform]]:
@@ -288,7 +250,7 @@ class Arm:
         plant = MultibodyPlant(0.0)
         bodies_before = plant.num_bodies()
         with quiet_drake(logging.ERROR):
-            self._parse(plant)
+            self._model.add_to(plant)
         plant.Finalize()
         bodies = [plant.get_body(index) for index in plant.GetFloatingBaseBodies()]
         return [
@@ -393,15 +355,6 @@ class Arm:
             "arm.model",
         )
 
-    def _locked_positions(self, plant: MultibodyPlant) -> Array:
-        positions = plant.GetDefaultPositions()
-        for name, value in self.description.lock.items():
-            positions[plant.GetJointByName(name).position_start()] = value
-        return np.asarray(positions, dtype=float)
-
-    def _indices(self, plant: MultibodyPlant) -> list[int]:
-        return [plant.GetJointByName(name).position_start() for name in self.joints]
-
 
 def shipped_arms() -> list[str]:
     """Return the names of the arms that come with this package."""
@@ -428,7 +381,7 @@ def load_arm(model: str | Path, **changes: Any) -> Arm:
         description["limits"] = str(folder / "limits.yaml")
         arm = Arm(construct(ArmDescription, description, "arm"), name)
         return arm.replace(**changes) if changes else arm
-    if Path(name).suffix.lower() not in {".urdf", ".sdf", ".xml"}:
+    if Path(name).suffix.lower() not in {".urdf", ".sdf", ".xml", ".xacro"}:
         raise InvalidInputError(
             f"arm: no arm {name!r}; {nearest(name, shipped_arms())}, or a .urdf, .sdf or .xml file"
         )
@@ -436,7 +389,3 @@ def load_arm(model: str | Path, **changes: Any) -> Arm:
     if "limits" not in changes and (beside := limits_beside(Path(name))) is not None:
         fields["limits"] = str(beside)
     return Arm(construct(ArmDescription, fields, "arm"), Path(name).stem)
-
-
-def _one_line(error: RuntimeError) -> str:
-    return " ".join(str(error).split())

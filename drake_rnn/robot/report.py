@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.multibody.plant import MultibodyPlant
 
 from ..inputs.fields import Array
 from .arm import Arm
@@ -80,10 +79,11 @@ def arm_report(arm: Arm, postures: int = 1000, seed: int = 0) -> ArmReport:
     inertia = (float(eigenvalues.min()), float(eigenvalues.max()))
     plant = arm.plant()
     warnings = [
+        *arm.warnings,
         *_unknown(arm),
         *_home_doubts(arm, reach[1]),
         *_weight_doubts(arm, drawn, torques),
-        *_model_doubts(arm, plant, inertia),
+        *_model_doubts(arm, inertia),
     ]
     return ArmReport(
         arm=arm,
@@ -152,17 +152,12 @@ def _weight_doubts(arm: Arm, drawn: Array, torques: Array) -> list[str]:
     return found
 
 
-def _model_doubts(arm: Arm, plant: MultibodyPlant, inertia: tuple[float, float]) -> list[str]:
+def _model_doubts(arm: Arm, inertia: tuple[float, float]) -> list[str]:
     found = []
     if inertia[0] < _MASSLESS * inertia[1]:
         found.append(
             f"mass: the smallest eigenvalue of the mass matrix is {inertia[0]:.2g} kg m^2: a joint "
             "moves bodies without mass, which level: dynamic cannot simulate"
-        )
-    if plant.num_positions() != arm.n:
-        found.append(
-            f"joints: {plant.num_positions()} move and {arm.n} are controlled; level: dynamic "
-            "needs the others fixed in the model"
         )
     if arm.tip is None:
         found.append("tool: none; to press on a surface give one, e.g. tool: {length: 0.1}")

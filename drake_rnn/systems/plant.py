@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple
 
 from pydrake.geometry import (
+    CollisionFilterDeclaration,
     GeometryId,
     GeometrySet,
     ProximityProperties,
@@ -82,14 +83,14 @@ def add_plant(
 
     Args:
         builder: Diagram builder that the plant and its SceneGraph are added to.
-        arm: The arm; all moving joints of its model must be controlled.
+        arm: The arm.
         start: Start posture, shape (n,) [rad].
         contact: Contact of the tool with a `ContactModel`; None for an arm in free space.
         settings: Simulation and motor settings.
 
     Raises:
-        InvalidInputError: If the arm has moving joints that are not controlled, a scaled mass or,
-            for a contact, no tool; or if the environment's model cannot be read.
+        InvalidInputError: If the arm has a scaled mass or, for a contact, no tool; or if the
+            environment's model cannot be read.
     """
     settings = PlantSettings() if settings is None else settings
     if arm.description.mass_scale != 1.0:
@@ -102,6 +103,7 @@ def add_plant(
     )
     plant, scene_graph = AddMultibodyPlant(config, builder)
     instance = arm.add_to(plant)
+    _ignore_self_contact(scene_graph)
     plant.mutable_gravity_field().set_gravity_vector(arm.gravity)
     _add_motors(plant, arm, instance, settings)
     tool = None
@@ -116,12 +118,6 @@ def add_plant(
             for geometry in (*tool.geometries, *around):
                 _set_friction(plant, scene_graph, geometry, environment.friction)
     plant.Finalize()
-    moving = plant.num_positions(instance)
-    if moving != arm.n or plant.num_velocities(instance) != arm.n:
-        raise InvalidInputError(
-            f"arm: {moving} joints of {arm.name} move and {arm.n} are controlled; at the "
-            "dynamic level fix the others in the model"
-        )
     plant.SetDefaultPositions(instance, arm.posture(arm.plant(), start))
     return AddedPlant(plant, scene_graph, instance, tool)
 
@@ -145,6 +141,12 @@ def _add_motors(
         if settings.reflected_inertia > 0.0:
             motor.set_default_gear_ratio(1.0)
             motor.set_default_rotor_inertia(settings.reflected_inertia)
+
+
+def _ignore_self_contact(scene_graph: SceneGraph) -> None:
+    """Let an arm's parts pass through each other: simplified shapes of neighbours overlap."""
+    parts = GeometrySet(_touchable(scene_graph))
+    scene_graph.collision_filter_manager().Apply(CollisionFilterDeclaration().ExcludeWithin(parts))
 
 
 def _set_material(

@@ -33,7 +33,7 @@ class PlantArm(Body):
     limit. Ports are those of `Body`; all outputs are those of the plant's last step.
 
     Args:
-        arm: The arm; all moving joints of its model must be controlled.
+        arm: The arm.
         start: Start posture, shape (n,) [rad]; by default the arm's home posture.
         contact: Contact with a `ContactModel`, e.g. a `Plate` or your own subclass; None for an
             arm in free space.
@@ -45,9 +45,8 @@ class PlantArm(Body):
         scene_graph: Geometry of the plant, e.g. for a visualizer.
 
     Raises:
-        InvalidInputError: In the same cases as `Body`; if the arm has moving joints that are not
-            controlled, a scaled mass or, for a contact, no tool; or if the environment's model
-            cannot be read.
+        InvalidInputError: In the same cases as `Body`; if the arm has a scaled mass or, for a
+            contact, no tool; or if the environment's model cannot be read.
     """
 
     level = "dynamic"

@@ -11,7 +11,8 @@ TURNTABLE = """<robot name="t"><link name="base"/><link name="a"/><link name="b"
   <joint name="spin" type="continuous"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/>
     <limit velocity="1" effort="9"/></joint>
   <joint name="tilt" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/>
-    <origin xyz="0.4 0 0.3"/><limit lower="-9" upper="1" velocity="1" effort="9"/></joint></robot>"""
+    <origin xyz="0.4 0 0.3"/><limit lower="-9" upper="1" velocity="1" effort="9"/></joint>
+</robot>"""
 
 
 @pytest.mark.parametrize("name", shipped_arms())

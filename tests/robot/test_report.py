@@ -86,11 +86,6 @@ def test_a_home_near_a_limit_or_a_singularity_is_told():
     assert "near-singular" in warning(stretched, "home")
 
 
-def test_joints_that_move_uncontrolled_are_told():
-    arm = ur5(joints=["shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint"])
-    assert warning(arm_report(arm), "joints").startswith("joints: 6 move and 3 are controlled")
-
-
 @pytest.mark.parametrize("name", shipped_arms())
 def test_figures_repeat(name):
     one, other = arm_report(load_arm(name), 50), arm_report(load_arm(name), 50)

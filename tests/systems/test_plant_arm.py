@@ -291,12 +291,6 @@ def test_a_rotor_makes_an_arm_slower():
     assert (np.abs(heavy["velocity"]) < np.abs(light["velocity"]))[[0, 4, 5, 6]].all()
 
 
-def test_an_arm_with_joints_that_nobody_controls_is_refused():
-    arm = load_arm("iiwa14", frame="tip", lock={"iiwa_joint_3": 0.0})
-    with pytest.raises(InvalidInputError, match=r"^arm: 7 joints of iiwa14 move and 6 are contr"):
-        PlantArm(arm, arm.home)
-
-
 def test_a_scaled_mass_is_refused():
     arm = IIWA.replace(mass_scale=1.5)
     with pytest.raises(

@@ -15,7 +15,7 @@ from ..inputs.fields import Array
 from ..robot.arm import Arm
 from ..robot.task import TASKS, named_task
 from .contact import Contact
-from .plant import PlantSettings
+from .plant_settings import PlantSettings
 
 #: Arm that a law sees: ``commanded``, the one that the filtered command moves; ``measured``, the
 #: true one; ``unfiltered``, a virtual one that the law's unfiltered command moves.

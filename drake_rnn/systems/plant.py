@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 from pydrake.geometry import (
     GeometryId,
@@ -24,42 +24,12 @@ from pydrake.systems.framework import DiagramBuilder
 
 from ..environments import ContactModel
 from ..errors import InvalidInputError
-from ..inputs.fields import Array, NonNegative, Positive, validated
+from ..inputs.fields import Array
 from ..robot.arm import Arm
 from ..robot.tool import Tool, find_tool
 from .contact import Contact
-
-
-@validated
-class PlantSettings:
-    """Simulation and motor settings of an arm with full dynamics.
-
-    Args:
-        time_step: Time step of Drake's discrete plant [s].
-        contact_approximation: Drake's approximation of discrete contact; ``sap`` pushes sliding
-            bodies apart because of its default relaxation time.
-        stiffness: Gain of each motor's position loop [Nm/rad].
-        damping: Gain of each motor's velocity loop [Nm s/rad].
-        reflected_inertia: Inertia of each motor's rotor as seen from the joint [kg m^2].
-    """
-
-    time_step: Positive = 1e-3
-    contact_approximation: Literal["lagged", "similar", "sap"] = "lagged"
-    stiffness: Positive = 2000.0
-    damping: NonNegative = 60.0
-    reflected_inertia: NonNegative = 0.0
-
-    def check_period(self, period: float | None) -> None:
-        """Raise an InvalidInputError if the time step is longer than the controller's period.
-
-        Args:
-            period: Sampling period of the controller [s]; None if Drake integrates it.
-        """
-        if period is not None and self.time_step > period:
-            raise InvalidInputError(
-                f"plant.time_step: may be at most the controller's period, {period:g} s, "
-                f"not {self.time_step:g}"
-            )
+from .motor_gains import motor_gains
+from .plant_settings import PlantSettings
 
 
 class AddedPlant(NamedTuple):
@@ -136,10 +106,10 @@ def _add_motors(
     plant: MultibodyPlant, arm: Arm, instance: ModelInstanceIndex, settings: PlantSettings
 ) -> None:
     motors = {motor.joint().name(): motor for motor in motors_of(plant, instance)}
-    for name in arm.joints:
+    for name, p, d in zip(arm.joints, *motor_gains(arm, settings), strict=True):
         joint = plant.GetJointByName(name, instance)
         motor = motors.get(name) or plant.AddJointActuator(f"{name}_motor", joint)
-        motor.set_controller_gains(PdControllerGains(p=settings.stiffness, d=settings.damping))
+        motor.set_controller_gains(PdControllerGains(p=p, d=d))
         if settings.reflected_inertia > 0.0:
             motor.set_default_gear_ratio(1.0)
             motor.set_default_rotor_inertia(settings.reflected_inertia)

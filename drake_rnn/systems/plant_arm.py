@@ -21,7 +21,8 @@ from ..robot.tool import Tool
 from .body import Body, Feedback
 from .contact import Contact
 from .contact_force import ContactForce
-from .plant import PlantSettings, add_plant, motors_of
+from .plant import add_plant, motors_of
+from .plant_settings import PlantSettings
 from .tool_force import ToolForce
 
 

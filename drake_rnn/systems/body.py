@@ -91,6 +91,15 @@ class Body(Diagram):
         """Time for which the joint velocity is held [s]; None if it is the commanded one."""
         return None
 
+    def remedy(self, joint: int, off: float) -> str:
+        """Return what to change where a joint is far from its command.
+
+        Args:
+            joint: Index of the joint.
+            off: Its distance from its command [rad].
+        """
+        return "see the settings of its motors"
+
     def check_period(self, period: float | None) -> None:
         """Raise an InvalidInputError if the body moves in steps longer than the controller's.
 

@@ -28,7 +28,7 @@ from ..inputs.fields import Array
 from ..robot.arm import Arm
 from ..robot.tool import Tool, find_tool
 from .contact import Contact
-from .motor_gains import motor_gains
+from .motor_gains import MotorGains, motor_gains
 from .plant_settings import PlantSettings
 
 
@@ -38,6 +38,7 @@ class AddedPlant(NamedTuple):
     plant: MultibodyPlant
     scene_graph: SceneGraph
     instance: ModelInstanceIndex
+    gains: MotorGains
     tool: Tool | None
 
 
@@ -73,7 +74,8 @@ def add_plant(
     plant, scene_graph = AddMultibodyPlant(config, builder)
     instance = arm.add_to(plant)
     plant.mutable_gravity_field().set_gravity_vector(arm.gravity)
-    _add_motors(plant, arm, instance, settings)
+    gains = motor_gains(arm, settings)
+    _add_motors(plant, arm, instance, gains, settings.reflected_inertia)
     tool = None
     if contact is not None and isinstance(environment := contact.surface, ContactModel):
         p_WS = contact.place(arm, start)
@@ -93,7 +95,7 @@ def add_plant(
             "dynamic level fix the others in the model"
         )
     plant.SetDefaultPositions(instance, arm.posture(arm.plant(), start))
-    return AddedPlant(plant, scene_graph, instance, tool)
+    return AddedPlant(plant, scene_graph, instance, gains, tool)
 
 
 def motors_of(plant: MultibodyPlant, instance: ModelInstanceIndex) -> list[JointActuator]:
@@ -103,16 +105,20 @@ def motors_of(plant: MultibodyPlant, instance: ModelInstanceIndex) -> list[Joint
 
 
 def _add_motors(
-    plant: MultibodyPlant, arm: Arm, instance: ModelInstanceIndex, settings: PlantSettings
+    plant: MultibodyPlant,
+    arm: Arm,
+    instance: ModelInstanceIndex,
+    gains: MotorGains,
+    reflected_inertia: float,
 ) -> None:
     motors = {motor.joint().name(): motor for motor in motors_of(plant, instance)}
-    for name, p, d in zip(arm.joints, *motor_gains(arm, settings), strict=True):
+    for name, p, d in zip(arm.joints, *gains, strict=True):
         joint = plant.GetJointByName(name, instance)
         motor = motors.get(name) or plant.AddJointActuator(f"{name}_motor", joint)
         motor.set_controller_gains(PdControllerGains(p=p, d=d))
-        if settings.reflected_inertia > 0.0:
+        if reflected_inertia > 0.0:
             motor.set_default_gear_ratio(1.0)
-            motor.set_default_rotor_inertia(settings.reflected_inertia)
+            motor.set_default_rotor_inertia(reflected_inertia)
 
 
 def _set_material(

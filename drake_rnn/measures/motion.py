@@ -41,6 +41,9 @@ class Motion:
             None if none is held.
         pressing: Contact with a surface; None without one. With a contact, position errors are
             those along the surface.
+        position_commanded: Joint positions that motors are told to follow, shape (k, n) [rad];
+            None for an arm that is where it is commanded to be.
+        p_WE_commanded: Position of the end effector at these, shape (k, m) [m]; None as well.
         tick, network_tick: Time for which the arm's and the law's velocities are held [s];
             None if they change at every step.
     """
@@ -58,6 +61,8 @@ class Motion:
     target: Array | None = None
     orientation_error: Array | None = None
     pressing: Pressing | None = None
+    position_commanded: Array | None = None
+    p_WE_commanded: Array | None = None
     tick: float | None = None
     network_tick: float | None = None
 

@@ -95,6 +95,9 @@ def motion_of(
     state, layout = recorder.series("state"), loop.controller.reading.state
     p_WE, J, turned = _task_motion(experiment, position)
     p_WE_desired, v_WE_desired = _desired(experiment, recorder.time - delay)
+    commanded = None
+    if loop.arm.has_motors and not virtual:
+        commanded = recorder.series("position_commanded")
     return Motion(
         time=recorder.time,
         position=position,
@@ -109,6 +112,8 @@ def motion_of(
         target=experiment.target,
         orientation_error=turned,
         pressing=_pressing(experiment, recorder),
+        position_commanded=commanded,
+        p_WE_commanded=None if commanded is None else _placed(experiment, commanded),
         tick=_tick(experiment, loop),
         network_tick=experiment.document.period,
     )
@@ -127,6 +132,12 @@ def _task_motion(experiment: Experiment, position: Array) -> tuple[Array, Array,
         if turned is not None:
             turned[k] = np.linalg.norm(rotation_error(kinematics.R_WE(q), experiment.R_WE_start))
     return p_WE, J, turned
+
+
+def _placed(experiment: Experiment, position: Array) -> Array:
+    """Return the position of the end effector, on the task's axes, at each posture."""
+    axes, kinematics = list(experiment.task.axes), experiment.arm.kinematics()
+    return np.array([kinematics.p_WE(q)[axes] for q in position])
 
 
 def _desired(experiment: Experiment, times: Array) -> tuple[Array, Array]:

@@ -15,7 +15,7 @@ from ..inputs.fields import Array
 from ..robot.arm import Arm
 from ..robot.task import TASKS, named_task
 from .contact import Contact
-from .plant import PlantSettings
+from .plant_settings import PlantSettings
 
 #: Arm that a law sees: ``commanded``, the one that the filtered command moves; ``measured``, the
 #: true one; ``unfiltered``, a virtual one that the law's unfiltered command moves.
@@ -90,6 +90,15 @@ class Body(Diagram):
     def tick(self) -> float | None:
         """Time for which the joint velocity is held [s]; None if it is the commanded one."""
         return None
+
+    def remedy(self, joint: int, off: float) -> str:
+        """Return what to change where a joint is far from its command.
+
+        Args:
+            joint: Index of the joint.
+            off: Its distance from its command [rad].
+        """
+        return "see the settings of its motors"
 
     def check_period(self, period: float | None) -> None:
         """Raise an InvalidInputError if the body moves in steps longer than the controller's.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 
 import numpy as np
@@ -23,14 +24,15 @@ from pydrake.systems.sensors import CameraInfo
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..robot.arm import Arm
+from ..robot.drake_log import quiet_drake
 
 # Size of the picture [pixels], vertical field of view [rad], and the room around the arm.
 _WIDTH, _HEIGHT, _FIELD_OF_VIEW, _MARGIN = 900, 900, 0.6, 1.15
 # Direction from the arm to the camera, for an arm that stands upright.
 _FROM = np.array([0.75, -1.0, 0.45])
-_WHITE, _GROUND = np.ones(3), np.array([0.86, 0.88, 0.9, 1.0])
+_SKY, _GROUND = np.array([0.93, 0.95, 0.97]), np.array([0.8, 0.83, 0.86, 1.0])
 # Lights: direction and brightness, in the world frame.
-_LIGHTS = (((-0.4, 0.6, -1.0), 0.8), ((-1.0, 0.2, -0.2), 0.5), ((0.6, 1.0, 0.2), 0.35))
+_LIGHTS = (((-0.4, 0.6, -1.0), 1.9), ((-1.0, 0.2, -0.2), 1.2), ((0.6, 1.0, 0.2), 0.8))
 # Length of the axes of E as a share of the size of the arm, and their radius over their length.
 _AXES, _THICKNESS = 0.12, 0.04
 _RENDERER = "picture"
@@ -68,9 +70,10 @@ def write_arm_picture(arm: Arm, q: Array, file: str | Path) -> Path:
     query = scene_graph.get_query_output_port().Eval(scene_graph.GetMyContextFromRoot(context))
     middle = (skeleton.min(axis=0) + skeleton.max(axis=0)) / 2.0
     radius = _MARGIN * float(np.linalg.norm(np.ptp(skeleton, axis=0)) / 2.0 + 0.1 * size)
-    image = query.RenderColorImage(
-        _camera(radius), scene_graph.world_frame_id(), _view(middle, radius)
-    )
+    with quiet_drake(logging.ERROR):  # of materials in meshes
+        image = query.RenderColorImage(
+            _camera(radius), scene_graph.world_frame_id(), _view(middle, radius)
+        )
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         Image.fromarray(np.asarray(image.data)[..., :3]).save(file, optimize=True)
@@ -81,7 +84,8 @@ def write_arm_picture(arm: Arm, q: Array, file: str | Path) -> Path:
 
 def _parameters() -> RenderEngineVtkParams:
     parameters = RenderEngineVtkParams()
-    parameters.default_clear_color = _WHITE
+    parameters.default_clear_color = _SKY
+    parameters.force_to_pbr = True  # as meshes are, which otherwise look darker than shapes
     parameters.lights = [
         LightParameter(type="directional", frame="world", direction=direction, intensity=brightness)
         for direction, brightness in _LIGHTS

@@ -20,6 +20,9 @@ _FIRST_STEP, _LAST_STEP = 0.3, 0.01
 # A joint this share of half its range away from its limits is far enough; so is a frame E that is
 # this share of the arm's reach above the base.
 _ENOUGH_ROOM, _ENOUGH_HEIGHT = 0.25, 0.25
+# Bodies at half of the largest distance that they can have are far enough from each other; those
+# that are always close, relative to the reach, do not count.
+_APART, _ALWAYS_CLOSE = 0.5, 0.02
 # A body is out over the work if it is farther from the base's axis than this share of the reach; it
 # may be below E by that share.
 _OUT, _BELOW = 0.2, 0.05
@@ -53,6 +56,8 @@ def proposed_home(arm: Arm, seed: int = 0) -> Array:
       of the position, in its structural rank; lengths are taken relative to the arm's reach;
     - how much E's z axis points down, along gravity, and how far E is ahead, along the base's x
       axis: (1 + cosine) / 2 both, the first squared;
+    - the smallest distance of two bodies of the chain as a share of the largest that they can have;
+      0.5 is enough;
     - the distance of E from the base's xy plane as a share of the arm's reach; 0.25 is enough. No
       body may be behind that plane, and of those that are out over the work none below E.
 
@@ -125,16 +130,20 @@ def _merit(arm: Arm, candidates: Array) -> Callable[[Array], float]:
     kinematics, limits = arm.kinematics(), arm.limits
     weight = float(np.linalg.norm(arm.gravity))
     down = arm.gravity / weight if weight > 0.0 else np.array([0.0, 0.0, -1.0])
-    places = np.array([kinematics.p_WE(q) for q in candidates])
-    reach = float(np.linalg.norm(places, axis=1).max())
-    is_planar = bool(np.ptp(places[:, 2]) < 1e-9)
+    chains = np.array([kinematics.skeleton(q) for q in candidates])
+    reach = float(np.linalg.norm(chains[:, -1], axis=1).max())
+    is_planar = bool(np.ptp(chains[:, -1, 2]) < 1e-9)
+    farthest = np.max([_distances(chain) for chain in chains], axis=0)
+    counts = farthest > _ALWAYS_CLOSE * reach
     half = (limits.position_upper - limits.position_lower) / 2.0
     rank = max(int((conditioning(kinematics, q, reach) > 1e-6).sum()) for q in candidates[:50])
 
     def merit(q: Array) -> float:
         room = np.minimum(q - limits.position_lower, limits.position_upper - q)
         shares = np.divide(room, half, out=np.ones(arm.n), where=np.isfinite(half))
-        bodies = kinematics.skeleton(q)[1:]
+        chain = kinematics.skeleton(q)
+        apart = float((_distances(chain)[counts] / farthest[counts]).min())
+        bodies = chain[1:]
         p_WE, heights = bodies[-1], -bodies @ down
         out = np.linalg.norm(bodies[:, :2], axis=1) > _OUT * reach
         if bodies[:, 2].min() < 0.0 or (heights[out] < heights[-1] - _BELOW * reach).any():
@@ -142,8 +151,15 @@ def _merit(arm: Arm, candidates: Array) -> Callable[[Array], float]:
         ahead = (1.0 + p_WE[0] / max(float(np.linalg.norm(p_WE)), 1e-9)) / 2.0
         pointing = (1.0 + float(kinematics.R_WE(q)[:, 2] @ down)) / 2.0
         worth = min(float(shares.min()) / _ENOUGH_ROOM, 1.0) * ahead * pointing**2
+        worth *= min(apart / _APART, 1.0)
         if not is_planar:
             worth *= min(float(p_WE[2]) / (_ENOUGH_HEIGHT * reach), 1.0)
         return worth * float(conditioning(kinematics, q, reach)[rank - 1])
 
     return merit
+
+
+def _distances(points: Array) -> Array:
+    """Return the distances between points, shape (k, 3), pair by pair."""
+    first, second = np.triu_indices(len(points), 1)
+    return np.asarray(np.linalg.norm(points[first] - points[second], axis=1))

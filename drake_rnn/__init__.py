@@ -70,8 +70,11 @@ from .playback import write_playback
 from .robot.arm import Arm, ArmDescription, load_arm, shipped_arms
 from .robot.kinematics import ArmKinematics
 from .robot.limits import JointLimits
+from .robot.postures import proposed_home
+from .robot.report import ArmReport, arm_report
 from .robot.self_motion import SelfMotion
 from .robot.task import TASKS
+from .robot.tool_description import ToolDescription
 from .runs import Result, build_diagram, check_experiment, simulate
 from .runs.fastest import Fastest, fastest
 from .runs.sweep import sweep
@@ -111,6 +114,7 @@ __all__ = [
     "Arm",
     "ArmDescription",
     "ArmKinematics",
+    "ArmReport",
     "Array",
     "Body",
     "Cat",
@@ -185,8 +189,10 @@ __all__ = [
     "StateAdjustment",
     "Surface",
     "TipMaterial",
+    "ToolDescription",
     "Vector",
     "WarmUp",
+    "arm_report",
     "build_diagram",
     "check_experiment",
     "check_reach",
@@ -194,6 +200,7 @@ __all__ = [
     "load_arm",
     "load_experiment",
     "make_experiment",
+    "proposed_home",
     "shipped_arms",
     "shipped_experiments",
     "simulate",

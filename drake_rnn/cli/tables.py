@@ -23,6 +23,7 @@ from ..experiment import (
 from ..inputs.documents import construct
 from ..measures import shown_in
 from ..robot.limits import DERIVATIVE_UNITS
+from ..robot.report import ArmReport
 from ..runs.result import Result
 from ..runs.sweep import Row
 
@@ -54,6 +55,73 @@ def experiments_table() -> Table:
                 document.expect,
             )
         table.add_section()
+    return table
+
+
+def arm_joints_table(report: ArmReport) -> Table:
+    """Return a table of an arm's joints: limits, weight and home posture."""
+    arm, limits = report.arm, report.arm.limits
+    table = Table(box=SIMPLE_HEAD, title=escape(arm.name))
+    table.add_column("joint", no_wrap=True)
+    known = [name for name in DERIVATIVE_UNITS if limits.bounds[name] is not None]
+    shown = list(dict.fromkeys(("velocity", "acceleration", *known)))
+    for column in (
+        "position [rad]",
+        *(f"{name} [{DERIVATIVE_UNITS[name]}]" for name in shown),
+        "effort [Nm]",
+        "weight [Nm]",
+        "share",
+        "home [rad]",
+    ):
+        table.add_column(escape(column), justify="right")
+    for k, joint in enumerate(arm.joints):
+        lower, upper = limits.position_lower[k], limits.position_upper[k]
+        bounds = [limits.bounds[name] for name in shown]
+        table.add_row(
+            escape(joint),
+            f"{_bound(lower, 'none')} .. {_bound(upper, 'none')}",
+            *("unknown" if bound is None else _bound(bound[k]) for bound in bounds),
+            _bound(arm.effort[k]),
+            f"{round(report.weight_torque[k], 6):.3g}",
+            f"{report.weight_share[k]:.0%}" if np.isfinite(arm.effort[k]) else "-",
+            f"{report.home[k]:.4g}",
+        )
+    return table
+
+
+def _bound(value: float, without: str = "unknown") -> str:
+    return f"{value:.4g}" if np.isfinite(value) else without
+
+
+def arm_table(report: ArmReport) -> Table:
+    """Return a table of an arm's other figures, with lines to paste into an experiment."""
+    arm, tool = report.arm, report.arm.tool
+    home = ", ".join(f"{angle:.6g}" for angle in report.home)
+    carried = "none" if arm.tip is None else f"in the model, at {arm.tip}"
+    if tool is not None:
+        carried = f"{tool.mass:g} kg on {tool.mount}, ball of {tool.ball * 1e3:g} mm at {tool.tip}"
+    verdict = "yes" if report.carries_itself else "[red]no[/]"
+    if not np.isfinite(arm.effort).all():
+        verdict += ", as far as efforts are known"
+    rows = {
+        "model": escape(str(arm.model)),
+        "limits": escape(str(arm.description.limits or "those of the model")),
+        "task frame E": escape(arm.frame),
+        "tool": escape(carried),
+        "home, proposed" if report.home_is_proposed else "home": f"home: \\[{home}]",
+        "E at home [m]": ", ".join(f"{round(value, 6):.4g}" for value in report.p_WE_home),
+        "distance of E from the base [m]": f"{report.reach[0]:.3g} to {report.reach[1]:.3g}",
+        "eigenvalues of M [kg m^2]": f"{report.inertia[0]:.3g} to {report.inertia[1]:.3g}",
+        "mass [kg]": f"{report.mass:.4g}",
+        "carries itself and its tool": verdict,
+    }
+    table = Table(
+        box=None,
+        show_header=False,
+        caption=f"distances, M and weight over {report.postures} random postures",
+    )
+    for name, value in rows.items():
+        table.add_row(escape(name), value)
     return table
 
 

@@ -2,7 +2,7 @@
 
 from .document import Acceptance, ExperimentDocument, IntegratorSettings
 from .experiment import OUTSIDE, Experiment, make_experiment
-from .files import load_experiment, parse_change, read_document, shipped_experiments
+from .files import load_experiment, parse_change, read_document, set_key, shipped_experiments
 from .reach import Reach, check_reach, follow
 
 __all__ = [
@@ -18,5 +18,6 @@ __all__ = [
     "make_experiment",
     "parse_change",
     "read_document",
+    "set_key",
     "shipped_experiments",
 ]

@@ -22,7 +22,7 @@ from ..systems.contact_reference import ForceProfile
 from ..systems.dither import DitherSettings
 from ..systems.force_sensor import SensorSettings
 from ..systems.moving_average import FilterSettings
-from ..systems.plant import PlantSettings
+from ..systems.plant_settings import PlantSettings
 
 
 @validated

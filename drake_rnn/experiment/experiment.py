@@ -128,7 +128,7 @@ def make_experiment(
     start = start_posture(arm, document.start, OUTSIDE if seeks_posture else 0.0)
     path = path_of(document, seeks_posture, as_path(path))
     law = make_law(document, limits, start)
-    warnings = [*_widened(published, limits), *_outside(arm, start)]
+    warnings = [*arm.warnings, *_widened(published, limits), *_outside(arm, start)]
     delay = filter_delay(document, feedback, limits, law)
     warnings += loop_delay_doubts(document, law, delay.loop)
     if isinstance(law, PostureLaw):
@@ -190,10 +190,13 @@ def _widened(arm: Arm, limits: JointLimits) -> list[str]:
     """Return a warning if the position limits exceed what the arm itself can do."""
     if not np.isfinite(limits.position_upper - limits.position_lower).any():
         return []
-    beyond = np.maximum(
-        arm.limits.position_lower - limits.position_lower,
-        limits.position_upper - arm.limits.position_upper,
-    )
+    # Where neither has a limit, infinity is taken from infinity.
+    with np.errstate(invalid="ignore"):
+        beyond = np.maximum(
+            arm.limits.position_lower - limits.position_lower,
+            limits.position_upper - arm.limits.position_upper,
+        )
+    beyond[np.isnan(beyond)] = 0.0
     worst = int(np.argmax(beyond))
     if beyond[worst] <= 1e-3:
         return []

@@ -10,6 +10,8 @@ from ..diagrams import EXPERIMENTS
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest
 from ..inputs.documents import parse_yaml, read_yaml
+from ..robot.arm import shipped_arms
+from ..robot.limits_file import limits_beside
 from .experiment import Experiment, make_experiment
 
 
@@ -65,7 +67,8 @@ def read_document(
     if {"period", "integrator"} <= rivals:
         raise InvalidInputError("period: cannot be combined with integrator; change one of them")
     for key, value in (changes or {}).items():
-        _change(document, key, value)
+        set_key(document, key, value)
+    _name_limits(document)
     _cut_short(document, changes or {})
     return {"name": file.stem, **document}
 
@@ -82,7 +85,12 @@ def parse_change(text: str) -> tuple[str, Any]:
     return key.strip(), parse_yaml(value, f"--set {key.strip()}")
 
 
-def _change(document: dict[str, Any], key: str, value: Any) -> None:
+def set_key(document: dict[str, Any], key: str, value: Any) -> None:
+    """Set a dotted key of a document in place; None removes it.
+
+    Raises:
+        InvalidInputError: If the key leads into a value that has no keys.
+    """
     *folders, last = key.split(".")
     place = document
     for depth, folder in enumerate(folders):
@@ -115,7 +123,7 @@ def _resolve_files(document: dict[str, Any], folder: File) -> None:
     arm = _section(document, "arm")
     packages, environment = _section(arm, "packages"), _section(document, "environment")
     paths = ((path, "file") for path in _path_sections(document))
-    files = ((arm, "model"), *paths, (environment, "model"))
+    files = ((arm, "model"), (arm, "limits"), *paths, (environment, "model"))
     for section, key in (*files, *((packages, key) for key in packages)):
         value = section.get(key)
         # `is_file`, because a folder may have the name of a shipped arm.
@@ -134,6 +142,16 @@ def _path_sections(document: dict[str, Any]) -> list[dict[str, Any]]:
         path,
         *(inner for part in entries if isinstance(part, dict) for inner in _path_sections(part)),
     ]
+
+
+def _name_limits(document: dict[str, Any]) -> None:
+    """Name the limits that are found beside a model, so that the document says what was used."""
+    arm = _section(document, "arm")
+    model = arm.get("model")
+    if not isinstance(model, str) or "limits" in arm or model in shipped_arms():
+        return
+    if (beside := limits_beside(File(model))) is not None:
+        arm["limits"] = str(beside.resolve())
 
 
 def _section(document: dict[str, Any], key: str) -> dict[str, Any]:

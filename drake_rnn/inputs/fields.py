@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import wraps
+from numbers import Real
 from typing import Annotated, Any, dataclass_transform
 
 import numpy as np
@@ -57,6 +58,28 @@ def zeros() -> Array:
     return _point([0.0, 0.0, 0.0])
 
 
+def _number_or_vector(value: Any) -> float | Array:
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return _finite_vector(value)
+    if not isinstance(value, Real) or isinstance(value, bool) or not np.isfinite(float(value)):
+        raise ValueError("must be a number or a list of numbers")
+    return float(value)
+
+
+def _positive(value: Any) -> float | Array:
+    given = _number_or_vector(value)
+    if not (np.asarray(given) > 0).all():
+        raise ValueError("must be greater than 0")
+    return given
+
+
+def _non_negative(value: Any) -> float | Array:
+    given = _number_or_vector(value)
+    if not (np.asarray(given) >= 0).all():
+        raise ValueError("must be greater than or equal to 0")
+    return given
+
+
 Bounds = Annotated[Array, BeforeValidator(_vector)]
 Vector = Annotated[Array, BeforeValidator(_finite_vector)]
 Point = Annotated[Array, BeforeValidator(_point)]
@@ -64,6 +87,9 @@ Point = Annotated[Array, BeforeValidator(_point)]
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(strict=True, ge=0, allow_inf_nan=False)]
+# One number for all joints, or one for each.
+PositiveEach = Annotated[float | Array, BeforeValidator(_positive)]
+NonNegativeEach = Annotated[float | Array, BeforeValidator(_non_negative)]
 Count = Annotated[int, Field(strict=True, ge=1)]
 Seed = Annotated[int, Field(strict=True, ge=0)]
 

@@ -247,6 +247,17 @@ METRICS: tuple[Metric, ...] = (
         shown=_shown("path", "posture", "force"),
     ),
     Metric(
+        "command_error_max_m",
+        "m",
+        "largest distance of the end effector from where the command to the motors places it",
+        shown=_shown("path", "posture", "return", "force", "sweep"),
+    ),
+    Metric(
+        "command_error_max_rad",
+        "rad",
+        "largest distance of a joint from the command to its motor",
+    ),
+    Metric(
         "jacobian_error_median",
         "m",
         "median of the Frobenius norm of J - J_hat",

@@ -42,6 +42,9 @@ class Motion:
         pressing: Contact with a surface; None without one. With a contact, position errors are
             those along the surface.
         returns: Whether the desired path ends where it began, so that the joints should as well.
+        position_commanded: Joint positions that motors are told to follow, shape (k, n) [rad];
+            None for an arm that is where it is commanded to be.
+        p_WE_commanded: Position of the end effector at these, shape (k, m) [m]; None as well.
         tick, network_tick: Time for which the arm's and the law's velocities are held [s];
             None if they change at every step.
     """
@@ -60,6 +63,8 @@ class Motion:
     orientation_error: Array | None = None
     pressing: Pressing | None = None
     returns: bool = True
+    position_commanded: Array | None = None
+    p_WE_commanded: Array | None = None
     tick: float | None = None
     network_tick: float | None = None
 

@@ -46,6 +46,7 @@ def motion_metrics(
         metrics |= _drift(motion, window)
         metrics |= _joints(motion, limits)
         metrics |= _posture(motion, window)
+        metrics |= _following(motion)
         if motion.pressing is not None:
             metrics |= _contact(motion, motion.pressing, window)
         if motion.J_hat is not None:
@@ -122,6 +123,17 @@ def _drift(motion: Motion, window: tuple[float, float] | None) -> dict[str, floa
         "end_effector_drift_max_m": moved.max(),
         "end_effector_drift_end_m": moved[-1],
     }
+
+
+def _following(motion: Motion) -> dict[str, float]:
+    metrics = {}
+    if motion.position_commanded is not None:
+        off = np.abs(motion.position - motion.position_commanded)
+        metrics["command_error_max_rad"] = off.max()
+    if motion.p_WE_commanded is not None:
+        away = np.linalg.norm(motion.p_WE - motion.p_WE_commanded, axis=1)
+        metrics["command_error_max_m"] = away.max()
+    return metrics
 
 
 def _posture(motion: Motion, window: tuple[float, float] | None) -> dict[str, float]:

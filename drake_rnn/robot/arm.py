@@ -12,9 +12,7 @@ from typing import Any
 
 import numpy as np
 from pydantic import Field
-from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
-from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
     BodyIndex,
@@ -30,8 +28,12 @@ from ..inputs.documents import construct, read_yaml
 from ..inputs.fields import Array, Finite, Point, Positive, Vector, validated
 from ..models import MODELS
 from .drake_log import quiet_drake
+from .held_joints import poses_where_held, weld_joints
 from .kinematics import ArmKinematics
-from .limits import DERIVATIVE_UNITS, JointLimits
+from .limits import JointLimits
+from .limits_file import LimitsFile, limits_beside, read_limits
+from .model import read_model
+from .tool_description import ToolDescription
 
 _EARTH = (0.0, 0.0, -9.81)
 
@@ -42,8 +44,10 @@ class ArmDescription:
 
     Args:
         model: URDF, SDF or MJCF file.
-        frame: Name of the task frame E.
-        tip: Name of the frame at the tool's contact point, if there is one.
+        frame: Name of the task frame E. If there is a ``tool`` that names no ``mount``, it is the
+            frame that carries the tool, and E is the centre of the tool's ball.
+        tip: Name of the frame at the tool's contact point, if there is one in the model.
+        tool: Tool to add to the model.
         joints: Names of the controlled joints, base to tip; by default all between base and
             ``frame``.
         lock: Positions of joints held still, by name [rad]; joints neither controlled nor named
@@ -51,18 +55,41 @@ class ArmDescription:
         packages: Folders of the packages that ``package://`` names in the model refer to.
         home: Home posture, from which the arm starts by default, shape (n,) [rad].
         gravity: Gravitational acceleration in the base frame, shape (3,) [m/s^2].
-        mass_scale: Factor on all masses and inertias of the model.
+        mass_scale: Factor on all masses and inertias of the model and the tool.
+        limits: File of joint limits, see `drake_rnn.robot.limits_file`; what it does not state, the
+            model does.
     """
 
     model: str
     frame: str
     tip: str | None = None
+    tool: ToolDescription | None = None
     joints: list[str] | None = None
     lock: dict[str, Finite] = Field(default_factory=dict)
     packages: dict[str, str] = Field(default_factory=dict)
     home: Vector | None = None
     gravity: Point = Field(default_factory=lambda: np.array(_EARTH))
     mass_scale: Positive = 1.0
+    limits: str | None = None
+
+    def mounted(self) -> ArmDescription:
+        """Return the same description with the mount of the tool named, and ``frame`` that of E."""
+        if self.tool is None or self.tool.mount is not None:
+            return self
+        return replace(self, frame=self.tool.tip, tool=replace(self.tool, mount=self.frame))
+
+    def changed(self, changes: Mapping[str, Any]) -> ArmDescription:
+        """Return the description with some fields changed; a new tool goes where the old one was.
+
+        Raises:
+            InvalidInputError: If a field is invalid.
+        """
+        new = construct(ArmDescription, fields_of(self) | dict(changes), "arm")
+        if "tool" not in changes or self.tool is None or new.frame != self.tool.tip:
+            return new
+        # E was the tip of a tool that is there no longer.
+        leaves = "frame" not in changes if new.tool is None else new.tool.mount is None
+        return replace(new, frame=str(self.tool.mount)) if leaves else new
 
 
 class Arm:
@@ -71,12 +98,17 @@ class Arm:
     Args:
         description: Model file, task frame, joints and properties of the arm.
         name: Name in figures and messages.
-        limits: Limits of the controlled joints; by default those of the model file.
+        limits: Limits of the controlled joints; by default those of the description's file and of
+            the model.
 
     Attributes:
+        frame: Name of the task frame E.
+        tip: Name of the frame at the tool's contact point, or None.
+        tool: The tool that was added to the model, or None.
         joints: Names of the n controlled joints.
         limits: Limits of the controlled joints.
         home: Home posture, shape (n,) [rad], or None.
+        warnings: What the model's file needed to be read, and what Drake warns of.
 
     Raises:
         InvalidInputError: If the file, a frame or a joint does not exist, or sizes differ.
@@ -85,26 +117,26 @@ class Arm:
     def __init__(
         self, description: ArmDescription, name: str, limits: JointLimits | None = None
     ) -> None:
-        self.description = description
+        self.description = description = description.mounted()
         self.name = name
         self.model = Path(description.model)
-        if not self.model.is_file():
-            raise InvalidInputError(f"arm.model: no file {description.model!r}")
-        for package, folder in description.packages.items():
-            if not Path(folder).is_dir():
-                raise InvalidInputError(f"arm.packages.{package}: no folder {folder!r}")
+        self._model = read_model(self.model, description.packages)
+        self._held: Mapping[str, RigidTransform] = {}
+        self.warnings = self._model.warnings
         self.frame = description.frame
-        self.tip = description.tip
+        self.tool = description.tool
+        self.tip = description.tip if self.tool is None else self.tool.tip
         self.home = description.home
         self.gravity = description.gravity
 
-        self._check_model()
         plant = self.plant()
         self._require_frame(plant, self.frame, "frame")
         if self.tip is not None:
             self._require_frame(plant, self.tip, "tip")
         self.joints = self._controlled_joints(plant)
-        self.limits = limits if limits is not None else self._stated_limits(plant)
+        self._held = poses_where_held(plant, self.joints, description.lock, self._model.mimics)
+        self._published = self._read_limits(plant)
+        self.limits = limits if limits is not None else self._known_limits(plant)
         self._require_size("limits", self.limits.size)
         if self.home is not None:
             self._require_size("home", self.home.size)
@@ -120,7 +152,11 @@ class Arm:
         plant = self.plant()
         motors = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
         known = {motor.joint().name(): motor.effort_limit() for motor in motors}
-        return np.array([known.get(name, np.inf) for name in self.joints])
+        stated = np.array([known.get(name, np.inf) for name in self.joints])
+        if self._published is None:
+            return stated
+        published = self._published.values("effort", self.joints)
+        return np.where(np.isnan(published), stated, published)
 
     def replace(self, **changes: Any) -> Arm:
         """Return the same arm with other fields of its description, e.g. ``frame="tip"``.
@@ -132,7 +168,7 @@ class Arm:
         Raises:
             InvalidInputError: As `Arm` does.
         """
-        description = construct(ArmDescription, fields_of(self.description) | changes, "arm")
+        description = self.description.changed(changes)
         if "model" in changes:
             return Arm(description, self.name)
         if "joints" not in changes and description.joints is not None:
@@ -148,7 +184,8 @@ class Arm:
             locked = {n: q for n, q in at_home.items() if n not in arm.joints}
             description = replace(description, lock={**locked, **description.lock})
             home = self.home[kept] if home is None else home
-        return Arm(replace(description, home=home), self.name, self.limits.select(kept))
+        limits = None if "limits" in changes else self.limits.select(kept)
+        return Arm(replace(description, home=home), self.name, limits)
 
     def with_limits(self, limits: JointLimits) -> Arm:
         """Return the same arm with other limits.
@@ -169,10 +206,13 @@ class Arm:
         # The parser already gave its warnings when this arm was constructed.
         with quiet_drake(logging.ERROR):
             bodies_before = plant.num_bodies()
-            instance = self._parse(plant)
+            instance = self._model.add_to(plant)
+        if self.tool is not None:
+            self.tool.add_to(plant, instance, self.model.name)
         for number, X_WB in self._floating_bases:
             body = plant.get_body(BodyIndex(bodies_before + number))
             plant.WeldFrames(plant.world_frame(), body.body_frame(), X_WB)
+        weld_joints(plant, instance, self._held)
         return instance
 
     def plant(self, time_step: float = 0.0) -> MultibodyPlant:
@@ -194,53 +234,15 @@ class Arm:
             plant: Plant with this arm.
             q: Positions of the controlled joints, shape (n,) [rad].
         """
-        positions = self._locked_positions(plant)
-        positions[self._indices(plant)] = q
-        return positions
+        positions = plant.GetDefaultPositions()
+        for name, position in zip(self.joints, q, strict=True):
+            positions[plant.GetJointByName(name).position_start()] = position
+        return np.asarray(positions, dtype=float)
 
     def kinematics(self) -> ArmKinematics:
         """Return the arm's kinematics and dynamics as functions of the controlled joints."""
-        plant = self.plant()
-        positions = self.posture(plant, np.zeros(self.n))
         scale = self.description.mass_scale
-        return ArmKinematics(plant, self.frame, self.joints, positions, scale)
-
-    def _check_model(self) -> None:
-        """Parse the model with its geometry, so that missing files and warnings show up now."""
-        scene_graph = SceneGraph()
-        plant = MultibodyPlant(0.0)
-        plant.RegisterAsSourceForSceneGraph(scene_graph)
-        self._parse(plant)
-        try:
-            plant.Finalize()
-        except RuntimeError as error:
-            raise InvalidInputError(f"arm.model: {self.model}: {_one_line(error)}") from None
-        del plant  # it points to the scene graph, which must outlive it
-
-    def _parse(self, plant: MultibodyPlant) -> ModelInstanceIndex:
-        parser = Parser(plant)
-        parser.SetAutoRenaming(True)
-        for package, folder in self.description.packages.items():
-            try:
-                parser.package_map().Add(package, folder)
-            except RuntimeError as error:
-                raise InvalidInputError(f"arm.packages.{package}: {_one_line(error)}") from None
-        try:
-            instances = parser.AddModels(str(self.model))
-        except RuntimeError as error:
-            hint = (
-                "; give the package's folder in arm.packages"
-                if "unknown package" in str(error)
-                else ""
-            )
-            raise InvalidInputError(
-                f"arm.model: {self.model} cannot be read: {_one_line(error)}{hint}"
-            ) from None
-        if len(instances) != 1:
-            raise InvalidInputError(
-                f"arm.model: {self.model} holds {len(instances)} models; it must hold one"
-            )
-        return instances[0]
+        return ArmKinematics(self.plant(), self.frame, self.joints, scale)
 
     @cached_property
     def _floating_bases(self) -> list[tuple[int, RigidTransform]]:
@@ -248,7 +250,7 @@ class Arm:
         plant = MultibodyPlant(0.0)
         bodies_before = plant.num_bodies()
         with quiet_drake(logging.ERROR):
-            self._parse(plant)
+            self._model.add_to(plant)
         plant.Finalize()
         bodies = [plant.get_body(index) for index in plant.GetFloatingBaseBodies()]
         return [
@@ -325,6 +327,20 @@ class Arm:
             body = joint.parent_body()
         return names
 
+    def _read_limits(self, plant: MultibodyPlant) -> LimitsFile | None:
+        if self.description.limits is None:
+            return None
+        every = map(plant.get_joint, plant.GetJointIndices())
+        movable = [joint.name() for joint in every if joint.num_positions()]
+        return read_limits(Path(self.description.limits), movable, self.joints)
+
+    def _known_limits(self, plant: MultibodyPlant) -> JointLimits:
+        """Return the limits of the file of limits, and of the model where that states none."""
+        stated = self._stated_limits(plant)
+        if self._published is None:
+            return stated
+        return self._published.over(stated, self.joints, str(self.description.limits))
+
     def _stated_limits(self, plant: MultibodyPlant) -> JointLimits:
         joints = [plant.GetJointByName(name) for name in self.joints]
         acceleration = np.array([joint.acceleration_upper_limits()[0] for joint in joints])
@@ -339,15 +355,6 @@ class Arm:
             "arm.model",
         )
 
-    def _locked_positions(self, plant: MultibodyPlant) -> Array:
-        positions = plant.GetDefaultPositions()
-        for name, value in self.description.lock.items():
-            positions[plant.GetJointByName(name).position_start()] = value
-        return np.asarray(positions, dtype=float)
-
-    def _indices(self, plant: MultibodyPlant) -> list[int]:
-        return [plant.GetJointByName(name).position_start() for name in self.joints]
-
 
 def shipped_arms() -> list[str]:
     """Return the names of the arms that come with this package."""
@@ -359,7 +366,9 @@ def load_arm(model: str | Path, **changes: Any) -> Arm:
 
     Args:
         model: A name from `shipped_arms`, or a URDF, SDF or MJCF file.
-        changes: Fields of `ArmDescription` to set; a model file needs at least ``frame``.
+        changes: Fields of `ArmDescription` to set; a model file needs at least ``frame``. Limits
+            beside a model file, ``my.limits.yaml`` for ``my.urdf``, are read unless ``limits`` is
+            given; None takes those of the model alone.
 
     Raises:
         InvalidInputError: If there is no such arm, or as `Arm` does.
@@ -369,26 +378,14 @@ def load_arm(model: str | Path, **changes: Any) -> Arm:
     if name in shipped_arms():
         description = read_yaml(folder / "arm.yaml")
         description["model"] = str(folder / description["model"])
-        limits = _published_limits(folder / "limits.yaml")
-        arm = Arm(construct(ArmDescription, description, "arm"), name, limits)
+        description["limits"] = str(folder / "limits.yaml")
+        arm = Arm(construct(ArmDescription, description, "arm"), name)
         return arm.replace(**changes) if changes else arm
-    if Path(name).suffix.lower() not in {".urdf", ".sdf", ".xml"}:
+    if Path(name).suffix.lower() not in {".urdf", ".sdf", ".xml", ".xacro"}:
         raise InvalidInputError(
             f"arm: no arm {name!r}; {nearest(name, shipped_arms())}, or a .urdf, .sdf or .xml file"
         )
-    return Arm(construct(ArmDescription, {"model": name, **changes}, "arm"), Path(name).stem)
-
-
-def _published_limits(file: Path) -> JointLimits:
-    sheet: Mapping[str, Mapping[str, Any]] = read_yaml(file)
-    keys = ("position_lower", "position_upper", *DERIVATIVE_UNITS)
-    published = {
-        key: sheet[key]["value"]
-        for key in keys
-        if key in sheet and sheet[key]["value"] != "unpublished"
-    }
-    return construct(JointLimits, published, f"{file.parent.name}/{file.name}")
-
-
-def _one_line(error: RuntimeError) -> str:
-    return " ".join(str(error).split())
+    fields = {"model": name, **changes}
+    if "limits" not in changes and (beside := limits_beside(Path(name))) is not None:
+        fields["limits"] = str(beside)
+    return Arm(construct(ArmDescription, fields, "arm"), Path(name).stem)

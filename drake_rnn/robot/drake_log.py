@@ -17,3 +17,21 @@ def quiet_drake(least: int) -> Iterator[None]:
         yield
     finally:
         log.setLevel(level)
+
+
+@contextmanager
+def drake_warnings() -> Iterator[list[str]]:
+    """Collect Drake's warnings within a with-block instead of logging them."""
+    log = logging.getLogger("drake")
+    told: list[str] = []
+
+    def collect(record: logging.LogRecord) -> bool:
+        if record.levelno == logging.WARNING:
+            told.append(record.getMessage())
+        return record.levelno != logging.WARNING
+
+    log.addFilter(collect)
+    try:
+        yield told
+    finally:
+        log.removeFilter(collect)

@@ -36,7 +36,6 @@ class ArmKinematics:
         plant: Finalized plant that holds only the arm.
         frame: Name of E.
         joints: Names of the n controlled joints.
-        positions: Positions of the whole plant, shape (nq,); the other joints stay there.
         mass_scale: Factor on all masses and inertias.
     """
 
@@ -45,19 +44,18 @@ class ArmKinematics:
         plant: MultibodyPlant,
         frame: str,
         joints: Sequence[str],
-        positions: Array,
         mass_scale: float = 1.0,
     ) -> None:
         self._plant = plant
         self._context: Context = plant.CreateDefaultContext()
         self._frame: Frame = plant.GetFrameByName(frame)
         self._world: Frame = plant.world_frame()
-        self._positions = positions.copy()
+        self._positions = np.asarray(plant.GetDefaultPositions(), dtype=float)
         controlled = [plant.GetJointByName(name) for name in joints]
         self._indices = np.array([joint.position_start() for joint in controlled])
         self._velocity_indices = np.array([joint.velocity_start() for joint in controlled])
         self._bodies = _chain(plant, self._frame)
-        self._is_whole = np.array_equal(self._indices, np.arange(positions.size))
+        self._is_whole = np.array_equal(self._indices, np.arange(plant.num_positions()))
         self._at_q = b""
         # X_WE and the spatial Jacobian at that posture, computed when first needed.
         self._X_WE: Array | None = None

@@ -11,6 +11,7 @@ from ..experiment import Experiment
 from ..inputs.fields import Array
 from ..laws import Reading, Signals
 from ..measures import Motion, Recorder, law_metrics, motion_metrics
+from .caveats import contact_caveats, motor_caveats
 from .motion import motion_of, observed_signals, seen_motion
 from .result import Result
 
@@ -44,7 +45,12 @@ def evaluate(
         time=motion.time[at],
         series=series | {name: values[at] for name, values in observed.items()},
         metrics=metrics,
-        warnings=[*warnings, *experiment.law.caveats(metrics), *_contact_caveats(motion, metrics)],
+        warnings=[
+            *warnings,
+            *experiment.law.caveats(metrics),
+            *contact_caveats(motion, metrics),
+            *motor_caveats(loop.arm, motion),
+        ],
         graphviz=diagram.GetGraphvizString(max_depth=1),
     )
 
@@ -65,15 +71,6 @@ def _metrics(
             if name.startswith("jacobian_")
         }
     return metrics | law_metrics(seen, observed)
-
-
-def _contact_caveats(motion: Motion, metrics: dict[str, float]) -> list[str]:
-    caveats = []
-    if motion.pressing is not None and not motion.pressing.force.any():
-        caveats.append("contact: the tool never touched the surface")
-    if "contact_lost_time_s" in metrics:
-        caveats.append(f"contact: lost at t = {metrics['contact_lost_time_s']:.4g} s")
-    return caveats
 
 
 def _series(motion: Motion, at: NDArray[np.intp]) -> dict[str, Array]:

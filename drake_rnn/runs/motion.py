@@ -98,6 +98,9 @@ def motion_of(
     state, layout = recorder.series("state"), loop.controller.reading.state
     p_WE, J, turned = _task_motion(experiment, position, recorder.time - delay)
     p_WE_desired, v_WE_desired = _desired(experiment, recorder.time - delay)
+    commanded = None
+    if loop.arm.has_motors and not virtual:
+        commanded = recorder.series("position_commanded")
     return Motion(
         time=recorder.time,
         position=position,
@@ -113,6 +116,8 @@ def motion_of(
         orientation_error=turned,
         pressing=_pressing(experiment, recorder),
         returns=experiment.desired.closed,
+        position_commanded=commanded,
+        p_WE_commanded=None if commanded is None else _placed(experiment, commanded),
         tick=_tick(experiment, loop),
         network_tick=experiment.document.period,
     )
@@ -140,6 +145,12 @@ def _task_motion(
             R_WE_desired = experiment.desired.orientation(float(times[k]))[0]
             turned[k] = np.linalg.norm(rotation_error(kinematics.R_WE(q), R_WE_desired))
     return p_WE, J, turned
+
+
+def _placed(experiment: Experiment, position: Array) -> Array:
+    """Return the position of the end effector, on the task's axes, at each posture."""
+    axes, kinematics = list(experiment.task.axes), experiment.arm.kinematics()
+    return np.array([kinematics.p_WE(q)[axes] for q in position])
 
 
 def _desired(experiment: Experiment, times: Array) -> tuple[Array, Array]:

@@ -206,6 +206,8 @@ def add_recorder(simulator: Simulator, loop: Loop) -> Recorder:
         "velocity": loop.arm.GetOutputPort("velocity"),
         "state": loop.controller.GetOutputPort("state"),
     }
+    if loop.arm.has_motors:
+        ports["position_commanded"] = loop.joint_command.get_output_port()
     ports |= {name: loop.forces[name] for name in _FORCES if name in loop.forces}
     if loop.virtual_arm is not None:
         for name in ("position", "velocity"):

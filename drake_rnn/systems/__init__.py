@@ -16,8 +16,8 @@ from .kinematics import Kinematics
 from .moving_average import FilterSettings, MovingAverage
 from .normal_force import NormalForce
 from .path_source import PathSource
-from .plant import PlantSettings
 from .plant_arm import PlantArm
+from .plant_settings import PlantSettings
 from .spring_contact import SpringContact
 from .tool_force import ToolForce
 

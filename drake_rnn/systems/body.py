@@ -15,7 +15,7 @@ from ..inputs.fields import Array
 from ..robot.arm import Arm
 from ..robot.task import TASKS, named_task
 from .contact import Contact
-from .plant import PlantSettings
+from .plant_settings import PlantSettings
 
 #: Arm that a law sees: ``commanded``, the one that the filtered command moves; ``measured``, the
 #: true one; ``unfiltered``, a virtual one that the law's unfiltered command moves.
@@ -91,6 +91,15 @@ class Body(Diagram):
         """Time for which the joint velocity is held [s]; None if it is the commanded one."""
         return None
 
+    def remedy(self, joint: int, off: float) -> str:
+        """Return what to change where a joint is far from its command.
+
+        Args:
+            joint: Index of the joint.
+            off: Its distance from its command [rad].
+        """
+        return "see the settings of its motors"
+
     def check_period(self, period: float | None) -> None:
         """Raise an InvalidInputError if the body moves in steps longer than the controller's.
 
@@ -137,19 +146,27 @@ def start_posture(arm: Arm, start: Array | None, outside: float = 0.0) -> Array:
     """Return the start posture, shape (n,) [rad]: ``start``, or else the arm's home posture.
 
     Raises:
-        InvalidInputError: If there is neither; if ``start`` has the wrong size or lies outside
-            the position limits by more than ``outside`` [rad]; or if ``arm`` is not an `Arm`.
+        InvalidInputError: If there is neither; if ``start`` has the wrong shape or lies outside
+            the position limits by more than ``outside`` [rad]; if ``outside`` is negative or not
+            finite; or if ``arm`` is not an `Arm`.
     """
     require_type("arm", arm, Arm)
+    if not 0.0 <= outside < np.inf:
+        raise InvalidInputError(f"outside: must be a finite angle of at least 0 rad, not {outside}")
     if start is None:
         start = arm.home
     if start is None:
-        raise InvalidInputError(f"start: must be given; {arm.name} has no home posture")
+        raise InvalidInputError(
+            f"start: must be given; {arm.name} has no home posture, and `drake-rnn arm` or "
+            "proposed_home(arm) proposes one"
+        )
     try:
         start = np.asarray(start, dtype=float)
     except (TypeError, ValueError):
         raise InvalidInputError(f"start: must be {arm.n} numbers, not {start!r}") from None
-    if start.shape != (arm.n,):
+    if start.ndim != 1:
+        raise InvalidInputError(f"start: must have the shape ({arm.n},), not {start.shape}")
+    if start.size != arm.n:
         raise InvalidInputError(f"start: has {start.size} entries for {arm.n} joints")
     if not np.isfinite(start).all() or (arm.limits.violation(start) > outside).any():
         raise InvalidInputError(f"start: {arm.limits.complaint(start, outside, arm.joints)}")

@@ -6,6 +6,7 @@ from typing import Any
 
 from pydrake.systems.framework import Context, LeafSystem
 
+from ..inputs.complaints import require_type
 from ..robot.arm import Arm
 
 #: Outputs of `Dynamics`, which is added only for a law that needs one of them.
@@ -20,10 +21,14 @@ class Dynamics(LeafSystem):
 
     Args:
         arm: The arm.
+
+    Raises:
+        InvalidInputError: If ``arm`` is not an `Arm`.
     """
 
     def __init__(self, arm: Arm) -> None:
         super().__init__()
+        require_type("arm", arm, Arm)
         n, arm_dynamics = arm.n, arm.kinematics()
         position = self.DeclareVectorInputPort("position", n)
         velocity = self.DeclareVectorInputPort("velocity", n)

@@ -6,6 +6,7 @@ from typing import Any
 
 from pydrake.systems.framework import Context, LeafSystem
 
+from ..inputs.complaints import require_type
 from ..robot.arm import Arm
 from ..robot.kinematics import ArmKinematics
 from ..robot.task import named_task
@@ -25,12 +26,16 @@ class Kinematics(LeafSystem):
         task: A key of `drake_rnn.robot.task.TASKS`.
         kinematics: Kinematics of the arm, to share with other systems so that each posture is
             computed only once; by default a new instance.
+
+    Raises:
+        InvalidInputError: If ``arm`` is not an `Arm`, or there is no such task.
     """
 
     def __init__(
         self, arm: Arm, task: str = "xyz", kinematics: ArmKinematics | None = None
     ) -> None:
         super().__init__()
+        require_type("arm", arm, Arm)
         self.arm = arm
         about = named_task(task)
         chosen, m, n = about.position, len(about.axes), arm.n

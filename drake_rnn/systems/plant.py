@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 from pydrake.geometry import (
+    CollisionFilterDeclaration,
     GeometryId,
     GeometrySet,
     ProximityProperties,
@@ -24,42 +25,12 @@ from pydrake.systems.framework import DiagramBuilder
 
 from ..environments import ContactModel
 from ..errors import InvalidInputError
-from ..inputs.fields import Array, NonNegative, Positive, validated
+from ..inputs.fields import Array
 from ..robot.arm import Arm
 from ..robot.tool import Tool, find_tool
 from .contact import Contact
-
-
-@validated
-class PlantSettings:
-    """Simulation and motor settings of an arm with full dynamics.
-
-    Args:
-        time_step: Time step of Drake's discrete plant [s].
-        contact_approximation: Drake's approximation of discrete contact; ``sap`` pushes sliding
-            bodies apart because of its default relaxation time.
-        stiffness: Gain of each motor's position loop [Nm/rad].
-        damping: Gain of each motor's velocity loop [Nm s/rad].
-        reflected_inertia: Inertia of each motor's rotor as seen from the joint [kg m^2].
-    """
-
-    time_step: Positive = 1e-3
-    contact_approximation: Literal["lagged", "similar", "sap"] = "lagged"
-    stiffness: Positive = 2000.0
-    damping: NonNegative = 60.0
-    reflected_inertia: NonNegative = 0.0
-
-    def check_period(self, period: float | None) -> None:
-        """Raise an InvalidInputError if the time step is longer than the controller's period.
-
-        Args:
-            period: Sampling period of the controller [s]; None if Drake integrates it.
-        """
-        if period is not None and self.time_step > period:
-            raise InvalidInputError(
-                f"plant.time_step: may be at most the controller's period, {period:g} s, "
-                f"not {self.time_step:g}"
-            )
+from .motor_gains import MotorGains, motor_gains
+from .plant_settings import PlantSettings
 
 
 class AddedPlant(NamedTuple):
@@ -68,6 +39,7 @@ class AddedPlant(NamedTuple):
     plant: MultibodyPlant
     scene_graph: SceneGraph
     instance: ModelInstanceIndex
+    gains: MotorGains
     tool: Tool | None
 
 
@@ -82,14 +54,14 @@ def add_plant(
 
     Args:
         builder: Diagram builder that the plant and its SceneGraph are added to.
-        arm: The arm; all moving joints of its model must be controlled.
+        arm: The arm.
         start: Start posture, shape (n,) [rad].
         contact: Contact of the tool with a `ContactModel`; None for an arm in free space.
         settings: Simulation and motor settings.
 
     Raises:
-        InvalidInputError: If the arm has moving joints that are not controlled, a scaled mass or,
-            for a contact, no tool; or if the environment's model cannot be read.
+        InvalidInputError: If the arm has a scaled mass or, for a contact, no tool; or if the
+            environment's model cannot be read.
     """
     settings = PlantSettings() if settings is None else settings
     if arm.description.mass_scale != 1.0:
@@ -102,8 +74,10 @@ def add_plant(
     )
     plant, scene_graph = AddMultibodyPlant(config, builder)
     instance = arm.add_to(plant)
+    _ignore_self_contact(scene_graph)
     plant.mutable_gravity_field().set_gravity_vector(arm.gravity)
-    _add_motors(plant, arm, instance, settings)
+    gains = motor_gains(arm, settings)
+    _add_motors(plant, arm, instance, gains, settings.reflected_inertia)
     tool = None
     if contact is not None and isinstance(environment := contact.surface, ContactModel):
         p_WS = contact.place(arm, start)
@@ -116,14 +90,8 @@ def add_plant(
             for geometry in (*tool.geometries, *around):
                 _set_friction(plant, scene_graph, geometry, environment.friction)
     plant.Finalize()
-    moving = plant.num_positions(instance)
-    if moving != arm.n or plant.num_velocities(instance) != arm.n:
-        raise InvalidInputError(
-            f"arm: {moving} joints of {arm.name} move and {arm.n} are controlled; at the "
-            "dynamic level fix the others in the model"
-        )
     plant.SetDefaultPositions(instance, arm.posture(arm.plant(), start))
-    return AddedPlant(plant, scene_graph, instance, tool)
+    return AddedPlant(plant, scene_graph, instance, gains, tool)
 
 
 def motors_of(plant: MultibodyPlant, instance: ModelInstanceIndex) -> list[JointActuator]:
@@ -133,16 +101,28 @@ def motors_of(plant: MultibodyPlant, instance: ModelInstanceIndex) -> list[Joint
 
 
 def _add_motors(
-    plant: MultibodyPlant, arm: Arm, instance: ModelInstanceIndex, settings: PlantSettings
+    plant: MultibodyPlant,
+    arm: Arm,
+    instance: ModelInstanceIndex,
+    gains: MotorGains,
+    reflected_inertia: float,
 ) -> None:
     motors = {motor.joint().name(): motor for motor in motors_of(plant, instance)}
-    for name in arm.joints:
+    for name, effort, p, d in zip(arm.joints, arm.effort, *gains, strict=True):
         joint = plant.GetJointByName(name, instance)
         motor = motors.get(name) or plant.AddJointActuator(f"{name}_motor", joint)
-        motor.set_controller_gains(PdControllerGains(p=settings.stiffness, d=settings.damping))
-        if settings.reflected_inertia > 0.0:
+        # A file of limits may know better than the model.
+        motor.set_effort_limit(effort)
+        motor.set_controller_gains(PdControllerGains(p=p, d=d))
+        if reflected_inertia > 0.0:
             motor.set_default_gear_ratio(1.0)
-            motor.set_default_rotor_inertia(settings.reflected_inertia)
+            motor.set_default_rotor_inertia(reflected_inertia)
+
+
+def _ignore_self_contact(scene_graph: SceneGraph) -> None:
+    """Let an arm's parts pass through each other: simplified shapes of neighbours overlap."""
+    parts = GeometrySet(_touchable(scene_graph))
+    scene_graph.collision_filter_manager().Apply(CollisionFilterDeclaration().ExcludeWithin(parts))
 
 
 def _set_material(

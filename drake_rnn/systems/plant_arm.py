@@ -21,7 +21,8 @@ from ..robot.tool import Tool
 from .body import Body, Feedback
 from .contact import Contact
 from .contact_force import ContactForce
-from .plant import PlantSettings, add_plant, motors_of
+from .plant import add_plant, motors_of
+from .plant_settings import PlantSettings
 from .tool_force import ToolForce
 
 
@@ -33,7 +34,7 @@ class PlantArm(Body):
     limit. Ports are those of `Body`; all outputs are those of the plant's last step.
 
     Args:
-        arm: The arm; all moving joints of its model must be controlled.
+        arm: The arm.
         start: Start posture, shape (n,) [rad]; by default the arm's home posture.
         contact: Contact with a `ContactModel`, e.g. a `Plate` or your own subclass; None for an
             arm in free space.
@@ -43,11 +44,11 @@ class PlantArm(Body):
     Attributes:
         plant: The plant.
         scene_graph: Geometry of the plant, e.g. for a visualizer.
+        gains: Gains of the motors.
 
     Raises:
-        InvalidInputError: In the same cases as `Body`; if the arm has moving joints that are not
-            controlled, a scaled mass or, for a contact, no tool; or if the environment's model
-            cannot be read.
+        InvalidInputError: In the same cases as `Body`; if the arm has a scaled mass or, for a
+            contact, no tool; or if the environment's model cannot be read.
     """
 
     level = "dynamic"
@@ -69,7 +70,7 @@ class PlantArm(Body):
         self.settings = PlantSettings() if settings is None else settings
         builder = DiagramBuilder()
         added = add_plant(builder, arm, self.start, contact, self.settings)
-        self.plant, self.scene_graph = added.plant, added.scene_graph
+        self.plant, self.scene_graph, self.gains = added.plant, added.scene_graph, added.gains
         self._drive(builder, arm, added.instance)
         if added.tool is not None:
             self._feel(builder, arm, added.instance, added.tool)
@@ -92,6 +93,21 @@ class PlantArm(Body):
     def tick(self) -> float | None:
         """Time step of the plant [s]."""
         return self.settings.time_step
+
+    def remedy(self, joint: int, off: float) -> str:
+        """See `Body.remedy`."""
+        settings, most = self.settings, self.arm.effort[joint]
+        if settings.stiffness is not None or settings.damping is not None:
+            return (
+                "leave out plant.stiffness and plant.damping, which then follow from the arm's "
+                "inertia"
+            )
+        if self.gains.stiffness[joint] * off >= most:
+            return (
+                f"that is more than its motor, of at most {most:g} Nm, can do; a slower path or "
+                "lower gains of the law ask for less"
+            )
+        return "give a higher plant.bandwidth, or lower gains of the law"
 
     def check_period(self, period: float | None) -> None:
         """See `Body.check_period`."""

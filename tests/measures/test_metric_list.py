@@ -95,6 +95,8 @@ def swing(**fields):
         "J": J,
         "J_hat": 0.9 * J,
         "orientation_error": np.zeros(k),
+        "position_commanded": velocity / 3,
+        "p_WE_commanded": at_rest,
         "pressing": Pressing(normal=np.eye(3)[2], force=force, desired=np.full(k, 5.0)),
     }
     return Motion(time=time, **{**there, **fields})

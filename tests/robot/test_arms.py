@@ -248,7 +248,7 @@ def test_bones_keep_their_lengths(name):
 def test_a_free_base_is_welded_to_the_world(gripper):
     """URDF says nothing of a base; unwelded it would fall."""
     plant = load_arm(gripper, frame="hand").plant()
-    assert plant.num_positions() == plant.num_velocities() == 5
+    assert plant.num_positions() == plant.num_velocities() == 3
     assert not plant.GetFloatingBaseBodies()
 
 
@@ -268,7 +268,7 @@ def test_an_arm_can_be_added_to_a_plant_that_holds_another(gripper):
     load_arm("panda").add_to(plant)
     load_arm(gripper, frame="hand").add_to(plant)
     plant.Finalize()
-    assert plant.num_positions() == 7 + 5
+    assert plant.num_positions() == 7 + 3
     assert not plant.GetFloatingBaseBodies()
 
 
@@ -346,30 +346,29 @@ def test_package_names_are_looked_up_in_the_packages_given(meshed):
     assert load_arm(file, frame="hand", packages={"parts": str(folder)}).n == 3
 
 
-def test_a_mesh_that_is_missing_is_missed_at_once_and_not_by_the_playback(meshed):
+def test_a_package_that_is_not_there_is_refused(meshed):
     file, folder = meshed
-    message = refusal(file, frame="hand")
-    assert "unknown package 'parts'" in message
-    assert message.endswith("; give the package's folder in arm.packages")
     message = refusal(file, frame="hand", packages={"parts": str(folder)})
     assert message == f"arm.packages.parts: no folder '{folder}'"
     folder.mkdir()
-    message = refusal(file, frame="hand", packages={"parts": str(folder)})
-    assert "hand.obj" in message
-    assert "does not exist" in message
     assert refusal(file, frame="hand", packages={"drake": str(folder)}).startswith(
         "arm.packages.drake: "
     )
 
 
-def test_what_the_parser_warns_of_is_said_once(tmp_path, caplog):
-    odd = '<transmission name="t"><type>hydraulic</type></transmission></robot>'
-    file = write(tmp_path, "odd.urdf", GRIPPER.replace("</robot>", odd))
+def test_what_the_parser_warns_of_is_said_once_and_reaches_the_experiment(tmp_path, caplog):
+    odd = GRIPPER.replace('velocity="2"', 'velocity="2"/><dynamics friction="0.1"')
+    file = write(tmp_path, "odd.urdf", odd)
     with caplog.at_level(logging.WARNING, logger="drake"):
         arm = load_arm(file, frame="hand")
         arm.kinematics()
         arm.with_limits(arm.limits).plant()
-    assert sum("transmission" in record.message for record in caplog.records) == 1
+    assert not caplog.records
+    (warning,) = arm.warnings
+    assert warning.startswith("arm.model: odd.urdf: Drake warns once, first: A joint has specified")
+    document = experiment(file, start=[0.1, 0.5, 0.5], limits={"acceleration": 3})
+    made = make_experiment({**document, "arm": {"model": str(file), "frame": "hand"}})
+    assert made.warnings[0] == warning
 
 
 # Limits that a model states.
@@ -515,9 +514,11 @@ def test_fields_that_do_not_fit_are_refused_by_name(gripper):
 
 
 def test_limits_that_cannot_be_are_refused(tmp_path):
-    text = GRIPPER.replace('velocity="1.5"', 'velocity="0"')
-    assert "arm.model.velocity: must be positive" in refusal(
-        write(tmp_path, "still.urdf", text), frame="hand"
+    text = GRIPPER.replace('velocity="1.5"', 'velocity="-1.5"')
+    assert "cannot be read" in refusal(write(tmp_path, "backwards.urdf", text), frame="hand")
+    text = GRIPPER.replace('lower="-2" upper="2"', 'lower="2" upper="2"')
+    assert "arm.model.position_lower: must be below position_upper" in refusal(
+        write(tmp_path, "stuck.urdf", text), frame="hand"
     )
 
 

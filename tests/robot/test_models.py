@@ -112,7 +112,7 @@ def motions(arm, count=20):
 def read_limits(arm):
     """limits.yaml as it stands, None where a limit is unpublished."""
     sheet = read_yaml(arm.model.parent / "limits.yaml")
-    values = {key: entry["value"] for key, entry in sheet.items()}
+    values = {key: entry["value"] for key, entry in sheet.items() if key != "joints"}
     return {key: None if value == "unpublished" else value for key, value in values.items()}
 
 
@@ -218,9 +218,18 @@ class Pinocchio:
                 link.remove(shape)
         self.model = self.pin.buildModelFromXML(ElementTree.tostring(robot, encoding="unicode"))
         assert tuple(self.model.names)[1:] == arm.joints
+        if arm.tool is not None:
+            self.hold(arm.tool)
         self.model.gravity.linear = np.array(arm.gravity)
         self.data = self.model.createData()
         self.frame = self.model.getFrameId(arm.frame)
+
+    def hold(self, tool):
+        """The arm's file has no tool: its numbers are those of the description."""
+        mount = self.model.frames[self.model.getFrameId(tool.mount)]
+        middle = np.array([0.0, 0.0, tool.length / 2])
+        inertia = self.pin.Inertia(tool.mass, middle, np.diag(tool.inertia))
+        self.model.appendBodyToJoint(mount.parentJoint, inertia, mount.placement)
 
     def pose(self, q):
         self.pin.framesForwardKinematics(self.model, self.data, q)
@@ -346,6 +355,7 @@ def test_gravity_torques_are_the_slope_of_potential_energy(arm):
 
 def test_limits_sheet_gives_value_unit_and_source_of_every_limit(arm):
     sheet = read_yaml(arm.model.parent / "limits.yaml")
+    assert tuple(sheet.pop("joints")) == arm.joints
     assert tuple(sheet) == LIMITS
     units = ("rad", "rad", "rad/s", "rad/s^2", "rad/s^3", "N m")
     for unit, entry in zip(units, sheet.values(), strict=True):

@@ -21,7 +21,7 @@ from drake_rnn.models import MODELS
 from drake_rnn.systems.body import Body
 
 IIWA = load_arm("iiwa14", frame="tip")
-HOMELESS = load_arm(str(MODELS / "iiwa14" / "iiwa14.urdf"), frame="tip")
+HOMELESS = load_arm(str(MODELS / "iiwa14" / "iiwa14.urdf"), frame="iiwa_link_ee", tool={})
 FORCE = ForceProfile(value=5.0)
 SPRING, PLATE = Contact(ElasticSurface(stiffness=500.0), FORCE), Contact(Plate(), FORCE)
 LEVELS = [IdealArm, PlantArm]
@@ -72,6 +72,8 @@ def test_levels_differ_in_what_moves_the_arm_and_what_a_law_sees_of_it():
         ("iiwa14", None, "arm: must be of class Arm, not 'iiwa14'"),
         (HOMELESS, None, "start: must be given; iiwa14 has no home posture"),
         (IIWA, np.zeros(6), "start: has 6 entries for 7 joints"),
+        (IIWA, np.zeros((1, 7)), r"start: must have the shape \(7,\), not \(1, 7\)"),
+        (IIWA, 0.0, r"start: must have the shape \(7,\), not \(\)"),
         (IIWA, "home", "start: must be 7 numbers, not 'home'"),
         (IIWA, [3.0, *IIWA.home[1:]], "start: .*_1 is at 3 rad"),
     ],
@@ -87,6 +89,15 @@ def test_a_start_outside_the_limits_is_accepted_as_far_as_is_said(make):
     assert make(IIWA, start, outside=0.1).start[0] == start[0]
     with pytest.raises(InvalidInputError, match="start: "):
         make(IIWA, start, outside=0.01)
+
+
+@pytest.mark.parametrize("make", LEVELS)
+@pytest.mark.parametrize("outside", [np.nan, np.inf, -0.1])
+def test_how_far_outside_it_may_be_is_an_angle(make, outside):
+    """Not a number that no violation exceeds, which would switch the check off."""
+    start = [3.0, *IIWA.home[1:]]
+    with pytest.raises(InvalidInputError, match=f"outside: must be .*, not {outside}"):
+        make(IIWA, start, outside=outside)
 
 
 class TestLoop:

@@ -8,6 +8,7 @@ from pydrake.systems.primitives import LogVectorOutput
 
 from drake_rnn import (
     Dither,
+    Dynamics,
     InvalidInputError,
     Kinematics,
     PathSource,
@@ -193,3 +194,9 @@ def test_velocities_that_are_none_are_refused(v):
     """Drake would end the process over them."""
     with pytest.raises(InvalidInputError, match="velocity: must be 7 finite numbers"):
         PANDA.kinematics().Jdot_v(PANDA.home, v)
+
+
+@pytest.mark.parametrize("system", [Kinematics, Dynamics])
+def test_the_name_of_an_arm_is_not_an_arm(system):
+    with pytest.raises(InvalidInputError, match=r"^arm: must be of class Arm, not 'panda'$"):
+        system("panda")

@@ -1,0 +1,130 @@
+"""Meshes in formats that Drake cannot show, converted with trimesh and pycollada."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from .cache import cached_file
+from .late_import import late_import
+
+trimesh = late_import("trimesh")
+
+#: Red, green, blue and opacity, each from 0 to 1.
+Colour = tuple[float, float, float, float]
+
+#: Colour of what has none.
+GREY: Colour = (0.75, 0.75, 0.75, 1.0)
+
+# Changes whenever the same mesh becomes another file.
+_VERSION = b"1"
+# Larger textures make a playback large and look no better in it [pixels].
+_LARGEST_TEXTURE = 1024
+# How Collada and OBJ files name other files: images and libraries of materials.
+_COMPANION = re.compile(
+    rb"<init_from>\s*([^<]+?)\s*</init_from>|^\s*(?:mtllib|map_\w+)\s+(?:-\S+\s+\S+\s+)*(.+?)\s*$",
+    re.MULTILINE,
+)
+
+
+def gltf_file(mesh: Path, colour: Colour | None) -> Path:
+    """Return a mesh as a glTF file of the cache, in metres, with its materials.
+
+    Args:
+        mesh: File in any format that trimesh reads.
+        colour: Colour of the parts that have no material of their own.
+
+    Raises:
+        Exception: Of any class, if the mesh cannot be read or is empty.
+    """
+    colour = colour or GREY
+    name = _content_name(mesh, b"gltf", repr(colour).encode())
+    return cached_file(f"meshes/{name}.gltf", lambda: _gltf(mesh, colour))
+
+
+def obj_file(mesh: Path) -> Path:
+    """Return a mesh as an OBJ file of the cache, in metres, without materials.
+
+    Args:
+        mesh: File in any format that trimesh reads.
+
+    Raises:
+        Exception: Of any class, if the mesh cannot be read or is empty.
+    """
+    return cached_file(f"meshes/{_content_name(mesh, b'obj')}.obj", lambda: _obj(mesh))
+
+
+def _content_name(mesh: Path, *more: bytes) -> str:
+    """Return a name that changes with the content of a mesh and of the files that it names."""
+    content = sha256(_VERSION)
+    for part in more:
+        content.update(part)
+    for file in (mesh, *_companions(mesh)):
+        content.update(sha256(file.read_bytes()).digest())
+    return content.hexdigest()[:32]
+
+
+def _companions(mesh: Path) -> Iterator[Path]:
+    """Yield the existing files that a mesh names, and those that they name."""
+    if mesh.suffix.lower() not in {".dae", ".obj", ".mtl"}:
+        return
+    names = {one or other for one, other in _COMPANION.findall(mesh.read_bytes())}
+    for name in sorted(names):
+        file = mesh.parent / name.decode(errors="replace")
+        if file.is_file():
+            yield file
+            yield from _companions(file)
+
+
+def _scene(mesh: Path) -> Any:
+    """Return a mesh file as a scene of trimesh, in metres."""
+    scene = trimesh.load_scene(str(mesh), process=False)
+    parts = scene.geometry.values()
+    if not any(len(part.faces) for part in parts if isinstance(part, trimesh.Trimesh)):
+        raise ValueError("it contains no faces")
+    # Only some formats give a unit.
+    if all(part.metadata.get("units") for part in parts):
+        scene = scene.convert_units("meters")
+    return scene
+
+
+def _gltf(mesh: Path, colour: Colour) -> bytes:
+    scene = _scene(mesh)
+    for part in scene.geometry.values():
+        if isinstance(part, trimesh.Trimesh):
+            _set_material(part, colour)
+    # glTF's y is up, and Drake turns it back.
+    scene.apply_transform(trimesh.transformations.rotation_matrix(-math.pi / 2, [1, 0, 0]))
+    files = trimesh.exchange.gltf.export_gltf(scene, merge_buffers=True, embed_buffers=True)
+    return bytes(files["model.gltf"])
+
+
+def _set_material(part: Any, colour: Colour) -> None:
+    if part.visual.kind in {"vertex", "face"}:
+        return
+    if part.visual.kind is None:
+        # An STL file repeats each vertex for each of its faces. Without normals, faces look flat.
+        part.merge_vertices(merge_norm=True, merge_tex=True)
+        material = trimesh.visual.material.PBRMaterial(baseColorFactor=colour)
+        part.visual = trimesh.visual.TextureVisuals(material=material)
+    material = part.visual.material
+    if isinstance(material, trimesh.visual.material.SimpleMaterial):
+        material = material.to_pbr()
+    if material.baseColorTexture is not None:
+        material.baseColorTexture.thumbnail((_LARGEST_TEXTURE, _LARGEST_TEXTURE))
+    material.metallicFactor = 0.0
+    material.doubleSided = True
+    if material.baseColorFactor is not None and material.baseColorFactor[3] < 255:
+        material.alphaMode = "BLEND"
+    part.visual.material = material
+
+
+def _obj(mesh: Path) -> bytes:
+    whole = _scene(mesh).to_mesh()
+    whole.merge_vertices(merge_norm=True, merge_tex=True)
+    bare = trimesh.Trimesh(whole.vertices, whole.faces, process=False)
+    return str(bare.export(file_type="obj", include_normals=False)).encode()

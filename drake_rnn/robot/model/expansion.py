@@ -1,0 +1,72 @@
+"""Expansion of xacro, the macro language of ROS models."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+from ...errors import InvalidInputError
+from .late_import import late_import
+from .packages import Packages
+
+xacro = late_import("xacro")
+
+
+def is_xacro(root: Element) -> bool:
+    """Return whether a document contains macros."""
+    return any(element.tag.startswith("xacro:") for element in root.iter())
+
+
+def expand_xacro(file: Path, packages: Packages) -> bytes:
+    """Return a document with its macros expanded; their arguments have their default values.
+
+    Args:
+        file: The document.
+        packages: The packages that its ``$(find ...)`` name.
+
+    Raises:
+        InvalidInputError: If xacro is not installed, or cannot expand the document.
+    """
+    by_hand = f"expand it with `xacro {file.name} > {_expanded_name(file)}`"
+    if xacro is None:
+        raise InvalidInputError(
+            f"arm.model: {file} is a xacro file; {by_hand}, or install drake-rnn[xacro]"
+        )
+    with _finding(packages):
+        try:
+            return bytes(xacro.process_file(str(file)).toxml(encoding="utf-8"))
+        except InvalidInputError:
+            raise
+        # What macros raise is not known: they may contain Python.
+        except Exception as error:
+            raise InvalidInputError(
+                f"arm.model: {file} cannot be expanded: {' '.join(str(error).split())}; {by_hand}, "
+                "with the arguments that it needs"
+            ) from None
+
+
+@contextmanager
+def _finding(packages: Packages) -> Iterator[None]:
+    """Have xacro find packages as we do; by itself it needs an installed ROS."""
+
+    def find(package: str) -> str:
+        folder = packages.find(package)
+        if folder is None:
+            raise InvalidInputError(
+                f"arm.model: unknown package {package!r}; give its folder in arm.packages"
+            )
+        return str(folder)
+
+    of_ros = xacro.substitution_args._eval_find
+    xacro.substitution_args._eval_find = find
+    try:
+        yield
+    finally:
+        xacro.substitution_args._eval_find = of_ros
+
+
+def _expanded_name(file: Path) -> str:
+    stem = file.name.removesuffix(".xacro").removesuffix(".urdf")
+    return f"{stem}.urdf"

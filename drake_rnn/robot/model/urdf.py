@@ -1,0 +1,155 @@
+"""URDF, changed where Drake cannot read it or takes it otherwise than it is meant."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from xml.etree.ElementTree import Element, SubElement
+
+from .conversion import Colour
+from .geometry import MeshName, mend_geometry, told
+from .meshes import Meshes
+from .possible_inertia import nearest_possible
+
+_SIMPLE = "SimpleTransmission"
+
+
+def mend_urdf(root: Element, meshes: Meshes) -> list[str]:
+    """Change a model in place so that Drake reads it.
+
+    Args:
+        root: The model.
+        meshes: The meshes that it names.
+
+    Returns:
+        Warnings about changes that alter the physics or the looks.
+    """
+    colours = _named_colours(root)
+    _rename_materials(root)
+    return [
+        *mend_geometry(root, meshes, _mesh, lambda visual: _colour(visual, colours)),
+        *_fix_floating_joints(root),
+        *_drop_lost_mimics(root),
+        *_drop_zero_limits(root),
+        *_state_motors(root),
+        *_mend_inertias(root),
+        *meshes.warnings(),
+    ]
+
+
+def _mesh(geometry: Element) -> MeshName | None:
+    mesh = geometry.find("geometry/mesh")
+    return None if mesh is None else MeshName(mesh, "filename")
+
+
+def _named_colours(root: Element) -> dict[str, Colour]:
+    materials = [*root.findall("material"), *root.findall("link/visual/material")]
+    return {
+        name: colour
+        for material in materials
+        if (name := material.get("name")) and (colour := _own_colour(material)) is not None
+    }
+
+
+def _rename_materials(root: Element) -> None:
+    """Drop the names of materials that give a colour of their own: Drake wants each name once."""
+    for material in root.iterfind("link/visual/material"):
+        if material.find("color") is not None and material.get("name"):
+            material.set("name", "")
+
+
+def _own_colour(material: Element) -> Colour | None:
+    colour = material.find("color")
+    numbers = [] if colour is None else [float(part) for part in colour.get("rgba", "").split()]
+    return (numbers[0], numbers[1], numbers[2], numbers[3]) if len(numbers) == 4 else None
+
+
+def _colour(visual: Element, colours: Mapping[str, Colour]) -> Colour | None:
+    if (material := visual.find("material")) is None:
+        return None
+    return _own_colour(material) or colours.get(material.get("name", ""))
+
+
+def _fix_floating_joints(root: Element) -> list[str]:
+    floating = [joint for joint in root.findall("joint") if joint.get("type") == "floating"]
+    for joint in floating:
+        joint.set("type", "fixed")
+    return told(_names(floating), "floating joints are fixed:")
+
+
+def _drop_lost_mimics(root: Element) -> list[str]:
+    """Leave out what Drake refuses: fixed joints that follow or are followed."""
+    joints = root.findall("joint")
+    moving = {joint.get("name") for joint in joints if joint.get("type") != "fixed"}
+    for joint in joints:
+        for mimic in joint.findall("mimic"):
+            if not {joint.get("name"), mimic.get("joint")} <= moving:
+                joint.remove(mimic)
+    return []
+
+
+def _drop_zero_limits(root: Element) -> list[str]:
+    warnings = []
+    for name in ("velocity", "effort"):
+        zero = [
+            joint
+            for joint in root.findall("joint")
+            if joint.get("type") in {"revolute", "continuous", "prismatic"}
+            and (limit := joint.find("limit")) is not None
+            and float(limit.get(name, 1.0)) == 0.0
+        ]
+        for joint in zero:
+            for limit in joint.findall("limit"):
+                del limit.attrib[name]
+        warnings += told(_names(zero), f"a limit of 0 is taken for an unknown {name} limit:")
+    return warnings
+
+
+def _state_motors(root: Element) -> list[str]:
+    """Give each joint whose effort is known one transmission, as Drake takes the effort from it."""
+    limits = {
+        joint.get("name", ""): joint.find("limit")
+        for joint in root.findall("joint")
+        if joint.get("type") in {"revolute", "continuous", "prismatic"}
+    }
+    driven: set[str] = set()
+    actuators: set[str] = set()
+    for transmission in root.findall("transmission"):
+        joints = {joint.get("name", "") for joint in transmission.findall("joint")}
+        names = {motor.get("name", "") for motor in transmission.findall("actuator")}
+        simple = _SIMPLE in (transmission.findtext("type") or transmission.get("type") or "")
+        if simple and joints <= set(limits) - driven and not names & actuators and len(joints) == 1:
+            driven |= joints
+            actuators |= names
+        else:
+            root.remove(transmission)
+    for name, limit in limits.items():
+        if name not in driven and limit is not None and limit.get("effort") is not None:
+            _add_transmission(root, name)
+    return []
+
+
+def _add_transmission(root: Element, joint: str) -> None:
+    transmission = SubElement(root, "transmission", name=f"{joint}_transmission")
+    SubElement(transmission, "type").text = f"transmission_interface/{_SIMPLE}"
+    SubElement(transmission, "joint", name=joint)
+    SubElement(transmission, "actuator", name=f"{joint}_motor")
+
+
+def _mend_inertias(root: Element) -> list[str]:
+    changed = []
+    for link in root.findall("link"):
+        mass, inertia = link.find("inertial/mass"), link.find("inertial/inertia")
+        if mass is None or inertia is None or float(mass.get("value", 0.0)) <= 0.0:
+            continue
+        products = {name: float(inertia.get(name, 0.0)) for name in _ENTRIES}
+        if (possible := nearest_possible(tuple(products.values()))) is not None:
+            inertia.attrib.update({n: repr(v) for n, v in zip(_ENTRIES, possible, strict=True)})
+            changed.append(link.get("name", ""))
+    return told(changed, "no body has the inertia given; the nearest possible one is taken:")
+
+
+_ENTRIES = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+
+
+def _names(elements: Iterable[Element]) -> Iterator[str]:
+    return (element.get("name", "") for element in elements)

@@ -1,0 +1,30 @@
+"""XML as robot models use it: with prefixes that no one declares."""
+
+from __future__ import annotations
+
+from xml.etree.ElementTree import Element, TreeBuilder, tostring
+from xml.parsers import expat
+
+
+def parse_xml(text: bytes) -> Element | None:
+    """Return the root element of a document; None if it is not well-formed.
+
+    Prefixes stay part of the names, as in ``drake:acceleration``: models use them undeclared, which
+    a parser that knows of namespaces refuses. Comments are left out.
+    """
+    builder = TreeBuilder()
+    parser = expat.ParserCreate()
+    parser.buffer_text = True
+    parser.StartElementHandler = builder.start
+    parser.EndElementHandler = builder.end
+    parser.CharacterDataHandler = builder.data
+    try:
+        parser.Parse(text, True)
+    except expat.ExpatError:
+        return None
+    return builder.close()
+
+
+def write_xml(root: Element) -> str:
+    """Return a document as text."""
+    return tostring(root, encoding="unicode")

@@ -1,0 +1,49 @@
+"""Warnings after a run: what its motion says of the contact and of the motors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..measures import Motion
+from ..systems import Body
+
+# Distance from the command beyond which an arm is said not to follow it: of the end effector [m]
+# and of a joint [rad].
+_FAR, _FAR_JOINT = 5e-3, 0.02
+
+
+def contact_caveats(motion: Motion, metrics: Mapping[str, float]) -> list[str]:
+    """Return warnings about a contact that was never made, or lost."""
+    caveats = []
+    if motion.pressing is not None and not motion.pressing.force.any():
+        caveats.append("contact: the tool never touched the surface")
+    if "contact_lost_time_s" in metrics:
+        caveats.append(f"contact: lost at t = {metrics['contact_lost_time_s']:.4g} s")
+    return caveats
+
+
+def motor_caveats(arm: Body, motion: Motion) -> list[str]:
+    """Return a warning if the arm is far from what its motors are told: 5 mm, or 0.02 rad.
+
+    The measure is the distance from the command, not from the path: where motors are too weak for
+    the feedback of a law that measures the arm, the command itself leaves the path. It is absolute
+    because motors with the default gains lag by tenths of a millimetre, whatever the law's error.
+
+    Args:
+        arm: Body that was moved.
+        motion: Motion of the arm.
+    """
+    if motion.position_commanded is None or motion.p_WE_commanded is None or motion.time.size == 0:
+        return []
+    off = np.abs(motion.position - motion.position_commanded)
+    away = np.linalg.norm(motion.p_WE - motion.p_WE_commanded, axis=1)
+    if not (away.max() > _FAR or off.max() > _FAR_JOINT):
+        return []
+    k, joint = np.unravel_index(int(np.argmax(off)), off.shape)
+    return [
+        f"plant: the arm is far from its command: {arm.arm.joints[joint]} by up to "
+        f"{off[k, joint]:.3g} rad, at t = {motion.time[k]:.4g} s, and the end effector by up to "
+        f"{away.max():.3g} m; {arm.remedy(int(joint), float(off[k, joint]))}"
+    ]

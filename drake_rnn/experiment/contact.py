@@ -6,8 +6,9 @@ import numpy as np
 
 from ..environments import ENVIRONMENTS, ContactModel, Surface
 from ..errors import InvalidInputError
-from ..inputs.documents import construct, kind_of, without_kind
+from ..inputs.documents import construct, without_kind
 from ..inputs.fields import Array
+from ..inputs.modules import Modules
 from ..laws import Law
 from ..paths import Path
 from ..robot.arm import Arm
@@ -19,7 +20,12 @@ _OFF = 1e-3
 
 
 def make_contact(
-    document: ExperimentDocument, law: Law, path: Path, arm: Arm, start: Array
+    document: ExperimentDocument,
+    law: Law,
+    path: Path,
+    arm: Arm,
+    start: Array,
+    modules: Modules,
 ) -> tuple[Contact | None, list[str]]:
     """Return the contact of an experiment, None if it has none, and warnings about it.
 
@@ -29,6 +35,7 @@ def make_contact(
         path: Path of the experiment.
         arm: Arm of the experiment.
         start: Start posture, shape (n,) [rad].
+        modules: Modules that may be imported for the environment.
 
     Raises:
         InvalidInputError: If a key is missing, wrong or must be left out.
@@ -43,7 +50,7 @@ def make_contact(
             if given is not None:
                 raise InvalidInputError(f"{name}: only with an environment")
         return None, []
-    kind = kind_of(section, ENVIRONMENTS, "environment")
+    kind = ENVIRONMENTS.named_by(section, modules)
     BODIES[document.level].check_surface(kind)
     if document.force is None:
         raise InvalidInputError("force: must be given with an environment")

@@ -11,9 +11,10 @@ import numpy as np
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest
 from ..inputs.dataclass_fields import field_names
-from ..inputs.documents import construct, kind_of, without_kind
+from ..inputs.documents import construct, without_kind
 from ..inputs.fields import Array
-from ..laws import Circumstances, Law, PostureLaw
+from ..inputs.modules import Modules
+from ..laws import LAWS, Circumstances, Law, PostureLaw
 from ..paths import PATHS, Path, Rest
 from ..robot.arm import Arm, load_arm
 from ..robot.limits import JointLimits
@@ -22,7 +23,7 @@ from ..systems import BODIES, Body, Contact, Feedback, PlantSettings, start_post
 from .contact import make_contact
 from .document import ExperimentDocument
 from .filter import filter_delay, loop_delay_doubts
-from .law import law_class, make_law
+from .law import make_law
 from .target import reachable_target
 
 #: How far the start may lie outside the position limits for a law that brings it back [rad].
@@ -90,11 +91,15 @@ class Experiment:
         return BODIES[self.document.level]
 
 
-def make_experiment(document: Mapping[str, Any] | ExperimentDocument) -> Experiment:
+def make_experiment(
+    document: Mapping[str, Any] | ExperimentDocument, *, modules: Modules = True
+) -> Experiment:
     """Return the experiment that a document describes, checked as a whole.
 
     Args:
         document: The document, or its contents as plain data.
+        modules: Modules that may be imported for a ``kind`` of the form ``module:Class``: True for
+            any, False for none, or their names. What has been imported already may be used.
 
     Raises:
         InvalidInputError: If a key is wrong; the message names it, its value and what it may be.
@@ -106,10 +111,11 @@ def make_experiment(document: Mapping[str, Any] | ExperimentDocument) -> Experim
     published = _arm(document.arm)
     limits = _limits(published, document.limits)
     arm = published.with_limits(limits)
-    seeks_posture = issubclass(law_class(document), PostureLaw)
+    kind = LAWS.named_by(document.law, modules)
+    seeks_posture = issubclass(kind, PostureLaw)
     start = start_posture(arm, document.start, OUTSIDE if seeks_posture else 0.0)
-    path = _path(document, seeks_posture)
-    law = make_law(document, limits, start)
+    path = _path(document, seeks_posture, modules)
+    law = make_law(document, kind, limits, start)
     warnings = [*_widened(published, limits), *_outside(arm, start)]
     delay = filter_delay(document, feedback, limits, law)
     warnings += loop_delay_doubts(document, law, delay.loop)
@@ -117,7 +123,7 @@ def make_experiment(document: Mapping[str, Any] | ExperimentDocument) -> Experim
         target, changes = reachable_target(document, arm, start, law.target)
         law = replace(law, target=target)
         warnings += changes
-    contact, doubts = make_contact(document, law, path, arm, start)
+    contact, doubts = make_contact(document, law, path, arm, start, modules)
     circumstances = Circumstances(
         loop_delay=delay.loop,
         reference_is_delayed=delay.path > 0.0,
@@ -155,7 +161,7 @@ def _require_plant(document: ExperimentDocument) -> None:
         raise InvalidInputError("plant: only at level: dynamic")
 
 
-def _path(document: ExperimentDocument, seeks_posture: bool) -> Path:
+def _path(document: ExperimentDocument, seeks_posture: bool, modules: Modules) -> Path:
     if seeks_posture:
         if document.path is not None:
             raise InvalidInputError(
@@ -166,9 +172,8 @@ def _path(document: ExperimentDocument, seeks_posture: bool) -> Path:
         raise InvalidInputError("on_unreachable: only for a law that seeks a target posture")
     if document.path is None:
         raise InvalidInputError("path: must be given")
-    kind = kind_of(document.path, PATHS, "path")
-    path: Path = construct(kind, without_kind(document.path), "path")
-    return path
+    kind = PATHS.named_by(document.path, modules)
+    return construct(kind, without_kind(document.path), "path")
 
 
 def _widened(arm: Arm, limits: JointLimits) -> list[str]:

@@ -31,6 +31,7 @@ them. With "uniform" the speed is constant along an edge and the velocity jumps 
 with all other time laws the point rests at the corners. Every other curve is one segment.
 """
 
+from ..inputs.kinds import Kinds
 from .cat import Cat
 from .path import Path, Planar
 from .points import Points
@@ -40,18 +41,22 @@ from .timing import TimeLaw, Timing, time_at, time_law
 from .trigonometric import Circle, Clover, Deltoid, FourRing, Nephroid, Trigonometric
 
 #: The curves an experiment may name, by their ``kind``.
-PATHS: dict[str, type[Path]] = {
-    "circle": Circle,
-    "nephroid": Nephroid,
-    "four_ring": FourRing,
-    "clover": Clover,
-    "deltoid": Deltoid,
-    "cat": Cat,
-    "square": Square,
-    "parallelogram": Parallelogram,
-    "points": Points,
-    "rest": Rest,
-}
+PATHS: Kinds[Path] = Kinds(
+    "path",
+    Path,
+    {
+        "circle": Circle,
+        "nephroid": Nephroid,
+        "four_ring": FourRing,
+        "clover": Clover,
+        "deltoid": Deltoid,
+        "cat": Cat,
+        "square": Square,
+        "parallelogram": Parallelogram,
+        "points": Points,
+        "rest": Rest,
+    },
+)
 
 __all__ = [
     "PATHS",

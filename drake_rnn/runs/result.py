@@ -15,6 +15,7 @@ from ..errors import InvalidInputError
 from ..experiment import Experiment, make_experiment
 from ..inputs.documents import parse_yaml
 from ..inputs.fields import Array
+from ..inputs.modules import Modules
 
 
 @dataclass(frozen=True)
@@ -71,11 +72,18 @@ class Result:
         return folder
 
     @classmethod
-    def load(cls, folder: str | Path) -> Result:
+    def load(cls, folder: str | Path, *, modules: Modules = False) -> Result:
         """Return a result that `save` has written.
 
+        Args:
+            folder: The folder.
+            modules: Modules that may be imported, as the run had a law, path or environment of
+                the form ``module:Class``: True for any, False for none, or their names. What has
+                been imported already is used without being told to.
+
         Raises:
-            InvalidInputError: If the folder does not hold a result.
+            InvalidInputError: If the folder does not hold a result, or the run needs a class that
+                is not known here, or that must not be imported.
         """
         folder = Path(folder)
         try:
@@ -88,7 +96,7 @@ class Result:
             raise InvalidInputError(f"{folder}: holds no result: {error}") from None
         graph = folder / "diagram.dot"
         return cls(
-            experiment=make_experiment(document),
+            experiment=make_experiment(document, modules=modules),
             time=time,
             series=series,
             metrics=metrics,

@@ -207,7 +207,13 @@ def _print_sweep(keys: list[str], rows: list[Row]) -> None:
 
 
 def main() -> None:
-    """Run the command line ``drake-rnn``."""
+    """Run the command line ``drake-rnn``.
+
+    Modules in the current folder can be named in a document, as with ``python -m``. The folder
+    comes last, so that no file in it stands in for an installed module.
+    """
+    if not sys.flags.safe_path:
+        sys.path.append(str(Path.cwd()))
     app()
 
 

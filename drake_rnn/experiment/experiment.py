@@ -15,6 +15,7 @@ from ..inputs.documents import construct, without_kind
 from ..inputs.fields import Array
 from ..inputs.modules import Modules
 from ..laws import LAWS, Circumstances, Law, PostureLaw
+from ..laws.checks import doubts_of
 from ..paths import PATHS, Path, Rest
 from ..robot.arm import Arm, load_arm
 from ..robot.limits import JointLimits
@@ -141,7 +142,7 @@ def make_experiment(
         contact=contact,
         feedback=feedback,
         path_delay=delay.path,
-        warnings=(*warnings, *law.doubts(circumstances), *doubts),
+        warnings=(*warnings, *doubts_of(law, circumstances), *doubts),
     )
 
 

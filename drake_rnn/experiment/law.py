@@ -9,6 +9,7 @@ from ..inputs.dataclass_fields import field_names
 from ..inputs.documents import construct, without_kind
 from ..inputs.fields import Array
 from ..laws import Law
+from ..laws.checks import check_declared, continuous_reading, sampled_reading
 from ..robot.limits import JointLimits
 from ..robot.task import TASKS
 from .document import ExperimentDocument
@@ -40,11 +41,12 @@ def make_law(
         raise InvalidInputError(f"law.{name}: follows from {_ORIGINS[name]}; leave it out")
     _require_size(task, kind)
     law: Law = construct(kind, {**filled, **without_kind(document.law)}, "law")
+    check_declared(law)
     _require_rows(task, law)
     if document.period is not None:
-        law.sampled(document.period)
+        sampled_reading(law, document.period)
     else:
-        law.continuous()
+        continuous_reading(law)
     if document.dither is not None and "velocity" not in law.inputs:
         raise InvalidInputError(
             "dither: must be left out; this law does not learn, so there is nothing to excite"

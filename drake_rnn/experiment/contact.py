@@ -9,6 +9,7 @@ from ..errors import InvalidInputError
 from ..inputs.documents import construct, without_kind
 from ..inputs.fields import Array
 from ..inputs.modules import Modules
+from ..inputs.own_code import naming
 from ..laws import Law
 from ..paths import Path
 from ..robot.arm import Arm
@@ -87,7 +88,8 @@ def _doubts(contact: Contact, path: Path, arm: Arm, start: Array) -> list[str]:
             f"environment.gap: the tool starts {-surface.gap:.3g} m inside the surface, which "
             "pushes it out at once"
         )
-    beyond = surface.overhang(path.start_point(p_WS) + path.sample(200), p_WS)
+    with naming(f"{type(surface).__name__}.overhang"):
+        beyond = float(surface.overhang(path.start_point(p_WS) + path.sample(200), p_WS))
     if beyond > 0.0:
         doubts.append(f"path: extends {beyond:.3g} m beyond the edges of the surface")
     return doubts

@@ -15,6 +15,7 @@ from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
 from ..errors import InvalidInputError
 from .complaints import plain, sentence
+from .own_code import naming
 
 T = TypeVar("T")
 
@@ -92,11 +93,13 @@ def construct(cls: type[T], values: Any, key: str) -> T:
         InvalidInputError: If a value is invalid; in one line, the key, the value and what it
             may be.
     """
+    place = key or "document"
     if not isinstance(values, Mapping):
-        place = key or "document"
         raise InvalidInputError(f"{place}: must be a mapping of keys to values, not {values!r}")
     try:
-        return TypeAdapter(cls).validate_python(dict(values))
+        # A user's own class may fail in ways of its own.
+        with naming(f"{place}: {cls.__name__}", but=ValidationError):
+            return TypeAdapter(cls).validate_python(dict(values))
     except ValidationError as error:
         raise InvalidInputError(sentence(cls, error, key)) from None
 

@@ -9,7 +9,9 @@ from ..errors import DrakeRnnError, InvalidInputError
 
 
 @contextmanager
-def naming(place: str, t: float | None = None) -> Iterator[None]:
+def naming(
+    place: str, t: float | None = None, *, but: type[Exception] = DrakeRnnError
+) -> Iterator[None]:
     """Turn any error raised within into an `InvalidInputError` that names the place.
 
     Errors of this package already say what is wrong, and pass.
@@ -17,10 +19,11 @@ def naming(place: str, t: float | None = None) -> Iterator[None]:
     Args:
         place: Code that runs within, e.g. ``MyLaw.step``.
         t: Simulated time [s]; None outside of a simulation.
+        but: Further errors that pass.
     """
     try:
         yield
-    except DrakeRnnError:
+    except (DrakeRnnError, but):
         raise
     except Exception as error:
         raise InvalidInputError(f"{place} raised {told(error)}{at(t)}") from error

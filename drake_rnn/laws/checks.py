@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from math import isfinite
 from numbers import Integral, Real
+from types import MethodType
 
 import numpy as np
 
@@ -119,34 +120,40 @@ def check_layouts(reading: Reading) -> None:
     with naming(f"{name}.observables"):
         observables = reading.observables
     for part, layout in (("state", state), ("inputs", inputs), ("observables", observables)):
+        if isinstance(layout, MethodType):
+            raise InvalidInputError(f"{name}.{part}: is a method; decorate it with @property")
         require_type(f"{name}.{part}", layout, Layout)
+    joints = _joints(f"{name}.state", state)
+    _require_free(f"{name}.state", state, RECORDED)
+    _require_free(f"{name}.observables", observables, RECORDED | state.parts.keys())
+    for part in inputs.parts.keys() & {"J", "J_omega"}:
+        (_, shape) = inputs.parts[part]
+        if len(shape) != 2 or shape[1] != joints:
+            raise InvalidInputError(
+                f"{name}.inputs: {part} must have one column for each of {joints} joints, shape "
+                f"(rows, {joints}), not {shape}"
+            )
+    with naming(f"{name}.integration_scheme"):
+        require_type(f"{name}.integration_scheme", reading.integration_scheme, str)
+
+
+def _joints(place: str, state: Layout) -> int:
+    """Return the number of joints that a state commands."""
     if "v" not in state:
         parts = ", ".join(state.parts) or "no parts"
         raise InvalidInputError(
-            f"{name}.state: must have the part v, the joint velocities that it commands; it has "
-            f"{parts}"
+            f"{place}: must have the part v, the joint velocities that it commands; it has {parts}"
         )
     (_, shape) = state.parts["v"]
     if len(shape) != 1:
-        raise InvalidInputError(
-            f"{name}.state: its part v must have the shape (joints,), not {shape}"
-        )
-    for part in state.parts.keys() & RECORDED:
-        raise InvalidInputError(f"{name}.state: {part!r} is the name of another recorded signal")
-    for part in observables.parts.keys() & (RECORDED | state.parts.keys()):
-        raise InvalidInputError(
-            f"{name}.observables: {part!r} is the name of another recorded signal"
-        )
-    for part in inputs.parts.keys() & {"J", "J_omega"}:
-        (_, rows) = inputs.parts[part]
-        if len(rows) != 2 or rows[1] != shape[0]:
-            raise InvalidInputError(
-                f"{name}.inputs: {part} must have one column for each of {shape[0]} joints, shape "
-                f"(rows, {shape[0]}), not {rows}"
-            )
-    with naming(f"{name}.integration_scheme"):
-        scheme = reading.integration_scheme
-    require_type(f"{name}.integration_scheme", scheme, str)
+        raise InvalidInputError(f"{place}: its part v must have the shape (joints,), not {shape}")
+    return shape[0]
+
+
+def _require_free(place: str, layout: Layout, taken: Set[str]) -> None:
+    for part in layout.parts:
+        if part in taken:
+            raise InvalidInputError(f"{place}: {part!r} is the name of another recorded signal")
 
 
 def doubts_of(law: Law, circumstances: Circumstances) -> list[str]:
@@ -193,7 +200,7 @@ def flaw(value: object, shape: tuple[int, ...]) -> str:
     # Also run at every sample: the usual case first.
     if type(value) is np.ndarray and value.dtype == _FLOAT and value.shape == shape:
         return ""
-    wanted = f"must return a NumPy array of floats of shape {shape}"
+    wanted = f"must return a NumPy array of floats, shape {shape}"
     if not isinstance(value, np.ndarray):
         return f"{wanted}, not {'None' if value is None else 'a ' + type(value).__name__}"
     if value.shape != shape:

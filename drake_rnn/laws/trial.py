@@ -55,7 +55,7 @@ def try_reading(
         return
     name, size = type(reading).__name__, reading.state.size
     (_, v_shape) = reading.state.parts["v"]
-    x, seen = _fixed(x), MappingProxyType({key: _fixed(value) for key, value in u.items()})
+    x, seen = _fixed(x), _shown(u)
     with naming(f"{name}.commanded_velocity", t):
         v = reading.commanded_velocity(t, x)
     _require_array(f"{name}.commanded_velocity", v, v_shape, t)
@@ -69,8 +69,8 @@ def try_reading(
         _require_array(f"{name}.derivatives", rates, (size,), t)
     observables_of(reading, t, x, seen)
     # Recorded runs are computed in one call for all instants.
-    twice = {key: _fixed(np.stack((value, value))) for key, value in u.items()}
-    observables_of(reading, np.array([t, t]), np.stack((x, x)), MappingProxyType(twice))
+    twice = _shown({key: np.stack((value, value)) for key, value in u.items()})
+    observables_of(reading, np.array([t, t]), _fixed(np.stack((x, x))), twice)
 
 
 def _require_array(place: str, value: Array, shape: tuple[int, ...], t: float) -> None:
@@ -80,6 +80,18 @@ def _require_array(place: str, value: Array, shape: tuple[int, ...], t: float) -
         raise InvalidInputError(
             f"{place}: must return finite numbers, not {np.round(value, 4).tolist()}{at(t)}"
         )
+
+
+class _Seen(dict[str, Array]):
+    """Signals that a law sees; asking for another one is told in full."""
+
+    def __missing__(self, name: str) -> Array:
+        raise KeyError(f"{name} is not among its inputs, {', '.join(self) or 'none'}")
+
+
+def _shown(u: Mapping[str, Array]) -> Signals:
+    """Return signals that cannot be modified."""
+    return MappingProxyType(_Seen({name: _fixed(value) for name, value in u.items()}))
 
 
 def _fixed(value: Array) -> Array:

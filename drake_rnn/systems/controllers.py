@@ -10,7 +10,7 @@ from pydrake.systems.analysis import GetIntegrationSchemes
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, State
 
 from ..errors import InvalidInputError, SimulationError
-from ..inputs.complaints import nearest, require_type
+from ..inputs.complaints import nearest, require_type, short
 from ..inputs.fields import Array
 from ..inputs.own_code import told
 from ..laws.checks import (
@@ -92,7 +92,17 @@ class Controller(LeafSystem):
         raise AssertionError("each reading has its own")
 
     def set_state(self, context: Context, x: Array) -> None:
-        """Set the law's state, shape (state.size,), before the simulation is initialized."""
+        """Set the law's state, shape (state.size,), before the simulation is initialized.
+
+        Raises:
+            InvalidInputError: If it has another shape or is not finite.
+        """
+        if (complaint := flaw(x, self._state_shape)) or not is_finite(x):
+            complaint = complaint.replace("return", "be") or f"must be finite, not {short(x)}"
+            raise InvalidInputError(f"{self.get_name()}: the state {complaint}")
+        self._write_state(context, x)
+
+    def _write_state(self, context: Context, x: Array) -> None:
         raise AssertionError("each reading has its own")
 
     def state(self, context: Context) -> Array:
@@ -238,8 +248,7 @@ class SampledController(Controller):
     def _state(self, context: Context) -> Array:
         return context.get_discrete_state_vector().value()
 
-    def set_state(self, context: Context, x: Array) -> None:
-        """Set the law's state, shape (state.size,), before the simulation is initialized."""
+    def _write_state(self, context: Context, x: Array) -> None:
         context.SetDiscreteState(x)
 
     def _initialize(self, context: Context, state: DiscreteValues) -> None:
@@ -284,8 +293,7 @@ class ContinuousController(Controller):
     def _state(self, context: Context) -> Array:
         return context.get_continuous_state_vector().CopyToVector()
 
-    def set_state(self, context: Context, x: Array) -> None:
-        """Set the law's state, shape (state.size,), before the simulation is initialized."""
+    def _write_state(self, context: Context, x: Array) -> None:
         context.SetContinuousState(x)
 
     def _initialize(self, context: Context, state: State) -> None:

@@ -29,6 +29,7 @@ from ..runs.simulation import Progress as ProgressCallback
 from ..runs.simulation import check_experiment, simulate
 from ..runs.sweep import Row, parse_axis, write_csv
 from ..runs.sweep import sweep as run_sweep
+from .new import Own, write_start
 from .tables import (
     WIDE,
     experiments_table,
@@ -188,6 +189,18 @@ def sweep(
         out.print(escape(f"picture  {picture}"), soft_wrap=True)
     if any(row.failure for row in rows):
         raise typer.Exit(FAILED)
+
+
+@app.command()
+def new(
+    what: Annotated[Own, typer.Argument(help="What it is to be.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the module, e.g. my_law.")],
+) -> None:
+    """Write a module of your own, a document that names it and a test, to the current folder."""
+    with _errors():
+        for file in write_start(what, name, Path()):
+            out.print(escape(f"written  {file}"), soft_wrap=True)
+    out.print(f"next     drake-rnn run {name}.yaml; pytest test_{name}.py", soft_wrap=True)
 
 
 def _axes(over: list[str] | None) -> dict[str, list[Any]]:

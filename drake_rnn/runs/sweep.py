@@ -102,8 +102,8 @@ def _run_all(jobs: list[Any], processes: int) -> Iterator[Row]:
             yield from pool.map(_run, jobs)
         except InvalidInputError as error:
             raise InvalidInputError(
-                f"{error}; this process knows it, but other processes do not: a class in a module "
-                "of its own is named module:Class; or run the sweep in one process"
+                f"{error}; only this process knows it: name it so for the others, or run the sweep "
+                "in one process"
             ) from None
 
 

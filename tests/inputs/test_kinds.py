@@ -82,8 +82,9 @@ def module(tmp_path, monkeypatch):
         importlib.invalidate_caches()
 
     yield write
-    for name in {part for name in names for part in (name, name.split(".")[0])}:
-        sys.modules.pop(name, None)
+    for name in names:
+        for part in (name, name.split(".")[0]):
+            sys.modules.pop(part, None)
 
 
 @pytest.fixture

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from numbers import Integral
 from types import NoneType
 
-from pydrake.systems.framework import OutputPort
+from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 
 from ..errors import InvalidInputError
-from ..inputs.complaints import nearest, require_type
+from ..inputs.complaints import nearest, require_type, short
 from ..inputs.dataclass_fields import field_names
 from ..robot.task import TASKS
 from ..systems.body import Body, Feedback
@@ -19,6 +20,35 @@ from ..systems.kinematics import Kinematics
 from ..systems.moving_average import MovingAverage
 from ..systems.path_source import PathSource
 from .wiring import Ports
+
+
+def check_arguments(
+    builder: DiagramBuilder,
+    reference: System | None,
+    signals: Mapping[str, OutputPort] | None,
+    seed: int,
+    prefix: str,
+) -> None:
+    """Raise an InvalidInputError if an argument of `AddLoop` has the wrong type."""
+    require_type("builder", builder, DiagramBuilder)
+    require_type("reference", reference, System, NoneType)
+    require_type("signals", signals, Mapping, NoneType)
+    for name, port in (signals or {}).items():
+        require_type(f"signals.{name}", port, OutputPort)
+        _require_added(f"signals.{name}", port.get_system(), builder)
+    if reference is not None:
+        _require_added("reference", reference, builder)
+    if isinstance(seed, bool) or not isinstance(seed, Integral) or seed < 0:
+        raise InvalidInputError(f"seed: must be a whole number of at least 0, not {short(seed)}")
+    require_type("prefix", prefix, str)
+
+
+def _require_added(key: str, system: System, builder: DiagramBuilder) -> None:
+    if not any(system is known for known in builder.GetSystems()):
+        raise InvalidInputError(
+            f"{key}: {system.get_name() or type(system).__name__} is not in this diagram; add it "
+            "to the builder first"
+        )
 
 
 def check_parts(

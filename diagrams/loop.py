@@ -23,7 +23,7 @@ from ..systems.ideal_arm import IdealArm
 from ..systems.kinematics import Kinematics
 from ..systems.moving_average import MovingAverage
 from ..systems.normal_force import NormalForce
-from .checks import check_offers, check_parts, given_signals
+from .checks import check_arguments, check_offers, check_parts, given_signals
 from .wiring import Ports, Wiring, ports_of
 
 
@@ -98,6 +98,7 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
             the filter does not fit controller, feedback or dither; if the body cannot run in this
             loop; or if an argument has the wrong type.
     """
+    check_arguments(builder, reference, signals, seed, prefix)
     require_type("body", body, Body)
     feedback = body.default_feedback if feedback is None else feedback
     check_parts(body, controller, task, dither, filter, feedback)

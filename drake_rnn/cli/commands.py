@@ -33,6 +33,7 @@ from ..runs.simulation import Progress as ProgressCallback
 from ..runs.simulation import check_experiment, simulate
 from ..runs.sweep import Row, parse_axis, write_csv
 from ..runs.sweep import sweep as run_sweep
+from .new import Own, write_start
 from .tables import (
     WIDE,
     arm_joints_table,
@@ -237,6 +238,18 @@ def sweep(
         raise typer.Exit(FAILED)
 
 
+@app.command()
+def new(
+    what: Annotated[Own, typer.Argument(help="What it is to be.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the module, e.g. my_law.")],
+) -> None:
+    """Write a module of your own, a document that names it and a test, to the current folder."""
+    with _errors():
+        for file in write_start(what, name, Path()):
+            out.print(escape(f"written  {file}"), soft_wrap=True)
+    out.print(f"next     drake-rnn run {name}.yaml; pytest test_{name}.py", soft_wrap=True)
+
+
 def _axes(over: list[str] | None) -> dict[str, list[Any]]:
     """Return the values of all ``--over`` options, by key."""
     named = [parse_axis(text) for text in over or []]
@@ -254,7 +267,13 @@ def _print_sweep(keys: list[str], rows: list[Row]) -> None:
 
 
 def main() -> None:
-    """Run the command line ``drake-rnn``."""
+    """Run the command line ``drake-rnn``.
+
+    Modules in the current folder can be named in a document, as with ``python -m``. The folder
+    comes last, so that no file in it stands in for an installed module.
+    """
+    if not sys.flags.safe_path:
+        sys.path.append(str(Path.cwd()))
     app()
 
 

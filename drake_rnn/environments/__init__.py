@@ -1,5 +1,6 @@
 """Surfaces that a tool is pressed against, modelled as a spring or as bodies in contact."""
 
+from ..inputs.kinds import Kinds
 from .contact_model import ContactModel, TipMaterial
 from .elastic_surface import ElasticSurface
 from .model_surface import ModelSurface
@@ -7,11 +8,15 @@ from .plate import Plate
 from .surface import Surface
 
 #: Environments by their ``kind``.
-ENVIRONMENTS: dict[str, type[Surface]] = {
-    "elastic_surface": ElasticSurface,
-    "plate": Plate,
-    "model": ModelSurface,
-}
+ENVIRONMENTS: Kinds[Surface] = Kinds(
+    "environment",
+    Surface,
+    {
+        "elastic_surface": ElasticSurface,
+        "plate": Plate,
+        "model": ModelSurface,
+    },
+)
 
 __all__ = [
     "ENVIRONMENTS",

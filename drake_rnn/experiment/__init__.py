@@ -2,12 +2,20 @@
 
 from .document import Acceptance, ExperimentDocument, IntegratorSettings
 from .experiment import OUTSIDE, Experiment, make_experiment
-from .files import load_experiment, parse_change, read_document, set_key, shipped_experiments
+from .files import (
+    Described,
+    load_experiment,
+    parse_change,
+    read_document,
+    set_key,
+    shipped_experiments,
+)
 from .reach import Reach, check_reach, follow
 
 __all__ = [
     "OUTSIDE",
     "Acceptance",
+    "Described",
     "Experiment",
     "ExperimentDocument",
     "IntegratorSettings",

@@ -6,8 +6,10 @@ import numpy as np
 
 from ..environments import ENVIRONMENTS, ContactModel, Surface
 from ..errors import InvalidInputError
-from ..inputs.documents import construct, kind_of, without_kind
+from ..inputs.documents import construct, without_kind
 from ..inputs.fields import Array
+from ..inputs.modules import Modules
+from ..inputs.own_code import naming
 from ..laws import Law
 from ..paths import PlacedPath
 from ..robot.arm import Arm
@@ -19,7 +21,12 @@ _OFF = 1e-3
 
 
 def make_contact(
-    document: ExperimentDocument, law: Law, desired: PlacedPath, arm: Arm, start: Array
+    document: ExperimentDocument,
+    law: Law,
+    desired: PlacedPath,
+    arm: Arm,
+    start: Array,
+    modules: Modules,
 ) -> tuple[Contact | None, list[str]]:
     """Return the contact of an experiment, None if it has none, and warnings about it.
 
@@ -29,6 +36,7 @@ def make_contact(
         desired: Path of the experiment, placed at the start.
         arm: Arm of the experiment.
         start: Start posture, shape (n,) [rad].
+        modules: Modules that may be imported for the environment.
 
     Raises:
         InvalidInputError: If a key is missing, wrong or must be left out.
@@ -43,7 +51,7 @@ def make_contact(
             if given is not None:
                 raise InvalidInputError(f"{name}: only with an environment")
         return None, []
-    kind = kind_of(section, ENVIRONMENTS, "environment")
+    kind = ENVIRONMENTS.named_by(section, modules)
     BODIES[document.level].check_surface(kind)
     if document.force is None:
         raise InvalidInputError("force: must be given with an environment")
@@ -80,7 +88,8 @@ def _doubts(contact: Contact, desired: PlacedPath, arm: Arm, start: Array) -> li
             f"environment.gap: the tool starts {-surface.gap:.3g} m inside the surface, which "
             "pushes it out at once"
         )
-    beyond = surface.overhang(desired.sample(200), p_WS)
+    with naming(f"{type(surface).__name__}.overhang"):
+        beyond = float(surface.overhang(desired.sample(200), p_WS))
     if beyond > 0.0:
         doubts.append(f"path: extends {beyond:.3g} m beyond the edges of the surface")
     return doubts

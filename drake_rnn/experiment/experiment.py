@@ -14,7 +14,9 @@ from ..inputs.complaints import nearest
 from ..inputs.dataclass_fields import field_names
 from ..inputs.documents import construct
 from ..inputs.fields import Array
-from ..laws import Circumstances, Law, PostureLaw
+from ..inputs.modules import Modules
+from ..laws import LAWS, Circumstances, Law, PostureLaw
+from ..laws.checks import doubts_of
 from ..paths import Path, PlacedPath, as_path
 from ..robot.arm import Arm, load_arm
 from ..robot.limits import JointLimits
@@ -23,7 +25,7 @@ from ..systems import BODIES, Body, Contact, Feedback, PlantSettings, start_post
 from .contact import make_contact
 from .document import ExperimentDocument
 from .filter import filter_delay, loop_delay_doubts
-from .law import law_class, make_law
+from .law import make_law
 from .path import GIVEN, path_of
 from .target import reachable_target
 
@@ -103,7 +105,10 @@ class Experiment:
 
 
 def make_experiment(
-    document: Mapping[str, Any] | ExperimentDocument, path: Path | Trajectory | None = None
+    document: Mapping[str, Any] | ExperimentDocument,
+    path: Path | Trajectory | None = None,
+    *,
+    modules: Modules = True,
 ) -> Experiment:
     """Return the experiment that a document describes, checked as a whole.
 
@@ -111,6 +116,8 @@ def make_experiment(
         document: The document, or its contents as plain data.
         path: Path made in Python, or a trajectory of Drake's, in place of the document's; the
             experiment's document then only says that one was given.
+        modules: Modules that may be imported for a ``kind`` of the form ``module:Class``: True for
+            any, False for none, or their names. What has been imported already may be used.
 
     Raises:
         InvalidInputError: If a key is wrong; the message names it, its value and what it may be.
@@ -124,10 +131,11 @@ def make_experiment(
     published = _arm(document.arm)
     limits = _limits(published, document.limits)
     arm = published.with_limits(limits)
-    seeks_posture = issubclass(law_class(document), PostureLaw)
+    kind = LAWS.named_by(document.law, modules)
+    seeks_posture = issubclass(kind, PostureLaw)
     start = start_posture(arm, document.start, OUTSIDE if seeks_posture else 0.0)
-    path = path_of(document, seeks_posture, as_path(path))
-    law = make_law(document, limits, start)
+    path = path_of(document, seeks_posture, as_path(path), modules)
+    law = make_law(document, kind, limits, start)
     warnings = [*arm.warnings, *_widened(published, limits), *_outside(arm, start)]
     delay = filter_delay(document, feedback, limits, law)
     warnings += loop_delay_doubts(document, law, delay.loop)
@@ -137,7 +145,7 @@ def make_experiment(
         warnings += changes
     desired = path.placed_on(arm, start)
     _require_orientation_seen(law, desired)
-    contact, doubts = make_contact(document, law, desired, arm, start)
+    contact, doubts = make_contact(document, law, desired, arm, start, modules)
     circumstances = Circumstances(
         loop_delay=delay.loop,
         reference_is_delayed=delay.path > 0.0,
@@ -157,7 +165,7 @@ def make_experiment(
         contact=contact,
         feedback=feedback,
         path_delay=delay.path,
-        warnings=(*warnings, *law.doubts(circumstances), *doubts),
+        warnings=(*warnings, *doubts_of(law, circumstances), *doubts),
     )
 
 

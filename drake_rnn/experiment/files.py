@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import deepcopy
 from pathlib import Path as File
 from typing import Any
 
 from ..diagrams import EXPERIMENTS
 from ..errors import InvalidInputError
-from ..inputs.complaints import nearest
+from ..inputs.complaints import nearest, require_type, short
 from ..inputs.documents import parse_yaml, read_yaml
 from ..robot.arm import shipped_arms
 from ..robot.limits_file import limits_beside
+from .document import ExperimentDocument
 from .experiment import Experiment, make_experiment
+
+#: A shipped name, a YAML file, a document, its contents as plain data, or an experiment.
+Described = str | File | Mapping[str, Any] | ExperimentDocument | Experiment
 
 
 def shipped_experiments() -> list[str]:
@@ -24,11 +29,11 @@ def shipped_experiments() -> list[str]:
     return sorted(file.stem for file in EXPERIMENTS.glob("*/*.yaml"))
 
 
-def load_experiment(experiment: str | File, changes: Mapping[str, Any] | None = None) -> Experiment:
+def load_experiment(experiment: Described, changes: Mapping[str, Any] | None = None) -> Experiment:
     """Return an experiment by its shipped name or from a YAML file, checked as a whole.
 
     Args:
-        experiment: A name from `shipped_experiments`, or a file.
+        experiment: A name from `shipped_experiments`, a file, or a document to change.
         changes: New values by dotted key, e.g. ``{"law.kappa": 8}``; None removes a key. Setting
             ``period`` removes ``integrator`` and vice versa; a duration that ends before the
             document's window removes ``window`` and ``accept``.
@@ -40,14 +45,50 @@ def load_experiment(experiment: str | File, changes: Mapping[str, Any] | None = 
 
 
 def read_document(
-    experiment: str | File, changes: Mapping[str, Any] | None = None
+    experiment: Described, changes: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
     """Return the contents of an experiment's document with ``changes``, not yet checked.
 
     Raises:
-        InvalidInputError: If there is no such experiment, or the file is not a YAML mapping.
+        InvalidInputError: If there is no such experiment, the file is not a YAML mapping, or
+            ``changes`` is not a mapping of dotted keys.
     """
-    name = str(experiment)
+    changes = _checked(changes)
+    document = _contents(experiment)
+    rivals = {key.split(".")[0] for key, value in changes.items() if value is not None}
+    if {"period", "integrator"} <= rivals:
+        raise InvalidInputError("period: cannot be combined with integrator; change one of them")
+    for key, value in changes.items():
+        set_key(document, key, value)
+    _name_limits(document)
+    _cut_short(document, changes)
+    return document
+
+
+def _checked(changes: Mapping[str, Any] | None) -> Mapping[str, Any]:
+    if changes is None:
+        return {}
+    if not isinstance(changes, Mapping) or not all(isinstance(key, str) for key in changes):
+        raise InvalidInputError(
+            f"changes: must be a mapping of dotted keys to values, not {short(changes)}"
+        )
+    return changes
+
+
+def _contents(experiment: Described) -> dict[str, Any]:
+    """Return a document's contents, which may be changed."""
+    if isinstance(experiment, Experiment):
+        return experiment.document.contents()
+    if isinstance(experiment, ExperimentDocument):
+        return experiment.contents()
+    if isinstance(experiment, Mapping):
+        return deepcopy(dict(experiment))
+    require_type("experiment", experiment, str, File, Mapping, ExperimentDocument, Experiment)
+    return _read(str(experiment))
+
+
+def _read(name: str) -> dict[str, Any]:
+    """Return the contents of a shipped document or of a YAML file."""
     if name in shipped_experiments():
         (file,) = EXPERIMENTS.glob(f"*/{name}.yaml")
     elif File(name).suffix in {".yaml", ".yml"}:
@@ -63,13 +104,6 @@ def read_document(
         raise InvalidInputError(f"{file}: must be a mapping of keys to values")
     # Names of models and CSV files are relative to the document's folder.
     _resolve_files(document, file.parent)
-    rivals = {key.split(".")[0] for key, value in (changes or {}).items() if value is not None}
-    if {"period", "integrator"} <= rivals:
-        raise InvalidInputError("period: cannot be combined with integrator; change one of them")
-    for key, value in (changes or {}).items():
-        set_key(document, key, value)
-    _name_limits(document)
-    _cut_short(document, changes or {})
     return {"name": file.stem, **document}
 
 

@@ -6,9 +6,10 @@ from typing import Any, get_args
 
 from ..errors import InvalidInputError
 from ..inputs.dataclass_fields import field_names
-from ..inputs.documents import construct, kind_of, without_kind
+from ..inputs.documents import construct, without_kind
 from ..inputs.fields import Array
-from ..laws import LAWS, Law
+from ..laws import Law
+from ..laws.checks import check_declared, continuous_reading, sampled_reading
 from ..robot.limits import JointLimits
 from ..robot.task import TASKS
 from .document import ExperimentDocument
@@ -17,20 +18,14 @@ from .document import ExperimentDocument
 _ORIGINS = {"limits": "arm and limits", "home": "start", "task_size": "task"}
 
 
-def law_class(document: ExperimentDocument) -> type[Law]:
-    """Return the class that ``law.kind`` names.
-
-    Raises:
-        InvalidInputError: If there is no such law.
-    """
-    return kind_of(document.law, LAWS, "law")
-
-
-def make_law(document: ExperimentDocument, limits: JointLimits, start: Array) -> Law:
+def make_law(
+    document: ExperimentDocument, kind: type[Law], limits: JointLimits, start: Array
+) -> Law:
     """Return the law, including the fields that follow from limits, start and task.
 
     Args:
         document: Document of the experiment.
+        kind: Class of the law.
         limits: Limits of the joints in the experiment.
         start: Start posture, shape (n,) [rad].
 
@@ -39,18 +34,19 @@ def make_law(document: ExperimentDocument, limits: JointLimits, start: Array) ->
             if the law does not fit the task or the dither; or if it cannot be sampled at this
             period, or not be integrated.
     """
-    kind, task = law_class(document), document.task
+    task = document.task
     known = {"limits": limits, "home": start, "task_size": TASKS[task].size}
     filled = {name: value for name, value in known.items() if name in field_names(kind)}
     for name in filled.keys() & document.law.keys():
         raise InvalidInputError(f"law.{name}: follows from {_ORIGINS[name]}; leave it out")
     _require_size(task, kind)
     law: Law = construct(kind, {**filled, **without_kind(document.law)}, "law")
+    check_declared(law)
     _require_rows(task, law)
     if document.period is not None:
-        law.sampled(document.period)
+        sampled_reading(law, document.period)
     else:
-        law.continuous()
+        continuous_reading(law)
     if document.dither is not None and "velocity" not in law.inputs:
         raise InvalidInputError(
             "dither: must be left out; this law does not learn, so there is nothing to excite"

@@ -7,7 +7,8 @@ from typing import Any
 
 from ..errors import InvalidInputError
 from ..inputs.complaints import require_type
-from ..inputs.documents import construct, kind_of, without_kind
+from ..inputs.documents import construct, without_kind
+from ..inputs.modules import Modules
 from ..paths import PATHS, Part, Path, Rest, Sequence
 from .document import ExperimentDocument
 
@@ -15,13 +16,16 @@ from .document import ExperimentDocument
 GIVEN = {"kind": "given"}
 
 
-def path_of(document: ExperimentDocument, seeks_posture: bool, given: Path | None) -> Path:
+def path_of(
+    document: ExperimentDocument, seeks_posture: bool, given: Path | None, modules: Modules
+) -> Path:
     """Return the path of an experiment.
 
     Args:
         document: Document of the experiment.
         seeks_posture: Whether its law seeks a posture while the end effector stays.
         given: Path that was made in Python, in place of one that the document describes.
+        modules: Modules that may be imported for the path.
 
     Raises:
         InvalidInputError: If a key is wrong, or the path must be given or left out.
@@ -44,24 +48,25 @@ def path_of(document: ExperimentDocument, seeks_posture: bool, given: Path | Non
             "path: was made in Python, which a document does not hold; give it again, as the "
             "argument path"
         )
-    return _made(document.path, "path")
+    return _made(document.path, "path", modules)
 
 
-def _made(section: Mapping[str, Any], key: str) -> Path:
+def _made(section: Mapping[str, Any], key: str, modules: Modules) -> Path:
     """Return the path that a section describes; in one of parts, each part is such a section."""
-    kind = kind_of(section, PATHS, key)
+    kind = PATHS.named_by(section, modules, key)
     fields = without_kind(section)
     if issubclass(kind, Sequence) and isinstance(fields.get("parts"), list):
         fields["parts"] = [
-            _part(part, f"{key}.parts.{number}") for number, part in enumerate(fields["parts"])
+            _part(part, f"{key}.parts.{number}", modules)
+            for number, part in enumerate(fields["parts"])
         ]
     path: Path = construct(kind, fields, key)
     return path
 
 
-def _part(section: Any, key: str) -> Part:
+def _part(section: Any, key: str, modules: Modules) -> Part:
     if not isinstance(section, Mapping) or not isinstance(section.get("path"), Mapping):
         raise InvalidInputError(
             f"{key}: must be a mapping with a path, and perhaps lasts and bridge, not {section!r}"
         )
-    return construct(Part, {**section, "path": _made(section["path"], f"{key}.path")}, key)
+    return construct(Part, {**section, "path": _made(section["path"], f"{key}.path", modules)}, key)

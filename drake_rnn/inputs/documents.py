@@ -14,7 +14,8 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
 from ..errors import InvalidInputError
-from .complaints import nearest, plain, sentence
+from .complaints import plain, sentence
+from .own_code import naming
 
 T = TypeVar("T")
 
@@ -92,33 +93,15 @@ def construct(cls: type[T], values: Any, key: str) -> T:
         InvalidInputError: If a value is invalid; in one line, the key, the value and what it
             may be.
     """
+    place = key or "document"
     if not isinstance(values, Mapping):
-        raise InvalidInputError(f"{key}: must be a mapping of keys to values, not {values!r}")
+        raise InvalidInputError(f"{place}: must be a mapping of keys to values, not {values!r}")
     try:
-        return TypeAdapter(cls).validate_python(dict(values))
+        # A user's own class may fail in ways of its own.
+        with naming(f"{place}: {cls.__name__}", but=ValidationError):
+            return TypeAdapter(cls).validate_python(dict(values))
     except ValidationError as error:
         raise InvalidInputError(sentence(cls, error, key)) from None
-
-
-def kind_of(document: Mapping[str, Any], kinds: Mapping[str, type], key: str) -> type:
-    """Return the class that a section's ``kind`` names.
-
-    Args:
-        document: The section.
-        kinds: Classes by their ``kind``.
-        key: Key of the section in the document, for messages.
-
-    Raises:
-        InvalidInputError: If ``kind`` is missing or none of ``kinds``.
-    """
-    kind = document.get("kind")
-    if kind is None:
-        raise InvalidInputError(f"{key}.kind: must be given; it may be {', '.join(kinds)}")
-    if not isinstance(kind, str) or kind not in kinds:
-        raise InvalidInputError(
-            f"{key}.kind: no {key} {kind!r}; " + nearest(str(kind), list(kinds))
-        )
-    return kinds[kind]
 
 
 def without_kind(document: Mapping[str, Any]) -> dict[str, Any]:

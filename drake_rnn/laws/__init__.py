@@ -1,5 +1,6 @@
 """Neural dynamics as functions of arrays, without Drake; one file per scheme."""
 
+from ..inputs.kinds import Kinds
 from .joint_drift_free import JointDriftFree
 from .law import (
     Circumstances,
@@ -23,16 +24,20 @@ from .simultaneous_learning import SimultaneousLearning
 from .state_adjustment import StateAdjustment
 
 #: The laws an experiment may name, by their ``kind``.
-LAWS: dict[str, type[Law]] = {
-    "joint_drift_free": JointDriftFree,
-    "motion_force": MotionForce,
-    "null_space_adjustment": NullSpaceAdjustment,
-    "pseudoinverse": Pseudoinverse,
-    "receding_horizon": RecedingHorizon,
-    "recursive": Recursive,
-    "simultaneous_learning": SimultaneousLearning,
-    "state_adjustment": StateAdjustment,
-}
+LAWS: Kinds[Law] = Kinds(
+    "law",
+    Law,
+    {
+        "joint_drift_free": JointDriftFree,
+        "motion_force": MotionForce,
+        "null_space_adjustment": NullSpaceAdjustment,
+        "pseudoinverse": Pseudoinverse,
+        "receding_horizon": RecedingHorizon,
+        "recursive": Recursive,
+        "simultaneous_learning": SimultaneousLearning,
+        "state_adjustment": StateAdjustment,
+    },
+)
 
 __all__ = [
     "LAWS",

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InvalidInputError
+from ..inputs.complaints import short
 from ..inputs.fields import Array
 
 Signals = Mapping[str, Array]
@@ -26,9 +27,14 @@ class Layout:
 
     Args:
         parts: Shape of each part by name, e.g. ``v=(7,), J_hat=(3, 7)``.
+
+    Raises:
+        InvalidInputError: If a shape is not one or more positive whole numbers.
     """
 
     def __init__(self, **parts: tuple[int, ...]) -> None:
+        for name, shape in parts.items():
+            _check_shape(name, shape)
         sizes = [int(np.prod(shape)) for shape in parts.values()]
         ends = np.cumsum([0, *sizes])
         self.size = int(ends[-1])
@@ -57,6 +63,15 @@ class Layout:
     def join(self, *values: Array) -> Array:
         """Return the flat vector of the given parts, shape (size,)."""
         return np.concatenate([value.ravel() for value in values])
+
+
+def _check_shape(name: str, shape: object) -> None:
+    sizes = shape if isinstance(shape, tuple) else ()
+    if not sizes or not all(isinstance(size, (int, np.integer)) and size > 0 for size in sizes):
+        raise InvalidInputError(
+            f"Layout: the shape of {name!r} must be positive whole numbers, e.g. (3,) or (3, 7), "
+            f"not {short(shape)}"
+        )
 
 
 class Reading(ABC):

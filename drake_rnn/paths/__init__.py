@@ -31,6 +31,7 @@ them. With "uniform" the speed is constant along an edge and the velocity jumps 
 with all other time laws the point rests at the corners. Every other curve is one segment.
 """
 
+from ..inputs.kinds import Kinds
 from .cat import Cat
 from .curve import Curve
 from .line import Line
@@ -47,22 +48,26 @@ from .trigonometric import Circle, Clover, Deltoid, FourRing, Nephroid, Trigonom
 from .waypoints import Waypoints
 
 #: The curves an experiment may name, by their ``kind``.
-PATHS: dict[str, type[Path]] = {
-    "circle": Circle,
-    "nephroid": Nephroid,
-    "four_ring": FourRing,
-    "clover": Clover,
-    "deltoid": Deltoid,
-    "cat": Cat,
-    "square": Square,
-    "parallelogram": Parallelogram,
-    "line": Line,
-    "waypoints": Waypoints,
-    "points": Points,
-    "spline": Spline,
-    "rest": Rest,
-    "sequence": Sequence,
-}
+PATHS: Kinds[Path] = Kinds(
+    "path",
+    Path,
+    {
+        "circle": Circle,
+        "nephroid": Nephroid,
+        "four_ring": FourRing,
+        "clover": Clover,
+        "deltoid": Deltoid,
+        "cat": Cat,
+        "square": Square,
+        "parallelogram": Parallelogram,
+        "line": Line,
+        "waypoints": Waypoints,
+        "points": Points,
+        "spline": Spline,
+        "rest": Rest,
+        "sequence": Sequence,
+    },
+)
 
 __all__ = [
     "BASE",

@@ -35,12 +35,12 @@ class Axes:
     def draw(self) -> None:
         """Draw the desired axes at some poses along the path, and those of the end effector."""
         motion, desired = self._motion, self._motion.result.experiment.desired
-        last = len(motion.lap) - 1
+        last = len(motion.course) - 1
         for number, k in enumerate(np.unique(np.linspace(0, last, _POSES).astype(int)).tolist()):
             place = f"/desired/axes/{number:02d}"
             R_WE = desired.orientation(motion.path_time(motion.time[k]))[0]
             self._draw_at(place, _DESIRED_OPACITY)
-            self._meshcat.SetTransform(place, _pose(R_WE, motion.lap[k]))
+            self._meshcat.SetTransform(place, _pose(R_WE, motion.course[k]))
         self._draw_at("/traced/axes", 1.0)
 
     def record(self, recording: MeshcatAnimation, time: Array) -> None:

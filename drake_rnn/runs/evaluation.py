@@ -7,9 +7,11 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram
 
 from ..diagrams import Loop
+from ..errors import InvalidInputError
 from ..experiment import Experiment
 from ..inputs.fields import Array
 from ..laws import Reading, Signals
+from ..laws.checks import caveats_of
 from ..measures import Motion, Recorder, law_metrics, motion_metrics
 from .caveats import contact_caveats, motor_caveats
 from .motion import motion_of, observed_signals, seen_motion
@@ -22,8 +24,10 @@ def evaluate(
     warnings: list[str],
     diagram: Diagram,
     loop: Loop,
-) -> Result:
-    """Return the result of a run, complete or not.
+) -> tuple[Result, InvalidInputError | None]:
+    """Return the result of a run, complete or not, and an error in what the law says of it.
+
+    With such an error the result lacks the law's observables or caveats.
 
     Args:
         experiment: Experiment that was run.
@@ -35,24 +39,35 @@ def evaluate(
     reading = loop.controller.reading
     motion = motion_of(experiment, recorder, loop)
     seen = seen_motion(experiment, recorder, loop, motion)
-    observed = observed_signals(experiment, seen, recorder.series("state"), reading)
+    fault: InvalidInputError | None = None
+    observed: Signals = {}
+    caveats: list[str] = []
+    try:
+        observed = observed_signals(experiment, seen, recorder.series("state"), reading)
+    except InvalidInputError as error:
+        fault = error
     metrics = _metrics(experiment, motion, seen, observed)
+    try:
+        caveats = caveats_of(experiment.law, metrics)
+    except InvalidInputError as error:
+        fault = fault or error
     at = _samples(motion.time, experiment.document.log_period)
     series = _series(motion, at) | _contact_series(motion, recorder, at)
     series |= _state_series(recorder.series("state")[at], reading)
-    return Result(
+    result = Result(
         experiment=experiment,
         time=motion.time[at],
         series=series | {name: values[at] for name, values in observed.items()},
         metrics=metrics,
         warnings=[
             *warnings,
-            *experiment.law.caveats(metrics),
+            *caveats,
             *contact_caveats(motion, metrics),
             *motor_caveats(loop.arm, motion),
         ],
         graphviz=diagram.GetGraphvizString(max_depth=1),
     )
+    return result, fault
 
 
 def _metrics(

@@ -11,6 +11,7 @@ from ..diagrams import Loop
 from ..experiment import Experiment
 from ..inputs.fields import Array
 from ..laws import Reading, Signals
+from ..laws.checks import observables_of
 from ..measures import Motion, Pressing, Recorder
 from ..robot.rotation import rotation_error
 
@@ -25,6 +26,9 @@ def observed_signals(
         motion: Motion as the law saw it.
         states: States of the law, shape (k, state.size).
         reading: Reading of the law.
+
+    Raises:
+        InvalidInputError: If the law fails, or returns something else than it declares.
     """
     u = {
         "position": motion.position,
@@ -38,7 +42,14 @@ def observed_signals(
     if motion.pressing is not None:
         u["normal_force_desired"] = motion.pressing.desired[:, np.newaxis]
     u |= _further(experiment, motion, [name for name in reading.inputs.parts if name not in u])
-    return reading.diagnostics(motion.time, states, u)
+    fixed = {name: _read_only(values) for name, values in u.items()}
+    return observables_of(reading, _read_only(motion.time), _read_only(states), fixed)
+
+
+def _read_only(values: Array) -> Array:
+    view = values.view()
+    view.setflags(write=False)
+    return view
 
 
 def _further(experiment: Experiment, motion: Motion, names: Iterable[str]) -> Signals:

@@ -16,6 +16,7 @@ from ..errors import InvalidInputError
 from ..experiment import Experiment, make_experiment
 from ..inputs.documents import parse_yaml
 from ..inputs.fields import Array
+from ..inputs.modules import Modules
 from ..paths import Path as MotionPath
 
 
@@ -73,15 +74,25 @@ class Result:
         return folder
 
     @classmethod
-    def load(cls, folder: str | Path, path: MotionPath | Trajectory | None = None) -> Result:
+    def load(
+        cls,
+        folder: str | Path,
+        path: MotionPath | Trajectory | None = None,
+        *,
+        modules: Modules = False,
+    ) -> Result:
         """Return a result that `save` has written.
 
         Args:
             folder: The folder.
             path: Path of the run, if it was made in Python: the folder does not hold it.
+            modules: Modules that may be imported, as the run had a law, path or environment of
+                the form ``module:Class``: True for any, False for none, or their names. What has
+                been imported already is used without being told to.
 
         Raises:
-            InvalidInputError: If the folder does not hold a result.
+            InvalidInputError: If the folder does not hold a result, or the run needs a class that
+                is not known here, or that must not be imported.
         """
         folder = Path(folder)
         try:
@@ -94,7 +105,7 @@ class Result:
             raise InvalidInputError(f"{folder}: holds no result: {error}") from None
         graph = folder / "diagram.dot"
         return cls(
-            experiment=make_experiment(document, path),
+            experiment=make_experiment(document, path, modules=modules),
             time=time,
             series=series,
             metrics=metrics,

@@ -41,10 +41,12 @@ def check_experiment(experiment: Experiment) -> list[str]:
     """Return the warnings about an experiment that can be given before it runs.
 
     Raises:
-        InvalidInputError: If the path is out of reach, or the diagram cannot be built.
+        InvalidInputError: If the path is out of reach, the diagram cannot be built, or the law
+            fails when it is tried at the start.
     """
     warnings = check_reach(experiment)
-    build_diagram(experiment)
+    diagram, loop = build_diagram(experiment)
+    _start(loop, diagram.CreateDefaultContext())
     return warnings
 
 
@@ -58,20 +60,25 @@ def simulate(experiment: Experiment, progress: Progress | None = None) -> Result
         progress: Called with the simulated time [s] from time to time.
 
     Raises:
-        InvalidInputError: If the path is out of reach.
-        SimulationError: If the run stops early; its ``result`` covers the time until then.
+        InvalidInputError: If the path is out of reach, or the law fails when it is tried at the
+            start.
+        SimulationError: If the run stops early; its ``result`` covers the time until then. Also if
+            what the law says of a complete run is wrong.
     """
     started = time.perf_counter()
     warnings = check_reach(experiment)
     simulator, loop = build_simulator(experiment)
     root = simulator.get_mutable_context()
-    _set_initial_state(loop, root)
+    _start(loop, root)
     recorder = add_recorder(simulator, loop)
     if progress is not None:
         simulator.set_monitor(_with_progress(recorder, progress))
 
     run_time, failure = _advance(simulator, experiment)
-    result = evaluate(experiment, recorder, warnings, simulator.get_system(), loop)
+    result, fault = evaluate(experiment, recorder, warnings, simulator.get_system(), loop)
+    if failure is None and fault is not None:
+        failure = SimulationError(str(fault), root.get_time())
+        failure.__cause__ = fault
     result.metrics["real_time_factor"] = root.get_time() / run_time
     result.metrics["wall_time_s"] = time.perf_counter() - started
     if isinstance(loop.controller, SampledController) and failure is None:
@@ -103,6 +110,7 @@ def _advance(simulator: Simulator, experiment: Experiment) -> tuple[float, Simul
     except (InvalidInputError, RuntimeError) as error:
         # The kinematics refuse a posture, or Drake's integrator finds no step.
         failure = SimulationError(str(error), root.get_time())
+        failure.__cause__ = error
     return time.perf_counter() - began, failure
 
 
@@ -131,7 +139,7 @@ def build_diagram(experiment: Experiment, law: Law | None = None) -> tuple[Diagr
         dither=document.dither,
         filter=filter,
         feedback=experiment.feedback,
-        signals=_add_previews(builder, experiment, law),
+        signals=_add_previews(builder, experiment, controller),
         seed=document.seed,
     )
     diagram = builder.Build()
@@ -172,22 +180,24 @@ def _filter(experiment: Experiment) -> MovingAverage | None:
 
 
 def _add_previews(
-    builder: DiagramBuilder, experiment: Experiment, law: Law
+    builder: DiagramBuilder, experiment: Experiment, controller: Controller
 ) -> dict[str, OutputPort]:
     """Add and return signals of other times: future joint positions and a delayed path."""
     document, desired, start = experiment.document, experiment.desired, experiment.start
     signals: dict[str, OutputPort] = {}
-    if (preview := law.joint_preview) is not None:
+    if (preview := controller.law.joint_preview) is not None:
         until = document.duration + preview.count * preview.interval
         positions_at = followed_path(desired, experiment.arm, start, until, document.task)
         ahead = JointReference(positions_at, experiment.arm.n, preview.interval, preview.count)
         builder.AddNamedSystem("joint_reference", ahead)
         signals["position_preview"] = ahead.GetOutputPort("position_preview")
-    if document.filter is not None and document.filter.delay_desired:
+    delayed = document.filter is not None and document.filter.delay_desired
+    if delayed and "p_WE_desired" in controller.reading.inputs:
         past = DelayedPathSource(experiment.path_delay, desired, None, document.task)
         builder.AddNamedSystem("delayed_path", past)
-        seen = [name for name in ("p_WE_desired", "R_WE_desired") if name in law.inputs]
-        signals |= {name: past.GetOutputPort(name) for name in seen}
+        for name in ("p_WE_desired", "R_WE_desired"):
+            if name in controller.reading.inputs:
+                signals[name] = past.GetOutputPort(name)
     return signals
 
 
@@ -242,14 +252,15 @@ def _stops(experiment: Experiment) -> list[float]:
     return [*(t for t in experiment.desired.knots(end).tolist() if 0 < t < end), end]
 
 
-def _set_initial_state(loop: Loop, root: Context) -> None:
-    """Set the law's initial state; it may use ``J`` even if the law has no such input."""
+def _start(loop: Loop, root: Context) -> None:
+    """Set the law's initial state, which may depend on a ``J`` it cannot see, and try the law."""
     J_port = loop.kinematics.GetOutputPort("J")
     kinematics_context = loop.kinematics.GetMyContextFromRoot(root)
     context = loop.controller.GetMyMutableContextFromRoot(root)
     n = loop.kinematics.arm.n
     J = J_port.Eval(kinematics_context).reshape(-1, n)
     loop.controller.set_state(context, loop.controller.initial_state(context, J=J))
+    loop.controller.try_law(context)
 
 
 def _with_progress(recorder: Recorder, progress: Progress) -> Callable[[Context], None]:

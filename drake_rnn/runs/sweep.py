@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import DrakeRnnError, InterruptedRunError, InvalidInputError, SimulationError
-from ..experiment import load_experiment
+from ..experiment import Described, load_experiment, read_document
 from ..inputs.documents import parse_yaml
 from ..inputs.fields import Array
 from .result import Result
@@ -51,7 +51,7 @@ def parse_axis(text: str) -> tuple[str, list[Any]]:
 
 
 def sweep(
-    experiment: str | Path,
+    experiment: Described,
     over: Mapping[str, Sequence[Any]],
     changes: Mapping[str, Any] | None = None,
     processes: int = 1,
@@ -63,18 +63,21 @@ def sweep(
     not stop the others.
 
     Args:
-        experiment: A shipped name or a YAML file.
+        experiment: A shipped name, a YAML file, a document or an experiment.
         over: Values to run, by dotted key.
         changes: New values of other keys, the same in each run.
         processes: Number of runs at a time; the results do not depend on it.
         done: Called with each row when it is ready, in order.
 
     Raises:
-        InvalidInputError: If a combination is not a valid experiment, a path is out of reach, or
-            a key is both swept and changed.
+        InvalidInputError: If a combination is not a valid experiment, a path is out of reach, a key
+            is both swept and changed, or other processes do not know the classes that it names.
     """
     if both := sorted(over.keys() & (changes or {}).keys()):
         raise InvalidInputError(f"--over: {both[0]!r} is also set; it cannot be both")
+    if not isinstance(experiment, (str, Path)):
+        # Only plain data can be sent to another process.
+        experiment = read_document(experiment)
     combinations = list(product(*over.values()))
     jobs = []
     for values in combinations:
@@ -95,13 +98,21 @@ def _run_all(jobs: list[Any], processes: int) -> Iterator[Row]:
         return
     # Drake has started threads, which a forked process would not inherit.
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        yield from pool.map(_run, jobs)
+        try:
+            yield from pool.map(_run, jobs)
+        except InvalidInputError as error:
+            raise InvalidInputError(
+                f"{error}; only this process knows it: name it so for the others, or run the sweep "
+                "in one process"
+            ) from None
 
 
-def _run(job: tuple[str | Path, dict[str, Any], tuple[Any, ...]]) -> Row:
-    experiment, changed, values = job
+def _run(job: tuple[str | Path | dict[str, Any], dict[str, Any], tuple[Any, ...]]) -> Row:
+    described, changed, values = job
+    # Every combination was checked before, so what is refused now is unknown to this process.
+    experiment = load_experiment(described, changed)
     try:
-        result = simulate(load_experiment(experiment, changed))
+        result = simulate(experiment)
         return Row(values, result.metrics, learning=_learning(result))
     except InterruptedRunError:
         raise

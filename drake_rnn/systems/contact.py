@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from types import NoneType
 
+import numpy as np
+
 from ..environments import ContactModel, ElasticSurface, Surface
 from ..errors import InvalidInputError
-from ..inputs.complaints import require_type
+from ..inputs.complaints import require_type, short
 from ..inputs.fields import Array
+from ..inputs.own_code import naming
 from ..robot.arm import Arm
 from ..robot.tool import standoff
 from .contact_reference import ForceProfile
@@ -25,7 +28,7 @@ class Contact:
         sensor: Force sensor; None for an ideal one.
 
     Raises:
-        InvalidInputError: If one of them has the wrong type.
+        InvalidInputError: If one of them has the wrong type, or the surface's normal is none.
     """
 
     surface: Surface
@@ -36,6 +39,7 @@ class Contact:
         require_type("Contact.surface", self.surface, ElasticSurface, ContactModel)
         require_type("Contact.force", self.force, ForceProfile)
         require_type("Contact.sensor", self.sensor, SensorSettings, NoneType)
+        _check_own(self.surface)
 
     def check_period(self, period: float | None) -> None:
         """Raise an InvalidInputError if there is a sensor but no period to sample it with.
@@ -61,3 +65,16 @@ class Contact:
             given = self.surface.standoff
             reach = standoff(arm, start, n) if given is None else given
         return arm.kinematics().p_WE(start) - (self.surface.gap + reach) * n
+
+
+def _check_own(surface: Surface) -> None:
+    """Raise an InvalidInputError if what a user's own surface says of itself is wrong."""
+    name = type(surface).__name__
+    with naming(f"{name}.normal_W"):
+        normals = {"normal_W": surface.normal_W, "believed_normal_W": surface.believed_normal_W}
+    for key, normal in normals.items():
+        if np.shape(normal) != (3,) or not abs(np.linalg.norm(normal) - 1.0) < 1e-9:
+            raise InvalidInputError(
+                f"{name}.{key}: must be an array of shape (3,) and of length 1, not {short(normal)}"
+            )
+    require_type(f"{name}.is_plane", surface.is_plane, bool)

@@ -6,12 +6,22 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
+from pydrake.systems.analysis import GetIntegrationSchemes
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, State
 
 from ..errors import InvalidInputError, SimulationError
-from ..inputs.complaints import require_type
+from ..inputs.complaints import nearest, require_type, short
 from ..inputs.fields import Array
+from ..inputs.own_code import told
+from ..laws.checks import (
+    continuous_reading,
+    flaw,
+    is_finite,
+    observables_of,
+    sampled_reading,
+)
 from ..laws.law import ContinuousReading, Law, Reading, SampledReading, Signals
+from ..laws.trial import started, try_reading
 
 
 class Controller(LeafSystem):
@@ -40,6 +50,8 @@ class Controller(LeafSystem):
         }
         # Read at every sample: methods are bound once, and only matrices are reshaped.
         self._readers = [(name, port.Eval) for name, (port, _) in self._input_ports.items()]
+        self._state_shape = (reading.state.size,)
+        self._command_shape = reading.state.parts["v"][1]
         shapes = {name: shape for name, (_, shape) in self._input_ports.items()}
         self._matrices = [(name, shape) for name, shape in shapes.items() if len(shape) > 1]
 
@@ -47,8 +59,8 @@ class Controller(LeafSystem):
         """Declare the output ports, given the dependency ticket of the declared state."""
         reading = self.reading
         n = reading.state.parts["v"][1][0]
-        command = reading.commanded_velocity
-
+        # A held command is a part of the state, which has been checked.
+        command = reading.commanded_velocity if reading.holds_command else self._checked_command
         at_rest = np.zeros(n)
 
         def calc_command(context: Context, output: Any) -> None:
@@ -80,7 +92,17 @@ class Controller(LeafSystem):
         raise AssertionError("each reading has its own")
 
     def set_state(self, context: Context, x: Array) -> None:
-        """Set the law's state, shape (state.size,), before the simulation is initialized."""
+        """Set the law's state, shape (state.size,), before the simulation is initialized.
+
+        Raises:
+            InvalidInputError: If it has another shape or is not finite.
+        """
+        if (complaint := flaw(x, self._state_shape)) or not is_finite(x):
+            complaint = complaint.replace("return", "be") or f"must be finite, not {short(x)}"
+            raise InvalidInputError(f"{self.get_name()}: the state {complaint}")
+        self._write_state(context, x)
+
+    def _write_state(self, context: Context, x: Array) -> None:
         raise AssertionError("each reading has its own")
 
     def state(self, context: Context) -> Array:
@@ -116,23 +138,74 @@ class Controller(LeafSystem):
             raise InvalidInputError(
                 f"{self.get_name()}: position is {position.tolist()}; set the start posture"
             )
-        return self.reading.initial_state(np.random.default_rng([self.seed, 0]), {**u, **known})
+        rng = np.random.default_rng([self.seed, 0])
+        return started(self.reading, rng, {**u, **known}, context.get_time())
+
+    def try_law(self, context: Context) -> Array:
+        """Return the state to start from, after each part of the law has been called and checked.
+
+        This also happens when the simulation is initialized. The context does not change.
+
+        Args:
+            context: Context of this system, with all input ports connected.
+
+        Raises:
+            InvalidInputError: If the law fails or returns what is wrong; the message names the law,
+                the part and the time.
+        """
+        x = self.state(context)
+        x = self.initial_state(context) if np.isnan(x).any() else x
+        try_reading(self.reading, context.get_time(), x, self.signals(context), self.period)
+        return x
 
     def diagnostics(self, context: Context) -> Signals:
         """Return the present values of the law's observables, by name."""
-        x, u = self._state(context), self.signals(context)
-        return self.reading.diagnostics(context.get_time(), x, u)
+        x, u = self.state(context), self.signals(context)
+        return observables_of(self.reading, context.get_time(), x, u)
 
-    def _fail(self, what: str, value: Array, context: Context) -> None:
-        """Raise a SimulationError that names every state part and input that is not finite."""
+    def _checked_command(self, t: float, x: Array) -> Array:
+        """Return the commanded velocity of a law that computes it from time and state."""
+        # Recent versions of Drake give the memory of the context itself.
+        x.setflags(write=False)
+        try:
+            v = self.reading.commanded_velocity(t, x)
+        except Exception as error:
+            raise self._raised("commanded_velocity", error, t) from error
+        if complaint := flaw(v, self._command_shape):
+            raise self._error("commanded_velocity", f": {complaint}", t)
+        if not is_finite(v):
+            raise self._error("commanded_velocity", f": must be finite, not {v.tolist()}", t)
+        return v
+
+    def _error(self, part: str, what: str, t: float) -> SimulationError:
+        """Return an error that names the system, the law, the part and the time."""
+        return SimulationError(f"{self.get_name()}: {type(self.reading).__name__}.{part}{what}", t)
+
+    def _raised(self, part: str, error: Exception, t: float) -> SimulationError:
+        """Return an error for one that a part of the law has raised."""
+        if isinstance(error, SimulationError):
+            return error
+        return self._error(part, f" raised {told(error)}", t)
+
+    def _check_state(self, part: str, what: str, value: Array, context: Context) -> None:
+        """Raise a SimulationError unless ``value`` is like a state, and finite.
+
+        Args:
+            part: Method that has returned the value.
+            what: What its parts are, before their names.
+            value: The value.
+            context: Context of this system.
+        """
+        if complaint := flaw(value, self._state_shape):
+            raise self._error(part, f": {complaint}", context.get_time())
+        if is_finite(value):
+            return
         parts = self.reading.state.parts.items()
         bad = [name for name, (at, _) in parts if not np.isfinite(value[at]).all()]
         seen = [n for n, array in self.signals(context).items() if not np.isfinite(array).all()]
         cause = f"; neither are the inputs {', '.join(seen)}" if seen else ""
-        raise SimulationError(
-            f"{self.get_name()}: {what} {', '.join(bad) or 'v'} is no longer finite{cause}",
-            context.get_time(),
-        )
+        what = f": {what}{', '.join(bad)} is no longer finite{cause}"
+        raise self._error(part, what, context.get_time())
 
 
 class SampledController(Controller):
@@ -157,7 +230,13 @@ class SampledController(Controller):
         require_type("law", law, Law)
         if not (period > 0 and isfinite(period)):
             raise InvalidInputError(f"period: must be positive, not {period}")
-        reading = law.sampled(period)
+        reading = sampled_reading(law, period)
+        if reading.integration_scheme not in GetIntegrationSchemes():
+            raise InvalidInputError(
+                f"{type(reading).__name__}.integration_scheme: must be one of Drake's, not "
+                f"{reading.integration_scheme!r}; "
+                + nearest(reading.integration_scheme, GetIntegrationSchemes())
+            )
         super().__init__(law, reading, seed)
         self.period = period
         state = self.DeclareDiscreteState(np.full(reading.state.size, np.nan))
@@ -169,20 +248,21 @@ class SampledController(Controller):
     def _state(self, context: Context) -> Array:
         return context.get_discrete_state_vector().value()
 
-    def set_state(self, context: Context, x: Array) -> None:
-        """Set the law's state, shape (state.size,), before the simulation is initialized."""
+    def _write_state(self, context: Context, x: Array) -> None:
         context.SetDiscreteState(x)
 
     def _initialize(self, context: Context, state: DiscreteValues) -> None:
-        x = self._state(context)
-        state.set_value(self.initial_state(context) if np.isnan(x).any() else x)
+        state.set_value(self.try_law(context))
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
         # A copy, so that a law that modifies its arguments cannot change the context.
         x = context.get_discrete_state_vector().CopyToVector()
-        x = self.reading.step(context.get_time(), x, self.signals(context), self.period)
-        if not isfinite(sum(x.tolist())):
-            self._fail("state", x, context)
+        t, u = context.get_time(), self.signals(context)
+        try:
+            x = self.reading.step(t, x, u, self.period)
+        except Exception as error:
+            raise self._raised("step", error, t) from error
+        self._check_state("step", "", x, context)
         state.set_value(x)
 
 
@@ -203,7 +283,7 @@ class ContinuousController(Controller):
 
     def __init__(self, law: Law, seed: int = 0) -> None:
         require_type("law", law, Law)
-        reading = law.continuous()
+        reading = continuous_reading(law)
         super().__init__(law, reading, seed)
         state = self.DeclareContinuousState(BasicVector(np.full(reading.state.size, np.nan)))
         self.DeclareStateOutputPort("state", state)
@@ -213,19 +293,18 @@ class ContinuousController(Controller):
     def _state(self, context: Context) -> Array:
         return context.get_continuous_state_vector().CopyToVector()
 
-    def set_state(self, context: Context, x: Array) -> None:
-        """Set the law's state, shape (state.size,), before the simulation is initialized."""
+    def _write_state(self, context: Context, x: Array) -> None:
         context.SetContinuousState(x)
 
     def _initialize(self, context: Context, state: State) -> None:
-        x = self._state(context)
-        x = self.initial_state(context) if np.isnan(x).any() else x
-        state.get_mutable_continuous_state().SetFromVector(x)
+        state.get_mutable_continuous_state().SetFromVector(self.try_law(context))
 
     def DoCalcTimeDerivatives(self, context: Context, derivatives: Any) -> None:
         """Set the time derivatives of the law's state; Drake calls this."""
-        x = self._state(context)
-        rates = self.reading.derivatives(context.get_time(), x, self.signals(context))
-        if not isfinite(sum(rates.tolist())):
-            self._fail("the rate of", rates, context)
+        x, t, u = self._state(context), context.get_time(), self.signals(context)
+        try:
+            rates = self.reading.derivatives(t, x, u)
+        except Exception as error:
+            raise self._raised("derivatives", error, t) from error
+        self._check_state("derivatives", "the rate of ", rates, context)
         derivatives.SetFromVector(rates)

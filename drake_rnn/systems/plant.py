@@ -26,6 +26,7 @@ from pydrake.systems.framework import DiagramBuilder
 from ..environments import ContactModel
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
+from ..inputs.own_code import naming
 from ..robot.arm import Arm
 from ..robot.tool import Tool, find_tool
 from .contact import Contact
@@ -83,7 +84,8 @@ def add_plant(
         p_WS = contact.place(arm, start)
         tool = find_tool(plant, plant.GetFrameByName(arm.frame, instance))
         known = set(_touchable(scene_graph))
-        environment.add_to(plant, p_WS)
+        with naming(f"{type(environment).__name__}.add_to"):
+            environment.add_to(plant, p_WS)
         around = [geometry for geometry in _touchable(scene_graph) if geometry not in known]
         _set_material(plant, scene_graph, tool, environment)
         if environment.friction is not None:

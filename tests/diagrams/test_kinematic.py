@@ -403,3 +403,31 @@ def test_a_second_loop_needs_systems_and_names_of_its_own():
         AddLoop(builder, IdealArm(PANDA), SampledController(law(), 1e-3), path)
     with pytest.raises(InvalidInputError, match="arm: is in this diagram already"):
         AddLoop(builder, body, SampledController(law(), 1e-3), path, prefix="other_")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"builder": None}, "builder: must be of class DiagramBuilder, not None"),
+        ({"reference": "path"}, "reference: must be of class System or None, not 'path'"),
+        ({"signals": ["J"]}, r"signals: must be of class Mapping or None, not \['J'\]"),
+        ({"signals": {"J": 3}}, r"signals\.J: must be of class OutputPort, not 3"),
+        ({"seed": 0.5}, "seed: must be a whole number of at least 0, not 0.5"),
+        ({"seed": -1}, "seed: must be a whole number of at least 0, not -1"),
+        ({"prefix": 1}, "prefix: must be of class str, not 1"),
+    ],
+)
+def test_an_argument_of_another_kind_is_named(arguments, message):
+    arm = load_arm("panda")
+    law = SimultaneousLearning(limits=arm.limits, home=arm.home, jacobian="known")
+    given = {"builder": DiagramBuilder(), **arguments}
+    with pytest.raises(InvalidInputError, match=f"^{message}$"):
+        AddLoop(body=IdealArm(arm), controller=SampledController(law, 1e-3), **given)
+
+
+def test_a_reference_that_was_not_added_is_named():
+    arm = load_arm("panda")
+    law = SimultaneousLearning(limits=arm.limits, home=arm.home, jacobian="known")
+    path = PathSource(Circle(size=0.05, period=4.0), arm.kinematics().p_WE(arm.home))
+    with pytest.raises(InvalidInputError, match=r"^reference: PathSource is not in this diagram"):
+        AddLoop(DiagramBuilder(), IdealArm(arm), SampledController(law, 1e-3), path)

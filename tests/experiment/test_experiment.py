@@ -290,6 +290,12 @@ def test_a_document_that_is_no_mapping_is_refused(file, text):
     assert refusal(file(text)).endswith("must be a mapping of keys to values")
 
 
+@pytest.mark.parametrize("document", [None, 3, ["arm"], "slc_nephroid"])
+def test_what_is_no_document_is_refused(document):
+    with pytest.raises(InvalidInputError, match=r"^document: must be a mapping of keys to values"):
+        make_experiment(document)
+
+
 def test_a_key_that_stands_twice_is_refused(file):
     assert refusal(file("seed: 1\nseed: 2\n")).endswith("the key 'seed' is given twice")
 

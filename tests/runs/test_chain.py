@@ -9,9 +9,11 @@ from drake_rnn import (
     DitherSettings,
     IdealArm,
     InvalidInputError,
+    Layout,
     MovingAverage,
     Pseudoinverse,
     SampledController,
+    SampledLaw,
     SimultaneousLearning,
     build_diagram,
     load_arm,
@@ -132,6 +134,22 @@ def test_commanded_the_filter_is_within_the_loop():
     assert wires["controller.v_WE_desired"] == "path.v_WE_desired"
     undelayed = connections(load_experiment(LEARNING, {"filter.delay_desired": False}))
     assert undelayed["controller.p_WE_desired"] == "path.p_WE_desired"
+
+
+def test_another_law_need_not_see_the_desired_position():
+    """Nor its delay, although the experiment's own law does."""
+
+    class Still(SampledLaw):
+        state = Layout(v=(7,))
+        inputs = Layout(position=(7,))
+
+        def step(self, t, x, u, period):
+            return x
+
+    experiment = load_experiment(LEARNING)
+    diagram, loop = build_diagram(experiment, Still())
+    assert not diagram.HasSubsystemNamed("delayed_path")
+    assert loop.controller.num_input_ports() == 1
 
 
 def test_a_virtual_arm_moves_as_if_there_were_no_filter_and_the_arm_as_it_did():

@@ -43,7 +43,7 @@ class Exploding(SampledLaw, ContinuousLaw):
         return x + period * self.derivatives(t, x, u)
 
     def diagnostics(self, t, x, u):
-        return {"size": np.array([np.linalg.norm(x)])}
+        return {"size": np.linalg.norm(x, axis=-1, keepdims=True)}
 
 
 def wire(controller, **values):

@@ -169,4 +169,6 @@ class TwoStep(SampledReading):
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         v, demand, slope = (self.state.part(x, name) for name in ("v", "demand", "slope"))
-        return self.law.observed(demand, slope, v, u)
+        # In a diagram it sees the desired signals one period ahead alone, like its v.
+        ahead = {desired: u[name] for name, desired in _AHEAD.items() if name in u}
+        return self.law.observed(demand, slope, v, {**ahead, **u})

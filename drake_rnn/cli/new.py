@@ -1,0 +1,63 @@
+"""The files that a law, a path or an environment of a user's own starts from."""
+
+from __future__ import annotations
+
+import keyword
+import re
+from enum import StrEnum
+from importlib.resources import files
+from importlib.util import find_spec
+from pathlib import Path
+
+from ..errors import InvalidInputError
+
+_TEMPLATES = files("drake_rnn.cli") / "templates"
+
+
+class Own(StrEnum):
+    """What a user may add."""
+
+    LAW = "law"
+    PATH = "path"
+    ENVIRONMENT = "environment"
+
+
+def write_start(own: Own, name: str, folder: Path) -> list[Path]:
+    """Write a module, a document and a test, which run as they are.
+
+    Args:
+        own: What the module is to hold.
+        name: Name of the module.
+        folder: Folder to write to.
+
+    Returns:
+        The files.
+
+    Raises:
+        InvalidInputError: If the name is none, or taken; or if a file exists or cannot be written.
+    """
+    _require_name(name)
+    title = "".join(word.capitalize() for word in name.split("_"))
+    written = {}
+    for template in sorted((_TEMPLATES / own.value).iterdir(), key=lambda each: each.name):
+        file = folder / template.name.removesuffix(".txt").replace(f"my_{own.value}", name)
+        text = template.read_text(encoding="utf-8").replace(f"my_{own.value}", name)
+        written[file] = text.replace(f"My{own.value.capitalize()}", title)
+    for file in written:
+        if file.exists():
+            raise InvalidInputError(f"{file}: is there already, and is not overwritten")
+    if find_spec(name) is not None:
+        raise InvalidInputError(f"name: there is a Python module {name!r} already; take another")
+    try:
+        for file, text in written.items():
+            file.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InvalidInputError(f"{folder}: {error.strerror}") from None
+    return list(written)
+
+
+def _require_name(name: str) -> None:
+    if not re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", name) or keyword.iskeyword(name):
+        raise InvalidInputError(
+            f"name: must be a module's name in lower case, e.g. my_law, not {name!r}"
+        )

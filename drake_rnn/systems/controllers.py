@@ -83,7 +83,7 @@ class Controller(LeafSystem):
                 name,
                 at.stop - at.start,
                 lambda context, output, name=name: output.set_value(
-                    self.diagnostics(context)[name].ravel()
+                    self.diagnostics(context)[name].astype(float).ravel()
                 ),
             )
 

@@ -190,6 +190,21 @@ def _texts(place: str, value: object) -> list[str]:
     raise InvalidInputError(f"{place}: must return a list of texts, not {short(value)}")
 
 
+def is_sound(value: Array, shape: tuple[int, ...]) -> bool:
+    """Return whether a vector that a law has returned is an array of this shape, and finite.
+
+    This is run at every sample and may, for a rare value, be wrong about what is sound: where it
+    denies, `flaw` and `is_finite` decide.
+    """
+    return (
+        type(value) is np.ndarray
+        and value.dtype is _FLOAT
+        and value.shape == shape
+        # For a few entries faster than NumPy.
+        and isfinite(sum(value.tolist()))
+    )
+
+
 def flaw(value: object, shape: tuple[int, ...]) -> str:
     """Return what is wrong with an array that a law has returned; an empty text if nothing is.
 
@@ -197,9 +212,6 @@ def flaw(value: object, shape: tuple[int, ...]) -> str:
         value: What the law has returned.
         shape: Shape that it must have.
     """
-    # Also run at every sample: the usual case first.
-    if type(value) is np.ndarray and value.dtype == _FLOAT and value.shape == shape:
-        return ""
     wanted = f"must return a NumPy array of floats, shape {shape}"
     if not isinstance(value, np.ndarray):
         return f"{wanted}, not {'None' if value is None else 'a ' + type(value).__name__}"
@@ -207,13 +219,12 @@ def flaw(value: object, shape: tuple[int, ...]) -> str:
         return f"{wanted}, not {value.shape}"
     if value.dtype != _FLOAT:
         return f"{wanted}, not of {value.dtype}"
-    return f"{wanted}, not a {type(value).__name__}"
+    return "" if type(value) is np.ndarray else f"{wanted}, not a {type(value).__name__}"
 
 
 def is_finite(value: Array) -> bool:
-    """Return whether all entries of a vector are finite."""
-    # For a few entries faster than NumPy; a sum of large numbers may be infinite all the same.
-    return isfinite(sum(value.tolist())) or bool(np.isfinite(value).all())
+    """Return whether all entries of an array are finite, however large their sum."""
+    return bool(np.isfinite(value).all())
 
 
 def observables_of(reading: Reading, t: float | Array, x: Array, u: Signals) -> Signals:

@@ -17,6 +17,7 @@ from ..laws.checks import (
     continuous_reading,
     flaw,
     is_finite,
+    is_sound,
     observables_of,
     sampled_reading,
 )
@@ -83,7 +84,7 @@ class Controller(LeafSystem):
                 name,
                 at.stop - at.start,
                 lambda context, output, name=name: output.set_value(
-                    self.diagnostics(context)[name].ravel()
+                    self.diagnostics(context)[name].astype(float).ravel()
                 ),
             )
 
@@ -165,12 +166,12 @@ class Controller(LeafSystem):
 
     def _checked_command(self, t: float, x: Array) -> Array:
         """Return the commanded velocity of a law that computes it from time and state."""
-        # Recent versions of Drake give the memory of the context itself.
-        x.setflags(write=False)
         try:
             v = self.reading.commanded_velocity(t, x)
         except Exception as error:
             raise self._raised("commanded_velocity", error, t) from error
+        if is_sound(v, self._command_shape):
+            return v
         if complaint := flaw(v, self._command_shape):
             raise self._error("commanded_velocity", f": {complaint}", t)
         if not is_finite(v):
@@ -187,8 +188,8 @@ class Controller(LeafSystem):
             return error
         return self._error(part, f" raised {told(error)}", t)
 
-    def _check_state(self, part: str, what: str, value: Array, context: Context) -> None:
-        """Raise a SimulationError unless ``value`` is like a state, and finite.
+    def _require_sound(self, part: str, what: str, value: Array, context: Context) -> None:
+        """Raise a SimulationError that names what is wrong with a value like a state, if any is.
 
         Args:
             part: Method that has returned the value.
@@ -262,7 +263,8 @@ class SampledController(Controller):
             x = self.reading.step(t, x, u, self.period)
         except Exception as error:
             raise self._raised("step", error, t) from error
-        self._check_state("step", "", x, context)
+        if not is_sound(x, self._state_shape):
+            self._require_sound("step", "", x, context)
         state.set_value(x)
 
 
@@ -306,5 +308,6 @@ class ContinuousController(Controller):
             rates = self.reading.derivatives(t, x, u)
         except Exception as error:
             raise self._raised("derivatives", error, t) from error
-        self._check_state("derivatives", "the rate of ", rates, context)
+        if not is_sound(rates, self._state_shape):
+            self._require_sound("derivatives", "the rate of ", rates, context)
         derivatives.SetFromVector(rates)

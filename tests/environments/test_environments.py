@@ -11,6 +11,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from drake_rnn import (
     Contact,
+    ContactModel,
     ElasticSurface,
     ForceProfile,
     InvalidInputError,
@@ -19,6 +20,8 @@ from drake_rnn import (
     Plate,
     TipMaterial,
     load_arm,
+    load_experiment,
+    validated,
 )
 from drake_rnn.environments import ENVIRONMENTS
 
@@ -163,3 +166,44 @@ def test_environments_are_known_by_their_kind():
 def test_what_it_cannot_be_is_refused_by_name(make, message):
     with pytest.raises(InvalidInputError, match=message):
         make()
+
+
+class TestOwnSurfaces:
+    """A user's own surface that fails is named, with the part."""
+
+    @staticmethod
+    def press_on(**members):
+        """An arm with a contact on a surface with such members."""
+        own = type("Mine", (ContactModel,), {"add_to": lambda self, plant, p_WS: None, **members})
+        return PlantArm(IIWA, contact=Contact(own(), ForceProfile(value=1.0)))
+
+    def test_one_with_which_nothing_is_wrong_is_taken(self):
+        assert self.press_on().contact.surface.is_plane
+
+    @pytest.mark.parametrize(
+        ("members", "message"),
+        [
+            (
+                {"add_to": lambda self, plant, p_WS: 1 / 0},
+                r"^Mine\.add_to raised ZeroDivisionError: division by zero$",
+            ),
+            (
+                {"add_to": lambda self, plant: None},
+                r"^Mine\.add_to raised TypeError: .* takes 2 positional arguments but 3 were given",
+            ),
+            (
+                {"normal_W": np.array([0.0, 0.0, 2.0])},
+                r"^Mine\.normal_W: must be an array of shape \(3,\) and of length 1, not \[0\.0, 0",
+            ),
+            ({"is_plane": "yes"}, r"^Mine\.is_plane: must be of class bool, not 'yes'$"),
+        ],
+    )
+    def test_one_with_which_something_is_is_refused(self, members, message):
+        with pytest.raises(InvalidInputError, match=message):
+            self.press_on(**members)
+
+    def test_so_is_an_overhang_that_is_no_length(self, monkeypatch):
+        own = validated(type("Mine", (Plate,), {"overhang": lambda self, points, p_WS: None}))
+        monkeypatch.setitem(ENVIRONMENTS, "mine", own)
+        with pytest.raises(InvalidInputError, match=r"^Mine\.overhang raised TypeError"):
+            load_experiment("contact_circle", {"environment": {"kind": "mine"}})

@@ -88,7 +88,7 @@ class Experiment:
 
     @property
     def holds_orientation(self) -> bool:
-        """Whether the end effector is to keep its orientation at the start."""
+        """Whether the end effector is to keep its orientation, or to turn along with its path."""
         return self.task.with_orientation or "R_WE_desired" in self.law.inputs
 
     @property
@@ -136,11 +136,13 @@ def make_experiment(
         law = replace(law, target=target)
         warnings += changes
     desired = path.placed_on(arm, start)
+    _require_orientation_seen(law, desired)
     contact, doubts = make_contact(document, law, desired, arm, start)
     circumstances = Circumstances(
         loop_delay=delay.loop,
         reference_is_delayed=delay.path > 0.0,
         pressing_force=None if contact is None else contact.force.value,
+        path_turns=desired.turns,
     )
     kinematics = arm.kinematics()
     return Experiment(
@@ -173,6 +175,15 @@ def _require_plant(document: ExperimentDocument) -> None:
         (document.plant or PlantSettings()).check_period(document.period)
     elif document.plant is not None:
         raise InvalidInputError("plant: only at level: dynamic")
+
+
+def _require_orientation_seen(law: Law, desired: PlacedPath) -> None:
+    """Raise an InvalidInputError for an orientation along the path that the law does not see."""
+    if desired.turns and "R_WE_desired" not in law.inputs:
+        raise InvalidInputError(
+            "path: carries an orientation, which this law does not see; give task: pose, or a law "
+            "with the input R_WE_desired, or leave the orientation out"
+        )
 
 
 def _widened(arm: Arm, limits: JointLimits) -> list[str]:

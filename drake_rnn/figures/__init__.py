@@ -5,7 +5,13 @@ series it needs. A figure is not drawn for a result without its series. A new la
 change here, unless it has something new to show.
 """
 
-from . import derivatives, overview, pressing, single  # noqa: F401  These register figures.
+from . import (  # noqa: F401  These register figures.
+    derivatives,
+    orientation,
+    overview,
+    pressing,
+    single,
+)
 from .registry import FIGURES, Drawing, drawable, write_figures
 
 __all__ = ["FIGURES", "Drawing", "drawable", "write_figures"]

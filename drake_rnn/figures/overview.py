@@ -50,6 +50,7 @@ def _plot_bounded_velocities(ax: Axes, result: Result) -> None:
 _PANELS: _Panels = [
     ({"p_WE", "p_WE_desired"}, plot_path),
     ({"p_WE", "p_WE_desired"}, plot_position_error),
+    ({"orientation_error"}, plot_orientation_error),
     ({"position"}, plot_angles),
     ({"velocity"}, plot_velocities),
     ({"acceleration_peak"}, plot_acceleration_norm),

@@ -9,7 +9,6 @@ from .force_panels import plot_force, plot_force_error, plot_force_spectrum
 from .registry import draws
 from .style import COLUMN, single
 from .surface import plot_on_surface
-from .task_panels import plot_orientation_error
 from .traits import presses
 
 
@@ -45,12 +44,4 @@ def path_on_surface(result: Result) -> Figure:
     """Draw the path on the surface as seen from above, coloured by the force."""
     figure, ax = single(height=3.0)
     plot_on_surface(ax, result)
-    return figure
-
-
-@draws("orientation_error", applies=presses)
-def orientation_error(result: Result) -> Figure:
-    """Draw the angle between the tool and the orientation that it should keep."""
-    figure, ax = single()
-    plot_orientation_error(ax, result)
     return figure

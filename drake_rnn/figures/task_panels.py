@@ -114,7 +114,7 @@ def plot_rotation(ax: Axes, result: Result) -> None:
 
 
 def plot_orientation_error(ax: Axes, result: Result) -> None:
-    """Plot the angle between a tool and the orientation that it should keep.
+    """Plot the angle between the end effector and its desired orientation.
 
     The axis suits the values in the window.
     """

@@ -166,11 +166,13 @@ class Circumstances(NamedTuple):
         loop_delay: Delay of the filter between the law's command and its inputs [s]; 0 for none.
         reference_is_delayed: Whether the desired position is delayed by the same time.
         pressing_force: Desired pressing force of the tool [N]; None without a contact.
+        path_turns: Whether the desired orientation changes along the path.
     """
 
     loop_delay: float = 0.0
     reference_is_delayed: bool = False
     pressing_force: float | None = None
+    path_turns: bool = False
 
 
 class Law(Reading):

@@ -47,7 +47,7 @@ Corrected:
     structure is unknown: ``jacobian: printed`` does so too, ``learned`` uses the learned one.
     w = [b2, b3, c2, c3] (11) has rank 1 instead of 3 for a tool that points straight down,
     so ``orientation: printed`` drifts there. ``rotation`` uses the angular velocity instead,
-    H = J_omega, with feedback of the rotation error.
+    H = J_omega, with feedback of the rotation error, and follows a path that turns the tool.
 
 Not in the paper:
     ``form: normalised`` divides the force rows by eta, so that A = [P_n; P_t], and merges the
@@ -193,6 +193,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
             "p_WE_desired": (3,),
             "v_WE_desired": (3,),
             "R_WE_desired": (3, 3),
+            "w_WE_desired": (3,),
             "normal_WE": (3,),
             "normal_force_desired": (1,),
         }
@@ -312,8 +313,14 @@ class MotionForce(SampledLaw, ContinuousLaw):
 
         Raises:
             InvalidInputError: If the pressing force is not above ``contact_loss.floor`` and would
-                count as no contact.
+                count as no contact; or if ``orientation: printed``, which can only hold an
+                orientation, is to follow a path that turns.
         """
+        if self.orientation == "printed" and circumstances.path_turns:
+            raise InvalidInputError(
+                "law.orientation: must be rotation for a path that turns the tool, not printed, "
+                "which can only hold it"
+            )
         loss, force = self.contact_loss, circumstances.pressing_force
         if loss is not None and force is not None and loss.floor >= force:
             raise InvalidInputError(
@@ -377,7 +384,8 @@ class MotionForce(SampledLaw, ContinuousLaw):
             wanted = surface_split(u["normal_WE"], self._assumed_stiffness) @ wanted
         turn = np.zeros(4)
         if self.orientation == "rotation":
-            turn = self.orientation_gain * rotation_error(u["R_WE"], u["R_WE_desired"])
+            back = self.orientation_gain * rotation_error(u["R_WE"], u["R_WE_desired"])
+            turn = u["w_WE_desired"] + back
         lower, upper = self.limits.velocity_box(u["position"], self.limit_stiffness)
         aims = np.concatenate((wanted, turn))
         return PrimalDual(drive, rows, aims, lower, upper, self.time_constant)

@@ -15,8 +15,11 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Literal
 
+import numpy as np
+
 from ..inputs.fields import Array, NonNegative, Positive, validated
 from ..robot.limits import JointLimits
+from ..robot.rotation import rotation_error
 from .law import Layout, SampledLaw, SampledReading, Signals
 from .parts.damped_inverse import damped_joint_velocity
 from .parts.sampling_rate import check_sampling_rate
@@ -28,15 +31,15 @@ class Pseudoinverse(SampledLaw):
 
     Args:
         limits: Joint limits; only the number of joints is used.
-        task_size: Number of rows of J.
-        feedback: Gain of the position feedback [1/s].
+        task_size: Number of rows of J; of 6 rows the first three are rotation.
+        feedback: Gain of the feedback of position and orientation [1/s].
         feed_forward: Whether the velocity of the path is added.
         damping: Damping mu of the pseudoinverse [m].
     """
 
     kind: Literal["pseudoinverse"] = "pseudoinverse"
     limits: JointLimits
-    task_size: Literal[2, 3] = 3
+    task_size: Literal[2, 3, 6] = 3
     feedback: NonNegative = 10.0
     feed_forward: bool = True
     damping: Positive = 1e-6
@@ -49,9 +52,16 @@ class Pseudoinverse(SampledLaw):
 
     @cached_property
     def inputs(self) -> Layout:
-        m = self.task_size
-        ahead = {"p_preview": (m,)} if self.feed_forward else {}
-        return Layout(p_WE=(m,), p_WE_desired=(m,), J=(m, self.limits.size), **ahead)
+        shapes: dict[str, tuple[int, ...]] = {"p": (min(self.task_size, 3),)}
+        if self._turns:
+            shapes["R"] = (3, 3)
+        names = ["WE", "WE_desired", *(["preview"] if self.feed_forward else [])]
+        parts = {f"{letter}_{name}": shape for letter, shape in shapes.items() for name in names}
+        return Layout(J=(self.task_size, self.limits.size), **parts)
+
+    @property
+    def _turns(self) -> bool:
+        return self.task_size == 6
 
     @property
     def loop_gains(self) -> Mapping[str, float]:
@@ -67,8 +77,18 @@ class Pseudoinverse(SampledLaw):
         return super().sampled(period)
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
-        J, desired = u["J"], u["p_WE_desired"]
+        desired = u["p_WE_desired"]
         asked = self.feedback * (desired - u["p_WE"])
         if self.feed_forward:
             asked = asked + (u["p_preview"] - desired) / period
-        return damped_joint_velocity(J, asked, self.damping)
+        if self._turns:
+            asked = np.concatenate((self._turning(u, period), asked))
+        return damped_joint_velocity(u["J"], asked, self.damping)
+
+    def _turning(self, u: Signals, period: float) -> Array:
+        """Return the angular velocity that is asked for, shape (3,) [rad/s]."""
+        desired = u["R_WE_desired"]
+        asked = self.feedback * rotation_error(u["R_WE"], desired)
+        if self.feed_forward:
+            asked = asked + rotation_error(desired, u["R_preview"]) / period
+        return asked

@@ -149,9 +149,15 @@ METRICS: tuple[Metric, ...] = (
     Metric(
         "orientation_error_max_rad",
         "rad",
-        "largest angle between the orientation and the one to hold",
+        "largest angle between the end effector's orientation and the desired one",
         over="window",
-        shown=_shown("posture", "force", "sweep"),
+        shown=_shown("path", "posture", "force", "sweep"),
+    ),
+    Metric(
+        "orientation_error_rms_rad",
+        "rad",
+        "root mean square of that angle",
+        over="window",
     ),
     Metric(
         "orientation_rank_min",

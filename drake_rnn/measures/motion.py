@@ -37,8 +37,8 @@ class Motion:
         J: Jacobian, shape (k, m, n); for a pose task, three rotation rows come first.
         J_hat: Learned Jacobian, shape (k, m, n); None without learning.
         target: Target posture, shape (n,) [rad]; None without one.
-        orientation_error: Angle between the orientation and the one to hold, shape (k,) [rad];
-            None if none is held.
+        orientation_error: Angle between the orientation of the end effector and the desired one,
+            shape (k,) [rad]; None if the orientation is left free.
         pressing: Contact with a surface; None without one. With a contact, position errors are
             those along the surface.
         returns: Whether the desired path ends where it began, so that the joints should as well.

@@ -127,7 +127,9 @@ def _drift(motion: Motion, window: tuple[float, float] | None) -> dict[str, floa
 def _posture(motion: Motion, window: tuple[float, float] | None) -> dict[str, float]:
     metrics = {}
     if motion.orientation_error is not None and (within := _within(motion, window)).any():
-        metrics["orientation_error_max_rad"] = motion.orientation_error[within].max()
+        angle = motion.orientation_error[within]
+        metrics["orientation_error_max_rad"] = angle.max()
+        metrics["orientation_error_rms_rad"] = np.sqrt(np.mean(angle**2))
     if motion.target is None:
         return metrics
     error = np.abs(motion.position - motion.target).max(axis=1)

@@ -10,6 +10,7 @@ from pydrake.math import RigidTransform
 
 from ..inputs.fields import Array
 from .animation import Trace, move
+from .axes import Axes
 from .boxes import Boxes
 from .camera import aim_camera, view_of_paths
 from .lines import thinned, tube
@@ -54,12 +55,14 @@ class PathsInAir:
     def draw(self) -> None:
         """Draw both paths, and a ball on each."""
         motion = self._motion
-        radius = _RADIUS * float(np.ptp(self._points, axis=0).max())
+        radius = self._radius
         self._draw_desired(radius)
         points, kept = thinned(motion.traced, radius)
         self._trace.add(tube(points, radius), motion.time[kept])
         ball = Sphere(_TRACED_POINT * radius)
         self._meshcat.SetObject("/traced/point", ball, Rgba(*TRACED_COLOUR))
+        if motion.turns:
+            self._axes.draw()
 
     def record(self, recording: MeshcatAnimation, time: Array) -> None:
         """Record how the balls move and the traced path grows."""
@@ -67,6 +70,17 @@ class PathsInAir:
         move(recording, "/desired/point", motion.at(time, motion.desired))
         move(recording, "/traced/point", motion.at(time, motion.traced))
         self._trace.record(recording, time)
+        if motion.turns:
+            self._axes.record(recording, time)
+
+    @cached_property
+    def _axes(self) -> Axes:
+        return Axes(self._meshcat, self._motion, self._radius)
+
+    @cached_property
+    def _radius(self) -> float:
+        """Radius of the traced path [m]."""
+        return _RADIUS * float(np.ptp(self._points, axis=0).max())
 
     @cached_property
     def _path(self) -> Array:

@@ -54,6 +54,15 @@ class ReplayedMotion:
         """Whether the desired path is a single point."""
         return bool(np.ptp(self.course, axis=0).max() < _STILL)
 
+    @property
+    def turns(self) -> bool:
+        """Whether the desired path turns the end effector."""
+        return self.result.experiment.desired.turns
+
+    def path_time(self, time: float) -> float:
+        """Return the time along the path, ``time`` [s] after the first sample [s]."""
+        return float(self.result.time[0]) + time - self.result.experiment.path_delay
+
     def at(self, time: Array, values: Array) -> Array:
         """Return ``values``, shape (k, m), linearly interpolated at ``time``, shape (f,) [s]."""
         return np.column_stack([np.interp(time, self.time, column) for column in values.T])

@@ -186,7 +186,8 @@ def _add_previews(
     if document.filter is not None and document.filter.delay_desired:
         past = DelayedPathSource(experiment.path_delay, desired, None, document.task)
         builder.AddNamedSystem("delayed_path", past)
-        signals["p_WE_desired"] = past.GetOutputPort("p_WE_desired")
+        seen = [name for name in ("p_WE_desired", "R_WE_desired") if name in law.inputs]
+        signals |= {name: past.GetOutputPort(name) for name in seen}
     return signals
 
 

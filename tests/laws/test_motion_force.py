@@ -55,6 +55,7 @@ def signals(q=Q, **others):
         "p_WE_desired": p_WE + np.array([0.002, -0.001, 0.003]),
         "v_WE_desired": np.array([0.01, 0.02, -0.005]),
         "R_WE_desired": turned([0.01, -0.02, 0.015], R_WE),
+        "w_WE_desired": np.zeros(3),
         "normal_WE": N,
         "normal_force_desired": np.array([5.0]),
         "normal_force": np.array([4.5]),
@@ -99,7 +100,7 @@ def desired_velocity(u, force_error, gain, stiffness):
 def test_its_right_hand_side_is_that_of_its_equations(form, orientation, jacobian):
     """Both forms, both orientations, (19), (21) and (22); 1e-9 of the largest rate."""
     network = law(form=form, orientation=orientation, jacobian=jacobian, rho=1e-3)
-    u = signals()
+    u = signals(w_WE_desired=np.array([0.02, -0.03, 0.01]))
     x = some_state(network, size=0.2)
     v, dual, turn, *learned = network.state.split(x)
     true_J, J_omega, n = u["J"], u["J_omega"], u["normal_WE"]
@@ -112,7 +113,7 @@ def test_its_right_hand_side_is_that_of_its_equations(form, orientation, jacobia
     if orientation == "rotation":
         H = J_omega
         E = Rotation.from_matrix(u["R_WE_desired"] @ u["R_WE"].T).as_rotvec()
-        w_desired = network.orientation_gain * E
+        w_desired = u["w_WE_desired"] + network.orientation_gain * E
     else:
         b_rows = np.array([np.cross(column, u["R_WE"][:, 1]) for column in J_omega.T]).T
         c_rows = np.array([np.cross(column, u["R_WE"][:, 2]) for column in J_omega.T]).T
@@ -196,7 +197,8 @@ def feasible_case(seed, bound):
         v_WE_desired=wanted - n.dot(wanted) * n,
         p_WE_desired=signals()["p_WE"],
         normal_force=np.array([5.0 + error]),
-        R_WE_desired=turned(turn / 10.0, signals()["R_WE"]),
+        R_WE_desired=turned(0.06 * turn, signals()["R_WE"]),
+        w_WE_desired=0.4 * turn,
     )
     return network, u, optimum(J, J_omega, wanted, turn, np.full(7, -bound), np.full(7, bound))
 

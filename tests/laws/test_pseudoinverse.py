@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from drake_rnn import InvalidInputError, JointLimits, Pseudoinverse, load_experiment, simulate
 
@@ -23,7 +24,7 @@ def signals(seed=0, m=3):
     [
         ({"feedback": -1.0}, "feedback: must be greater than or equal to 0, not -1.0"),
         ({"damping": 0.0}, "damping: must be greater than 0, not 0.0"),
-        ({"task_size": 6}, "task_size: must be 2 or 3, not 6"),
+        ({"task_size": 5}, "task_size: must be 2, 3 or 6, not 5"),
         ({"feed_forward": 2}, "feed_forward: "),
     ],
 )
@@ -50,6 +51,26 @@ def test_it_is_the_shortest_velocity_that_does_what_is_asked(m):
     np.testing.assert_allclose(v, np.linalg.pinv(u["J"]) @ asked, rtol=1e-9, atol=1e-9)
     np.testing.assert_array_equal(law.commanded_velocity(0.0, v), v)
     assert law.diagnostics(0.0, v, u) == {}
+
+
+def test_of_a_pose_it_turns_as_is_asked_too():
+    """The rotation rows come first; rotation vectors by SciPy, 1e-9 for the damping."""
+    now, wanted, later = Rotation.random(3, rng=1)
+    u = signals()
+    u["J"] = np.random.default_rng(2).standard_normal((6, N))
+    u["R_WE"], u["R_WE_desired"], u["R_preview"] = (R.as_matrix() for R in (now, wanted, later))
+    law = make(task_size=6, feedback=4.0)
+    assert law.inputs.parts.keys() == u.keys()
+    turn = (later * wanted.inv()).as_rotvec() / H + 4.0 * (wanted * now.inv()).as_rotvec()
+    move = (u["p_preview"] - u["p_WE_desired"]) / H + 4.0 * (u["p_WE_desired"] - u["p_WE"])
+    v = law.step(0.0, np.zeros(N), u, H)
+    asked = np.concatenate((turn, move))
+    np.testing.assert_allclose(v, np.linalg.pinv(u["J"]) @ asked, rtol=1e-9, atol=1e-9)
+    held = make(task_size=6, feedback=4.0, feed_forward=False)
+    assert held.inputs.parts.keys() == u.keys() - {"p_preview", "R_preview"}
+    turn, move = 4.0 * (wanted * now.inv()).as_rotvec(), 4.0 * (u["p_WE_desired"] - u["p_WE"])
+    v = held.step(0.0, np.zeros(N), u, H)
+    np.testing.assert_allclose(u["J"] @ v, np.concatenate((turn, move)), rtol=1e-9, atol=1e-9)
 
 
 def test_without_feed_forward_it_does_not_look_ahead():

@@ -1,0 +1,65 @@
+"""The end effector's axes, where a path turns it: those desired along the path, and its own."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydrake.geometry import Cylinder, Meshcat, MeshcatAnimation, Rgba
+from pydrake.math import RigidTransform, RotationMatrix
+
+from ..inputs.fields import Array
+from .replay import ReplayedMotion
+
+# Largest number of poses along the path at which the desired axes are drawn.
+_POSES = 12
+# Length and radius of an axis, relative to the radius of the traced path.
+_LENGTH, _RADIUS = 18.0, 0.6
+# Red, green and blue for x, y and z, as in other viewers.
+_COLOURS = ((0.85, 0.15, 0.15), (0.15, 0.6, 0.2), (0.2, 0.3, 0.85))
+_DESIRED_OPACITY = 0.35
+
+
+class Axes:
+    """Axes of a motion that turns.
+
+    Args:
+        meshcat: Meshcat with the scene.
+        motion: The motion to replay.
+        radius: Radius of the traced path [m].
+    """
+
+    def __init__(self, meshcat: Meshcat, motion: ReplayedMotion, radius: float) -> None:
+        self._meshcat = meshcat
+        self._motion = motion
+        self._radius = radius
+
+    def draw(self) -> None:
+        """Draw the desired axes at some poses along the path, and those of the end effector."""
+        motion, desired = self._motion, self._motion.result.experiment.desired
+        last = len(motion.course) - 1
+        for number, k in enumerate(np.unique(np.linspace(0, last, _POSES).astype(int)).tolist()):
+            place = f"/desired/axes/{number:02d}"
+            R_WE = desired.orientation(motion.path_time(motion.time[k]))[0]
+            self._draw_at(place, _DESIRED_OPACITY)
+            self._meshcat.SetTransform(place, _pose(R_WE, motion.course[k]))
+        self._draw_at("/traced/axes", 1.0)
+
+    def record(self, recording: MeshcatAnimation, time: Array) -> None:
+        """Record how the axes of the end effector move; ``time`` of each frame, shape (f,) [s]."""
+        motion = self._motion
+        kinematics = motion.result.experiment.arm.kinematics()
+        for frame, q in enumerate(motion.at(time, motion.position)):
+            pose = _pose(kinematics.R_WE(q), kinematics.p_WE(q))
+            recording.SetTransform(frame, "/traced/axes", pose)
+
+    def _draw_at(self, place: str, opacity: float) -> None:
+        length, radius = _LENGTH * self._radius, _RADIUS * self._radius
+        for axis, colour in enumerate(_COLOURS):
+            path = f"{place}/{'xyz'[axis]}"
+            self._meshcat.SetObject(path, Cylinder(radius, length), Rgba(*colour, opacity))
+            along = np.eye(3)[axis]
+            R = RotationMatrix.MakeFromOneVector(along, 2)
+            self._meshcat.SetTransform(path, RigidTransform(R, length / 2.0 * along))
+
+
+def _pose(R_WE: Array, p_WE: Array) -> RigidTransform:
+    return RigidTransform(RotationMatrix.ProjectToRotationMatrix(R_WE), p_WE)

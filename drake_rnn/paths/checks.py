@@ -78,6 +78,15 @@ def require_times(name: str, duration: Any, traversal: Any) -> None:
             )
 
 
+def require_pose(p_WE: Any, R_WE: Any) -> None:
+    """Raise an InvalidInputError unless a pose has the shapes (3,) and (3, 3); each may be None."""
+    for key, value, shape in (("p_WE", p_WE, (3,)), ("R_WE", R_WE, (3, 3))):
+        if value is not None and (fault := _fault([value], [shape])):
+            raise InvalidInputError(
+                f"{key}: must be finite numbers of shape {shape}, not {fault.removeprefix('one ')}"
+            )
+
+
 def require_start(name: str, first: Array, last: Array | None) -> None:
     """Raise an InvalidInputError unless a path starts at its first point, and closes if it says so.
 

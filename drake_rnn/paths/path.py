@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from pydrake.math import RigidTransform
 
+from ..errors import InvalidInputError
 from ..inputs.fields import Array, validated
 from ..robot.arm import Arm
 
@@ -141,5 +142,8 @@ class Path(ABC):
                 does.
         """
         kinematics = arm.kinematics()
-        frames = {name: kinematics.X_WF(q, name) for name in self.frames}
+        try:
+            frames = {name: kinematics.X_WF(q, name) for name in self.frames}
+        except InvalidInputError as error:
+            raise InvalidInputError(f"path.{error}") from None
         return self.placed(kinematics.p_WE(q), kinematics.R_WE(q), frames)

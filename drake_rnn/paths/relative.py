@@ -11,7 +11,7 @@ from pydrake.math import RigidTransform
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Point, validated, zeros
-from .checks import require_start, require_times, require_values
+from .checks import require_pose, require_start, require_times, require_values
 from .path import BASE, TOOL, Motion, Path, PlacedPath
 
 # Number of times at which a path is tried when it is placed.
@@ -139,6 +139,7 @@ class RelativePath(Path):
         frames: Mapping[str, RigidTransform] | None = None,
     ) -> PlacedPath:
         """See `Path.placed`."""
+        require_pose(p_WE, R_WE)
         if p_WE is None:
             if not self.has_place or self.frame == TOOL:
                 raise InvalidInputError(

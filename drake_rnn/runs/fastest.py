@@ -150,6 +150,10 @@ def _require_period(experiment: Experiment) -> None:
             f"path.period: must be given, for the path to be stretched in time; a {kind} without "
             "one has times of its own"
         )
+    if (experiment.document.path or {}).get("blend_time") is not None:
+        raise InvalidInputError(
+            "path.blend_time: would not be stretched with the path; give a blend_radius"
+        )
 
 
 def _require_bounds(experiment: Experiment) -> None:

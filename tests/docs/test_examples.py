@@ -16,6 +16,7 @@ LARGEST = {
     "posture_target.py": 1e-6,
     "hold_in_diagram.py": 1e-6,
     "own_environment.py": 0.2,
+    "own_trajectory.py": 2e-6,
 }
 
 

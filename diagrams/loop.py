@@ -164,7 +164,8 @@ class _Velocity(NamedTuple):
 
 def _virtual_arm(body: Body) -> IdealArm:
     # The body has already checked how far the start lies outside the limits.
-    return IdealArm(body.arm, body.start, outside=np.inf)
+    outside = float(body.arm.limits.violation(body.start).max())
+    return IdealArm(body.arm, body.start, outside=outside)
 
 
 def _add_moved(wiring: Wiring, body: Body, task: str, name: str = "") -> _Moved:

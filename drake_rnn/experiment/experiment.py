@@ -128,17 +128,14 @@ def make_experiment(
         document = replace(document, path=GIVEN)
     feedback = _feedback(document)
     _require_plant(document)
-    published = _arm(document.arm)
-    limits = _limits(published, document.limits)
-    arm = published.with_limits(limits)
+    arm, warnings = _limited_arm(document)
     kind = LAWS.named_by(document.law, modules)
     seeks_posture = issubclass(kind, PostureLaw)
     start = start_posture(arm, document.start, OUTSIDE if seeks_posture else 0.0)
     path = path_of(document, seeks_posture, as_path(path), modules)
-    law = make_law(document, kind, limits, start)
-    warnings = [*arm.warnings, *_widened(published, limits), *_outside(arm, start)]
-    delay = filter_delay(document, feedback, limits, law)
-    warnings += loop_delay_doubts(document, law, delay.loop)
+    law = make_law(document, kind, arm.limits, start)
+    delay = filter_delay(document, feedback, arm.limits, law)
+    warnings += [*_outside(arm, start), *loop_delay_doubts(document, law, delay.loop)]
     if isinstance(law, PostureLaw):
         target, changes = reachable_target(document, arm, start, law.target)
         law = replace(law, target=target)
@@ -224,6 +221,14 @@ def _outside(arm: Arm, start: Array) -> list[str]:
         )
         if excess > 0
     ]
+
+
+def _limited_arm(document: ExperimentDocument) -> tuple[Arm, list[str]]:
+    """Return the arm with the limits of the experiment, and warnings about both."""
+    published = _arm(document.arm)
+    limits = _limits(published, document.limits)
+    arm = published.with_limits(limits)
+    return arm, [*arm.warnings, *_widened(published, limits)]
 
 
 def _arm(description: str | Mapping[str, Any]) -> Arm:

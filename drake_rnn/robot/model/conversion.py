@@ -9,6 +9,9 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from .cache import cached_file
 from .late_import import late_import
 
@@ -24,6 +27,9 @@ GREY: Colour = (0.75, 0.75, 0.75, 1.0)
 _VERSION = b"1"
 # Larger textures make a playback large and look no better in it [pixels].
 _LARGEST_TEXTURE = 1024
+# Exponent between the two ways to give a colour, and what white paint reflects: a page is lit such
+# that more than that shows no shape.
+_GAMMA, _WHITEST = 2.2, 0.6
 # How Collada and OBJ files name other files: images and libraries of materials.
 _COMPANION = re.compile(
     rb"<init_from>\s*([^<]+?)\s*</init_from>|^\s*(?:mtllib|map_\w+)\s+(?:-\S+\s+\S+\s+)*(.+?)\s*$",
@@ -104,11 +110,14 @@ def _gltf(mesh: Path, colour: Colour) -> bytes:
 
 
 def _set_material(part: Any, colour: Colour) -> None:
+    """Give a part a material that looks the same from both sides, its own if it has one."""
+    # An STL file repeats each vertex for each of its faces, and many others do for normals that
+    # hardly differ: half the size of a playback is at stake.
+    part.merge_vertices(digits_norm=1)
     if part.visual.kind in {"vertex", "face"}:
+        part.visual.vertex_colors = _as_light(part.visual.vertex_colors)
         return
     if part.visual.kind is None:
-        # An STL file repeats each vertex for each of its faces. Without normals, faces look flat.
-        part.merge_vertices(merge_norm=True, merge_tex=True)
         material = trimesh.visual.material.PBRMaterial(baseColorFactor=colour)
         part.visual = trimesh.visual.TextureVisuals(material=material)
     material = part.visual.material
@@ -116,11 +125,24 @@ def _set_material(part: Any, colour: Colour) -> None:
         material = material.to_pbr()
     if material.baseColorTexture is not None:
         material.baseColorTexture.thumbnail((_LARGEST_TEXTURE, _LARGEST_TEXTURE))
+    elif material.baseColorFactor is not None:
+        material.baseColorFactor = _as_light(material.baseColorFactor)
     material.metallicFactor = 0.0
     material.doubleSided = True
     if material.baseColorFactor is not None and material.baseColorFactor[3] < 255:
         material.alphaMode = "BLEND"
     part.visual.material = material
+
+
+def _as_light(colour: Any) -> NDArray[np.uint8]:
+    """Return colours as glTF wants them: shares of light, where others give shares on a screen.
+
+    Args:
+        colour: Red, green, blue and opacity, 0 to 255, shape (4,) or (k, 4).
+    """
+    shares = np.array(colour, dtype=float) / 255.0
+    shares[..., :3] = np.minimum(shares[..., :3] ** _GAMMA, _WHITEST)
+    return np.asarray(np.round(255.0 * shares), dtype=np.uint8)
 
 
 def _obj(mesh: Path) -> bytes:

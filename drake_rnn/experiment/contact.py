@@ -11,6 +11,7 @@ from ..inputs.fields import Array
 from ..laws import Law
 from ..paths import Path
 from ..robot.arm import Arm
+from ..robot.tool import beyond_tool
 from ..systems import BODIES, Contact
 from .document import ExperimentDocument
 
@@ -80,6 +81,12 @@ def _doubts(contact: Contact, path: Path, arm: Arm, start: Array) -> list[str]:
             f"environment.gap: the tool starts {-surface.gap:.3g} m inside the surface, which "
             "pushes it out at once"
         )
+    if isinstance(surface, ContactModel) and surface.is_plane:
+        for name, excess in beyond_tool(arm, start, surface.normal_W).items():
+            doubts.append(
+                f"arm.tool: {name} reaches up to {excess:.2g} m farther towards the surface than "
+                "the tool; only the tool makes contact, so it passes through: give a longer tool"
+            )
     beyond = surface.overhang(path.start_point(p_WS) + path.sample(200), p_WS)
     if beyond > 0.0:
         doubts.append(f"path: extends {beyond:.3g} m beyond the edges of the surface")

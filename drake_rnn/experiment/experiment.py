@@ -186,16 +186,19 @@ def _widened(arm: Arm, limits: JointLimits) -> list[str]:
     if beyond[worst] <= 1e-3:
         return []
     return [
-        f"limits: {arm.joints[worst]} may go {beyond[worst]:.3g} rad beyond the limits of "
-        f"{arm.name}, {arm.limits.position_lower[worst]:.4g} to "
-        f"{arm.limits.position_upper[worst]:.4g} rad"
+        f"limits: {arm.joints[worst]} may go {beyond[worst]:.3g} {arm.units[worst]} beyond the "
+        f"limits of {arm.name}, {arm.limits.position_lower[worst]:.4g} to "
+        f"{arm.limits.position_upper[worst]:.4g} {arm.units[worst]}"
     ]
 
 
 def _outside(arm: Arm, start: Array) -> list[str]:
     return [
-        f"start: {name} is at {q:.6g} rad, {excess:.3g} rad outside its limits; it is brought back"
-        for name, q, excess in zip(arm.joints, start, arm.limits.violation(start), strict=True)
+        f"start: {name} is at {q:.6g} {unit}, {excess:.3g} {unit} outside its limits; it is "
+        "brought back"
+        for name, unit, q, excess in zip(
+            arm.joints, arm.units, start, arm.limits.violation(start), strict=True
+        )
         if excess > 0
     ]
 

@@ -123,8 +123,8 @@ def _near_limits(experiment: Experiment, reach: Reach) -> list[str]:
     left = float(margin[k, joint])
     if left >= 0.05:
         return []
-    place = f"comes within {left:.3g} rad of" if left >= 0 else f"goes {-left:.3g} rad beyond"
-    name = experiment.arm.joints[joint]
+    name, unit = experiment.arm.joints[joint], experiment.arm.units[joint]
+    place = f"comes within {left:.3g} {unit} of" if left >= 0 else f"goes {-left:.3g} {unit} beyond"
     return [f"path: {name} {place} its limit near t = {reach.time[k]:.3g} s"]
 
 

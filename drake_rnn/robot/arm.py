@@ -19,6 +19,7 @@ from pydrake.multibody.tree import (
     FrameIndex,
     Joint,
     ModelInstanceIndex,
+    PrismaticJoint,
 )
 
 from ..errors import InvalidInputError
@@ -50,8 +51,9 @@ class ArmDescription:
         tool: Tool to add to the model.
         joints: Names of the controlled joints, base to tip; by default all between base and
             ``frame``.
-        lock: Positions of joints held still, by name [rad]; joints neither controlled nor named
-            here stay at the model's default.
+        lock: Positions of joints held still, by name [rad or m]; joints that follow one of them
+            stand where they follow it to, and other joints that are not controlled at the model's
+            default.
         packages: Folders of the packages that ``package://`` names in the model refer to.
         home: Home posture, from which the arm starts by default, shape (n,) [rad].
         gravity: Gravitational acceleration in the base frame, shape (3,) [m/s^2].
@@ -106,6 +108,7 @@ class Arm:
         tip: Name of the frame at the tool's contact point, or None.
         tool: The tool that was added to the model, or None.
         joints: Names of the n controlled joints.
+        units: Units of their positions: ``rad``, or ``m`` for one that slides.
         limits: Limits of the controlled joints.
         home: Home posture, shape (n,) [rad], or None.
         warnings: What the model's file needed to be read, and what Drake warns of.
@@ -134,6 +137,8 @@ class Arm:
         if self.tip is not None:
             self._require_frame(plant, self.tip, "tip")
         self.joints = self._controlled_joints(plant)
+        types = [plant.GetJointByName(name).type_name() for name in self.joints]
+        self.units = tuple("m" if kind == PrismaticJoint.kTypeName else "rad" for kind in types)
         self._held = poses_where_held(plant, self.joints, description.lock, self._model.mimics)
         self._published = self._read_limits(plant)
         self.limits = limits if limits is not None else self._known_limits(plant)

@@ -172,15 +172,23 @@ class JointLimits:
         """Return how far ``q``, shape (..., n), is outside the position limits [rad]; 0 inside."""
         return np.maximum(np.maximum(self.position_lower - q, q - self.position_upper), 0.0)
 
-    def complaint(self, q: Array, outside: float = 0.0, names: Sequence[str] | None = None) -> str:
+    def complaint(
+        self,
+        q: Array,
+        outside: float = 0.0,
+        names: Sequence[str] | None = None,
+        units: Sequence[str] | None = None,
+    ) -> str:
         """Return a message about the joint farthest beyond its position limits.
 
         Args:
             q: Joint positions, shape (n,) [rad].
             outside: Distance beyond the limits that is allowed [rad].
             names: Names of the joints; by default their numbers.
+            units: Units of the joints' positions; by default rad.
         """
         worst = int(np.argmax(self.violation(q)))
         name = f"joint {worst + 1}" if names is None else names[worst]
         lower, upper = self.position_lower[worst] - outside, self.position_upper[worst] + outside
-        return f"{name} is at {q[worst]:.6g} rad; it may be {lower:.6g} to {upper:.6g}"
+        unit = "rad" if units is None else units[worst]
+        return f"{name} is at {q[worst]:.6g} {unit}; it may be {lower:.6g} to {upper:.6g}"

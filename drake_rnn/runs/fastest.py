@@ -158,10 +158,11 @@ def _require_position_limits(result: Result) -> None:
     if excess[k, joint] <= 0.0:
         return
     lower, upper = experiment.limits.position_lower[joint], experiment.limits.position_upper[joint]
+    name, unit = experiment.arm.joints[joint], experiment.arm.units[joint]
     raise InvalidInputError(
-        f"limits.position: {experiment.arm.joints[joint]} reaches "
-        f"{result.series['position'][k, joint]:.4g} rad at t = {result.time[k]:.4g} s and would do "
-        f"so at any speed; it may be {lower:.4g} to {upper:.4g}; start from another posture"
+        f"limits.position: {name} reaches {result.series['position'][k, joint]:.4g} {unit} at "
+        f"t = {result.time[k]:.4g} s and would do so at any speed; it may be "
+        f"{lower:.4g} to {upper:.4g}; start from another posture"
     )
 
 

@@ -169,5 +169,7 @@ def start_posture(arm: Arm, start: Array | None, outside: float = 0.0) -> Array:
     if start.size != arm.n:
         raise InvalidInputError(f"start: has {start.size} entries for {arm.n} joints")
     if not np.isfinite(start).all() or (arm.limits.violation(start) > outside).any():
-        raise InvalidInputError(f"start: {arm.limits.complaint(start, outside, arm.joints)}")
+        raise InvalidInputError(
+            f"start: {arm.limits.complaint(start, outside, arm.joints, arm.units)}"
+        )
     return start

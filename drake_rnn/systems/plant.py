@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
+import numpy as np
 from pydrake.geometry import (
     CollisionFilterDeclaration,
     GeometryId,
@@ -60,14 +61,15 @@ def add_plant(
         settings: Simulation and motor settings.
 
     Raises:
-        InvalidInputError: If the arm has a scaled mass or, for a contact, no tool; or if the
-            environment's model cannot be read.
+        InvalidInputError: If the arm has a scaled mass, a joint that moves no mass or, for a
+            contact, no tool; or if the environment's model cannot be read.
     """
     settings = PlantSettings() if settings is None else settings
     if arm.description.mass_scale != 1.0:
         raise InvalidInputError(
             f"arm.mass_scale: must be 1 at level: dynamic, not {arm.description.mass_scale:g}"
         )
+    _require_inertia(arm, start)
     config = MultibodyPlantConfig(
         time_step=settings.time_step,
         discrete_contact_approximation=settings.contact_approximation,
@@ -118,6 +120,17 @@ def _add_motors(
         if reflected_inertia > 0.0:
             motor.set_default_gear_ratio(1.0)
             motor.set_default_rotor_inertia(reflected_inertia)
+
+
+def _require_inertia(arm: Arm, start: Array) -> None:
+    """Raise an InvalidInputError if a joint moves links without inertia, as some models have."""
+    inertia = np.diag(arm.kinematics().M(start))
+    least = int(np.argmin(inertia))
+    if inertia[least] <= 0.0:
+        raise InvalidInputError(
+            f"arm.model: no link that {arm.joints[least]!r} of {arm.name} moves has any inertia, "
+            "which level: dynamic needs; give the model's links their inertial data"
+        )
 
 
 def _ignore_self_contact(scene_graph: SceneGraph) -> None:

@@ -47,8 +47,9 @@ class PlantArm(Body):
         gains: Gains of the motors.
 
     Raises:
-        InvalidInputError: In the same cases as `Body`; if the arm has a scaled mass or, for a
-            contact, no tool; or if the environment's model cannot be read.
+        InvalidInputError: In the same cases as `Body`; if the arm has a scaled mass, a joint
+            that moves no mass or, for a contact, no tool; or if the environment's model cannot be
+            read.
     """
 
     level = "dynamic"

@@ -78,7 +78,7 @@ def arm_joints_table(report: ArmReport) -> Table:
         lower, upper = limits.position_lower[k], limits.position_upper[k]
         bounds = [limits.bounds[name] for name in shown]
         table.add_row(
-            escape(joint),
+            escape(joint if arm.units[k] == "rad" else f"{joint} (in m, N)"),
             f"{_bound(lower, 'none')} .. {_bound(upper, 'none')}",
             *("unknown" if bound is None else _bound(bound[k]) for bound in bounds),
             _bound(arm.effort[k]),

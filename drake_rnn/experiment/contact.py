@@ -13,6 +13,7 @@ from ..inputs.own_code import naming
 from ..laws import Law
 from ..paths import PlacedPath
 from ..robot.arm import Arm
+from ..robot.tool import beyond_tool
 from ..systems import BODIES, Contact
 from .document import ExperimentDocument
 
@@ -88,6 +89,12 @@ def _doubts(contact: Contact, desired: PlacedPath, arm: Arm, start: Array) -> li
             f"environment.gap: the tool starts {-surface.gap:.3g} m inside the surface, which "
             "pushes it out at once"
         )
+    if isinstance(surface, ContactModel) and surface.is_plane:
+        for name, excess in beyond_tool(arm, start, surface.normal_W).items():
+            doubts.append(
+                f"arm.tool: {name} reaches up to {excess:.2g} m farther towards the surface than "
+                "the tool; only the tool makes contact, so it passes through: give a longer tool"
+            )
     with naming(f"{type(surface).__name__}.overhang"):
         beyond = float(surface.overhang(desired.sample(200), p_WS))
     if beyond > 0.0:

@@ -11,8 +11,9 @@ from .arm import Arm
 from .kinematics import ArmKinematics
 
 # A joint is drawn from at most one turn about the middle of its range, which holds every posture of
-# a joint that turns; the middle of an unlimited joint is 0 [rad].
-_HALF_TURN = np.pi
+# a joint that turns [rad], or from so much of its way if it slides [m]; the middle of an unlimited
+# joint is 0.
+_HALF_TURN, _HALF_WAY = np.pi, 1.0
 # Random postures that compete to be the home posture, those that are improved, and their trials.
 _CANDIDATES, _FINALISTS, _TRIALS = 2000, 6, 600
 # Standard deviation of the first and the last trials' steps [rad].
@@ -31,9 +32,10 @@ _DIGITS = 2
 
 
 def random_postures(arm: Arm, count: int, seed: int = 0) -> Array:
-    """Return postures within the position limits, uniformly distributed, shape (count, n) [rad].
+    """Return postures within the position limits, uniformly distributed, shape (count, n).
 
-    A joint whose range exceeds one turn is drawn from the turn about the middle of it.
+    A joint whose range exceeds one turn, or 2 m if it slides, is drawn from so much of it about the
+    middle; units are those of ``arm.units``.
 
     Args:
         arm: The arm.
@@ -102,10 +104,11 @@ def _range(arm: Arm) -> tuple[Array, Array]:
     middle = np.zeros(arm.n)
     middle[limited] = (lower[limited] + upper[limited]) / 2.0
     # A joint with one limit is drawn from the turn next to it.
+    half = np.array([_HALF_TURN if unit == "rad" else _HALF_WAY for unit in arm.units])
     above, below = np.isfinite(lower) & ~limited, np.isfinite(upper) & ~limited
-    middle[above] = lower[above] + _HALF_TURN
-    middle[below] = upper[below] - _HALF_TURN
-    return np.maximum(lower, middle - _HALF_TURN), np.minimum(upper, middle + _HALF_TURN)
+    middle[above] = (lower + half)[above]
+    middle[below] = (upper - half)[below]
+    return np.maximum(lower, middle - half), np.minimum(upper, middle + half)
 
 
 def _improved(

@@ -144,10 +144,11 @@ def _weight_doubts(arm: Arm, drawn: Array, torques: Array) -> list[str]:
     found = []
     for k in np.flatnonzero((torques > arm.effort).any(axis=0)):
         worst = int(np.argmax(torques[:, k]))
+        unit = "Nm" if arm.units[k] == "rad" else "N"
         posture = ", ".join(f"{angle:.2f}" for angle in drawn[worst])
         found.append(
             f"effort: the motor of {arm.joints[k]} cannot hold the weight: it may exert "
-            f"{arm.effort[k]:g} Nm, and {torques[worst, k]:.4g} Nm are needed at [{posture}]"
+            f"{arm.effort[k]:g} {unit}, and {torques[worst, k]:.4g} {unit} are needed at [{posture}]"
         )
     return found
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.geometry import GeometryId, SceneGraph, Sphere
+from pydrake.geometry import GeometryId, Role, SceneGraph, Sphere
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Body, Frame, Joint
+from pydrake.systems.framework import Context
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
@@ -76,18 +79,68 @@ def standoff(arm: Arm, q: Array, normal: Array) -> float:
     Raises:
         InvalidInputError: If the arm has no tool, or the tool does not consist of balls only.
     """
+    with _scene(arm, q) as scene:
+        tool = find_tool(scene.plant, scene.plant.GetFrameByName(arm.frame))
+        p_WE = scene.plant.GetFrameByName(arm.frame).CalcPoseInWorld(scene.context).translation()
+        return float(np.max(_reaches(scene, tool, p_WE, normal)))
+
+
+def beyond_tool(arm: Arm, q: Array, normal: Array) -> dict[str, float]:
+    """Return bodies next to the tool that reach farther against ``normal`` than it does.
+
+    Only bodies that move with the tool count, by the boxes round what is drawn of them.
+
+    Args:
+        arm: The arm.
+        q: Joint positions, shape (n,) [rad].
+        normal: Unit normal of a surface, towards the tool, in the base frame, shape (3,).
+
+    Returns:
+        How much farther, by the body's name [m].
+
+    Raises:
+        InvalidInputError: If the arm has no tool.
+    """
+    with _scene(arm, q) as scene:
+        plant, inspector = scene.plant, scene.scene_graph.model_inspector()
+        tool = find_tool(plant, plant.GetFrameByName(arm.frame))
+        p_WE = plant.GetFrameByName(arm.frame).CalcPoseInWorld(scene.context).translation()
+        outermost = max(_extents(scene, tool.body, tool.geometries, p_WE, normal))
+        found = {}
+        for body in plant.GetBodiesWeldedTo(tool.body):
+            frame = plant.GetBodyFrameIdOrThrow(body.index())
+            drawn = inspector.GetGeometries(frame, Role.kIllustration)
+            extents = _extents(scene, body, drawn, p_WE, normal)
+            if body.index() != tool.body.index() and max(extents, default=-np.inf) > outermost:
+                found[body.name()] = max(extents) - outermost
+        return found
+
+
+@dataclass(frozen=True)
+class _Scene:
+    plant: MultibodyPlant
+    scene_graph: SceneGraph
+    context: Context
+
+
+@contextmanager
+def _scene(arm: Arm, q: Array) -> Iterator[_Scene]:
+    """Yield a plant of the arm with its geometry, in a posture."""
     scene_graph = SceneGraph()
     plant = MultibodyPlant(0.0)
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     arm.add_to(plant)
     plant.Finalize()
-    frame = plant.GetFrameByName(arm.frame)
-    tool = find_tool(plant, frame)
     context = plant.CreateDefaultContext()
     plant.SetPositions(context, arm.posture(plant, q))
-    p_WE = frame.CalcPoseInWorld(context).translation()
-    X_WB = tool.body.EvalPoseInWorld(context)
-    inspector = scene_graph.model_inspector()
+    yield _Scene(plant, scene_graph, context)
+    del plant  # it points to the scene graph, which must outlive it
+
+
+def _reaches(scene: _Scene, tool: Tool, p_WE: Array, normal: Array) -> list[float]:
+    """Return how far each ball of a tool reaches from a point against ``normal`` [m]."""
+    X_WB = tool.body.EvalPoseInWorld(scene.context)
+    inspector = scene.scene_graph.model_inspector()
     reach = []
     for geometry in tool.geometries:
         shape = inspector.GetShape(geometry)
@@ -98,5 +151,19 @@ def standoff(arm: Arm, q: Array, normal: Array) -> float:
             )
         centre = X_WB.multiply(inspector.GetPoseInFrame(geometry).translation())
         reach.append(shape.radius() - float(normal.dot(centre - p_WE)))
-    del plant  # it points to the scene graph, which must outlive it
-    return float(np.max(reach))
+    return reach
+
+
+def _extents(
+    scene: _Scene, body: Body, geometries: Iterable[GeometryId], p_WE: Array, normal: Array
+) -> list[float]:
+    """Return how far the boxes round geometries reach from a point against ``normal`` [m]."""
+    X_WB = body.EvalPoseInWorld(scene.context)
+    inspector = scene.scene_graph.model_inspector()
+    extents = []
+    for geometry in geometries:
+        if (box := inspector.GetObbInGeometryFrame(geometry)) is not None:
+            X_WG = X_WB.multiply(inspector.GetPoseInFrame(geometry)).multiply(box.pose())
+            half = np.abs(normal @ X_WG.rotation().matrix()) @ box.half_width()
+            extents.append(float(half - normal.dot(X_WG.translation() - p_WE)))
+    return extents

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -89,6 +89,7 @@ def add_plant(
         with naming(f"{type(environment).__name__}.add_to"):
             environment.add_to(plant, p_WS)
         around = [geometry for geometry in _touchable(scene_graph) if geometry not in known]
+        _ignore_contact(scene_graph, known.difference(tool.geometries), around)
         _set_material(plant, scene_graph, tool, environment)
         if environment.friction is not None:
             for geometry in (*tool.geometries, *around):
@@ -138,6 +139,18 @@ def _ignore_self_contact(scene_graph: SceneGraph) -> None:
     """Let an arm's parts pass through each other: simplified shapes of neighbours overlap."""
     parts = GeometrySet(_touchable(scene_graph))
     scene_graph.collision_filter_manager().Apply(CollisionFilterDeclaration().ExcludeWithin(parts))
+
+
+def _ignore_contact(
+    scene_graph: SceneGraph, parts: Iterable[GeometryId], around: Iterable[GeometryId]
+) -> None:
+    """Let all parts of the arm but its tool pass through the surroundings.
+
+    Whether a link has collision geometry depends on the maker of its model.
+    """
+    between = GeometrySet(list(parts)), GeometrySet(list(around))
+    filtered = CollisionFilterDeclaration().ExcludeBetween(*between)
+    scene_graph.collision_filter_manager().Apply(filtered)
 
 
 def _set_material(

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import shutil
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from typer.testing import CliRunner
 from drake_rnn import Result, SimultaneousLearning, shipped_experiments
 from drake_rnn.cli.commands import app
 from drake_rnn.measures import TIMING_METRICS
+from drake_rnn.models import MODELS
 from drake_rnn.runs import simulation
 
 KNOWN, LEARNED = "slc_nephroid_known", "slc_nephroid"
@@ -92,6 +94,54 @@ def test_list_shows_every_experiment():
         assert name in result.stdout
     for column in ("name", "paper", "arm", "law", "level", "what to expect"):
         assert column in result.stdout
+
+
+def test_arm_shows_what_a_shipped_arm_is(tmp_path):
+    result = call("arm", "planar6", "--out", tmp_path)
+    assert result.exit_code == 0, result.stderr
+    for text in ("joint6", "unknown", "home: [0.261799, ", "planar6/limits.yaml", "yes"):
+        assert text in result.stdout
+    assert result.stderr.startswith("warning acceleration: not known for all joints")
+    assert (tmp_path / "planar6.png").stat().st_size > 5000
+
+
+def test_arm_proposes_a_home_that_runs(tmp_path):
+    """What it prints is pasted into an experiment; there is a tool, and a joint is locked."""
+    model = MODELS / "ur5" / "ur5.urdf"
+    tool, lock = "{length: 0.15, mass: 0.3}", "lock={wrist_3_joint: 0.5}"
+    arguments = ("--frame", "tool0", "--tool", tool, "--set", lock, "--set", "mass_scale=1.0")
+    result = call("arm", model, *arguments, "--no-picture", "--out", tmp_path)
+    assert result.exit_code == 0, result.stderr
+    assert "0.3 kg on tool0, ball of 12 mm at tip" in result.stdout
+    home = re.search(r"home, proposed +(home: \[.*\])", result.stdout)[1]
+    file = tmp_path / "mine.yaml"
+    file.write_text(
+        f"arm: {{model: {model}, frame: tool0, tool: {tool}, lock: {{wrist_3_joint: 0.5}}, "
+        f"{home}}}\npath: {{kind: circle, size: 0.02, period: 4}}\nlaw: {{kind: pseudoinverse}}\n"
+        "period: 1e-3\nduration: 0.1\n"
+    )
+    assert call("run", file, "--out", tmp_path, "--no-playback").exit_code == 0
+    assert metrics(tmp_path / "mine")["position_error_max_m"] < 1e-3
+    assert not list(tmp_path.glob("*.png"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("pandas",), "arm: no arm 'pandas'; nearest: panda"),
+        (("panda", "--tool", "{bal: 1}"), "arm.tool.bal: no such key; nearest: ball"),
+        (("panda", "--tool", "{ball: "), "--tool: not a YAML document: line 1"),
+        (("panda", "--frame", "hand"), "arm.frame: no frame 'hand' in panda.urdf"),
+        (("panda", "--set", "hom=[0]"), "arm.hom: no such key; nearest: home"),
+        (("panda", "--set", "home"), "--set: must be KEY=VALUE, not 'home'"),
+        (("panda", "--set", "limits=no.yaml"), "arm.limits: no file 'no.yaml'"),
+        ((MODELS / "ur5" / "ur5.urdf",), "arm.frame: must be given"),
+    ],
+)
+def test_an_arm_that_cannot_be_is_one_sentence(tmp_path, arguments, message):
+    result = call("arm", *arguments, "--out", tmp_path / "out")
+    assert sentence(result).startswith(message)
+    assert not (tmp_path / "out").exists()
 
 
 def test_run_writes_a_folder_with_everything(tmp_path, drawn):

@@ -26,6 +26,7 @@ from drake_rnn import (
     PlantSettings,
     SensorSettings,
     TipMaterial,
+    ToolDescription,
     WarmUp,
     load_experiment,
     shipped_arms,
@@ -183,7 +184,7 @@ def test_every_key_of_a_document_has_its_row():
     [
         *(ArmDescription, ContactLoss, DitherSettings, FilterSettings, ForceProfile),
         *(IntegratorSettings, JointLimits, OnlineStiffness, PlantSettings, SensorSettings),
-        *(TipMaterial, WarmUp, *PATHS.values(), *ENVIRONMENTS.values()),
+        *(TipMaterial, ToolDescription, WarmUp, *PATHS.values(), *ENVIRONMENTS.values()),
     ],
     ids=lambda section: section.__name__,
 )

@@ -10,6 +10,7 @@ import drake_rnn
 from drake_rnn import ENVIRONMENTS, LAWS, PATHS, ExperimentDocument, make_experiment
 from drake_rnn.inputs.documents import parse_yaml
 from drake_rnn.inputs.fields import field_names
+from drake_rnn.robot.limits_file import read_limits
 
 
 def blocks(language: str) -> list:
@@ -54,8 +55,13 @@ def test_a_snippet_runs(page, line, code, monkeypatch):
 
 
 @pytest.mark.parametrize(("page", "line", "code"), blocks("yaml"))
-def test_a_document_can_be_run_or_is_a_part_of_one(page, line, code):
+def test_a_document_can_be_run_or_is_a_part_of_one(page, line, code, tmp_path, monkeypatch):
+    monkeypatch.chdir(ROOT)
     document = parse_yaml(code, f"{page}:{line}")
+    if "joints" in document:
+        (tmp_path / "my.limits.yaml").write_text(code)
+        read_limits(tmp_path / "my.limits.yaml", document["joints"], document["joints"])
+        return
     assert document.keys() <= set(field_names(ExperimentDocument))
     if "duration" in document:
         make_experiment(document)

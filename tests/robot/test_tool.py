@@ -6,7 +6,7 @@ from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 
 from drake_rnn import InvalidInputError, load_arm, shipped_arms
-from drake_rnn.robot.tool import find_tool, standoff
+from drake_rnn.robot.tool import beyond_tool, find_tool, standoff
 
 RADIUS = 0.012
 UP = np.array([0.0, 0.0, 1.0])
@@ -102,3 +102,24 @@ def test_collision_geometry_beyond_another_joint_is_no_tool(tmp_path):
 def test_a_tool_that_is_no_ball_needs_a_standoff(tmp_path):
     with pytest.raises(InvalidInputError, match=r"environment\.standoff: must be given .*'rod'"):
         standoff(made(tmp_path, collision=BOX), np.zeros(1), UP)
+
+
+PAD = """<visual><origin xyz="0.05 0 {z}"/><geometry><box size="0.02 0.02 0.1"/></geometry>
+  </visual>"""
+
+
+@pytest.mark.parametrize("z", [0.19, 0.21])
+def test_what_is_drawn_beyond_the_ball_is_found(tmp_path, z):
+    """The ball ends 0.25 m from the joint, the box at z + 0.05 m; both hang down."""
+    file = tmp_path / "two.urdf"
+    text = MODEL.format(collision=BALL, last="fixed")
+    file.write_text(text.replace('<link name="end">', '<link name="end">' + PAD.format(z=z - 0.3)))
+    found = beyond_tool(load_arm(file, frame="end"), np.array([np.pi]), UP)
+    expected = {"end": pytest.approx(z + 0.05 - 0.25, abs=1e-9)} if z > 0.2 else {}
+    assert found == expected
+
+
+@pytest.mark.parametrize("name", ["iiwa14", "panda", "ur5"])
+def test_of_a_shipped_arm_nothing_is_beyond_the_tool(name):
+    arm = with_tip(name)
+    assert beyond_tool(arm, arm.home, arm.kinematics().R_WE(arm.home)[:, 2] * -1.0) == {}

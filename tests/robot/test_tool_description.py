@@ -194,6 +194,27 @@ def test_a_tool_touches_as_one_that_is_written_into_the_model(tmp_path):
         np.testing.assert_array_equal(other.series[name], one.series[name], err_msg=name)
 
 
+def test_a_gripper_beside_the_tool_passes_through_the_surface_and_is_told(tmp_path):
+    """Only the tool makes contact, whatever collision geometry a model has; 1e-9 N: rounding."""
+    text, home = (MODELS / "iiwa14" / "iiwa14.urdf").read_text(), IIWA.home.tolist()
+    box = '<origin xyz="0.05 0 0.1"/><geometry><box size="0.02 0.02 0.2"/></geometry>'
+    finger = (
+        '<joint name="hold" type="fixed"><parent link="iiwa_link_ee"/><child link="finger"/></joint>'
+        f'<link name="finger"><visual>{box}</visual><collision>{box}</collision></link></robot>'
+    )
+    bare, gripper = tmp_path / "bare.urdf", tmp_path / "gripper.urdf"
+    bare.write_text(text)
+    gripper.write_text(text.replace("</robot>", finger))
+    arm = {"frame": "iiwa_link_ee", "home": home, "tool": {}}
+    one, other = pressing({"model": str(bare), **arm}), pressing({"model": str(gripper), **arm})
+    np.testing.assert_allclose(
+        other.series["normal_force"], one.series["normal_force"], rtol=0, atol=1e-9
+    )
+    told = "arm.tool: finger reaches up to 0.088 m farther towards the surface than the tool; "
+    assert any(text.startswith(told) for text in other.warnings)
+    assert not any(text.startswith("arm.tool: ") for text in one.warnings)
+
+
 def test_another_tool_presses_as_hard():
     """5 N within 0.1 N, with a ball of more than twice the size, mounted aside."""
     tool = {"ball": 0.03, "length": 0.06, "mass": 0.4, "offset": [0.02, 0.0, 0.01], "friction": 0.1}

@@ -1,0 +1,46 @@
+"""Pictures of arms, looked at pixel by pixel."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from drake_rnn import InvalidInputError, load_arm
+from drake_rnn.figures.arm_picture import write_arm_picture
+from drake_rnn.models import MODELS
+
+
+def pixels(arm, q, folder):
+    with Image.open(write_arm_picture(arm, q, folder / "new" / "arm.png")) as image:
+        return np.asarray(image).astype(int)
+
+
+def share(image, channel):
+    """Share of pixels that are mainly of one colour."""
+    others = [other for other in range(3) if other != channel]
+    return (image[..., channel] - image[..., others].max(axis=-1) > 60).mean()
+
+
+def test_the_arm_fills_the_picture_and_its_task_frame_has_three_colours(tmp_path):
+    arm = load_arm("iiwa14", frame="tip")
+    image = pixels(arm, arm.home, tmp_path)
+    shown = (np.abs(image - image[0, 0]).max(axis=-1) > 10).mean()
+    assert 0.1 < shown < 0.9
+    for channel in (1, 2):
+        assert 1e-4 < share(image, channel) < 0.02
+    edge = np.concatenate((image[0], image[-1], image[:, 0], image[:, -1]))
+    assert (edge == image[0, 0]).all()
+
+
+def test_a_tool_that_is_added_is_seen(tmp_path):
+    """It has a red ball, which on an arm without colours is most of what is red."""
+    arm = load_arm(str(MODELS / "ur5" / "ur5.urdf"), frame="tool0")
+    q = np.array([0.0, -1.2, 1.6, -2.0, -1.57, 0.0])
+    bare = share(pixels(arm, q, tmp_path), 0)
+    assert share(pixels(arm.replace(tool={"ball": 0.05}), q, tmp_path), 0) > bare + 2e-3
+
+
+def test_a_folder_that_cannot_be_written_to_is_told(tmp_path):
+    (tmp_path / "file").write_text("")
+    arm = load_arm("planar6")
+    with pytest.raises(InvalidInputError, match=r"^picture .*arm\.png: "):
+        write_arm_picture(arm, arm.home, tmp_path / "file" / "arm.png")

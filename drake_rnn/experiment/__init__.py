@@ -10,7 +10,8 @@ from .files import (
     set_key,
     shipped_experiments,
 )
-from .reach import Reach, check_reach, follow
+from .reach import Forecast, Reach, check_reach, follow, forecasts
+from .verdicts import expected_bounds
 
 __all__ = [
     "OUTSIDE",
@@ -18,10 +19,13 @@ __all__ = [
     "Described",
     "Experiment",
     "ExperimentDocument",
+    "Forecast",
     "IntegratorSettings",
     "Reach",
     "check_reach",
+    "expected_bounds",
     "follow",
+    "forecasts",
     "load_experiment",
     "make_experiment",
     "parse_change",

@@ -24,7 +24,7 @@ from ..robot.task import Task, named_task
 from ..systems import BODIES, Body, Contact, Feedback, PlantSettings, start_posture
 from .contact import make_contact
 from .document import ExperimentDocument
-from .filter import filter_delay, loop_delay_doubts
+from .filter import filter_delay, kept_limits, loop_delay_doubts
 from .law import make_law
 from .path import GIVEN, path_of
 from .target import reachable_target
@@ -82,6 +82,11 @@ class Experiment:
             InvalidInputError: As `make_experiment` does.
         """
         return make_experiment(self.document, path)
+
+    @property
+    def kept_limits(self) -> tuple[str, ...]:
+        """Names of the limits that the law, or the filter behind it, keeps by construction."""
+        return kept_limits(self.document, self.feedback, self.limits, self.law)
 
     @property
     def target(self) -> Array | None:

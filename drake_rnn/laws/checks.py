@@ -170,18 +170,18 @@ def doubts_of(law: Law, circumstances: Circumstances) -> list[str]:
         return _texts(f"{_class(law)}.doubts", law.doubts(circumstances))
 
 
-def caveats_of(law: Law, metrics: Mapping[str, float]) -> list[str]:
-    """Return the law's warnings after a run.
+def caveats_of(reading: Reading, metrics: Mapping[str, float]) -> list[str]:
+    """Return the warnings of a law's reading after a run.
 
     Args:
-        law: The law.
+        reading: The reading.
         metrics: Metrics of the run by name.
 
     Raises:
-        InvalidInputError: If the law returns something else.
+        InvalidInputError: If it returns something else.
     """
-    with naming(f"{_class(law)}.caveats"):
-        return _texts(f"{_class(law)}.caveats", law.caveats(metrics))
+    with naming(f"{_class(reading)}.caveats"):
+        return _texts(f"{_class(reading)}.caveats", reading.caveats(metrics))
 
 
 def _texts(place: str, value: object) -> list[str]:

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram
 
 from ..diagrams import Loop
 from ..errors import InvalidInputError
-from ..experiment import Experiment
+from ..experiment import Experiment, Forecast
 from ..inputs.fields import Array
 from ..laws import Reading, Signals
 from ..laws.checks import caveats_of
 from ..measures import Motion, Recorder, law_metrics, motion_metrics
-from .caveats import contact_caveats, motor_caveats
+from .caveats import contact_caveats, motor_caveats, standing
 from .motion import motion_of, observed_signals, seen_motion
 from .result import Result
 
@@ -21,7 +23,7 @@ from .result import Result
 def evaluate(
     experiment: Experiment,
     recorder: Recorder,
-    warnings: list[str],
+    found: Sequence[Forecast],
     diagram: Diagram,
     loop: Loop,
 ) -> tuple[Result, InvalidInputError | None]:
@@ -32,7 +34,7 @@ def evaluate(
     Args:
         experiment: Experiment that was run.
         recorder: Recorder of the run.
-        warnings: Warnings from before the run.
+        found: Warnings about the path from before the run.
         diagram: Simulated diagram.
         loop: Systems of the loop.
     """
@@ -48,7 +50,7 @@ def evaluate(
         fault = error
     metrics = _metrics(experiment, motion, seen, observed)
     try:
-        caveats = caveats_of(experiment.law, metrics)
+        caveats = caveats_of(reading, metrics)
     except InvalidInputError as error:
         fault = fault or error
     at = _samples(motion.time, experiment.document.log_period)
@@ -60,7 +62,8 @@ def evaluate(
         series=series | {name: values[at] for name, values in observed.items()},
         metrics=metrics,
         warnings=[
-            *warnings,
+            *experiment.warnings,
+            *standing(found, metrics),
             *caveats,
             *contact_caveats(motion, metrics),
             *motor_caveats(loop.arm, motion),

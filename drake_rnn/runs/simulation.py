@@ -11,7 +11,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPo
 
 from ..diagrams import AddLoop, Loop
 from ..errors import InterruptedRunError, InvalidInputError, SimulationError
-from ..experiment import OUTSIDE, Experiment, ExperimentDocument, check_reach
+from ..experiment import OUTSIDE, Experiment, ExperimentDocument, check_reach, forecasts
 from ..laws import Law
 from ..measures import Recorder
 from ..systems import (
@@ -66,7 +66,7 @@ def simulate(experiment: Experiment, progress: Progress | None = None) -> Result
             what the law says of a complete run is wrong.
     """
     started = time.perf_counter()
-    warnings = check_reach(experiment)
+    found = forecasts(experiment)
     simulator, loop = build_simulator(experiment)
     root = simulator.get_mutable_context()
     _start(loop, root)
@@ -75,7 +75,7 @@ def simulate(experiment: Experiment, progress: Progress | None = None) -> Result
         simulator.set_monitor(_with_progress(recorder, progress))
 
     run_time, failure = _advance(simulator, experiment)
-    result, fault = evaluate(experiment, recorder, warnings, simulator.get_system(), loop)
+    result, fault = evaluate(experiment, recorder, found, simulator.get_system(), loop)
     if failure is None and fault is not None:
         failure = SimulationError(str(fault), root.get_time())
         failure.__cause__ = fault

@@ -315,3 +315,18 @@ class TestController:
             context = controller.CreateDefaultContext()
             command = controller.GetOutputPort("commanded_velocity")
             np.testing.assert_array_equal(command.Eval(context), np.zeros(N))
+
+    @pytest.mark.parametrize("scheme", SCHEMES)
+    def test_its_observables_follow_from_what_it_sees_in_a_diagram(self, scheme):
+        """Which is the path one period ahead; a recorded run has that of the instant as well."""
+        law, arm = make(scheme, limits=FREE.replace(acceleration=0.05)), LinearArm()
+        sampled = law.sampled(4e-3)
+        u = arm.seen(0.5, HOME, 4e-3)
+        x = first_step(law, u, 4e-3)
+        ports = {name: u[name] for name in sampled.inputs.parts}
+        assert "v_WE_desired" not in ports
+        told = sampled.diagnostics(0.0, x, ports)
+        assert told.keys() == sampled.observables.parts.keys()
+        ahead = {"p_WE_desired": u["p_preview"], "v_WE_desired": u["v_preview"]}
+        for name, value in sampled.diagnostics(0.0, x, {**u, **ahead}).items():
+            np.testing.assert_array_equal(told[name], value)

@@ -134,9 +134,10 @@ class Curve(RelativePath):
         """Return the number of segments passed at time ``t`` of a path with pauses; -1 in one."""
         if not math.isfinite(t):
             return t
-        lap, within = divmod(t + _INSTANT * self.period, self.period + self.pause)
-        share = within / self.period
-        if share >= 1.0 and lap + 1.0 < self.passes:
+        cycle = self.period + self.pause
+        lap = (t + _INSTANT * self.period) // cycle
+        share = (t - lap * cycle) / self.period
+        if share >= 1.0 - _INSTANT and lap + 1.0 < self.passes:
             return -1.0
         return (lap + share) * self.segments
 

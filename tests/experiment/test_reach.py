@@ -135,3 +135,68 @@ def test_only_as_much_of_the_path_is_followed_as_the_run_is_long():
     reach = follow(load_experiment(KNOWN, {"duration": 2}))
     assert reach.time[-1] == 2
     assert follow(load_experiment(KNOWN)).time[-1] == 8
+
+
+# Open paths, sequences and orientations.
+
+POSED = {
+    "arm": "panda",
+    "law": {"kind": "pseudoinverse"},
+    "period": 1e-3,
+    "duration": 10,
+}
+
+
+def test_an_open_path_is_followed_to_its_end_and_not_further():
+    path = {"kind": "line", "by": [0.0, 0.2, 0.0], "period": 4}
+    reach = follow(make_experiment({**POSED, "path": path}))
+    assert reach.time[-1] == 4
+    np.testing.assert_allclose(reach.desired[-1] - reach.desired[0], [0, 0.2, 0], atol=1e-12)
+    too_far = {**path, "by": [0.0, 1.2, 0.0]}
+    with pytest.raises(InvalidInputError, match=r"path: out of reach: .* at t = 2\.\d* s"):
+        check_reach(make_experiment({**POSED, "path": too_far}))
+
+
+def test_every_part_of_a_sequence_must_be_within_reach():
+    near = {"path": {"kind": "circle", "size": 0.05, "period": 2, "timing": "sin2", "laps": 1}}
+    far = {"path": {"kind": "line", "by": [0.8, 0, 0], "period": 2, "timing": "sin2"}}
+    experiment = make_experiment({**POSED, "path": {"kind": "sequence", "parts": [near, far]}})
+    with pytest.raises(InvalidInputError, match=r"path: out of reach: .* at t = [23]\.\d* s"):
+        check_reach(experiment)
+    parts = [near, far]
+    short = make_experiment({**POSED, "duration": 2, "path": {"kind": "sequence", "parts": parts}})
+    assert check_reach(short) == []
+
+
+def test_a_bridge_must_be_within_reach_too():
+    """Both ends are; the way between, 0.4 m/s outwards at first, leads 0.8 m away."""
+    out = {"path": {"kind": "line", "by": [0.4, 0, 0], "period": 1}}
+    back = {"kind": "circle", "size": 0.02, "period": 2, "timing": "sin2", "centre": [0.4, 0, 0.6]}
+    path = {"kind": "sequence", "parts": [out, {"path": back, "bridge": 2.0}]}
+    with pytest.raises(InvalidInputError, match=r"path: out of reach.* at t = 1\.\d* s, by"):
+        check_reach(make_experiment({**POSED, "path": path}))
+
+
+def test_an_orientation_along_the_path_must_be_within_reach():
+    turn = {"kind": "line", "by": [0, 0, 0], "turn": [0, 0, 1.0], "period": 2, "timing": "quintic"}
+    document = {**POSED, "task": "pose", "path": turn}
+    reach = follow(make_experiment(document))
+    assert reach.miss.max() < 1e-6
+    assert np.ptp(reach.position, axis=0).max() > 0.5
+    np.testing.assert_allclose(reach.desired, np.tile(reach.desired[0], (400, 1)))
+    over = {**turn, "turn": [0, 0, 6.0]}
+    with pytest.raises(InvalidInputError, match="path: out of reach"):
+        check_reach(
+            make_experiment({**document, "arm": "planar6", "path": {**over, "turn": [1, 0, 0]}})
+        )
+
+
+def test_a_long_path_is_followed_in_steps_of_a_centimetre():
+    laps = [{"path": {"kind": "circle", "size": 0.15, "period": 4, "timing": "sin2", "laps": 6}}]
+    experiment = make_experiment(
+        {**POSED, "duration": 30, "path": {"kind": "sequence", "parts": laps * 2}}
+    )
+    reach = follow(experiment)
+    step = np.linalg.norm(np.diff(reach.desired, axis=0), axis=1)
+    assert len(reach.time) > 400
+    assert step.max() < 0.02

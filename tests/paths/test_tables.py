@@ -1,0 +1,121 @@
+"""CSV files of points, times and orientations."""
+
+import numpy as np
+import pytest
+
+from drake_rnn import InvalidInputError, Points, Spline, Waypoints
+
+ROWS = np.array([[0, 0, 0, 0], [1, 0.1, 0, 0], [2, 0.1, 0.1, 0], [3.5, 0, 0.1, 0.1]])
+
+
+def written(tmp_path, text):
+    file = tmp_path / "table.csv"
+    file.write_text(text)
+    return str(file)
+
+
+def lines(header, rows):
+    return header + "\n" + "\n".join(",".join(map(repr, map(float, row))) for row in rows) + "\n"
+
+
+@pytest.mark.parametrize("header", ["t,x,y,z", "time, x, y, z", "Time,X,Y,Z"])
+def test_columns_have_names(tmp_path, header):
+    path = Waypoints(file=written(tmp_path, lines(header, ROWS)))
+    same = Waypoints(positions=ROWS[:, 1:], times=ROWS[:, 0])
+    for t in np.linspace(0, 4, 17):
+        np.testing.assert_array_equal(path.evaluate(t), same.evaluate(t))
+
+
+def test_columns_may_be_in_any_order(tmp_path):
+    path = Waypoints(file=written(tmp_path, lines("z,t,y,x", ROWS[:, [3, 0, 2, 1]])))
+    same = Waypoints(positions=ROWS[:, 1:], times=ROWS[:, 0])
+    np.testing.assert_array_equal(path.evaluate(1.3), same.evaluate(1.3))
+
+
+@pytest.mark.parametrize(
+    ("names", "key"), [("qw,qx,qy,qz", "quaternions"), ("roll,pitch,yaw", "rpy")]
+)
+def test_a_file_may_hold_orientations(tmp_path, names, key):
+    turns = np.array([[0, 0, 0], [0.1, 0, 0.2], [0, 0.3, 0], [0, 0, 0.4]])
+    if key == "quaternions":
+        turns = np.column_stack([np.sqrt(1 - (turns**2).sum(axis=1)), turns])
+    path = Waypoints(file=written(tmp_path, lines(f"t,x,y,z,{names}", np.hstack([ROWS, turns]))))
+    same = Waypoints(positions=ROWS[:, 1:], times=ROWS[:, 0], **{key: turns})
+    assert path.turns
+    for value, other in zip(path.evaluate_rotation(1.3), same.evaluate_rotation(1.3), strict=True):
+        np.testing.assert_array_equal(value, other)
+
+
+def test_points_and_splines_take_a_header_too(tmp_path):
+    file = written(tmp_path, lines("x,y,z", ROWS[:, 1:]))
+    plain = Spline(points=ROWS[:, 1:], period=2.0)
+    for path in (Spline(file=file, period=2.0), Points(file=file, period=2.0)):
+        np.testing.assert_array_equal(path.evaluate(0.7), plain.evaluate(0.7))
+    closed = Points(file=file, period=2.0, closed=True)
+    assert np.linalg.norm(closed.evaluate(2.0 - 1e-9)[0]) < 1e-8
+
+
+def test_a_file_without_times_takes_them_from_the_document(tmp_path):
+    file = written(tmp_path, lines("x,y,z", ROWS[:, 1:]))
+    assert Waypoints(file=file, speed=0.1).duration > 2.0
+    assert Waypoints(file=file, times=ROWS[:, 0]).duration == 3.5
+    with pytest.raises(InvalidInputError, match="give one of times, period and speed"):
+        Waypoints(file=file)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x,y\n0,0\n1,1\n", "row 1: has no column z"),
+        ("t,x,y\n0,0,0\n", "row 1: has no column z"),
+        ("x,y,z,qw,qx\n0,0,0,1,0\n", "row 1: has no column qy, qz"),
+        ("x,y,z,x\n0,0,0,0\n", "row 1: column x is given twice"),
+        ("t,x,y,z,time\n0,0,0,0,0\n", "row 1: column t is given twice"),
+        ("x,y,z,f\n0,0,0,0\n", "row 1: no column may be called 'f'"),
+        ("x,y,3\n0,0,0\n1,1,1\n", "row 1, column 1: 'x' is not a finite number"),
+        ("x,y,z,qw,qx,qy,qz,roll,pitch,yaw\n", "both quaternions and roll, pitch, yaw"),
+        ("t,x,y,z\n0,0,0,0\n1,1,1\n", "row 3: must be 4 numbers, t, x, y and z"),
+        ("t,x,y,z\n0,0,0,0\n1,1,1,nan\n", "row 3, column 4: 'nan' is not a finite number"),
+        ("t,x,y,z\n0,0,0,0\n1,1,1,x\n", "row 3, column 4: 'x' is not a finite number"),
+        ("t,x,y,z\n0,0,0,0\n\n0,1,1,1\n", "row 4: repeats the time 0"),
+        ("t,x,y,z\n1,0,0,0\n0,1,1,1\n", "row 3: times must increase; 0 comes after 1"),
+        ("t,x,y,z\n0,0,0,0\n", "needs at least 2 waypoints, not 1"),
+        ("t,x,y,z\n", "needs at least 2 waypoints, not 0"),
+        (
+            "t,x,y,z,qw,qx,qy,qz\n0,0,0,0,1,0,0,0\n1,1,1,1,1,1,0,0\n",
+            "row 3: a quaternion must have the length 1, not 1.414",
+        ),
+        ("0,0\n1,1\n", "row 1: must be 3 numbers, x, y and z"),
+        ("", "needs at least 2 waypoints, not 0"),
+    ],
+)
+def test_a_bad_table_is_refused_with_the_row(tmp_path, text, message):
+    file = written(tmp_path, text)
+    times = {} if text.startswith("t") else {"speed": 1.0}
+    with pytest.raises(InvalidInputError, match=message) as caught:
+        Waypoints(file=file, **times)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"period": 3.0}, "period: the file .*table.csv has a column t; leave one out"),
+        ({"times": [0, 1, 2, 3]}, "times: the file .*table.csv has a column t; leave one out"),
+        ({"rpy": np.zeros((4, 3))}, "rpy: the file .*table.csv has a column qw; leave one out"),
+    ],
+)
+def test_what_the_file_gives_must_not_be_given_again(tmp_path, fields, message):
+    rows = np.hstack([ROWS, np.tile([1.0, 0, 0, 0], (4, 1))])
+    file = written(tmp_path, lines("t,x,y,z,qw,qx,qy,qz", rows))
+    with pytest.raises(InvalidInputError, match=message):
+        Waypoints(file=file, **fields)
+
+
+@pytest.mark.parametrize("names", ["t,x,y,z", "x,y,z,qw,qx,qy,qz"])
+def test_a_spline_ignores_no_column(tmp_path, names):
+    width = names.count(",") + 1
+    rows = np.hstack([ROWS[:, 1:], np.tile([1.0, 0, 0, 0], (4, 1))])[:, :width]
+    file = written(tmp_path, lines(names, ROWS if width == 4 else rows))
+    with pytest.raises(InvalidInputError, match=r"column (t|qw): is not used here.*waypoints"):
+        Spline(file=file, period=2.0)

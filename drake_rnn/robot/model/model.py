@@ -117,6 +117,8 @@ def _mended(file: Path, packages: Mapping[str, str]) -> Model:
     try:
         warnings = _mend(root, places)
         followers = mimics_of(root)
+    except InvalidInputError:
+        raise
     except ValueError as error:
         raise InvalidInputError(f"arm.model: {file} cannot be read: {_one_line(error)}") from None
     warnings = [f"arm.model: {file.name}: {warning}" for warning in warnings]

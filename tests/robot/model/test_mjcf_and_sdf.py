@@ -88,11 +88,11 @@ def test_mjcf_of_menagerie_runs_and_plays_back(menagerie, ending):
 
 
 def test_mjcf_of_menagerie_runs_at_the_dynamic_level(menagerie):
-    """10 mm of 40 mm: the motors' lag."""
+    """15 mm of 40 mm: the motors' lag."""
     file = write(menagerie, "five.xml", mjcf())
     arm = {"model": str(file), "frame": "tip"}
     result = simulate(make_experiment(experiment(arm, duration=1.0, level="dynamic")))
-    assert result.metrics["position_error_max_m"] < 10e-3
+    assert result.metrics["position_error_max_m"] < 15e-3
 
 
 def test_a_site_is_a_frame(menagerie):

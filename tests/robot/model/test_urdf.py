@@ -96,14 +96,14 @@ def test_lost_and_repeated_transmissions_are_no_obstacle(tmp_path, lost):
 
 
 def test_one_motor_drives_each_joint_at_the_dynamic_level(tmp_path):
-    """10 mm of 40 mm: the motors' lag; a finger that nobody held would fall."""
+    """15 mm of 40 mm: the motors' lag; a finger that nobody held would fall."""
     file = write(tmp_path, "five.urdf", urdf(links=FINGERS))
     arm = {"model": str(file), "frame": "tip"}
     limits = {"acceleration": 100.0}
     result = simulate(
         make_experiment(experiment(arm, duration=1.0, level="dynamic", limits=limits))
     )
-    assert result.metrics["position_error_max_m"] < 10e-3
+    assert result.metrics["position_error_max_m"] < 15e-3
 
 
 # Inertia.

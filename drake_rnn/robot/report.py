@@ -148,7 +148,8 @@ def _weight_doubts(arm: Arm, drawn: Array, torques: Array) -> list[str]:
         posture = ", ".join(f"{angle:.2f}" for angle in drawn[worst])
         found.append(
             f"effort: the motor of {arm.joints[k]} cannot hold the weight: it may exert "
-            f"{arm.effort[k]:g} {unit}, and {torques[worst, k]:.4g} {unit} are needed at [{posture}]"
+            f"{arm.effort[k]:g} {unit}, and {torques[worst, k]:.4g} {unit} are needed at "
+            f"[{posture}]"
         )
     return found
 

@@ -206,8 +206,17 @@ class Arm:
     def add_to(self, plant: MultibodyPlant) -> ModelInstanceIndex:
         """Parse the model into ``plant``, before it is finalized, and weld it to the world.
 
-        A base that the model leaves free is welded at the pose that the model gives it.
+        A base that the model leaves free is welded at the pose that the model gives it. Joints that
+        are not controlled are welded where they stand.
+
+        Raises:
+            InvalidInputError: If such joints exist and the plant already has constraints.
         """
+        if self._held and plant.num_constraints():
+            raise InvalidInputError(
+                f"plant: has constraints, and Drake removes no joints then; add {self.name}, whose "
+                f"joint {next(iter(self._held))!r} is held, before what has constraints"
+            )
         # The parser already gave its warnings when this arm was constructed.
         with quiet_drake(logging.ERROR):
             bodies_before = plant.num_bodies()
@@ -294,8 +303,18 @@ class Arm:
             for name in names:
                 if movable[name].num_positions() != 1 or movable[name].num_velocities() != 1:
                     raise InvalidInputError(f"arm.{key}: {name!r} must have one degree of freedom")
+        self._require_independent(joints_used)
         self._require_lockable(movable)
         return tuple(joints_used)
+
+    def _require_independent(self, joints: list[str]) -> None:
+        """Raise an InvalidInputError if a controlled joint follows another one."""
+        for name in joints:
+            if (mimic := self._model.mimics.get(name)) is not None:
+                raise InvalidInputError(
+                    f"arm.joints: {name!r} follows {mimic.joint!r} (mimic), so it cannot be "
+                    "controlled; hold it in arm.lock, or take a frame before it"
+                )
 
     def _require_movable(self, movable: list[str]) -> None:
         """Raise an InvalidInputError if a joint named in the description is not movable."""

@@ -50,7 +50,7 @@ def weld_joints(
     """Replace joints of a model by welds of the same name, before the plant is finalized.
 
     Motors of these joints are removed, and so are all constraints of the plant: Drake removes no
-    joint of a plant with constraints. An arm with such joints is therefore added before others.
+    joint of a plant with constraints.
     """
     if not poses:
         return

@@ -146,11 +146,13 @@ def _checked(model: Model) -> Model:
             plant.Finalize()
         except RuntimeError as error:
             raise InvalidInputError(f"arm.model: {model.file}: {_one_line(error)}") from None
-    del plant  # it points to the scene graph, which must outlive it
     warnings = []
+    if (loops := plant.num_constraints() - len(model.mimics)) > 0:
+        warnings.append(f"{loops} constraints, e.g. of closed loops, are left out")
     if said:
         times = "once" if len(said) == 1 else f"{len(said)} times"
         warnings.append(f"Drake warns {times}, first: {_one_line(said[0])[:200]}")
+    del plant  # it points to the scene graph, which must outlive it
     told = (f"arm.model: {model.file.name}: {warning}" for warning in warnings)
     return replace(model, warnings=(*model.warnings, *told))
 

@@ -23,8 +23,8 @@ def mend_urdf(root: Element, meshes: Meshes) -> list[str]:
     Returns:
         Warnings about changes that alter the physics or the looks.
     """
-    colours = _named_colours(root)
     _rename_materials(root)
+    colours = _named_colours(root)
     return [
         *mend_geometry(root, meshes, _mesh, lambda visual: _colour(visual, colours)),
         *_fix_floating_joints(root),
@@ -42,19 +42,24 @@ def _mesh(geometry: Element) -> MeshName | None:
 
 
 def _named_colours(root: Element) -> dict[str, Colour]:
-    materials = [*root.findall("material"), *root.findall("link/visual/material")]
     return {
         name: colour
-        for material in materials
+        for material in _materials(root)
         if (name := material.get("name")) and (colour := _own_colour(material)) is not None
     }
 
 
 def _rename_materials(root: Element) -> None:
-    """Drop the names of materials that give a colour of their own: Drake wants each name once."""
-    for material in root.iterfind("link/visual/material"):
-        if material.find("color") is not None and material.get("name"):
+    """Take the name from a material that was defined in another colour before: Drake refuses it."""
+    colours: dict[str, Colour] = {}
+    for material in _materials(root):
+        name, colour = material.get("name", ""), _own_colour(material)
+        if name and colour is not None and colours.setdefault(name, colour) != colour:
             material.set("name", "")
+
+
+def _materials(root: Element) -> list[Element]:
+    return [*root.findall("material"), *root.findall("link/visual/material")]
 
 
 def _own_colour(material: Element) -> Colour | None:

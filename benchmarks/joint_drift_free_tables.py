@@ -135,7 +135,8 @@ def traits(name: str) -> list[str]:
     off = position_error(run(name, ("path.offset", (0.0, 1e-3, 0.0)))) - position_error(plain)
     kept = np.linalg.norm(off[-1]) / np.linalg.norm(off[0])
     bound = TIGHT * found["joint_acceleration_max_rad_s2"]
-    violated = run(name, ("limits.acceleration", bound)).metrics["limit_violation_max"]
+    bounded = run(name, ("limits.acceleration", bound))
+    violated = bounded.metrics["acceleration_violation_max_rad_s2"]
     decoupled = "nothing to decouple"
     if name != SCHEMES["MAN"]:
         light, heavy = (

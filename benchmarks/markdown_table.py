@@ -1,5 +1,10 @@
 """Printing of Markdown tables, row by row."""
 
+from collections.abc import Mapping
+
+from drake_rnn.measures import violation_metric
+from drake_rnn.robot.limits import LIMIT_UNITS
+
 
 def row(*cells: object) -> None:
     """Print one row of a table."""
@@ -11,3 +16,10 @@ def head(*cells: str) -> None:
     print()
     row(*cells)
     print("|" + "---|" * len(cells))
+
+
+def broken_limits(metrics: Mapping[str, float]) -> str:
+    """Return the limits that a run exceeds and by how much, or "none"."""
+    excess = {name: metrics.get(violation_metric(name), 0.0) for name in LIMIT_UNITS}
+    broken = [f"{name}: {by:.2g} {LIMIT_UNITS[name]}" for name, by in excess.items() if by > 0.0]
+    return ", ".join(broken) or "none"

@@ -7,16 +7,14 @@ from collections.abc import Sequence
 from itertools import groupby
 from typing import Literal
 
-import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from ..experiment import (
-    Acceptance,
-    Experiment,
     ExperimentDocument,
+    expected_bounds,
     read_document,
     shipped_experiments,
 )
@@ -128,14 +126,14 @@ def arm_table(report: ArmReport) -> Table:
 def metrics_table(result: Result) -> Table:
     """Return a table of a run's metrics, with the bounds that they are expected to keep."""
     experiment = result.experiment
-    bounds = _bounds(experiment)
+    bounds = expected_bounds(experiment)
     table = Table(box=SIMPLE_HEAD, title=escape(experiment.name))
     table.add_column("metric", no_wrap=True)
     table.add_column("value", justify="right", no_wrap=True)
     table.add_column("bound", justify="right")
     table.add_column("")
     for name, value in result.metrics.items():
-        expected = experiment.document.accept.get(name, bounds.get(name))
+        expected = bounds.get(name)
         verdict = "" if expected is None else ("ok" if expected.holds(value) else "[red]no[/]")
         table.add_row(name, f"{value:.4g}", "" if expected is None else str(expected), verdict)
     for name in experiment.document.accept:
@@ -227,16 +225,3 @@ def varying_metrics(rows: Sequence[Row]) -> list[str]:
         if found and (differ or len(ran) == 1):
             chosen.append(name)
     return chosen
-
-
-def _bounds(experiment: Experiment) -> dict[str, Acceptance]:
-    """Return the bounds that the limits put on metrics; ratios, as joints may differ in bounds."""
-    limits = experiment.limits
-    bounds = {}
-    if np.isfinite(limits.position_upper - limits.position_lower).any():
-        bounds["joint_limit_margin_min_rad"] = Acceptance(at_least=0.0)
-    # A secant at its bound carries rounding errors.
-    for order, name in enumerate(DERIVATIVE_UNITS, start=1):
-        if limits.bounds[name] is not None:
-            bounds[f"limit_ratio_{order}_max"] = Acceptance(at_most=1.0 + 1e-9)
-    return bounds

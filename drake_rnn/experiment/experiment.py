@@ -21,7 +21,7 @@ from ..robot.task import Task, named_task
 from ..systems import BODIES, Body, Contact, Feedback, PlantSettings, start_posture
 from .contact import make_contact
 from .document import ExperimentDocument
-from .filter import filter_delay, loop_delay_doubts
+from .filter import filter_delay, kept_limits, loop_delay_doubts
 from .law import law_class, make_law
 from .target import reachable_target
 
@@ -68,6 +68,11 @@ class Experiment:
     def limits(self) -> JointLimits:
         """Joint limits of the experiment, those of its arm."""
         return self.arm.limits
+
+    @property
+    def kept_limits(self) -> tuple[str, ...]:
+        """Names of the limits that the law, or the filter behind it, keeps by construction."""
+        return kept_limits(self.document, self.feedback, self.limits, self.law)
 
     @property
     def target(self) -> Array | None:

@@ -9,7 +9,7 @@ from ..errors import InvalidInputError
 from ..laws import Law
 from ..robot.limits import JointLimits
 from ..systems.body import Feedback
-from ..systems.moving_average import averaging_delay, averaging_windows
+from ..systems.moving_average import averaged_limits, averaging_delay, averaging_windows
 from .document import ExperimentDocument
 
 
@@ -58,6 +58,22 @@ def filter_delay(
             "filter.delay_desired: only for a law that sees p_WE_desired and v_WE_desired"
         )
     return FilterDelay(path=delay * settings.delay_desired, loop=delay)
+
+
+def kept_limits(
+    document: ExperimentDocument, feedback: Feedback, limits: JointLimits, law: Law
+) -> tuple[str, ...]:
+    """Return the names of the limits that the law keeps, or the filter behind it.
+
+    Behind a filter the arm's positions are means of those of an unfiltered arm that the law sees,
+    if neither a bound on the velocity nor a precompensation changes the command before.
+    """
+    settings = document.filter
+    if settings is None:
+        return law.keeps
+    kept = averaged_limits(limits)
+    means = feedback == "unfiltered" and not settings.precompensate
+    return ("position", *kept) if means and {"position", "velocity"} <= {*law.keeps} else kept
 
 
 def loop_delay_doubts(document: ExperimentDocument, law: Law, delay: float) -> list[str]:

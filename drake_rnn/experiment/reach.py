@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -82,8 +83,29 @@ def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
     )
 
 
+class Forecast(NamedTuple):
+    """A warning about a path that a run may prove wrong.
+
+    Attributes:
+        text: The warning.
+        limit: Limit that the path asks to exceed; None if it is about something else.
+    """
+
+    text: str
+    limit: str | None = None
+
+
 def check_reach(experiment: Experiment) -> list[str]:
     """Return the experiment's warnings, then those about its path.
+
+    Raises:
+        InvalidInputError: As `forecasts` does.
+    """
+    return [*experiment.warnings, *(forecast.text for forecast in forecasts(experiment))]
+
+
+def forecasts(experiment: Experiment) -> list[Forecast]:
+    """Return warnings about the experiment's path.
 
     The posture of a redundant arm is not unique: limits that the least-squares posture meets may
     be avoidable, so they cause a warning, not an error.
@@ -93,7 +115,7 @@ def check_reach(experiment: Experiment) -> list[str]:
             are too weak for the pressing force.
     """
     if experiment.target is not None:
-        return list(experiment.warnings)
+        return []
     _require_within_task(experiment)
     reach = follow(experiment)
     worst = int(np.argmax(reach.miss))
@@ -106,12 +128,8 @@ def check_reach(experiment: Experiment) -> list[str]:
             f"the largest miss is {reach.miss[worst]:.3g} m at t = {reach.time[worst]:.4g} s"
         )
     _require_torque(experiment, reach)
-    return [
-        *experiment.warnings,
-        *_near_limits(experiment, reach),
-        *_near_singular(reach),
-        *_beyond_bounds(experiment, reach),
-    ]
+    places = [*_near_limits(experiment, reach), *_near_singular(reach)]
+    return [*map(Forecast, places), *_beyond_bounds(experiment, reach)]
 
 
 def _near_limits(experiment: Experiment, reach: Reach) -> list[str]:
@@ -138,7 +156,7 @@ def _near_singular(reach: Reach) -> list[str]:
     ]
 
 
-def _beyond_bounds(experiment: Experiment, reach: Reach) -> list[str]:
+def _beyond_bounds(experiment: Experiment, reach: Reach) -> list[Forecast]:
     warnings = []
     for article, name, unit, asked in (
         ("a", "velocity", "rad/s", reach.velocity),
@@ -150,11 +168,12 @@ def _beyond_bounds(experiment: Experiment, reach: Reach) -> list[str]:
         ratio = np.abs(asked) / bound
         k, joint = np.unravel_index(np.argmax(ratio), ratio.shape)
         if ratio[k, joint] > 1.0:
-            warnings.append(
+            text = (
                 f"path: asks {experiment.arm.joints[joint]} for {article} {name} of "
                 f"{ratio[k, joint] * bound[joint]:.3g} {unit} near t = {reach.time[k]:.3g} s; "
                 f"its limit is {bound[joint]:.3g}"
             )
+            warnings.append(Forecast(text, name))
     return warnings
 
 

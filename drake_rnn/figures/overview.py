@@ -9,6 +9,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from ..experiment import expected_bounds
 from ..measures import shown_in
 from ..runs.result import Result
 from .force_panels import plot_force, plot_force_error
@@ -140,13 +141,13 @@ def _header(part: Any, name: str, lines: list[str]) -> None:
 
 def _table(part: Any, result: Result, metrics: tuple[str, ...]) -> None:
     """Write the metrics in two columns, with the values that the experiment expects."""
-    accept = result.experiment.document.accept
+    accept, bounds = result.experiment.document.accept, expected_bounds(result.experiment)
     names = [name for name in dict.fromkeys((*accept, *metrics)) if name in result.metrics]
     rows = max(1, (len(names) + 1) // 2)
     for k, name in enumerate(names):
         column, row = divmod(k, rows)
         x, y = 0.04 + 0.5 * column, 0.95 - 0.92 * (row + 1) / max(rows + 1, 6)
-        accepted, value = accept.get(name), result.metrics[name]
+        accepted, value = bounds.get(name), result.metrics[name]
         missed = accepted is not None and not accepted.holds(value)
         part.text(x, y, name, fontsize=7, va="top")
         style: Style = {"color": COLOURS[1], "weight": "bold"} if missed else {}
@@ -158,5 +159,5 @@ def _table(part: Any, result: Result, metrics: tuple[str, ...]) -> None:
             part.text(x + 0.35, y, text, va="top", **NOTE)
         if row == 0:
             part.text(x + 0.33, 0.95, "value", va="top", ha="right", **NOTE)
-            if any(other in accept for other in names[k : k + rows]):
+            if any(other in bounds for other in names[k : k + rows]):
                 part.text(x + 0.35, 0.95, "expected", va="top", **NOTE)

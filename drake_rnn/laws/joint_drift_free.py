@@ -74,6 +74,12 @@ from ..robot.limits import JointLimits
 from .law import ContinuousLaw, ContinuousReading, Layout, SampledReading, Signals
 from .parts.two_step import LinearForm, TwoStep
 
+# Limits that ``bounds: acceleration`` does not consider, and the metrics of their violation.
+_UNKEPT = (
+    ("position", "position_violation_max_rad", "rad"),
+    ("velocity", "velocity_violation_max_rad_s", "rad/s"),
+)
+
 Scheme = Literal["man", "galjdf", "naljdf", "moaljdf_printed", "moaljdf"]
 
 
@@ -293,7 +299,23 @@ class JointDriftFree(ContinuousLaw):
     def _bound(self) -> Array:
         return self.limits.require("acceleration", f"scheme: {self.scheme}")
 
+    @property
+    def keeps(self) -> tuple[str, ...]:
+        if self.bounds == "acceleration":
+            return ("acceleration",)
+        return ("position", "velocity", "acceleration")
+
     def caveats(self, metrics: Mapping[str, float]) -> list[str]:
+        """Return the warnings to show after a run of the continuous law."""
+        found = self.broken_assumptions(metrics)
+        if metrics.get("saturated_fraction", 0.0) > 0.5:
+            found.append(
+                "law: an explicit integrator with too long a step for velocity_gain has the same "
+                "effect as a bound; give a period instead, or integrator.scheme: radau3"
+            )
+        return found
+
+    def broken_assumptions(self, metrics: Mapping[str, float]) -> list[str]:
         """Return the reasons why a run with these metrics may not obey the paper's theorems."""
         found = []
         saturated = metrics.get("saturated_fraction", 0.0)
@@ -304,17 +326,13 @@ class JointDriftFree(ContinuousLaw):
                 f"the steps (demand up to {demand:.3g} rad/s^2); omega ignores the clipping, so "
                 "the paper's theorems do not hold for this run"
             )
-        if saturated > 0.5:
-            found.append(
-                "law: an explicit integrator with too long a step for velocity_gain has the same "
-                "effect; give a period instead, or integrator.scheme: radau3"
-            )
-        broken = metrics.get("limit_violation_max", 0.0)
-        if broken > 1e-9 and self.bounds == "acceleration":
-            found.append(
-                f"law: limits that this law does not consider were violated by {broken:.3g}; a "
-                "sampled law with law.bounds: all keeps them"
-            )
+        for limit, metric, unit in _UNKEPT:
+            excess = metrics.get(metric, 0.0)
+            if excess > 1e-9 and limit not in self.keeps:
+                found.append(
+                    f"law: {limit} limits, which this law does not consider, were exceeded by up "
+                    f"to {excess:.3g} {unit}; a sampled law with law.bounds: all keeps them"
+                )
         singular = metrics.get("singular_value_min", np.inf)
         if singular < 0.1:
             found.append(

@@ -118,6 +118,10 @@ class Reading(ABC):
         """
         return {}
 
+    def caveats(self, metrics: Mapping[str, float]) -> list[str]:
+        """Return warnings to show after a run with these metrics."""
+        return []
+
     @cached_property
     def _v(self) -> slice:
         return self.state.parts["v"][0]
@@ -181,6 +185,15 @@ class Law(Reading):
     stays_on_path = False
 
     @property
+    def keeps(self) -> tuple[str, ...]:
+        """Limits that its command keeps by construction, whatever its inputs are.
+
+        The names are those of `drake_rnn.robot.limits.LIMIT_UNITS`. They hold for an ideal arm that
+        starts at rest within its limits, in every reading that the law has; none by default.
+        """
+        return ()
+
+    @property
     def levels_are_derivatives(self) -> bool:
         """Whether the part ``levels`` of its state, if any, holds derivatives of joint positions.
 
@@ -231,10 +244,6 @@ class Law(Reading):
         Raises:
             InvalidInputError: If the law cannot run in these circumstances.
         """
-        return []
-
-    def caveats(self, metrics: Mapping[str, float]) -> list[str]:
-        """Return warnings to show after a run with these metrics."""
         return []
 
 

@@ -86,6 +86,7 @@ from .law import (
 from .parts.constraint_rows import printed_orientation_rows, surface_split
 from .parts.contact_loss import LOST, ContactLoss
 from .parts.fixed_stiffness import FixedStiffness
+from .parts.kept_limits import kept_with_lag
 from .parts.learning import gradient, rank_one_update
 from .parts.online_stiffness import OnlineStiffness
 from .parts.primal_dual import PrimalDual, substeps
@@ -321,6 +322,10 @@ class MotionForce(SampledLaw, ContinuousLaw):
                 f"not {loss.floor:g}"
             )
         return []
+
+    @property
+    def keeps(self) -> tuple[str, ...]:
+        return kept_with_lag(self.limit_stiffness, self.time_constant)
 
     def caveats(self, metrics: Mapping[str, float]) -> list[str]:
         found = []

@@ -50,6 +50,11 @@ class NullSpaceAdjustment(PostureLaw):
         """See `PostureLaw.rates`."""
         return {**super().rates, "feedback": self.feedback}
 
+    @property
+    def keeps(self) -> tuple[str, ...]:
+        """See `Law.keeps`."""
+        return ("position", "velocity")
+
     @cached_property
     def state(self) -> Layout:
         return Layout(v=self.target.shape)

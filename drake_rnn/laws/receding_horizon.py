@@ -88,6 +88,10 @@ class RecedingHorizon(SampledLaw):
                 )
 
     @property
+    def keeps(self) -> tuple[str, ...]:
+        return ("position", *DERIVATIVE_UNITS)
+
+    @property
     def joint_preview(self) -> JointPreview:
         return JointPreview(self.interval, self.horizon)
 

@@ -46,6 +46,7 @@ import numpy as np
 from ..inputs.fields import Array, Positive, Vector, validated
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
 from .law import Layout, SampledLaw, Signals
+from .parts.kept_limits import kept_with_lag
 
 _ORDERS = tuple(DERIVATIVE_UNITS)
 
@@ -91,6 +92,14 @@ class Recursive(SampledLaw):
             )
         for name in _ORDERS[:n]:
             self.limits.require(name, f"{n} gains")
+
+    @property
+    def keeps(self) -> tuple[str, ...]:
+        """See `Law.keeps`; in a printed chain only the bound of the top level is structural."""
+        if self.time_constants is not None:
+            return kept_with_lag(self.limit_stiffness, float(self.time_constants[0]))
+        n = self.gains.size
+        return ("position", "velocity") if n == 1 else (_ORDERS[n - 1],)
 
     @property
     def levels_are_derivatives(self) -> bool:

@@ -62,6 +62,7 @@ from ..errors import InvalidInputError
 from ..inputs.fields import Array, Count, NonNegative, Positive, Vector, validated
 from ..robot.limits import JointLimits
 from .law import Circumstances, ContinuousLaw, Layout, SampledLaw, Signals
+from .parts.kept_limits import kept_with_lag
 from .parts.learning import gradient, rank_one_update
 from .parts.warm_up import WarmUp
 
@@ -120,6 +121,13 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
                 f"law.warm_up.acceleration: may be at most the bound, {bound:g} rad/s^2, "
                 f"not {self.warm_up.acceleration:g}"
             )
+
+    @property
+    def keeps(self) -> tuple[str, ...]:
+        """See `Law.keeps`; a bounded acceleration may be too small to brake at a position limit."""
+        if self.acceleration_bound == "none":
+            return kept_with_lag(self.limit_stiffness, 1.0 / self.rate)
+        return ("velocity", "acceleration")
 
     @property
     def loop_gains(self) -> Mapping[str, float]:

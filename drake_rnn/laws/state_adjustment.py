@@ -53,6 +53,7 @@ import numpy as np
 
 from ..inputs.fields import Array, Positive, validated
 from .law import ContinuousLaw, Layout, Signals
+from .parts.kept_limits import kept_with_lag
 from .parts.rise import sine_rise, smooth_rise
 from .posture_law import PostureLaw
 
@@ -83,6 +84,10 @@ class StateAdjustment(PostureLaw, ContinuousLaw):
                 "rise_time: needs a velocity limit for every joint, but joint "
                 f"{int(np.argmax(unbounded)) + 1} has none; give limits.velocity"
             )
+
+    @property
+    def keeps(self) -> tuple[str, ...]:
+        return kept_with_lag(self.limit_stiffness, self.time_constant)
 
     @cached_property
     def state(self) -> Layout:

@@ -1,6 +1,6 @@
 """Recording of a run, and the metrics computed from it."""
 
-from .metrics import METRIC_NAMES, METRICS, TIMING_METRICS, Metric, shown_in
+from .metrics import METRIC_NAMES, METRICS, TIMING_METRICS, Metric, shown_in, violation_metric
 from .motion import Motion, Pressing
 from .motion_metrics import ARRIVED, law_metrics, motion_metrics
 from .recorder import Recorder
@@ -19,4 +19,5 @@ __all__ = [
     "law_metrics",
     "motion_metrics",
     "shown_in",
+    "violation_metric",
 ]

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from ..robot.limits import DERIVATIVE_UNITS
+from ..robot.limits import DERIVATIVE_UNITS, LIMIT_UNITS
 
 #: Steps that a metric is taken over: those of the experiment's window, those of the whole run, or
 #: none, for a property of the machine that ran it.
@@ -38,9 +38,21 @@ class Metric:
     shown: frozenset[Shown] = frozenset()
 
 
+def violation_metric(limit: str) -> str:
+    """Return the name of the metric of a limit's violation.
+
+    Args:
+        limit: A key of `LIMIT_UNITS`.
+    """
+    unit = LIMIT_UNITS[limit].replace("/s^", "_s").replace("/", "_")
+    return f"{limit}_violation_max_{unit}"
+
+
 def _shown(*places: Shown) -> frozenset[Shown]:
     return frozenset(places)
 
+
+_DIFFERENCES = ", from velocity differences over 10 ms"
 
 #: All metrics, in the order in which they are shown.
 METRICS: tuple[Metric, ...] = (
@@ -285,16 +297,19 @@ METRICS: tuple[Metric, ...] = (
         Metric(
             f"limit_ratio_{order}_max",
             "1",
-            f"largest ratio of a joint's {name} to its bound"
-            + (", from velocity differences over 10 ms" if order > 2 else ""),
+            f"largest ratio of a joint's {name} to its bound" + (_DIFFERENCES if order > 2 else ""),
+            shown=_shown("return") if order <= 2 else frozenset(),
         )
         for order, name in enumerate(DERIVATIVE_UNITS, start=1)
     ),
-    Metric(
-        "limit_violation_max",
-        "mixed",
-        "largest excess over any bound, in the unit of that bound",
-        shown=_shown("return"),
+    *(
+        Metric(
+            violation_metric(name),
+            unit,
+            f"largest excess of a joint's {name} over its bound; 0 within it"
+            + (_DIFFERENCES if order > 2 else ""),
+        )
+        for order, (name, unit) in enumerate(LIMIT_UNITS.items())
     ),
     Metric(
         "real_time_factor",

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from ..inputs.fields import Array
 from ..laws.law import Signals
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
+from .metrics import violation_metric
 from .motion import Motion, Pressing
 
 _HIGHER = tuple(DERIVATIVE_UNITS)[2:]
@@ -210,15 +211,14 @@ def _joints(motion: Motion, limits: JointLimits) -> dict[str, float]:
             metrics["network_acceleration_max_rad_s2"] = network.max()
     for name, values in _higher_derivatives(motion, limits).items():
         derivatives.append((name, values))
-    excess = [-margin.min()]
+    if np.isfinite(margin).any():
+        metrics[violation_metric("position")] = np.maximum(0.0, -margin.min())
     for name, values in derivatives:
         order = 1 + list(DERIVATIVE_UNITS).index(name)
         bound = limits.bounds[name]
         if bound is not None and np.isfinite(bound).any():
-            excess.append((values - bound).max())
             metrics[f"limit_ratio_{order}_max"] = (values / bound).max()
-    if np.isfinite(excess).any():
-        metrics["limit_violation_max"] = max(0.0, float(np.max(excess)))
+            metrics[violation_metric(name)] = np.maximum(0.0, (values - bound).max())
     return metrics
 
 

@@ -22,6 +22,9 @@ DERIVATIVE_UNITS = {
     "crackle": "rad/s^5",
 }
 
+#: All limits by name and their units; ``position`` stands for its lower and its upper limit.
+LIMIT_UNITS = {"position": "rad", **DERIVATIVE_UNITS}
+
 
 @validated
 class JointLimits:

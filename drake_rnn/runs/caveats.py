@@ -2,16 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..measures import Motion
+from ..experiment import Forecast
+from ..measures import Motion, violation_metric
+from ..robot.limits import LIMIT_UNITS
 from ..systems import Body
 
 # Distance from the command beyond which an arm is said not to follow it: of the end effector [m]
 # and of a joint [rad].
 _FAR, _FAR_JOINT = 5e-3, 0.02
+
+
+def standing(found: Sequence[Forecast], metrics: Mapping[str, float]) -> list[str]:
+    """Return the forecasts that a run with these metrics has not disproved.
+
+    That a path asks for more than a limit is estimated from the least joint velocities. A law with
+    others may follow the path within the limit, without having cut what it demanded.
+
+    Args:
+        found: Warnings from before the run.
+        metrics: Metrics of the run.
+    """
+    cut = metrics.get("saturated_fraction", 0.0) > 0.0
+    excess = {name: metrics.get(violation_metric(name), np.inf) for name in LIMIT_UNITS if not cut}
+    return [each.text for each in found if excess.get(each.limit or "", np.inf) > 0.0]
 
 
 def contact_caveats(motion: Motion, metrics: Mapping[str, float]) -> list[str]:

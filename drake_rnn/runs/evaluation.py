@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram
 
 from ..diagrams import Loop
-from ..experiment import Experiment
+from ..experiment import Experiment, Forecast
 from ..inputs.fields import Array
 from ..laws import Reading, Signals
 from ..measures import Motion, Recorder, law_metrics, motion_metrics
-from .caveats import contact_caveats, motor_caveats
+from .caveats import contact_caveats, motor_caveats, standing
 from .motion import motion_of, observed_signals, seen_motion
 from .result import Result
 
@@ -19,7 +21,7 @@ from .result import Result
 def evaluate(
     experiment: Experiment,
     recorder: Recorder,
-    warnings: list[str],
+    found: Sequence[Forecast],
     diagram: Diagram,
     loop: Loop,
 ) -> Result:
@@ -28,7 +30,7 @@ def evaluate(
     Args:
         experiment: Experiment that was run.
         recorder: Recorder of the run.
-        warnings: Warnings from before the run.
+        found: Warnings about the path from before the run.
         diagram: Simulated diagram.
         loop: Systems of the loop.
     """
@@ -46,8 +48,9 @@ def evaluate(
         series=series | {name: values[at] for name, values in observed.items()},
         metrics=metrics,
         warnings=[
-            *warnings,
-            *experiment.law.caveats(metrics),
+            *experiment.warnings,
+            *standing(found, metrics),
+            *reading.caveats(metrics),
             *contact_caveats(motion, metrics),
             *motor_caveats(loop.arm, motion),
         ],

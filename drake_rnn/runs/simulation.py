@@ -11,7 +11,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPo
 
 from ..diagrams import AddLoop, Loop
 from ..errors import InterruptedRunError, InvalidInputError, SimulationError
-from ..experiment import OUTSIDE, Experiment, ExperimentDocument, check_reach
+from ..experiment import OUTSIDE, Experiment, ExperimentDocument, check_reach, forecasts
 from ..laws import Law
 from ..measures import Recorder
 from ..systems import (
@@ -62,7 +62,7 @@ def simulate(experiment: Experiment, progress: Progress | None = None) -> Result
         SimulationError: If the run stops early; its ``result`` covers the time until then.
     """
     started = time.perf_counter()
-    warnings = check_reach(experiment)
+    found = forecasts(experiment)
     simulator, loop = build_simulator(experiment)
     root = simulator.get_mutable_context()
     _set_initial_state(loop, root)
@@ -71,7 +71,7 @@ def simulate(experiment: Experiment, progress: Progress | None = None) -> Result
         simulator.set_monitor(_with_progress(recorder, progress))
 
     run_time, failure = _advance(simulator, experiment)
-    result = evaluate(experiment, recorder, warnings, simulator.get_system(), loop)
+    result = evaluate(experiment, recorder, found, simulator.get_system(), loop)
     result.metrics["real_time_factor"] = root.get_time() / run_time
     result.metrics["wall_time_s"] = time.perf_counter() - started
     if isinstance(loop.controller, SampledController) and failure is None:

@@ -59,6 +59,13 @@ class FilterSettings:
     delay_desired: bool = False
 
 
+def averaged_limits(limits: JointLimits) -> tuple[str, ...]:
+    """Return the names of the limits that a chain keeps: velocity to the highest one known."""
+    names = tuple(DERIVATIVE_UNITS)
+    known = [name for name in names if limits.bounds[name] is not None]
+    return names[: max(2, 1 + names.index(known[-1]))]
+
+
 def averaging_windows(limits: JointLimits, period: float) -> NDArray[np.intp]:
     """Return the lengths of the windows in samples of ``period`` [s], shape (levels, n).
 
@@ -68,9 +75,7 @@ def averaging_windows(limits: JointLimits, period: float) -> NDArray[np.intp]:
     Raises:
         InvalidInputError: If a bound is missing or not finite, or the windows are too long.
     """
-    names = list(DERIVATIVE_UNITS)
-    known = [name for name in names if limits.bounds[name] is not None]
-    chain = names[: max(2, 1 + names.index(known[-1]))]
+    chain = averaged_limits(limits)
     bounds = np.array([limits.require(name, "filter: moving_average") for name in chain])
     for level, name in enumerate(chain[:-1]):
         loose = ~np.isfinite(bounds[level])

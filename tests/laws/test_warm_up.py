@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from drake_rnn import JointLimits, SimultaneousLearning, load_experiment, simulate
 from drake_rnn.laws.parts.warm_up import WarmUp
+from limit_helpers import broken
 
 PULSES = st.builds(WarmUp, pulse=st.floats(0.01, 2.0), acceleration=st.floats(0.01, 5.0))
 
@@ -64,7 +65,7 @@ def test_without_noise_it_tracks_and_every_bound_holds(seed):
     metrics = simulate(load_experiment("slc_nephroid_warm_up", {"seed": seed})).metrics
     assert metrics["position_error_max_m"] <= 0.5e-3
     assert metrics["settling_time_s"] <= 3.6
-    assert metrics["limit_violation_max"] <= 1e-9
+    assert broken(metrics, 1e-9) == {}
 
 
 @pytest.mark.long

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_rnn import JointLimits
-from drake_rnn.measures import Motion, motion_metrics
+from drake_rnn.measures import Motion, motion_metrics, violation_metric
 
 TOLERANCE = 1e-3
 FREE = JointLimits.unlimited(2)
@@ -159,24 +159,41 @@ def test_within_the_limits_nothing_is_violated():
         motion([0, 1], position=columns([0.0, 0.75]), velocity=columns([0.0, 0.25])), LIMITS
     )
     assert found["joint_limit_margin_min_rad"] == 0.25
-    assert found["limit_violation_max"] == 0.0
+    for name in ("position", "velocity", "acceleration"):
+        assert found[violation_metric(name)] == 0.0
     assert found["limit_ratio_1_max"] == 0.5
     assert found["limit_ratio_2_max"] == 0.025
 
 
 @pytest.mark.parametrize(
-    ("fields", "violation"),
+    ("fields", "violations"),
     [
-        ({"position": columns([0.0, 1.125])}, 0.125),
-        ({"position": columns([0.0, 0.0], [0.0, -2.25])}, 0.25),
-        ({"velocity": columns([0.0, 0.75])}, 0.25),
-        ({"velocity": columns([0.0, 0.0], [0.0, -3.0])}, 1.0),
-        ({"position": columns([0.0, 1.125]), "velocity": columns([0.0, 0.75])}, 0.25),
+        ({"position": columns([0.0, 1.125])}, {"position": 0.125}),
+        ({"position": columns([0.0, 0.0], [0.0, -2.25])}, {"position": 0.25}),
+        ({"velocity": columns([0.0, 0.75])}, {"velocity": 0.25}),
+        ({"velocity": columns([0.0, 0.0], [0.0, -3.0])}, {"acceleration": 1.0}),
+        (
+            {"position": columns([0.0, 1.125]), "velocity": columns([0.0, 0.75])},
+            {"position": 0.125, "velocity": 0.25},
+        ),
     ],
 )
-def test_violation_is_in_the_unit_of_the_bound_that_is_violated(fields, violation):
+def test_each_limit_has_its_own_violation_in_its_unit(fields, violations):
     found = metrics(motion([0, 1], **fields), LIMITS)
-    assert found["limit_violation_max"] == violation
+    for name in ("position", "velocity", "acceleration"):
+        assert found[violation_metric(name)] == violations.get(name, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("limit", "name"),
+    [
+        ("position", "position_violation_max_rad"),
+        ("velocity", "velocity_violation_max_rad_s"),
+        ("crackle", "crackle_violation_max_rad_s5"),
+    ],
+)
+def test_a_violations_name_ends_in_its_unit(limit, name):
+    assert violation_metric(limit) == name
 
 
 def test_a_bound_that_one_joint_has_is_that_joints_own():
@@ -223,7 +240,8 @@ def test_a_sine_has_the_jerk_snap_and_crackle_of_differences_over_10_ms(period):
         assert found[f"limit_ratio_{order}_max"] == pytest.approx(exact / bound, rel=1e-4), name
         # Which in turn is the derivative but for (w d)^2 / 24 of it for each order.
         assert exact == pytest.approx(amplitude * rate**order, rel=order * (rate * STEP) ** 2 / 20)
-    assert found["limit_violation_max"] == pytest.approx(0.3 * 2**5 - 2.0, rel=1e-3)
+    beyond = found[violation_metric("crackle")]
+    assert beyond == pytest.approx(0.3 * 2**5 - 2.0, rel=1e-3)
 
 
 def test_each_joint_has_its_own_bound():
@@ -336,5 +354,5 @@ def test_numbers_that_are_not_finite_are_left_out():
     assert "position_error_rms_m" not in found
     broken = columns([0.0, nan])
     found = metrics(motion([0, 1], position=broken, velocity=broken), LIMITS)
-    assert "limit_violation_max" not in found
+    assert not [name for name in found if "violation" in name]
     assert "joint_velocity_max_rad_s" not in found

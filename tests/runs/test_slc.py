@@ -9,6 +9,7 @@ import pytest
 
 from drake_rnn import load_experiment, simulate
 from drake_rnn.measures import TIMING_METRICS
+from limit_helpers import broken
 
 # Each takes half a minute; `make test` has ten.
 SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(1, 20))]
@@ -37,7 +38,7 @@ def test_with_a_known_jacobian_the_arm_tracks_the_nephroid(known):
 def test_every_declared_bound_holds(known):
     """Rounding only: the acceleration is a secant of velocities around 1 rad/s."""
     assert known["joint_acceleration_max_rad_s2"] <= 1 + 1e-9
-    assert known["limit_violation_max"] <= 1e-9
+    assert broken(known, 1e-9) == {}
     assert known["joint_limit_margin_min_rad"] > 0.3
 
 

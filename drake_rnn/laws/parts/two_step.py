@@ -69,6 +69,9 @@ class AccelerationLaw(Protocol):
     def linear_form(self, u: Signals, q: Array, p_WE: Array, ahead: float = 0.0) -> LinearForm:
         """Return the rates at posture q + ahead v and end-effector position p_WE + ahead J v."""
 
+    def broken_assumptions(self, metrics: Mapping[str, float]) -> list[str]:
+        """Return warnings to show after a run with these metrics."""
+
     def bounded(self, demand: Array, q: Array, v: Array, period: float) -> Array:
         """Return the allowed accelerations nearest to ``demand``, shape (n,) [rad/s^2]."""
 
@@ -118,6 +121,9 @@ class TwoStep(SampledReading):
         x = np.zeros(self.state.size)
         x[self._places["since"]] = _NEVER
         return x
+
+    def caveats(self, metrics: Mapping[str, float]) -> list[str]:
+        return self.law.broken_assumptions(metrics)
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
         law, h = self.law, period

@@ -1,0 +1,21 @@
+"""Limits that are kept by a velocity that lags behind targets within a box.
+
+The box is that of `JointLimits.velocity_box`, with stiffness k. As a mean of targets, the velocity
+never exceeds its largest speed. If it follows its target with the time constant tau, the distance s
+to a position limit obeys tau s'' + s' + k s >= 0, so that from rest it reaches zero only if that
+equation oscillates, for 4 k tau > 1.
+"""
+
+from __future__ import annotations
+
+
+def kept_with_lag(limit_stiffness: float, time_constant: float) -> tuple[str, ...]:
+    """Return the names of the limits that such a velocity keeps.
+
+    Args:
+        limit_stiffness: Velocity allowed per radian left to a position limit [1/s].
+        time_constant: Time constant of the velocity [s].
+    """
+    if 4.0 * limit_stiffness * time_constant <= 1.0:
+        return ("position", "velocity")
+    return ("velocity",)

@@ -1,0 +1,46 @@
+"""What is said of a path before a run, and still said after it."""
+
+import pytest
+
+from drake_rnn import check_experiment, fastest, load_experiment, simulate
+from drake_rnn.experiment import Forecast
+from drake_rnn.runs.caveats import standing
+
+ASKS = Forecast("path: asks joint1 for an acceleration of 2.51 rad/s^2", "acceleration")
+NEAR = Forecast("path: near-singular posture")
+BEYOND = "acceleration_violation_max_rad_s2"
+
+
+@pytest.mark.parametrize(
+    ("metrics", "stands"),
+    [
+        ({BEYOND: 0.0}, False),
+        ({BEYOND: 0.0, "saturated_fraction": 0.0}, False),
+        # The limit was kept, but the path was not.
+        ({BEYOND: 0.0, "saturated_fraction": 0.1}, True),
+        ({BEYOND: 0.01}, True),
+        ({"velocity_violation_max_rad_s": 0.0}, True),
+        ({}, True),
+    ],
+)
+def test_a_forecast_stands_unless_the_run_disproves_it(metrics, stands):
+    assert standing([ASKS, NEAR], metrics) == ([ASKS.text] if stands else []) + [NEAR.text]
+
+
+def test_a_law_that_takes_its_path_within_the_limit_is_not_warned_of_it():
+    """NALJDF returns to its posture, and needs 0.99 of what the least velocities do."""
+    limit = {"limits.acceleration": 0.335, "path.timing": "ramps", "accept": None}
+    experiment = load_experiment("naljdf_clover", limit)
+    assert any(
+        "asks elbow_joint for an acceleration" in said for said in check_experiment(experiment)
+    )
+    result = simulate(experiment)
+    assert result.metrics["limit_ratio_2_max"] <= 1.0
+    assert result.warnings == []
+
+
+@pytest.mark.long
+def test_the_fastest_run_within_its_bounds_is_not_warned_of_them():
+    found = fastest(load_experiment("naljdf_clover"))
+    assert found.result.metrics["limit_ratio_2_max"] <= 1.0
+    assert found.result.warnings == []

@@ -147,12 +147,12 @@ def start_posture(arm: Arm, start: Array | None, outside: float = 0.0) -> Array:
 
     Raises:
         InvalidInputError: If there is neither; if ``start`` has the wrong shape or lies outside
-            the position limits by more than ``outside`` [rad]; if ``outside`` is negative or not
-            finite; or if ``arm`` is not an `Arm`.
+            the position limits by more than ``outside`` [rad]; if ``outside`` is negative or NaN;
+            or if ``arm`` is not an `Arm`.
     """
     require_type("arm", arm, Arm)
-    if not 0.0 <= outside < np.inf:
-        raise InvalidInputError(f"outside: must be a finite angle of at least 0 rad, not {outside}")
+    if not outside >= 0.0:
+        raise InvalidInputError(f"outside: must be an angle of at least 0 rad, not {outside}")
     if start is None:
         start = arm.home
     if start is None:

@@ -199,8 +199,8 @@ def test_a_gripper_beside_the_tool_passes_through_the_surface_and_is_told(tmp_pa
     text, home = (MODELS / "iiwa14" / "iiwa14.urdf").read_text(), IIWA.home.tolist()
     box = '<origin xyz="0.05 0 0.1"/><geometry><box size="0.02 0.02 0.2"/></geometry>'
     finger = (
-        '<joint name="hold" type="fixed">'
-        '<parent link="iiwa_link_ee"/><child link="finger"/></joint>'
+        '<joint name="hold" type="fixed"><parent link="iiwa_link_ee"/>'
+        '<child link="finger"/></joint>'
         f'<link name="finger"><visual>{box}</visual><collision>{box}</collision></link></robot>'
     )
     bare, gripper = tmp_path / "bare.urdf", tmp_path / "gripper.urdf"

@@ -1,7 +1,8 @@
 r"""Paths: desired motions of the end effector, with exact first and second derivatives.
 
-A planar curve maps a phase f in [0, 2 pi] to the complex number z(f) = x + i y, relative
-to an origin of its own; a time law (see `timing`) maps time to phase.
+`Path` is what all of them are; `Path.placed` gives the motion in the world frame. A `Curve` is
+traced by its phase f in [0, 2 pi], to which a time law (see `timing`) maps time. A planar curve is
+the complex number z(f) = x + i y, relative to an origin of its own:
 
 =============  =======================================================================
 kind           z(f); a = size
@@ -14,9 +15,14 @@ deltoid        a (2 e^{if} + e^{-2if}), from the cusp at 3a
 cat            a R(S) e^{iS}, S = f - pi/2: a head with two ears, from the chin
 square         side a, from a corner: -x, +y, +x, -y; the origin is its centre
 parallelogram  sides u, v: +u, +v, -u, -v; the origin is its centre
-points         periodic cubic spline through given points, in three dimensions
+line           straight, open, with a turn if asked for
+spline         cubic spline through points in space, open
+points         the same; periodic if it is closed
 rest           a fixed point
 =============  =======================================================================
+
+Not traced by phase are ``waypoints``, through positions and orientations at given times (see
+`pieces`), ``sequence``, paths one after another, and `TrajectoryPath`, a trajectory of Drake's.
 
 Source:
     Classical curves. The papers that follow a nephroid, a four-ring, a four-leaf clover, a

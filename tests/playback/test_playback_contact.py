@@ -403,7 +403,7 @@ def test_the_camera_is_near_enough_to_read_the_drawing(
     screen = np.stack((right, np.cross(right, ahead))) / math.tan(math.radians(15.0))
     contact = contact_of(request.getfixturevalue(kind))
     arrow = contact.contact + LENGTH * contact.normal
-    for points in (contact.lap, contact.contact, arrow):
+    for points in (contact.course, contact.contact, arrow):
         aside, above = screen @ (points - eye).T / ((points - eye) @ ahead)
         assert np.abs(aside).max() < 1.4
         assert np.abs(above).max() < 1.0

@@ -21,9 +21,9 @@ class Packages:
     """The packages that a model's ``package://`` names may refer to.
 
     A package is looked for, in this order, among the folders that are given; in the folders above
-    the model, by their name or their ``package.xml``; in ``ROS_PACKAGE_PATH`` and among Drake's own;
-    and in ``AMENT_PREFIX_PATH``. Above the model it is also found under a name with ``_description`` or
-    ``_support`` added or removed.
+    the model, by their name or their ``package.xml``; in ``ROS_PACKAGE_PATH`` and among Drake's
+    own; and in ``AMENT_PREFIX_PATH``. Above the model it is also found under a name with
+    ``_description`` or ``_support`` added or removed.
 
     Args:
         given: Folders by package.

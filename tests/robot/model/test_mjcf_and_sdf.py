@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from model_files import START, experiment, refusal, write, write_box
 from pydrake.geometry import Role
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_rnn import load_arm, make_experiment, simulate, write_playback
+from drake_rnn import InvalidInputError, load_arm, make_experiment, simulate, write_playback
 
 AXES = ("0 0 1", "0 1 0", "0 1 0", "0 0 1", "0 1 0")
 
@@ -106,6 +106,25 @@ def test_a_site_is_a_frame(menagerie):
 def test_what_drake_leaves_out_of_mjcf_is_said_in_one_line(menagerie):
     (warning,) = load_arm(write(menagerie, "five.xml", mjcf()), frame="tip").warnings
     assert warning.startswith("arm.model: five.xml: Drake warns 3 times, first: ")
+
+
+def test_closed_loops_are_left_out_with_a_warning(menagerie):
+    loop = '<equality><connect body1="link2" body2="link5" anchor="0 0 0"/></equality></mujoco>'
+    text = mjcf().replace("</mujoco>", loop)
+    arm = load_arm(write(menagerie, "five.xml", text), frame="tip")
+    assert arm.warnings[0] == (
+        "arm.model: five.xml: constraints such as closed loops are left out (1)"
+    )
+    assert arm.plant().num_constraints() == 0
+    other = MultibodyPlant(1e-3)
+    load_arm("panda").add_to(other)
+    link = other.GetBodyByName("panda_link7")
+    other.AddDistanceConstraint(link, [0, 0, 0], other.world_body(), [0, 0, 0], 1.0)
+    arm.add_to(other)
+    assert other.num_constraints() == 1
+    part = load_arm("panda", lock={"panda_joint1": 0.0})
+    with pytest.raises(InvalidInputError, match="add panda, whose joint 'panda_joint1' is held, b"):
+        part.add_to(other)
 
 
 def test_a_missing_mesh_of_mjcf_is_left_out(menagerie):

@@ -99,10 +99,10 @@ def blended(times: Array, values: Array, blends: Array, kind: Blend) -> Piecewis
     reach = blends / 2.0
     # A leg takes its rate half a blend after the first value and keeps it to half a blend before
     # the last: there the blends begin and end.
-    from_, to = times.copy(), times.copy()
-    from_[0] += reach[0]
-    to[-1] -= reach[-1]
-    rate = np.diff(values, axis=0) / (to[1:] - from_[:-1])[:, np.newaxis]
+    leaves, arrives = times.copy(), times.copy()
+    leaves[0] += reach[0]
+    arrives[-1] -= reach[-1]
+    rate = np.diff(values, axis=0) / (arrives[1:] - leaves[:-1])[:, np.newaxis]
     before = np.vstack((np.zeros_like(rate[:1]), rate))
     after = np.vstack((rate, np.zeros_like(rate[:1])))
     begins, ends = times - reach, times + reach

@@ -3,6 +3,7 @@
 # No postponed annotations: see `path`.
 from collections.abc import Callable
 from functools import cached_property, partial
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -214,5 +215,5 @@ def _asked(name: str, kind: str, question: Callable[[], Any]) -> Any:
 
 
 def _require_finite(t: float) -> None:
-    if not np.isfinite(t):
+    if not isfinite(t):
         raise InvalidInputError(f"t: must be finite, not {t}")

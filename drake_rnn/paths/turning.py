@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from itertools import pairwise
+from math import sqrt
 
 import numpy as np
 from pydrake.common.eigen_geometry import Quaternion
@@ -38,7 +39,7 @@ class SlerpTurning(Turning):
 
     def at(self, t: float) -> Motion:
         """See `Turning.at`."""
-        R = RotationMatrix(self._trajectory.orientation(t)).matrix()
+        R = self._trajectory.orientation(t).rotation()
         w = np.asarray(self._trajectory.angular_velocity(t)).ravel()
         return R, w, np.zeros(3)
 
@@ -60,16 +61,24 @@ class QuaternionTurning(Turning):
 
     def at(self, t: float) -> Motion:
         """See `Turning.at`."""
-        q, dq, ddq = (np.asarray(x.value(t)).ravel() for x in (self._q, self._dq, self._ddq))
+        q, dq, ddq = (x.value(t).ravel() for x in (self._q, self._dq, self._ddq))
         square = float(q @ q)
         w = (2.0 / square) * _against(dq, q)
         alpha = (2.0 / square) * (_against(ddq, q) - float(q @ dq) * w)
-        return RotationMatrix(Quaternion(q / np.sqrt(square))).matrix(), w, alpha
+        return Quaternion(q / sqrt(square)).rotation(), w, alpha
 
 
 def _against(p: Array, q: Array) -> Array:
     """Return the part x, y, z of the product of ``p`` and the conjugate of ``q``, shape (3,)."""
-    return q[0] * p[1:] - p[0] * q[1:] - np.cross(p[1:], q[1:])
+    # Plain floats: this runs at every sample, and NumPy's overhead would take most of its time.
+    (pw, px, py, pz), (qw, qx, qy, qz) = p.tolist(), q.tolist()
+    return np.array(
+        (
+            qw * px - pw * qx - py * qz + pz * qy,
+            qw * py - pw * qy - pz * qx + px * qz,
+            qw * pz - pw * qz - px * qy + py * qx,
+        )
+    )
 
 
 def aligned(quaternions: Array) -> Array:

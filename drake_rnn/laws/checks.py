@@ -206,13 +206,13 @@ def is_sound(value: Array, shape: tuple[int, ...]) -> bool:
 
 
 def flaw(value: object, shape: tuple[int, ...]) -> str:
-    """Return what is wrong with an array that a law has returned; an empty text if nothing is.
+    """Return what a value must be, and what it is; an empty text if it is what it must be.
 
     Args:
         value: What the law has returned.
         shape: Shape that it must have.
     """
-    wanted = f"must return a NumPy array of floats, shape {shape}"
+    wanted = f"a NumPy array of floats, shape {shape}"
     if not isinstance(value, np.ndarray):
         return f"{wanted}, not {'None' if value is None else 'a ' + type(value).__name__}"
     if value.shape != shape:

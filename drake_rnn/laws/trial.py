@@ -75,7 +75,7 @@ def try_reading(
 
 def _require_array(place: str, value: Array, shape: tuple[int, ...], t: float) -> None:
     if complaint := flaw(value, shape):
-        raise InvalidInputError(f"{place}: {complaint}{at(t)}")
+        raise InvalidInputError(f"{place}: must return {complaint}{at(t)}")
     if not is_finite(value):
         raise InvalidInputError(
             f"{place}: must return finite numbers, not {np.round(value, 4).tolist()}{at(t)}"

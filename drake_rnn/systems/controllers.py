@@ -99,8 +99,8 @@ class Controller(LeafSystem):
             InvalidInputError: If it has another shape or is not finite.
         """
         if (complaint := flaw(x, self._state_shape)) or not is_finite(x):
-            complaint = complaint.replace("return", "be") or f"must be finite, not {short(x)}"
-            raise InvalidInputError(f"{self.get_name()}: the state {complaint}")
+            complaint = complaint or f"finite, not {short(x)}"
+            raise InvalidInputError(f"{self.get_name()}: the state must be {complaint}")
         self._write_state(context, x)
 
     def _write_state(self, context: Context, x: Array) -> None:
@@ -127,13 +127,8 @@ class Controller(LeafSystem):
         Raises:
             InvalidInputError: If an input is not connected, or the position is not finite.
         """
-        u: dict[str, Array] = {}
-        for name, (port, shape) in self._input_ports.items():
-            if not port.HasValue(context):
-                raise InvalidInputError(
-                    f"{self.get_name()}: its input port {name!r} is not connected"
-                )
-            u[name] = port.Eval(context).reshape(shape)
+        self._require_connected(context)
+        u = self.signals(context)
         position = u.get("position")
         if position is not None and not np.isfinite(position).all():
             raise InvalidInputError(
@@ -154,10 +149,18 @@ class Controller(LeafSystem):
             InvalidInputError: If the law fails or returns what is wrong; the message names the law,
                 the part and the time.
         """
+        self._require_connected(context)
         x = self.state(context)
         x = self.initial_state(context) if np.isnan(x).any() else x
         try_reading(self.reading, context.get_time(), x, self.signals(context), self.period)
         return x
+
+    def _require_connected(self, context: Context) -> None:
+        for name, (port, _) in self._input_ports.items():
+            if not port.HasValue(context):
+                raise InvalidInputError(
+                    f"{self.get_name()}: its input port {name!r} is not connected"
+                )
 
     def diagnostics(self, context: Context) -> Signals:
         """Return the present values of the law's observables, by name."""
@@ -168,12 +171,14 @@ class Controller(LeafSystem):
         """Return the commanded velocity of a law that computes it from time and state."""
         try:
             v = self.reading.commanded_velocity(t, x)
+        except SimulationError:
+            raise
         except Exception as error:
-            raise self._raised("commanded_velocity", error, t) from error
+            raise self._error("commanded_velocity", f" raised {told(error)}", t) from error
         if is_sound(v, self._command_shape):
             return v
         if complaint := flaw(v, self._command_shape):
-            raise self._error("commanded_velocity", f": {complaint}", t)
+            raise self._error("commanded_velocity", f": must return {complaint}", t)
         if not is_finite(v):
             raise self._error("commanded_velocity", f": must be finite, not {v.tolist()}", t)
         return v
@@ -181,12 +186,6 @@ class Controller(LeafSystem):
     def _error(self, part: str, what: str, t: float) -> SimulationError:
         """Return an error that names the system, the law, the part and the time."""
         return SimulationError(f"{self.get_name()}: {type(self.reading).__name__}.{part}{what}", t)
-
-    def _raised(self, part: str, error: Exception, t: float) -> SimulationError:
-        """Return an error for one that a part of the law has raised."""
-        if isinstance(error, SimulationError):
-            return error
-        return self._error(part, f" raised {told(error)}", t)
 
     def _require_sound(self, part: str, what: str, value: Array, context: Context) -> None:
         """Raise a SimulationError that names what is wrong with a value like a state, if any is.
@@ -198,7 +197,7 @@ class Controller(LeafSystem):
             context: Context of this system.
         """
         if complaint := flaw(value, self._state_shape):
-            raise self._error(part, f": {complaint}", context.get_time())
+            raise self._error(part, f": must return {complaint}", context.get_time())
         if is_finite(value):
             return
         parts = self.reading.state.parts.items()
@@ -261,8 +260,10 @@ class SampledController(Controller):
         t, u = context.get_time(), self.signals(context)
         try:
             x = self.reading.step(t, x, u, self.period)
+        except SimulationError:
+            raise
         except Exception as error:
-            raise self._raised("step", error, t) from error
+            raise self._error("step", f" raised {told(error)}", t) from error
         if not is_sound(x, self._state_shape):
             self._require_sound("step", "", x, context)
         state.set_value(x)
@@ -306,8 +307,10 @@ class ContinuousController(Controller):
         x, t, u = self._state(context), context.get_time(), self.signals(context)
         try:
             rates = self.reading.derivatives(t, x, u)
+        except SimulationError:
+            raise
         except Exception as error:
-            raise self._raised("derivatives", error, t) from error
+            raise self._error("derivatives", f" raised {told(error)}", t) from error
         if not is_sound(rates, self._state_shape):
             self._require_sound("derivatives", "the rate of ", rates, context)
         derivatives.SetFromVector(rates)

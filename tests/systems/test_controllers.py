@@ -113,16 +113,37 @@ def test_a_state_that_was_set_is_kept(make):
 
 
 @pytest.mark.parametrize("make", CONTROLLERS, ids=IDS)
+@pytest.mark.parametrize(
+    ("state", "message"),
+    [
+        ([0.0] * 6, r"a NumPy array of floats, shape \(6,\), not a list"),
+        (np.zeros(5), r"a NumPy array of floats, shape \(6,\), not \(5,\)"),
+        (np.array([0.0, np.nan, 0.0, 0.0, 0.0, 0.0]), r"finite, not \[0\.0, nan"),
+    ],
+)
+def test_a_state_that_is_none_cannot_be_set(make, state, message):
+    """A NaN would stand for a state that is not there yet."""
+    simulator, context = wire(make(LAW))
+    controller = simulator.get_system().GetSubsystemByName("controller")
+    with pytest.raises(InvalidInputError, match=f"^controller: the state must be {message}"):
+        controller.set_state(context, state)
+
+
+@pytest.mark.parametrize("make", CONTROLLERS, ids=IDS)
 def test_a_start_posture_that_is_not_finite_is_refused(make):
     simulator, _ = wire(make(LAW), position=[0.0, np.nan, 0.0])
     with pytest.raises(InvalidInputError, match=r"controller: position is .*nan.* start posture"):
         simulator.Initialize()
 
 
-def test_an_input_that_is_not_connected_is_named():
+@pytest.mark.parametrize("started", [False, True])
+def test_an_input_that_is_not_connected_is_named(started):
     builder = DiagramBuilder()
-    builder.AddNamedSystem("controller", SampledController(LAW, 1e-3))
+    controller = builder.AddNamedSystem("controller", SampledController(LAW, 1e-3))
     simulator = Simulator(builder.Build())
+    if started:
+        context = controller.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+        controller.set_state(context, np.zeros(LAW.state.size))
     with pytest.raises(InvalidInputError, match="controller: its input port 'position' is not"):
         simulator.Initialize()
 

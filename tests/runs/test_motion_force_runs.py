@@ -203,9 +203,13 @@ class TestContact:
         assert abs(result.metrics["force_error_mean_N"]) < 0.02 * force
 
     @pytest.mark.long
-    def test_a_ramp_makes_up_for_a_prior_ten_times_too_soft(self):
+    def test_around_weak_motors_a_ramp_makes_up_for_a_prior_ten_times_too_soft(self):
+        """With motors that fit the arm there is nothing to make up for."""
         soft = {"law.stiffness": {"initial": 1e3, "initial_force": 5}, "environment.gap": 0.0}
         changes = {**soft, "duration": 3, "accept": None, "window": None}
+        fitting = simulate(load_experiment("contact_approach", changes))
+        assert fitting.metrics["normal_force_peak_N"] < 5.1
+        changes["plant"] = {"stiffness": 2000, "damping": 60}
         at_once = simulate(load_experiment("contact_approach", changes))
         risen = simulate(load_experiment("contact_approach", {**changes, "force.rise_time": 1.0}))
         assert at_once.metrics["normal_force_peak_N"] > 10.0
@@ -258,9 +262,19 @@ class TestContact:
         assert wrong["contact_lost_fraction"] == 0.0
 
     @pytest.mark.long
+    def test_the_network_lags_behind_a_change_of_direction(self):
+        """Half the time constant, half the force error: 0.42 and 0.22 N."""
+        slow, fast = (
+            metrics("contact_cat", duration=9.5, window=[8, 9.5], law__time_constant=constant)
+            for constant in (1e-3, 5e-4)
+        )
+        ratio = fast["force_error_max_N"] / slow["force_error_max_N"]
+        assert ratio == pytest.approx(0.5, abs=0.05)
+
+    @pytest.mark.long
     def test_noise_delay_and_a_low_pass_are_borne(self):
         found = metrics("contact_noisy", duration=6, window=[2, 6])
-        assert found["force_error_max_N"] < 0.045
+        assert found["force_error_max_N"] < 0.02
 
     def test_contact_runs_are_repeated_bit_for_bit(self):
         first, second = (run("contact_noisy", duration=0.5) for _ in range(2))

@@ -145,6 +145,11 @@ def run(robot: Robot, folder: Path, law: dict[str, Any]) -> Result:
     )
 
 
+def two_digits(value: float) -> str:
+    """Return a number rounded to two digits, without an exponent."""
+    return f"{float(f'{value:.2g}'):g}"
+
+
 def line(robot: Robot, folder: Path, playbacks: Path | None) -> list[str]:
     """Return a robot's cells of the table."""
     try:
@@ -152,19 +157,19 @@ def line(robot: Robot, folder: Path, playbacks: Path | None) -> list[str]:
     except InvalidInputError as error:
         return [robot.name, robot.maker, "", f"refused: {error}"]
     kinds = "".join({"rad": "R", "m": "P"}[unit] for unit in arm.units)
-    cells = [robot.name, robot.maker, kinds]
+    cells, drift = [robot.name, robot.maker, kinds], ""
     for name, law in LAWS.items():
         try:
             result = run(robot, folder, law)
         except DrakeRnnError as error:
             cells.append(f"refused: {error}")
             continue
-        cells.append(f"{1e6 * result.metrics['position_error_max_m']:.2g}")
+        cells.append(two_digits(1e6 * result.metrics["position_error_max_m"]))
+        drift = two_digits(1e3 * result.metrics["joint_drift_max_rad"])
         if playbacks is not None and name == "pseudoinverse":
             stem = robot.name.replace(",", "").replace(" ", "_").lower()
             write_playback(result, playbacks / f"{stem}.html")
-    cells.append(f"{1e3 * result.metrics['joint_drift_max_rad']:.2g}")
-    return [*cells, str(len(arm.warnings))]
+    return [*cells, drift, str(len(arm.warnings))]
 
 
 def main() -> None:

@@ -207,7 +207,7 @@ class Arm:
         """Parse the model into ``plant``, before it is finalized, and weld it to the world.
 
         A base that the model leaves free is welded at the pose that the model gives it. Joints that
-        are not controlled are welded where they stand.
+        are not controlled are welded where they stand, and constraints of the model are left out.
 
         Raises:
             InvalidInputError: If such joints exist and the plant already has constraints.
@@ -219,8 +219,11 @@ class Arm:
             )
         # The parser already gave its warnings when this arm was constructed.
         with quiet_drake(logging.ERROR):
-            bodies_before = plant.num_bodies()
+            bodies_before, constraints_before = plant.num_bodies(), plant.GetConstraintIds()
             instance = self._model.add_to(plant)
+        for constraint in plant.GetConstraintIds():
+            if constraint not in constraints_before:
+                plant.RemoveConstraint(constraint)
         if self.tool is not None:
             self.tool.add_to(plant, instance, self.model.name)
         for number, X_WB in self._floating_bases:

@@ -49,13 +49,8 @@ def weld_joints(
 ) -> None:
     """Replace joints of a model by welds of the same name, before the plant is finalized.
 
-    Motors of these joints are removed, and so are all constraints of the plant: Drake removes no
-    joint of a plant with constraints.
+    Motors of these joints are removed. The plant must have no constraints.
     """
-    if not poses:
-        return
-    for constraint in plant.GetConstraintIds():
-        plant.RemoveConstraint(constraint)
     for motor in map(plant.get_joint_actuator, plant.GetJointActuatorIndices()):
         if motor.model_instance() == instance and motor.joint().name() in poses:
             plant.RemoveJointActuator(motor)

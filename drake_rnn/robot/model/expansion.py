@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 from xml.etree.ElementTree import Element
 
 from ...errors import InvalidInputError
@@ -12,6 +13,7 @@ from .late_import import late_import
 from .packages import Packages
 
 xacro = late_import("xacro")
+substitution: Any = None if xacro is None else late_import("xacro.substitution_args")
 
 
 def is_xacro(root: Element) -> bool:
@@ -34,13 +36,16 @@ def expand_xacro(file: Path, packages: Packages) -> bytes:
         raise InvalidInputError(
             f"arm.model: {file} is a xacro file; {by_hand}, or install drake-rnn[xacro]"
         )
-    with _finding(packages):
+    with _finding(packages) as lost:
         try:
             return bytes(xacro.process_file(str(file)).toxml(encoding="utf-8"))
-        except InvalidInputError:
-            raise
         # What macros raise is not known: they may contain Python.
         except Exception as error:
+            if lost:
+                raise InvalidInputError(
+                    f"arm.model: {file} names the unknown package {lost[0]!r}; give its folder in "
+                    "arm.packages"
+                ) from None
             raise InvalidInputError(
                 f"arm.model: {file} cannot be expanded: {' '.join(str(error).split())}; {by_hand}, "
                 "with the arguments that it needs"
@@ -48,23 +53,27 @@ def expand_xacro(file: Path, packages: Packages) -> bytes:
 
 
 @contextmanager
-def _finding(packages: Packages) -> Iterator[None]:
-    """Have xacro find packages as we do; by itself it needs an installed ROS."""
+def _finding(packages: Packages) -> Iterator[list[str]]:
+    """Have xacro find packages as we do; by itself it needs an installed ROS.
+
+    Yields:
+        The packages that were not found.
+    """
+    lost: list[str] = []
 
     def find(package: str) -> str:
         folder = packages.find(package)
         if folder is None:
-            raise InvalidInputError(
-                f"arm.model: unknown package {package!r}; give its folder in arm.packages"
-            )
+            lost.append(package)
+            raise LookupError(package)
         return str(folder)
 
-    of_ros = xacro.substitution_args._eval_find
-    xacro.substitution_args._eval_find = find
+    of_ros = substitution._eval_find
+    substitution._eval_find = find
     try:
-        yield
+        yield lost
     finally:
-        xacro.substitution_args._eval_find = of_ros
+        substitution._eval_find = of_ros
 
 
 def _expanded_name(file: Path) -> str:

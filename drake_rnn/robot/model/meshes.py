@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import urlparse
 
+from ...errors import InvalidInputError
 from .conversion import Colour, gltf_file, obj_file
 from .packages import Packages
 
@@ -70,6 +71,8 @@ class Meshes:
             return file
         try:
             return convert(file)
+        except InvalidInputError:
+            raise
         # What a reader of many formats raises at a broken file is not known.
         except Exception as error:
             self._broken[str(file)] = " ".join(f"{type(error).__name__}: {error}".split())[:120]

@@ -117,6 +117,8 @@ def _mended(file: Path, packages: Mapping[str, str]) -> Model:
     try:
         warnings = _mend(root, places)
         followers = mimics_of(root)
+    except InvalidInputError:
+        raise
     except ValueError as error:
         raise InvalidInputError(f"arm.model: {file} cannot be read: {_one_line(error)}") from None
     warnings = [f"arm.model: {file.name}: {warning}" for warning in warnings]
@@ -148,7 +150,7 @@ def _checked(model: Model) -> Model:
             raise InvalidInputError(f"arm.model: {model.file}: {_one_line(error)}") from None
     warnings = []
     if (loops := plant.num_constraints() - len(model.mimics)) > 0:
-        warnings.append(f"{loops} constraints, e.g. of closed loops, are left out")
+        warnings.append(f"constraints such as closed loops are left out ({loops})")
     if said:
         times = "once" if len(said) == 1 else f"{len(said)} times"
         warnings.append(f"Drake warns {times}, first: {_one_line(said[0])[:200]}")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
+from functools import cached_property
 from pathlib import Path
 from urllib.parse import unquote, urlparse
 
@@ -19,9 +21,9 @@ class Packages:
     """The packages that a model's ``package://`` names may refer to.
 
     A package is looked for, in this order, among the folders that are given; in the folders above
-    the model, by their name or their ``package.xml``; in ``ROS_PACKAGE_PATH``; and in
-    ``AMENT_PREFIX_PATH``. Above the model it is also found under a name with ``_description`` or
-    ``_support`` added or removed.
+    the model, by their name or their ``package.xml``; in ``ROS_PACKAGE_PATH`` and among Drake's
+    own; and in ``AMENT_PREFIX_PATH``. Above the model it is also found under a name with
+    ``_description`` or ``_support`` added or removed.
 
     Args:
         given: Folders by package.
@@ -31,8 +33,6 @@ class Packages:
     def __init__(self, given: Mapping[str, str], model: Path) -> None:
         self._given = {name: Path(folder) for name, folder in given.items()}
         self._folder = model.resolve().parent
-        self._ros = PackageMap.MakeEmpty()
-        self._ros.PopulateFromRosPackagePath()
 
     def find(self, name: str) -> Path | None:
         """Return the folder of a package; None if there is none."""
@@ -56,14 +56,23 @@ class Packages:
             places = [self._folder / uri]
         return next((place.resolve() for place in places if place.is_file()), None)
 
+    @cached_property
+    def _known(self) -> PackageMap:
+        """Drake's own packages and those in ``ROS_PACKAGE_PATH``."""
+        packages = PackageMap()
+        packages.PopulateFromRosPackagePath()
+        return packages
+
     def _candidates(self, name: str) -> Iterator[Path]:
         if name in self._given:
             yield self._given[name]
             return
         for other in (name, *_variants(name)):
             yield from self._above(other)
-        if self._ros.Contains(name):
-            yield Path(self._ros.GetPath(name))
+        if self._known.Contains(name):
+            # Drake downloads its own models when they are first asked for.
+            with suppress(RuntimeError):
+                yield Path(self._known.GetPath(name))
         for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
             if prefix and (folder := Path(prefix) / "share" / name).is_dir():
                 yield folder

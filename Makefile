@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 WORKERS ?= 2
 
-.PHONY: demo test long bench tables check clean
+.PHONY: demo test long bench tables cross check clean
 
 demo: $(VENV)/installed
 	$(BIN)/drake-rnn run slc_nephroid_warm_up --out out
@@ -24,6 +24,9 @@ tables: $(VENV)/installed
 	$(BIN)/python benchmarks/joint_drift_free_tables.py
 	$(BIN)/python benchmarks/recursive_tables.py
 	$(BIN)/python benchmarks/motion_force_tables.py
+
+cross: $(VENV)/installed
+	$(BIN)/python benchmarks/cross.py > docs/cross.md
 
 check: $(VENV)/installed-dev
 	$(BIN)/ruff check .

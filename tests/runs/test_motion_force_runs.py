@@ -144,10 +144,10 @@ class TestContact:
     def test_the_force_is_held_along_the_path(self):
         """The first 6 s of the circle."""
         found = metrics("contact_circle", duration=6, window=[2, 6])
-        assert found["force_error_rms_N"] < 0.033
-        assert found["force_error_max_N"] < 0.039
-        assert found["lateral_error_max_m"] < 3e-5
-        assert found["orientation_error_max_rad"] < 3.2e-5
+        assert found["force_error_rms_N"] < 0.0049
+        assert found["force_error_max_N"] < 0.006
+        assert found["lateral_error_max_m"] < 2.1e-5
+        assert found["orientation_error_max_rad"] < 1.4e-5
         assert found["contact_lost_fraction"] == 0.0
         assert broken(found) == {}
 
@@ -165,15 +165,23 @@ class TestContact:
         found = metrics("contact_open_loop", duration=4, window=[2, 4])
         assert found["force_error_mean_N"] > 1.2
 
-    def test_a_loop_that_is_ten_times_too_fast_bounces(self):
+    def test_a_loop_that_is_ten_times_too_fast_overshoots(self):
         """eta_hat is a gain: at 800 N/m, k K / eta_hat is 80/s."""
         fast = metrics("contact_circle", duration=4, window=[2, 4], law__stiffness=800)
+        assert fast["force_error_rms_N"] < 5e-4
+        assert 5.5 < fast["normal_force_peak_N"] < 6.2
+
+    def test_around_weak_motors_it_bounces(self):
+        """Equal gains, with which the arm is slower than the force loop."""
+        plant = {"stiffness": 2000, "damping": 60}
+        loop = {"law__stiffness": 800, "plant": plant}
+        fast = metrics("contact_circle", duration=4, window=[2, 4], **loop)
         assert fast["force_error_rms_N"] > 3.7
         assert fast["normal_force_peak_N"] > 10.0
 
     def test_a_loop_that_is_ten_times_too_slow_is_not_there_yet(self):
         slow = metrics("contact_circle", duration=4, window=[2, 4], law__stiffness=80000)
-        assert slow["force_error_mean_N"] < -2.5
+        assert slow["force_error_mean_N"] < -1.5
         assert slow["normal_force_peak_N"] < 5.0
 
     @pytest.mark.parametrize(
@@ -195,9 +203,13 @@ class TestContact:
         assert abs(result.metrics["force_error_mean_N"]) < 0.02 * force
 
     @pytest.mark.long
-    def test_a_ramp_makes_up_for_a_prior_ten_times_too_soft(self):
+    def test_around_weak_motors_a_ramp_makes_up_for_a_prior_ten_times_too_soft(self):
+        """With motors that fit the arm there is nothing to make up for."""
         soft = {"law.stiffness": {"initial": 1e3, "initial_force": 5}, "environment.gap": 0.0}
         changes = {**soft, "duration": 3, "accept": None, "window": None}
+        fitting = simulate(load_experiment("contact_approach", changes))
+        assert fitting.metrics["normal_force_peak_N"] < 5.1
+        changes["plant"] = {"stiffness": 2000, "damping": 60}
         at_once = simulate(load_experiment("contact_approach", changes))
         risen = simulate(load_experiment("contact_approach", {**changes, "force.rise_time": 1.0}))
         assert at_once.metrics["normal_force_peak_N"] > 10.0
@@ -219,7 +231,7 @@ class TestContact:
     @pytest.mark.parametrize("reaction", ["hold", "retreat"])
     def test_over_the_edge_contact_is_lost_at_a_time_and_the_arm_reacts(self, reaction):
         result = run("contact_edge", law__contact_loss={"reaction": reaction}, duration=11)
-        assert result.metrics["contact_lost_time_s"] == pytest.approx(7.4, abs=0.2)
+        assert result.metrics["contact_lost_time_s"] == pytest.approx(7.28, abs=0.1)
         assert any("contact: lost at t = 7." in warning for warning in result.warnings)
         does = {"hold": "holds still", "retreat": "retreats"}[reaction]
         assert any(f"without contact the end effector {does}" in w for w in result.warnings)
@@ -250,9 +262,19 @@ class TestContact:
         assert wrong["contact_lost_fraction"] == 0.0
 
     @pytest.mark.long
+    def test_the_network_lags_behind_a_change_of_direction(self):
+        """Half the time constant, half the force error: 0.42 and 0.22 N."""
+        slow, fast = (
+            metrics("contact_cat", duration=9.5, window=[8, 9.5], law__time_constant=constant)
+            for constant in (1e-3, 5e-4)
+        )
+        ratio = fast["force_error_max_N"] / slow["force_error_max_N"]
+        assert ratio == pytest.approx(0.5, abs=0.05)
+
+    @pytest.mark.long
     def test_noise_delay_and_a_low_pass_are_borne(self):
         found = metrics("contact_noisy", duration=6, window=[2, 6])
-        assert found["force_error_max_N"] < 0.045
+        assert found["force_error_max_N"] < 0.02
 
     def test_contact_runs_are_repeated_bit_for_bit(self):
         first, second = (run("contact_noisy", duration=0.5) for _ in range(2))
@@ -268,15 +290,23 @@ class TestOtherLawsWithFullDynamics:
     def test_a_posture_law_arrives_where_it_would_without_dynamics(self):
         found = metrics("null_space_adjustment_dynamic")
         assert found["joint_error_max_rad"] < 2e-5
-        assert found["end_effector_drift_max_m"] == pytest.approx(1.95e-3, rel=0.05)
-        assert found["end_effector_drift_end_m"] < 1.3e-7
+        assert found["end_effector_drift_max_m"] == pytest.approx(5.2e-5, rel=0.05)
+        assert found["end_effector_drift_end_m"] < 1e-8
+
+    def test_a_posture_law_may_see_the_measured_arm(self):
+        """Its feedback of 50/s is slower than the motors; around 2000 Nm/rad it oscillates."""
+        found = metrics("null_space_adjustment_dynamic", feedback="measured")
+        assert found["joint_error_max_rad"] < 2e-5
+        assert found["end_effector_drift_max_m"] < 1.3e-5
+        weak = {"feedback": "measured", "plant": {"stiffness": 2000, "damping": 60}}
+        assert metrics("null_space_adjustment_dynamic", **weak)["end_effector_drift_max_m"] > 0.01
 
     @pytest.mark.long
     def test_an_acceleration_law_keeps_its_drift(self):
-        """The motors' lag costs 0.26 mm, not the return of the joints."""
+        """The motors' lag and a sample cost 0.1 mm, not the return of the joints."""
         found = metrics("naljdf_clover_dynamic")
         kinematic = metrics("naljdf_clover")
-        assert found["position_error_max_m"] == pytest.approx(2.6e-4, rel=0.05)
+        assert found["position_error_max_m"] == pytest.approx(9.8e-5, rel=0.05)
         assert found["joint_drift_mean_rad"] == pytest.approx(
             kinematic["joint_drift_mean_rad"], rel=0.02
         )

@@ -1,0 +1,206 @@
+"""Run every law on every shipped arm at both levels and print a page with the table as Markdown.
+
+`make cross` writes it to docs/cross.md. The exit status is 1 if the arm with full dynamics of any
+cell is more than 2 mm off where the ideal one is within 1 mm.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Iterable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field
+from itertools import product
+from multiprocessing import get_context
+from textwrap import wrap
+
+from cross_cells import LEVELS, VARIANTS, document
+from drake_rnn import InvalidInputError, SimulationError, make_experiment, shipped_arms, simulate
+from drake_rnn.measures import violation_metric
+from drake_rnn.robot.limits import LIMIT_UNITS
+from markdown_table import head, row
+
+# A law's own error below which its arm with full dynamics is held to the second one [m].
+_GOOD, _HELD = 1e-3, 2e-3
+
+_HEAD = """\
+# Every law on every arm
+
+<!-- Made by `make cross`. -->
+
+`make cross` runs every law on every shipped arm, without and with dynamics, and writes this page;
+`benchmarks/cross_cells.py` has the documents. Each arm follows a circle with a radius of 3 % of its
+length, in 8 s a lap from rest to rest; errors and drift are those of the second lap. Limits are
+0.5 rad/s and 1 rad/s^2, where a law or filter bounds them also 5 rad/s^3, 50 rad/s^4 and
+500 rad/s^5. With dynamics the motors have their default gains, and a law sees the measured
+arm, or, ahead of a filter, an ideal one.
+
+- *error*: largest distance from the path; of the adjustments, of the end effector from its place;
+  of motion-force control, along the surface.
+- *drift*: largest joint displacement over the lap; of the adjustments, what is left to the target
+  posture after 4 s.
+- *limits*: how far the arm exceeds those limits that the law, or the filter behind it, says it
+  keeps; *kept* is within 1e-9 of them. Other limits are not counted. A law bounds its command: an
+  arm with mass overshoots a command that changes its acceleration at once, and injected noise is
+  not the law's.
+- *x real time*: simulated time over wall time at both levels, on the machine at hand with two runs
+  at a time.
+"""
+_PRESSING = """\
+
+Motion-force control presses with 5 N, on a spring of 8 kN/m without dynamics and on a rigid plate
+with friction 0.3 with them:
+"""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A cell of the table: a run, or the reason why there is none.
+
+    Attributes:
+        variant, arm, level: Its place in the table.
+        keeps: Limits that the law, or a filter behind it, says it keeps.
+        metrics: Metrics of the run.
+        warnings: Warnings of the run.
+        reason: Why it did not run; empty if it did.
+    """
+
+    variant: str
+    arm: str
+    level: str
+    keeps: tuple[str, ...] = ()
+    metrics: dict[str, float] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    reason: str = ""
+
+    @property
+    def error(self) -> float:
+        """Largest error of the end effector [m]."""
+        seeks = "joint_error_max_rad" in self.metrics
+        return self.metrics["end_effector_drift_max_m" if seeks else "position_error_max_m"]
+
+    @property
+    def drift(self) -> float:
+        """Joint displacement over the lap, or what is left to the target posture [rad]."""
+        return self.metrics.get("joint_error_max_rad", self.metrics.get("joint_drift_max_rad", 0.0))
+
+    @property
+    def limits(self) -> str:
+        """What is exceeded of the limits that the law says it keeps."""
+        if not self.keeps:
+            return "none"
+        excess = {name: self.metrics.get(violation_metric(name), 0.0) for name in self.keeps}
+        broken = [
+            f"{name} by {by:.2g} {LIMIT_UNITS[name]}" for name, by in excess.items() if by > 1e-9
+        ]
+        return ", ".join(broken) or "kept"
+
+
+def run(place: tuple[str, str, str]) -> Cell:
+    """Run the cell at a place: variant, arm and level."""
+    try:
+        experiment = make_experiment(document(*place))
+        result = simulate(experiment)
+    except (InvalidInputError, SimulationError) as error:
+        return Cell(*place, reason=str(error))
+    return Cell(*place, experiment.kept_limits, result.metrics, tuple(result.warnings))
+
+
+def run_all(places: list[tuple[str, str, str]], jobs: int) -> dict[tuple[str, str, str], Cell]:
+    """Return the cells by their places, run in several processes."""
+    cells = {}
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        for place, cell in zip(places, pool.map(run, places), strict=True):
+            cells[place] = cell
+            print(", ".join(place), cell.reason, file=sys.stderr, flush=True)
+    return cells
+
+
+def misses(cells: Iterable[Cell]) -> list[str]:
+    """Return the places where dynamics make a good law bad."""
+    ran = {(cell.variant, cell.arm, cell.level): cell for cell in cells if not cell.reason}
+    return [
+        f"{variant} on {arm}: {ran[variant, arm, 'dynamic'].error:.2g} m"
+        for variant, arm, level in ran
+        if level == "kinematic"
+        and ran[variant, arm, level].error < _GOOD
+        and (variant, arm, "dynamic") in ran
+        and ran[variant, arm, "dynamic"].error > _HELD
+    ]
+
+
+def arm_table(arm: str, pairs: dict[str, list[Cell]]) -> None:
+    """Print the table of one arm."""
+    print(f"\n## {arm}")
+    both = [f"{what}, {level}" for what in ("error [m]", "drift [rad]") for level in LEVELS]
+    head("law", *both, "keeps", *(f"limits, {level}" for level in LEVELS), "x real time")
+    for variant, cells in pairs.items():
+        if reason := next((cell.reason for cell in cells if cell.reason), ""):
+            row(variant, f"does not run: {reason}", *["-"] * 7)
+            continue
+        row(
+            variant,
+            *(f"{cell.error:.2g}" for cell in cells),
+            *(f"{cell.drift:.2g}" for cell in cells),
+            ", ".join(cells[0].keeps) or "none",
+            *(cell.limits for cell in cells),
+            ", ".join(f"{cell.metrics['real_time_factor']:.2g}" for cell in cells),
+        )
+
+
+def force_table(cells: Iterable[Cell]) -> None:
+    """Print the force errors of the cells that press."""
+    pressing = [cell for cell in cells if "force_error_rms_N" in cell.metrics]
+    if not pressing:
+        return
+    print(_PRESSING)
+    head("law", "arm", "level", "force, rms error [N]", "force, largest error [N]")
+    for cell in pressing:
+        errors = (cell.metrics[f"force_error_{name}_N"] for name in ("rms", "max"))
+        row(cell.variant, cell.arm, cell.level, *(f"{error:.2g}" for error in errors))
+
+
+def summary(cells: list[Cell]) -> str:
+    """Return how much the dynamics add to the errors."""
+    ran = {(cell.variant, cell.arm, cell.level): cell.error for cell in cells if not cell.reason}
+    added = {
+        (variant, arm): ran[variant, arm, "dynamic"] - error
+        for (variant, arm, level), error in ran.items()
+        if level == "kinematic" and (variant, arm, "dynamic") in ran
+    }
+    if not added:
+        return ""
+    worst = max(added, key=lambda place: added[place])
+    warned = [cell for cell in cells if any(said.startswith("plant: ") for said in cell.warnings)]
+    return (
+        f"Dynamics add at most {added[worst]:.2g} m to the error ({worst[0]} on {worst[1]}); "
+        f"{len(misses(cells))} of {len(added)} pairs are more than {_HELD * 1e3:g} mm off with "
+        f"dynamics and less than {_GOOD * 1e3:g} mm without; "
+        f"in {len(warned)} runs an arm is far from the command to its motors."
+    )
+
+
+def main() -> int:
+    """Print the page; return 1 if a cell misses."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--laws", nargs="*", default=VARIANTS, choices=VARIANTS)
+    parser.add_argument("--arms", nargs="*", default=shipped_arms(), choices=shipped_arms())
+    parser.add_argument("--jobs", type=int, default=os.cpu_count())
+    given = parser.parse_args()
+    found = run_all(list(product(given.laws, given.arms, LEVELS)), given.jobs)
+    cells = list(found.values())
+    print(_HEAD)
+    print("\n".join(wrap(summary(cells), 100)))
+    for arm in given.arms:
+        pairs = {law: [found[law, arm, level] for level in LEVELS] for law in given.laws}
+        arm_table(arm, pairs)
+    force_table(cells)
+    for missed in misses(cells):
+        print(missed, file=sys.stderr)
+    return int(bool(misses(cells)))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

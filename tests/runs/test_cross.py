@@ -1,0 +1,71 @@
+"""Cells of the cross table, with shorter laps: mass changes little, and what is kept is kept."""
+
+import pytest
+
+from cross import Cell, misses, run
+from cross_cells import LEVELS, document
+from drake_rnn import make_experiment, simulate
+from drake_rnn.measures import violation_metric
+
+#: One of each kind, and the arm that it runs on.
+THINNED = {
+    "slc, known J": "ur5",
+    "slc, learned by warm-up": "planar6",
+    "naljdf": "panda",
+    "moaljdf": "planar6",
+    "recursive, n = 1": "iiwa14",
+    "pseudoinverse": "planar6",
+    "pseudoinverse, filtered": "ur5",
+    "receding horizon": "panda",
+    "null-space adjustment": "planar6",
+    "modified state adjustment": "ur5",
+    "motion-force, known J": "ur5",
+    "motion-force, learned J": "iiwa14",
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("variant", THINNED)
+def test_mass_adds_little_to_the_error_of_any_law(variant):
+    """0.3 mm, at up to 0.13 m/s; ideal arms keep what their laws say, but for injected noise."""
+    cells = []
+    for level in LEVELS:
+        contents = document(variant, THINNED[variant], level, lap=4.0)
+        experiment = make_experiment(contents)
+        result = simulate(experiment)
+        place = (variant, THINNED[variant], level)
+        cells.append(Cell(*place, experiment.kept_limits, result.metrics, tuple(result.warnings)))
+        assert not [said for said in result.warnings if said.startswith("plant: ")]
+    kinematic, dynamic = cells
+    assert dynamic.error < kinematic.error + 3e-4
+    if "dither" not in contents:
+        assert kinematic.limits in ("kept", "none")
+
+
+def test_a_cell_without_a_run_has_its_reason():
+    cell = run(("motion-force, known J", "planar6", "kinematic"))
+    assert cell.reason == "task: may be xyz for this law, not xy"
+    assert misses([cell]) == []
+
+
+def test_a_cell_that_dynamics_spoil_is_a_miss():
+    def cell(level, error):
+        return Cell("pseudoinverse", "ur5", level, metrics={"position_error_max_m": error})
+
+    assert misses([cell("kinematic", 1e-4), cell("dynamic", 3e-3)]) == [
+        "pseudoinverse on ur5: 0.003 m"
+    ]
+    assert misses([cell("kinematic", 1e-4), cell("dynamic", 1e-3)]) == []
+    # What is not good without dynamics need not be with them.
+    assert misses([cell("kinematic", 5e-3), cell("dynamic", 6e-3)]) == []
+
+
+def test_only_limits_that_a_law_keeps_are_counted():
+    beyond = {violation_metric("velocity"): 0.25, violation_metric("jerk"): 7.0}
+
+    def told(*keeps):
+        return Cell("", "", "", keeps, beyond).limits
+
+    assert told() == "none"
+    assert told("position") == "kept"
+    assert told("velocity", "acceleration") == "velocity by 0.25 rad/s"

@@ -54,7 +54,7 @@ def find_tool(plant: MultibodyPlant, frame: Frame) -> Tool:
         if holder is None or holder.num_positions():
             raise InvalidInputError(
                 f"arm.frame: nothing that moves with {frame.name()!r} has collision geometry; "
-                "contact needs a tool's frame, e.g. tip"
+                "contact needs a tool's frame, e.g. tip, or a tool to be added: arm.tool"
             )
         body = holder.parent_body()
     if body.index() not in holders:

@@ -97,8 +97,8 @@ def test_a_law_that_lacks_what_makes_it_one_cannot_be_made(base):
         Nothing()
 
 
-def test_in_no_special_circumstances_nothing_delays_the_loop_or_presses():
-    assert Circumstances() == (0.0, False, None)
+def test_in_no_special_circumstances_nothing_delays_the_loop_presses_or_turns():
+    assert Circumstances() == (0.0, False, None, False)
 
 
 def test_laws_that_run_along_their_path_at_any_speed():

@@ -66,12 +66,13 @@ def _require_size(task: str, kind: Any) -> None:
 
 def _require_rows(task: str, law: Law) -> None:
     """Raise an InvalidInputError if the task does not fit the sizes of the law's inputs."""
-    sizes = {name: shape[0] for name, (_, shape) in law.inputs.parts.items()}
+    parts = {**law.state.parts, **law.inputs.parts}
+    rows = {name: shape[0] for name, (_, shape) in parts.items()}
 
     def suits(name: str) -> bool:
         known = TASKS[name]
-        axes = len(known.axes)
-        return sizes.get("p_WE", axes) == axes and sizes.get("J", known.size) == known.size
+        expected = {"p_WE": len(known.axes), "J": known.size, "J_hat": known.size}
+        return all(rows.get(part, size) == size for part, size in expected.items())
 
     if not suits(task):
         able = ", ".join(filter(suits, TASKS))

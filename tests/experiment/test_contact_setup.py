@@ -64,6 +64,11 @@ def load(name="contact_circle", **changes):
         ),
         ("contact_circle", {"law.stiffness": None}, r"law\.stiffness: must be given"),
         ("contact_circle", {"task": "pose"}, "task: may be xyz for this law, not pose"),
+        (
+            "motion_force_tricuspid_learned",
+            {"task": "pose"},
+            "task: may be xyz for this law, not pose",
+        ),
         ("motion_force_tricuspid", {"task": "xy"}, "task: may be xyz for this law, not xy"),
         ("contact_circle", {"path.plane": "xz"}, r"path: leaves the surface by 0\.06 m"),
         (

@@ -178,9 +178,9 @@ def _near_singular(reach: Reach) -> list[str]:
 
 def _beyond_bounds(experiment: Experiment, reach: Reach) -> list[Forecast]:
     warnings = []
-    for article, name, unit, asked in (
-        ("a", "velocity", "rad/s", reach.velocity),
-        ("an", "acceleration", "rad/s^2", reach.acceleration),
+    for article, name, per, asked in (
+        ("a", "velocity", "/s", reach.velocity),
+        ("an", "acceleration", "/s^2", reach.acceleration),
     ):
         bound = experiment.limits.bounds[name]
         if bound is None:
@@ -190,7 +190,8 @@ def _beyond_bounds(experiment: Experiment, reach: Reach) -> list[Forecast]:
         if ratio[k, joint] > 1.0:
             text = (
                 f"path: asks {experiment.arm.joints[joint]} for {article} {name} of "
-                f"{ratio[k, joint] * bound[joint]:.3g} {unit} near t = {reach.time[k]:.3g} s; "
+                f"{ratio[k, joint] * bound[joint]:.3g} {experiment.arm.units[joint]}{per} "
+                f"near t = {reach.time[k]:.3g} s; "
                 f"its limit is {bound[joint]:.3g}"
             )
             warnings.append(Forecast(text, name))
@@ -208,10 +209,11 @@ def _require_torque(experiment: Experiment, reach: Reach) -> None:
         torque = np.abs(kinematics.gravity(q) + kinematics.J(q).T @ pushed)
         weakest = int(np.argmax(torque - effort))
         if torque[weakest] > effort[weakest]:
+            unit = "N" if experiment.arm.units[weakest] == "m" else "Nm"
             raise InvalidInputError(
                 f"force.value: {most:g} N asks {experiment.arm.joints[weakest]} "
-                f"for {torque[weakest]:.4g} Nm near t = {t:.3g} s; its motor has "
-                f"{effort[weakest]:g} Nm"
+                f"for {torque[weakest]:.4g} {unit} near t = {t:.3g} s; its motor has "
+                f"{effort[weakest]:g} {unit}"
             )
 
 

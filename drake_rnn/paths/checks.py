@@ -15,6 +15,8 @@ from ..inputs.fields import Array
 _COUNTS = {2: "two", 3: "three"}
 # Distance up to which two points count as the same [m].
 _MEET = 1e-6
+# Largest entry by which a rotation matrix may miss being one.
+_ROTATION = 1e-6
 
 
 def require_values(
@@ -85,6 +87,13 @@ def require_pose(p_WE: Any, R_WE: Any) -> None:
             raise InvalidInputError(
                 f"{key}: must be finite numbers of shape {shape}, not {fault.removeprefix('one ')}"
             )
+    if R_WE is not None and not _is_rotation(np.asarray(R_WE, dtype=float)):
+        raise InvalidInputError(f"R_WE: must be a rotation matrix, not {short(R_WE)}")
+
+
+def _is_rotation(R: Array) -> bool:
+    off = np.abs(R @ R.T - np.eye(3)).max()
+    return bool(off < _ROTATION and np.linalg.det(R) > 0.0)
 
 
 def require_start(name: str, first: Array, last: Array | None) -> None:

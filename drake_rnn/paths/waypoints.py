@@ -20,6 +20,8 @@ from .turning import aligned
 _ROUNDING = 1e-3
 # Largest sum of a leg's blends, relative to the leg.
 _FULL = 1.0 + 1e-9
+# Least time between two waypoints [s].
+_SOONEST = 1e-3
 
 
 def _rows(width: int, what: str) -> BeforeValidator:
@@ -281,6 +283,11 @@ def _increasing(times: Array, table: Table) -> Array:
             raise ValueError(f"row {row}: repeats the time {time:g} of the row before it")
         if time < before:
             raise ValueError(f"row {row}: times must increase; {time:g} comes after {before:g}")
+        if time - before < _SOONEST:
+            raise ValueError(
+                f"row {row}: must be at least {_SOONEST:g} s after the row before it, not "
+                f"{time - before:g}"
+            )
     return times
 
 

@@ -23,7 +23,7 @@ from pydrake.multibody.tree import (
 )
 
 from ..errors import InvalidInputError
-from ..inputs.complaints import nearest
+from ..inputs.complaints import nearest, require_type
 from ..inputs.dataclass_fields import fields_of
 from ..inputs.documents import construct, read_yaml
 from ..inputs.fields import Array, Finite, Point, Positive, Vector, validated
@@ -196,8 +196,9 @@ class Arm:
         """Return the same arm with other limits.
 
         Raises:
-            InvalidInputError: If the limits are for another number of joints.
+            InvalidInputError: If the limits are for another number of joints, or no `JointLimits`.
         """
+        require_type("limits", limits, JointLimits)
         self._require_size("limits", limits.size)
         arm = copy(self)
         arm.limits = limits
@@ -410,9 +411,27 @@ def load_arm(model: str | Path, **changes: Any) -> Arm:
         return arm.replace(**changes) if changes else arm
     if Path(name).suffix.lower() not in {".urdf", ".sdf", ".xml", ".xacro"}:
         raise InvalidInputError(
-            f"arm: no arm {name!r}; {nearest(name, shipped_arms())}, or a .urdf, .sdf or .xml file"
+            f"arm: no arm {name!r}; {nearest(name, shipped_arms())}, or a .urdf, .sdf, .xml "
+            "or .xacro file"
         )
     fields = {"model": name, **changes}
     if "limits" not in changes and (beside := limits_beside(Path(name))) is not None:
         fields["limits"] = str(beside)
+    if fields.get("frame") is None:
+        raise InvalidInputError(f"arm.frame: must be given{_ends(Path(name), fields)}")
     return Arm(construct(ArmDescription, fields, "arm"), Path(name).stem)
+
+
+def _ends(file: Path, fields: Mapping[str, Any]) -> str:
+    """Return the ends of a model's chains, as a part of a sentence about its frames."""
+    if not file.is_file():
+        return ""
+    plant = MultibodyPlant(0.0)
+    with quiet_drake(logging.ERROR):
+        read_model(file, fields.get("packages") or {}).add_to(plant)
+    plant.Finalize()
+    joints = map(plant.get_joint, plant.GetJointIndices())
+    carry = {joint.parent_body().index() for joint in joints}
+    bodies = map(plant.get_body, map(BodyIndex, range(1, plant.num_bodies())))
+    names = [body.name() for body in bodies if body.index() not in carry]
+    return f"; the chains of {file.name} end in {', '.join(names[:12])}"

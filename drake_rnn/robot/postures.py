@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..inputs.complaints import require_type
 from ..inputs.fields import Array
 from .arm import Arm
 from .kinematics import ArmKinematics
@@ -63,16 +64,26 @@ def proposed_home(arm: Arm, seed: int = 0) -> Array:
     - the distance of E from the base's xy plane as a share of the arm's reach; 0.25 is enough. No
       body may be behind that plane, and of those that are out over the work none below E.
 
+    Where no posture fulfils the last of these, as for an arm that hangs, only the joints' limits,
+    the Jacobian and the distances of bodies count.
+
     Args:
         arm: The arm; a home posture that it has does not matter.
         seed: Seed of the random search.
 
     Returns:
         The posture with two decimals, shape (n,) [rad].
+
+    Raises:
+        InvalidInputError: If ``arm`` is not an `Arm`.
     """
+    require_type("arm", arm, Arm)
     candidates = random_postures(arm, _CANDIDATES, seed)
     merit = _merit(arm, candidates)
     worth = np.array([merit(q) for q in candidates])
+    if not worth.any():
+        merit = _merit(arm, candidates, stands=False)
+        worth = np.array([merit(q) for q in candidates])
     rng = np.random.default_rng(seed)
     found = [
         _improved(arm, merit, candidates[k], float(worth[k]), rng)
@@ -128,8 +139,14 @@ def _improved(
     return q, worth
 
 
-def _merit(arm: Arm, candidates: Array) -> Callable[[Array], float]:
-    """Return the function that judges a posture, from 0 to 1."""
+def _merit(arm: Arm, candidates: Array, stands: bool = True) -> Callable[[Array], float]:
+    """Return the function that judges a posture, from 0 to 1.
+
+    Args:
+        arm: The arm.
+        candidates: Postures to compare with, shape (k, n).
+        stands: Whether it matters where E points, and what is ahead of the base or below E.
+    """
     kinematics, limits = arm.kinematics(), arm.limits
     weight = float(np.linalg.norm(arm.gravity))
     down = arm.gravity / weight if weight > 0.0 else np.array([0.0, 0.0, -1.0])
@@ -142,22 +159,25 @@ def _merit(arm: Arm, candidates: Array) -> Callable[[Array], float]:
     rank = max(int((conditioning(kinematics, q, reach) > 1e-6).sum()) for q in candidates[:50])
 
     def merit(q: Array) -> float:
+        chain = kinematics.skeleton(q)
+        place = placed(q, chain[1:]) if stands else 1.0
+        if place == 0.0:
+            return 0.0
         room = np.minimum(q - limits.position_lower, limits.position_upper - q)
         shares = np.divide(room, half, out=np.ones(arm.n), where=np.isfinite(half))
-        chain = kinematics.skeleton(q)
         apart = float((_distances(chain)[counts] / farthest[counts]).min())
-        bodies = chain[1:]
+        worth = min(float(shares.min()) / _ENOUGH_ROOM, 1.0) * min(apart / _APART, 1.0)
+        return place * worth * float(conditioning(kinematics, q, reach)[rank - 1])
+
+    def placed(q: Array, bodies: Array) -> float:
         p_WE, heights = bodies[-1], -bodies @ down
         out = np.linalg.norm(bodies[:, :2], axis=1) > _OUT * reach
         if bodies[:, 2].min() < 0.0 or (heights[out] < heights[-1] - _BELOW * reach).any():
             return 0.0
         ahead = (1.0 + p_WE[0] / max(float(np.linalg.norm(p_WE)), 1e-9)) / 2.0
         pointing = (1.0 + float(kinematics.R_WE(q)[:, 2] @ down)) / 2.0
-        worth = min(float(shares.min()) / _ENOUGH_ROOM, 1.0) * ahead * pointing**2
-        worth *= min(apart / _APART, 1.0)
-        if not is_planar:
-            worth *= min(float(p_WE[2]) / (_ENOUGH_HEIGHT * reach), 1.0)
-        return worth * float(conditioning(kinematics, q, reach)[rank - 1])
+        high = 1.0 if is_planar else min(float(p_WE[2]) / (_ENOUGH_HEIGHT * reach), 1.0)
+        return ahead * pointing**2 * high
 
     return merit
 

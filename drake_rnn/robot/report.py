@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..inputs.complaints import require_type
 from ..inputs.fields import Array
 from .arm import Arm
 from .postures import conditioning, proposed_home, random_postures
@@ -69,6 +70,7 @@ def arm_report(arm: Arm, postures: int = 1000, seed: int = 0) -> ArmReport:
         postures: Number of random postures.
         seed: Seed of the random numbers.
     """
+    require_type("arm", arm, Arm)
     kinematics = arm.kinematics()
     drawn = random_postures(arm, postures, seed)
     home = proposed_home(arm) if arm.home is None else arm.home

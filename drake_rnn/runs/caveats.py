@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..experiment import Forecast
+from ..experiment import Experiment, Forecast
 from ..measures import Motion, violation_metric
 from ..robot.limits import LIMIT_UNITS
 from ..systems import Body
@@ -14,6 +14,8 @@ from ..systems import Body
 # Distance from the command beyond which an arm is said not to follow it: of the end effector [m]
 # and of a joint [rad].
 _FAR, _FAR_JOINT = 5e-3, 0.02
+# Excess of a limit that is no rounding error [rad, rad/s].
+_BEYOND = 1e-6
 
 
 def standing(found: Sequence[Forecast], metrics: Mapping[str, float]) -> list[str]:
@@ -29,6 +31,23 @@ def standing(found: Sequence[Forecast], metrics: Mapping[str, float]) -> list[st
     cut = metrics.get("saturated_fraction", 0.0) > 0.0
     excess = {name: metrics.get(violation_metric(name), np.inf) for name in LIMIT_UNITS if not cut}
     return [each.text for each in found if excess.get(each.limit or "", np.inf) > 0.0]
+
+
+def limit_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[str]:
+    """Return warnings about limits of position and velocity that an arm cannot exceed, and did.
+
+    Those that the law or a filter keeps by construction have a verdict of their own. Of what the
+    path itself asks for too much there was a warning before the run.
+    """
+    caveats = []
+    for name in ("position", "velocity"):
+        excess, unit = metrics.get(violation_metric(name), 0.0), LIMIT_UNITS[name]
+        if excess > _BEYOND and name not in experiment.kept_limits:
+            caveats.append(
+                f"limits: the arm exceeds a limit of {name} by {excess:.3g} {unit}, as this law "
+                "does not keep it; no real arm would"
+            )
+    return caveats
 
 
 def contact_caveats(motion: Motion, metrics: Mapping[str, float]) -> list[str]:

@@ -15,7 +15,7 @@ from ..inputs.fields import Array
 from ..laws import Reading, Signals
 from ..laws.checks import caveats_of
 from ..measures import Motion, Recorder, law_metrics, motion_metrics
-from .caveats import contact_caveats, motor_caveats, standing
+from .caveats import contact_caveats, limit_caveats, motor_caveats, standing
 from .motion import motion_of, observed_signals, seen_motion
 from .result import Result
 
@@ -64,6 +64,7 @@ def evaluate(
         warnings=[
             *experiment.warnings,
             *standing(found, metrics),
+            *limit_caveats(experiment, metrics),
             *caveats,
             *contact_caveats(motion, metrics),
             *motor_caveats(loop.arm, motion),

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import InvalidInputError
 from ..experiment import Experiment, make_experiment
+from ..inputs.complaints import require_type
 from ..laws import LAWS
 from ..paths import Curve
 from ..robot.limits import DERIVATIVE_UNITS
@@ -65,6 +66,7 @@ def fastest(experiment: Experiment, told: Callable[[str], None] | None = None) -
             does not let the motion scale with the path; or if position limits or a singularity
             prevent the run at any speed.
     """
+    require_type("experiment", experiment, Experiment)
     document = _smooth(experiment, told)
     _require_bounds(experiment)
     _require_that_it_scales(experiment)

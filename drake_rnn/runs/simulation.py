@@ -12,6 +12,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPo
 from ..diagrams import AddLoop, Loop
 from ..errors import InterruptedRunError, InvalidInputError, SimulationError
 from ..experiment import OUTSIDE, Experiment, ExperimentDocument, check_reach, forecasts
+from ..inputs.complaints import require_type
 from ..laws import Law
 from ..measures import Recorder
 from ..systems import (
@@ -65,6 +66,7 @@ def simulate(experiment: Experiment, progress: Progress | None = None) -> Result
         SimulationError: If the run stops early; its ``result`` covers the time until then. Also if
             what the law says of a complete run is wrong.
     """
+    require_type("experiment", experiment, Experiment)
     started = time.perf_counter()
     found = forecasts(experiment)
     simulator, loop = build_simulator(experiment)

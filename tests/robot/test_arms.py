@@ -462,7 +462,7 @@ def test_an_unknown_arm_is_refused_with_those_of_like_name():
 
 def test_a_file_that_is_no_model_is_refused(tmp_path):
     assert refusal("nowhere.urdf", frame="tip") == "arm.model: no file 'nowhere.urdf'"
-    assert ".urdf, .sdf or .xml file" in refusal("arm.stl", frame="tip")
+    assert ".urdf, .sdf, .xml or .xacro file" in refusal("arm.stl", frame="tip")
     for name, text in {
         "a.urdf": "<robot><link",
         "b.urdf": "",
@@ -518,7 +518,9 @@ def test_a_joint_of_several_degrees_of_freedom_is_refused(tmp_path):
 
 def test_fields_that_do_not_fit_are_refused_by_name(gripper):
     assert refusal(gripper, frame="hand", home=[0, 0]) == "arm.home: has 2 entries for 3 joints"
-    assert refusal(gripper) == "arm.frame: must be given"
+    assert refusal(gripper) == (
+        "arm.frame: must be given; the chains of grasper.urdf end in left, right"
+    )
     assert refusal(gripper, frame="hand", fram="x") == "arm.fram: no such key; nearest: frame"
     assert refusal(gripper, frame="hand", lock={"elbow": float("nan")}).startswith(
         "arm.lock.elbow: must be a finite number, not nan"

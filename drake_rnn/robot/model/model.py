@@ -69,7 +69,7 @@ class Model:
             else:
                 instances = parser.AddModelsFromString(self.text, self.format)
         # Drake exits where a condition of its own code fails, e.g. at a negative velocity limit.
-        except (RuntimeError, SystemExit) as error:
+        except (RuntimeError, ValueError, SystemExit) as error:
             hint = (
                 "; give the package's folder in arm.packages"
                 if "unknown package" in str(error)

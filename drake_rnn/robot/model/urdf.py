@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from xml.etree.ElementTree import Element, SubElement
 
+from ...errors import InvalidInputError
 from .conversion import Colour
 from .geometry import MeshName, mend_geometry, told
 from .meshes import Meshes
@@ -104,7 +105,7 @@ def _drop_zero_limits(root: Element) -> list[str]:
         ]
         for joint in zero:
             for limit in joint.findall("limit"):
-                del limit.attrib[name]
+                limit.attrib.pop(name, None)
         warnings += told(_names(zero), f"a limit of 0 is taken for an unknown {name} limit:")
     return warnings
 
@@ -144,7 +145,11 @@ def _mend_inertias(root: Element) -> list[str]:
     changed = []
     for link in root.findall("link"):
         mass, inertia = link.find("inertial/mass"), link.find("inertial/inertia")
-        if mass is None or inertia is None or float(mass.get("value", 0.0)) <= 0.0:
+        if mass is not None and (value := float(mass.get("value", 0.0))) < 0.0:
+            raise InvalidInputError(
+                f"arm.model: the mass of {link.get('name')!r} must be at least 0, not {value:g} kg"
+            )
+        if mass is None or inertia is None or value == 0.0:
             continue
         products = {name: float(inertia.get(name, 0.0)) for name in _ENTRIES}
         if (possible := nearest_possible(tuple(products.values()))) is not None:

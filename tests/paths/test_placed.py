@@ -237,3 +237,9 @@ def test_a_right_path_of_ones_own_is_not():
     assert placed.closed
     np.testing.assert_allclose(placed.position(0.5)[0], P_WE + np.array([0, 1, 0]))
     assert own_relative().placed(P_WE).traversal == 2.0
+
+
+@pytest.mark.parametrize("R_WE", [np.ones((3, 3)), -np.eye(3), 1.001 * np.eye(3)])
+def test_an_orientation_is_a_rotation(R_WE):
+    with pytest.raises(InvalidInputError, match=r"^R_WE: must be a rotation matrix, not "):
+        Circle(size=0.1, period=1.0).placed(np.zeros(3), R_WE)

@@ -219,3 +219,8 @@ def test_rounding_of_a_quaternion_is_no_fault():
     path = make(quaternions=QUATERNIONS.round(4))
     R = path.placed(np.zeros(3), np.eye(3)).orientation(TIMES[3])[0]
     np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-14)
+
+
+def test_waypoints_that_all_but_coincide_in_time_are_refused():
+    with pytest.raises(InvalidInputError, match=r"row 3: must be at least 0\.001 s after the row"):
+        Waypoints(positions=[[0, 0, 0], [0.1, 0, 0], [0.2, 0, 0]], times=[0.0, 1.0, 1.0 + 1e-12])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from pydrake.multibody.tree import BodyIndex
 
 from drake_rnn import load_arm, proposed_home, shipped_arms
 from drake_rnn.models import MODELS
@@ -69,3 +70,21 @@ def test_a_mounting_upside_down_turns_the_tool_up():
     arm = load_arm(str(MODELS / "ur5" / "ur5.urdf"), frame="tool0", gravity=[0, 0, 9.81])
     kinematics = arm.kinematics()
     assert kinematics.R_WE(proposed_home(arm))[2, 2] > 0.95
+
+
+def test_an_arm_that_hangs_below_its_base_gets_a_posture_of_some_merit(tmp_path):
+    """No posture is ahead of the base's plane; what is left is to be far from singular."""
+    hung = (MODELS / "ur5" / "ur5.urdf").read_text()
+    mount = '<link name="rack"/><joint name="hang" type="fixed"><parent link="rack"/>'
+    root = load_arm("ur5").plant().get_body(BodyIndex(1)).name()
+    mount += f'<child link="{root}"/><origin xyz="0 0 -1.6"/></joint></robot>'
+    file = tmp_path / "hung.urdf"
+    file.write_text(hung.replace("</robot>", mount))
+    arm = load_arm(str(file), frame="tool0")
+    found = proposed_home(arm)
+    first = random_postures(arm, 2000)[0]
+
+    def worst(q):
+        return conditioning(arm.kinematics(), q, 2.4)[-1]
+
+    assert worst(found) > 2.0 * worst(first)

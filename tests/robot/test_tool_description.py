@@ -311,3 +311,8 @@ def test_a_tool_that_cannot_be_is_refused_by_name(tool, message):
 def test_a_flange_that_does_not_exist_is_refused_with_those_of_like_name():
     with pytest.raises(InvalidInputError, match=r"arm\.tool: no frame 'tool9' .*nearest: tool0"):
         load_arm(UR5, frame="tool9", tool={})
+
+
+def test_a_mesh_that_would_take_minutes_is_refused():
+    with pytest.raises(InvalidInputError, match=r"mesh_resolution: must be at least 0\.02 of"):
+        ToolDescription(ball=0.012, mesh_resolution=1e-5)

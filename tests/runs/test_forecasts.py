@@ -2,7 +2,7 @@
 
 import pytest
 
-from drake_rnn import check_experiment, fastest, load_experiment, simulate
+from drake_rnn import check_experiment, fastest, load_experiment, make_experiment, simulate
 from drake_rnn.experiment import Forecast
 from drake_rnn.runs.caveats import standing
 
@@ -44,3 +44,15 @@ def test_the_fastest_run_within_its_bounds_is_not_warned_of_them():
     found = fastest(load_experiment("naljdf_clover"))
     assert found.result.metrics["limit_ratio_2_max"] <= 1.0
     assert found.result.warnings == []
+
+
+def test_a_limit_that_the_law_does_not_keep_is_said_after_the_run():
+    """A pseudoinverse that is 0.1 m off at the start leaps, beyond every velocity limit."""
+    path = {"kind": "circle", "size": 0.05, "period": 10.0, "offset": [0.1, 0.0, 0.0]}
+    law = {"kind": "pseudoinverse", "feedback": 200.0}
+    document = {"arm": "panda", "path": path, "law": law, "period": 1e-3, "duration": 0.1}
+    result = simulate(make_experiment(document))
+    excess = result.metrics["velocity_violation_max_rad_s"]
+    assert excess > 1.0
+    said = f"limits: the arm exceeds a limit of velocity by {excess:.3g} rad/s"
+    assert any(text.startswith(said) for text in result.warnings)

@@ -21,8 +21,12 @@ def quiet_drake(least: int) -> Iterator[None]:
 
 @contextmanager
 def drake_warnings() -> Iterator[list[str]]:
-    """Collect Drake's warnings within a with-block instead of logging them."""
+    """Collect Drake's warnings within a with-block instead of logging them.
+
+    They are collected even where the program has silenced Drake's log.
+    """
     log = logging.getLogger("drake")
+    level, disabled = log.level, log.disabled
     told: list[str] = []
 
     def collect(record: logging.LogRecord) -> bool:
@@ -30,8 +34,12 @@ def drake_warnings() -> Iterator[list[str]]:
             told.append(record.getMessage())
         return record.levelno != logging.WARNING
 
+    log.setLevel(min(log.getEffectiveLevel(), logging.WARNING))
+    log.disabled = False
     log.addFilter(collect)
     try:
         yield told
     finally:
         log.removeFilter(collect)
+        log.setLevel(level)
+        log.disabled = disabled

@@ -371,6 +371,21 @@ def test_what_the_parser_warns_of_is_said_once_and_reaches_the_experiment(tmp_pa
     assert made.warnings[0] == warning
 
 
+def test_what_the_parser_warns_of_is_said_although_drakes_log_is_silent(tmp_path):
+    odd = GRIPPER.replace('velocity="2"', 'velocity="2"/><dynamics friction="0.1"')
+    file = write(tmp_path, "odd.urdf", odd)
+    log = logging.getLogger("drake")
+    level, disabled = log.level, log.disabled
+    try:
+        for log.disabled in (False, True):
+            log.setLevel(logging.CRITICAL)
+            assert len(load_arm(file, frame="hand").warnings) == 1
+            assert log.level == logging.CRITICAL
+    finally:
+        log.disabled = disabled
+        log.setLevel(level)
+
+
 # Limits that a model states.
 
 

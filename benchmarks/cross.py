@@ -34,8 +34,8 @@ _HEAD = """\
 `benchmarks/cross_cells.py` has the documents. Each arm follows a circle with a radius of 3 % of its
 length, in 8 s a lap from rest to rest; errors and drift are those of the second lap. Limits are
 0.5 rad/s and 1 rad/s^2, where a law or filter bounds them also 5 rad/s^3, 50 rad/s^4 and
-500 rad/s^5. With dynamics the motors have their default gains, and a law sees the measured
-arm, or, ahead of a filter, an ideal one.
+500 rad/s^5. With dynamics the motors have their default gains, and a law sees the measured arm,
+or, ahead of a filter, an ideal one.
 
 - *error*: largest distance from the path; of the adjustments, of the end effector from its place;
   of motion-force control, along the surface.
@@ -45,8 +45,8 @@ arm, or, ahead of a filter, an ideal one.
   keeps; *kept* is within 1e-9 of them. Other limits are not counted. A law bounds its command: an
   arm with mass overshoots a command that changes its acceleration at once, and injected noise is
   not the law's.
-- *x real time*: simulated time over wall time at both levels, on the machine at hand with two runs
-  at a time.
+- *x real time*: simulated time over wall time at both levels, on the machine at hand with several
+  runs at a time and whatever else it does; [cost](cost.md) has undisturbed figures.
 """
 _PRESSING = """\
 

@@ -58,6 +58,8 @@ def read_document(
     rivals = {key.split(".")[0] for key, value in changes.items() if value is not None}
     if {"period", "integrator"} <= rivals:
         raise InvalidInputError("period: cannot be combined with integrator; change one of them")
+    if "name" in changes and not changes["name"]:
+        raise InvalidInputError(f"name: must be a valid folder name, not {changes['name']!r}")
     for key, value in changes.items():
         set_key(document, key, value)
     _name_limits(document)

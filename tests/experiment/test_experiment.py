@@ -338,3 +338,9 @@ def test_what_is_expected_survives_a_short_run_only_if_it_is_asked_for():
     assert load_experiment(KNOWN, {"duration": 1}).document.accept == {}
     kept = load_experiment(KNOWN, {"duration": 1, **accept}).document.accept
     assert "joint_velocity_max_rad_s" in kept
+
+
+@pytest.mark.parametrize("name", [None, ""])
+def test_a_run_without_a_name_would_have_no_folder_of_its_own(name):
+    with pytest.raises(InvalidInputError, match=r"^name: must be a valid folder name, not "):
+        load_experiment("pinv_circle", {"name": name})

@@ -73,9 +73,11 @@ from .paths import (
     Waypoints,
 )
 from .playback import write_playback
-from .robot.arm import Arm, ArmDescription, load_arm, shipped_arms
+from .robot.arm import Arm
+from .robot.arm_description import ArmDescription
 from .robot.kinematics import ArmKinematics
 from .robot.limits import JointLimits
+from .robot.load_arm import load_arm, shipped_arms
 from .robot.postures import proposed_home
 from .robot.report import ArmReport, arm_report
 from .robot.self_motion import SelfMotion

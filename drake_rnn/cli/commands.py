@@ -25,7 +25,7 @@ from ..figures.learning import learning_figure
 from ..figures.sweep import sweep_figure
 from ..inputs.documents import parse_yaml
 from ..playback import write_playback
-from ..robot.arm import load_arm
+from ..robot.load_arm import load_arm
 from ..robot.report import arm_report
 from ..runs.fastest import fastest
 from ..runs.result import Result

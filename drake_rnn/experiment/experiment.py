@@ -18,8 +18,9 @@ from ..inputs.modules import Modules
 from ..laws import LAWS, Circumstances, Law, PostureLaw
 from ..laws.checks import doubts_of
 from ..paths import Path, PlacedPath, as_path
-from ..robot.arm import Arm, load_arm
+from ..robot.arm import Arm
 from ..robot.limits import JointLimits
+from ..robot.load_arm import load_arm
 from ..robot.task import Task, named_task
 from ..systems import BODIES, Body, Contact, Feedback, PlantSettings, start_posture
 from .contact import make_contact

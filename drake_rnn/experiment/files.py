@@ -11,8 +11,8 @@ from ..diagrams import EXPERIMENTS
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest, require_type, short
 from ..inputs.documents import parse_yaml, read_yaml
-from ..robot.arm import shipped_arms
 from ..robot.limits_file import limits_beside
+from ..robot.load_arm import shipped_arms
 from .document import ExperimentDocument
 from .experiment import Experiment, make_experiment
 
@@ -54,17 +54,15 @@ def read_document(
             ``changes`` is not a mapping of dotted keys.
     """
     changes = _checked(changes)
-    document = _contents(experiment)
+    document, name = _contents(experiment)
     rivals = {key.split(".")[0] for key, value in changes.items() if value is not None}
     if {"period", "integrator"} <= rivals:
         raise InvalidInputError("period: cannot be combined with integrator; change one of them")
-    if "name" in changes and not changes["name"]:
-        raise InvalidInputError(f"name: must be a valid folder name, not {changes['name']!r}")
     for key, value in changes.items():
         set_key(document, key, value)
     _name_limits(document)
     _cut_short(document, changes)
-    return document
+    return {**document, "name": document.get("name") or name}
 
 
 def _checked(changes: Mapping[str, Any] | None) -> Mapping[str, Any]:
@@ -77,20 +75,20 @@ def _checked(changes: Mapping[str, Any] | None) -> Mapping[str, Any]:
     return changes
 
 
-def _contents(experiment: Described) -> dict[str, Any]:
-    """Return a document's contents, which may be changed."""
+def _contents(experiment: Described) -> tuple[dict[str, Any], str]:
+    """Return a document's contents, which may be changed, and its name if they give none."""
     if isinstance(experiment, Experiment):
-        return experiment.document.contents()
+        return experiment.document.contents(), ""
     if isinstance(experiment, ExperimentDocument):
-        return experiment.contents()
+        return experiment.contents(), ""
     if isinstance(experiment, Mapping):
-        return deepcopy(dict(experiment))
+        return deepcopy(dict(experiment)), ""
     require_type("experiment", experiment, str, File, Mapping, ExperimentDocument, Experiment)
     return _read(str(experiment))
 
 
-def _read(name: str) -> dict[str, Any]:
-    """Return the contents of a shipped document or of a YAML file."""
+def _read(name: str) -> tuple[dict[str, Any], str]:
+    """Return the contents of a shipped document or of a YAML file, and the file's name."""
     if name in shipped_experiments():
         (file,) = EXPERIMENTS.glob(f"*/{name}.yaml")
     elif File(name).suffix in {".yaml", ".yml"}:
@@ -106,7 +104,7 @@ def _read(name: str) -> dict[str, Any]:
         raise InvalidInputError(f"{file}: must be a mapping of keys to values")
     # Names of models and CSV files are relative to the document's folder.
     _resolve_files(document, file.parent)
-    return {"name": file.stem, **document}
+    return document, file.stem
 
 
 def parse_change(text: str) -> tuple[str, Any]:

@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar
 from ..errors import InvalidInputError
 from .complaints import nearest, short
 from .modules import Modules, object_named
-from .own_code import told
+from .own_code import described
 
 T = TypeVar("T")
 
@@ -50,7 +50,7 @@ class Kinds(MutableMapping[str, type[T]], Generic[T]):
             raise InvalidInputError(
                 f"{self.section}.kind: must be a text without a colon, not {short(kind)}"
             )
-        self._check(cls, kind)
+        self._fitting(cls, f"{self.section}.kind: {kind}")
         known = self._known.get(kind)
         if known is not None and _name(known) != _name(cls):
             raise InvalidInputError(
@@ -93,10 +93,10 @@ class Kinds(MutableMapping[str, type[T]], Generic[T]):
         if kind is None:
             raise InvalidInputError(f"{key}: must be given; it may be {', '.join(self)}")
         if isinstance(kind, str) and ":" in kind:
-            return self._check(object_named(kind, key, modules), kind)
+            return self._fitting(object_named(kind, key, modules), f"{key}: {kind}")
         offers = list(entry_points(group=self.group, name=kind)) if isinstance(kind, str) else []
         if isinstance(kind, str) and kind in self._known:
-            return self._unrivalled(kind, offers)
+            return self._unrivalled(kind, offers, key)
         if not offers:
             every = [*self, *sorted(entry_points(group=self.group).names)]
             raise InvalidInputError(
@@ -108,50 +108,56 @@ class Kinds(MutableMapping[str, type[T]], Generic[T]):
                 f"{key}: {kind!r} is offered by {' and by '.join(map(_offer, offers))}; name the "
                 "one you mean as module:Class"
             )
-        return self._loaded(offers[0])
+        return self._loaded(offers[0], key)
 
-    def _unrivalled(self, kind: str, offers: list[EntryPoint]) -> type[T]:
+    def _unrivalled(self, kind: str, offers: list[EntryPoint], key: str) -> type[T]:
         """Return a known class, unless an installed package offers another one of its name."""
         known = self._known[kind]
         for offer in offers:
-            if kind in self._shipped or self._loaded(offer) is not known:
+            if kind in self._shipped or self._loaded(offer, key) is not known:
                 raise InvalidInputError(
-                    f"{self.section}.kind: {kind!r} is {_name(known)}, but is also offered by "
+                    f"{key}: {kind!r} is {_name(known)}, but is also offered by "
                     f"{_offer(offer)}; that one needs another name"
                 )
         return known
 
-    def _loaded(self, offer: EntryPoint) -> type[T]:
+    def _loaded(self, offer: EntryPoint, key: str) -> type[T]:
         try:
             found = offer.load()
         except (Exception, SystemExit) as error:
             raise InvalidInputError(
-                f"{self.section}.kind: {offer.name!r} is offered by {_offer(offer)}, which cannot "
-                f"be loaded: {told(error)}"
+                f"{key}: {offer.name!r} is offered by {_offer(offer)}, which cannot be loaded: "
+                f"{described(error)}"
             ) from error
-        return self._check(found, offer.value)
+        return self._fitting(found, f"{key}: {offer.value}")
 
-    def _check(self, found: Any, name: str) -> type[T]:
-        """Return ``found`` if it is a class that a document can describe.
+    def _fitting(self, found: Any, what: str) -> type[T]:
+        """Return ``found``, of the key and name ``what``, if a document can describe it."""
+        _require_described(found, self._base, what)
+        return found
 
-        Raises:
-            InvalidInputError: If it is not.
-        """
-        what, base, cls = f"{self.section}.kind: {name}", self._base, found
-        if not (isinstance(found, type) and issubclass(found, base)):
-            raise InvalidInputError(
-                f"{what}: must be a class that extends {base.__name__}, not {_told_of(found)}"
-            )
-        if inspect.isabstract(found):
-            lacking = ", ".join(sorted(vars(found)["__abstractmethods__"]))
-            raise InvalidInputError(f"{what}: {found.__name__} must have {lacking} as well")
-        # Inherited fields do not count: pydantic would make an object of the base class.
-        if "__pydantic_fields__" not in vars(found):
-            raise InvalidInputError(
-                f"{what}: {found.__name__} must be decorated with @validated from drake_rnn, "
-                "which checks its fields"
-            )
-        return cls
+
+def _require_described(found: object, base: type, what: str) -> None:
+    """Raise an InvalidInputError unless this is a class that a document can describe.
+
+    Args:
+        found: The class.
+        base: Class that it must extend.
+        what: Its key and name, for messages.
+    """
+    if not (isinstance(found, type) and issubclass(found, base)):
+        raise InvalidInputError(
+            f"{what}: must be a class that extends {base.__name__}, not {_nature(found)}"
+        )
+    if inspect.isabstract(found):
+        lacking = ", ".join(sorted(vars(found)["__abstractmethods__"]))
+        raise InvalidInputError(f"{what}: {found.__name__} must have {lacking} as well")
+    # Inherited fields do not count: pydantic would make an object of the base class.
+    if "__pydantic_fields__" not in vars(found):
+        raise InvalidInputError(
+            f"{what}: {found.__name__} must be decorated with @validated from drake_rnn, "
+            "which checks its fields"
+        )
 
 
 def _name(cls: type) -> str:
@@ -163,7 +169,7 @@ def _offer(offer: EntryPoint) -> str:
     return f"{package} as {offer.value}"
 
 
-def _told_of(found: object) -> str:
+def _nature(found: object) -> str:
     if isinstance(found, type):
         return f"the class {_name(found)}"
     return f"of class {type(found).__name__}"

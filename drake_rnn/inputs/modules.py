@@ -10,7 +10,7 @@ from operator import attrgetter
 from types import ModuleType
 
 from ..errors import InvalidInputError
-from .own_code import told
+from .own_code import described
 
 #: Modules that may be imported: True for any, False for none, or names of modules and packages.
 #: Whatever has been imported already may be used.
@@ -75,4 +75,4 @@ def _imported(name: str, key: str) -> ModuleType:
 
 
 def _failure(name: str, key: str, error: BaseException) -> str:
-    return f"{key}: the module {name!r} cannot be imported: {told(error)}"
+    return f"{key}: the module {name!r} cannot be imported: {described(error)}"

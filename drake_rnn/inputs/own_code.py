@@ -26,10 +26,10 @@ def naming(
     except (DrakeRnnError, but):
         raise
     except Exception as error:
-        raise InvalidInputError(f"{place} raised {told(error)}{at(t)}") from error
+        raise InvalidInputError(f"{place} raised {described(error)}{at(t)}") from error
 
 
-def told(error: BaseException) -> str:
+def described(error: BaseException) -> str:
     """Return an error as a text of one line: its class and its message."""
     message = " ".join(str(error).split())
     return f"{type(error).__name__}: {message}" if message else type(error).__name__

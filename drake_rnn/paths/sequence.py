@@ -181,8 +181,8 @@ class _PlacedSequence(PlacedPath):
     def _piece(self, t: float) -> _Piece:
         if not np.isfinite(t):
             raise InvalidInputError(f"t: must be finite, not {t}")
-        begins = [piece.begin for piece in self.pieces]
-        return self.pieces[max(bisect_right(begins, t) - 1, 0)]
+        begun = bisect_right(self.pieces, t, key=lambda piece: piece.begin)
+        return self.pieces[max(begun - 1, 0)]
 
     def position(self, t: float) -> Motion:
         piece = self._piece(t)

@@ -8,12 +8,11 @@ import numpy as np
 from pydantic import BeforeValidator
 from pydrake.math import RollPitchYaw
 
+from ..inputs.dataclass_fields import fields_of
 from ..inputs.fields import Array, Positive, Vector, validated
-from .path import Motion
 from .pieces import Blend, blended, cubic_spline, quintic_spline, rest_to_rest
-from .relative import RelativePath
 from .table import QUATERNION, RPY, Table, listed, read_table
-from .trajectory import TrajectoryPath
+from .timed import TimedPath
 from .turning import aligned
 
 # Difference of a quaternion's length from 1 up to which it is taken for rounding.
@@ -42,7 +41,7 @@ def _rows(width: int, what: str) -> BeforeValidator:
 
 
 @validated
-class Waypoints(RelativePath):
+class Waypoints(TimedPath):
     """A motion through waypoints, from rest to rest, passed once.
 
     Args:
@@ -62,8 +61,7 @@ class Waypoints(RelativePath):
         blend_time: Duration of the blend at each waypoint of straight legs [s].
         blend_radius: Largest distance from a waypoint at which its blend may begin or end [m].
         blend: Kind of the blends, ``quintic`` or ``parabolic``.
-        absolute: Whether the poses are those of the end effector; otherwise the path is moved and
-            turned so that it begins at the arm's start, apart from ``offset``.
+        absolute: See `TimedPath`.
     """
 
     kind: Literal["waypoints"] = "waypoints"
@@ -78,24 +76,20 @@ class Waypoints(RelativePath):
     blend_time: Positive | None = None
     blend_radius: Positive | None = None
     blend: Blend | None = None
-    absolute: bool = False
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if (self.file is None) == (self.positions is None):
             raise ValueError("give either a file or positions")
         if self.quaternions is not None and self.rpy is not None:
             raise ValueError("give either quaternions or rpy")
-        if self.absolute and self.offset.any():
-            raise ValueError(
-                "offset: cannot be combined with absolute, which also sets where the path starts; "
-                "give one of them"
-            )
         self._check_blends()
-        self._motion  # noqa: B018 (bad waypoints are refused now, not during a run)
+        # Bad waypoints are refused now, not during a run.
+        _ = self._interpolants
 
     def _check_blends(self) -> None:
         given = [
-            k for k in ("blend_time", "blend_radius", "blend") if self._settings[k] is not None
+            k for k in ("blend_time", "blend_radius", "blend") if fields_of(self)[k] is not None
         ]
         if given and self.through != "straight":
             raise ValueError(f"{given[0]}: only with through: straight")
@@ -105,57 +99,27 @@ class Waypoints(RelativePath):
             raise ValueError("blend: goes with a blend_time or blend_radius")
 
     @property
-    def _settings(self) -> dict[str, Any]:
-        return {
-            "times": self.times,
-            "period": self.period,
-            "speed": self.speed,
-            "quaternions": self.quaternions,
-            "rpy": self.rpy,
-            "blend_time": self.blend_time,
-            "blend_radius": self.blend_radius,
-            "blend": self.blend,
-        }
+    def _positions(self) -> Any:
+        return self._interpolants[0]
 
     @property
-    def duration(self) -> float:
-        """Time of the last waypoint [s]."""
-        return self._motion.duration
-
-    @property
-    def closed(self) -> bool:
-        """Whether the last waypoint is where the first one is."""
-        return self._motion.closed
-
-    @property
-    def turns(self) -> bool:
-        """Whether the waypoints have orientations."""
-        return self._motion.turns
-
-    @property
-    def has_place(self) -> bool:
-        """Whether the poses are those of the end effector."""
-        return self.absolute
+    def _quaternions(self) -> Any:
+        return self._interpolants[1]
 
     @cached_property
-    def _motion(self) -> TrajectoryPath:
-        """The waypoints' trajectory, in the frame of the path."""
+    def _interpolants(self) -> tuple[Any, Any]:
+        """Trajectories of the positions and of the quaternions, in F; None without the latter."""
         table = self._table
         points = table.points
         times = self._times(table)
-        orientation = None
         quaternions = self._orientations(table)
         if len(points) < 2:
             raise ValueError(f"a path needs at least 2 waypoints, not {len(points)}")
         blends = self._blends(times, points)
-        if quaternions is not None:
-            orientation = self._interpolant(times, aligned(quaternions), blends)
-        return TrajectoryPath(
-            trajectory=self._interpolant(times, points, blends),
-            orientation=orientation,
-            absolute=self.absolute,
-            offset=self.offset,
-        )
+        positions = self._interpolant(times, points, blends)
+        if quaternions is None:
+            return positions, None
+        return positions, self._interpolant(times, aligned(quaternions), blends)
 
     @cached_property
     def _table(self) -> Table:
@@ -168,7 +132,7 @@ class Waypoints(RelativePath):
             (RPY, ("quaternions", "rpy")),
         ):
             for rival in rivals:
-                if names[0] in table.columns and self._settings[rival] is not None:
+                if names[0] in table.columns and fields_of(self)[rival] is not None:
                     raise ValueError(
                         f"{rival}: the file {self.file} has a column {names[0]}; leave one out"
                     )
@@ -176,7 +140,7 @@ class Waypoints(RelativePath):
 
     def _times(self, table: Table) -> Array:
         """Return the times of the waypoints, shape (k,) [s]."""
-        given = [key for key in ("times", "period", "speed") if self._settings[key] is not None]
+        given = [key for key in ("times", "period", "speed") if fields_of(self)[key] is not None]
         if "t" in table.columns:
             return _increasing(table.columns["t"], table)
         if len(given) != 1:
@@ -248,26 +212,6 @@ class Waypoints(RelativePath):
         if blends is None:
             return rest_to_rest(times, values)
         return blended(times, values, blends, self.blend or "quintic")
-
-    def evaluate(self, t: float) -> Motion:
-        """See `RelativePath.evaluate`."""
-        return self._motion.evaluate(t)
-
-    def evaluate_rotation(self, t: float) -> Motion:
-        """See `RelativePath.evaluate_rotation`."""
-        return self._motion.evaluate_rotation(t)
-
-    def start_point(self, p_FE: Array) -> Array:
-        """See `RelativePath.start_point`; with ``absolute`` it is the first waypoint."""
-        return self._motion.start_point(p_FE)
-
-    def start_orientation(self, R_FE: Array | None) -> Array | None:
-        """See `RelativePath.start_orientation`."""
-        return self._motion.start_orientation(R_FE)
-
-    def knots(self, until: float) -> Array:
-        """See `RelativePath.knots`."""
-        return self._motion.knots(until)
 
 
 def _increasing(times: Array, table: Table) -> Array:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import Field
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
@@ -24,74 +23,15 @@ from pydrake.multibody.tree import (
 
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest, require_type
-from ..inputs.dataclass_fields import fields_of
-from ..inputs.documents import construct, read_yaml
-from ..inputs.fields import Array, Finite, Point, Positive, Vector, validated
-from ..models import MODELS
+from ..inputs.documents import construct
+from ..inputs.fields import Array
+from .arm_description import ArmDescription
 from .drake_log import quiet_drake
 from .held_joints import poses_where_held, weld_joints
 from .kinematics import ArmKinematics
 from .limits import JointLimits
-from .limits_file import LimitsFile, limits_beside, read_limits
+from .limits_file import LimitsFile, read_limits
 from .model import read_model
-from .tool_description import ToolDescription
-
-_EARTH = (0.0, 0.0, -9.81)
-
-
-@validated
-class ArmDescription:
-    """Description of an arm: its model file and how it is used; the contents of an ``arm.yaml``.
-
-    Args:
-        model: URDF, SDF or MJCF file.
-        frame: Name of the task frame E. If there is a ``tool`` that names no ``mount``, it is the
-            frame that carries the tool, and E is the centre of the tool's ball.
-        tip: Name of the frame at the tool's contact point, if there is one in the model.
-        tool: Tool to add to the model.
-        joints: Names of the controlled joints, base to tip; by default all between base and
-            ``frame``.
-        lock: Positions of joints held still, by name [rad or m]; joints that follow one of them
-            stand where they follow it to, and other joints that are not controlled at the model's
-            default.
-        packages: Folders of the packages that ``package://`` names in the model refer to.
-        home: Home posture, from which the arm starts by default, shape (n,) [rad].
-        gravity: Gravitational acceleration in the base frame, shape (3,) [m/s^2].
-        mass_scale: Factor on all masses and inertias of the model and the tool.
-        limits: File of joint limits, see `drake_rnn.robot.limits_file`; what it does not state, the
-            model does.
-    """
-
-    model: str
-    frame: str
-    tip: str | None = None
-    tool: ToolDescription | None = None
-    joints: list[str] | None = None
-    lock: dict[str, Finite] = Field(default_factory=dict)
-    packages: dict[str, str] = Field(default_factory=dict)
-    home: Vector | None = None
-    gravity: Point = Field(default_factory=lambda: np.array(_EARTH))
-    mass_scale: Positive = 1.0
-    limits: str | None = None
-
-    def mounted(self) -> ArmDescription:
-        """Return the same description with the mount of the tool named, and ``frame`` that of E."""
-        if self.tool is None or self.tool.mount is not None:
-            return self
-        return replace(self, frame=self.tool.tip, tool=replace(self.tool, mount=self.frame))
-
-    def changed(self, changes: Mapping[str, Any]) -> ArmDescription:
-        """Return the description with some fields changed; a new tool goes where the old one was.
-
-        Raises:
-            InvalidInputError: If a field is invalid.
-        """
-        new = construct(ArmDescription, fields_of(self) | dict(changes), "arm")
-        if "tool" not in changes or self.tool is None or new.frame != self.tool.tip:
-            return new
-        # E was the tip of a tool that is there no longer.
-        leaves = "frame" not in changes if new.tool is None else new.tool.mount is None
-        return replace(new, frame=str(self.tool.mount)) if leaves else new
 
 
 class Arm:
@@ -382,56 +322,3 @@ class Arm:
             },
             "arm.model",
         )
-
-
-def shipped_arms() -> list[str]:
-    """Return the names of the arms that come with this package."""
-    return sorted(path.parent.name for path in MODELS.glob("*/arm.yaml"))
-
-
-def load_arm(model: str | Path, **changes: Any) -> Arm:
-    """Return an arm by its shipped name, or from a model file.
-
-    Args:
-        model: A name from `shipped_arms`, or a URDF, SDF or MJCF file.
-        changes: Fields of `ArmDescription` to set; a model file needs at least ``frame``. Limits
-            beside a model file, ``my.limits.yaml`` for ``my.urdf``, are read unless ``limits`` is
-            given; None takes those of the model alone.
-
-    Raises:
-        InvalidInputError: If there is no such arm, or as `Arm` does.
-    """
-    name = str(model)
-    folder = MODELS / name
-    if name in shipped_arms():
-        description = read_yaml(folder / "arm.yaml")
-        description["model"] = str(folder / description["model"])
-        description["limits"] = str(folder / "limits.yaml")
-        arm = Arm(construct(ArmDescription, description, "arm"), name)
-        return arm.replace(**changes) if changes else arm
-    if Path(name).suffix.lower() not in {".urdf", ".sdf", ".xml", ".xacro"}:
-        raise InvalidInputError(
-            f"arm: no arm {name!r}; {nearest(name, shipped_arms())}, or a .urdf, .sdf, .xml "
-            "or .xacro file"
-        )
-    fields = {"model": name, **changes}
-    if "limits" not in changes and (beside := limits_beside(Path(name))) is not None:
-        fields["limits"] = str(beside)
-    if fields.get("frame") is None:
-        raise InvalidInputError(f"arm.frame: must be given{_ends(Path(name), fields)}")
-    return Arm(construct(ArmDescription, fields, "arm"), Path(name).stem)
-
-
-def _ends(file: Path, fields: Mapping[str, Any]) -> str:
-    """Return the ends of a model's chains, as a part of a sentence about its frames."""
-    if not file.is_file():
-        return ""
-    plant = MultibodyPlant(0.0)
-    with quiet_drake(logging.ERROR):
-        read_model(file, fields.get("packages") or {}).add_to(plant)
-    plant.Finalize()
-    joints = map(plant.get_joint, plant.GetJointIndices())
-    carry = {joint.parent_body().index() for joint in joints}
-    bodies = map(plant.get_body, map(BodyIndex, range(1, plant.num_bodies())))
-    names = [body.name() for body in bodies if body.index() not in carry]
-    return f"; the chains of {file.name} end in {', '.join(names[:12])}"

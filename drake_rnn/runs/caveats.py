@@ -44,8 +44,8 @@ def limit_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[
         excess, unit = metrics.get(violation_metric(name), 0.0), LIMIT_UNITS[name]
         if excess > _BEYOND and name not in experiment.kept_limits:
             caveats.append(
-                f"limits: the arm exceeds a limit of {name} by {excess:.3g} {unit}, as this law "
-                "does not keep it; no real arm would"
+                f"limits: the arm exceeds a limit of {name} by {excess:.3g} {unit}; "
+                "this law does not keep it"
             )
     return caveats
 

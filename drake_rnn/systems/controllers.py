@@ -12,7 +12,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 from ..errors import InvalidInputError, SimulationError
 from ..inputs.complaints import nearest, require_type, short
 from ..inputs.fields import Array
-from ..inputs.own_code import told
+from ..inputs.own_code import described
 from ..laws.checks import (
     continuous_reading,
     flaw,
@@ -174,7 +174,7 @@ class Controller(LeafSystem):
         except SimulationError:
             raise
         except Exception as error:
-            raise self._error("commanded_velocity", f" raised {told(error)}", t) from error
+            raise self._error("commanded_velocity", f" raised {described(error)}", t) from error
         if is_sound(v, self._command_shape):
             return v
         if complaint := flaw(v, self._command_shape):
@@ -263,7 +263,7 @@ class SampledController(Controller):
         except SimulationError:
             raise
         except Exception as error:
-            raise self._error("step", f" raised {told(error)}", t) from error
+            raise self._error("step", f" raised {described(error)}", t) from error
         if not is_sound(x, self._state_shape):
             self._require_sound("step", "", x, context)
         state.set_value(x)
@@ -310,7 +310,7 @@ class ContinuousController(Controller):
         except SimulationError:
             raise
         except Exception as error:
-            raise self._error("derivatives", f" raised {told(error)}", t) from error
+            raise self._error("derivatives", f" raised {described(error)}", t) from error
         if not is_sound(rates, self._state_shape):
             self._require_sound("derivatives", "the rate of ", rates, context)
         derivatives.SetFromVector(rates)

@@ -4,8 +4,9 @@ With the diagonal matrix R of the joints' largest inertias (`largest_inertia`) t
 
 .. math:: K = \omega^2 R, \qquad D = 2 \omega R.
 
-The deviation e from a command at constant velocity then obeys M e'' + D e' + K e = 0. As R - M is
-positive semidefinite, every mode of it has an M of mu <= 1 times its R, thus the decay rates
+The deviation e from a command at constant velocity then obeys M e'' + D e' + K e = 0. Where R - M
+is positive semidefinite, as at all postures that R was taken from (at others but for a few per
+cent), every mode of it has an M of mu <= 1 times its R, thus the decay rates
 omega (1 +- sqrt(1 - mu)) / mu: none oscillates, and none is slower than omega / 2. Motors of equal
 gains, in contrast, are too weak for the joints at the base of a large arm: slower than the feedback
 of a law that measures the arm, they make the loop unstable.

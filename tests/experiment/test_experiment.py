@@ -14,8 +14,8 @@ from drake_rnn import (
     shipped_experiments,
     simulate,
 )
-from drake_rnn.experiment import parse_change
-from drake_rnn.inputs.documents import parse_yaml
+from drake_rnn.experiment import parse_change, read_document
+from drake_rnn.inputs.documents import parse_yaml, to_yaml
 from drake_rnn.runs import simulation
 
 KNOWN, LEARNED = "slc_nephroid_known", "slc_nephroid"
@@ -341,6 +341,9 @@ def test_what_is_expected_survives_a_short_run_only_if_it_is_asked_for():
 
 
 @pytest.mark.parametrize("name", [None, ""])
-def test_a_run_without_a_name_would_have_no_folder_of_its_own(name):
-    with pytest.raises(InvalidInputError, match=r"^name: must be a valid folder name, not "):
-        load_experiment("pinv_circle", {"name": name})
+def test_without_a_name_a_run_has_that_of_its_file(name, tmp_path):
+    """An empty one would have the run written beside the folders of others."""
+    assert load_experiment("pinv_circle", {"name": name}).name == "pinv_circle"
+    file = tmp_path / "mine.yaml"
+    file.write_text(to_yaml({**read_document("pinv_circle"), "name": name or ""}))
+    assert load_experiment(file).name == "mine"

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
+from drake_rnn import load_arm
 from drake_rnn.experiment import load_experiment, make_experiment
 from drake_rnn.figures import drawable, write_figures
 from drake_rnn.figures.style import COLOURS
-from drake_rnn.robot.arm import load_arm
 from drake_rnn.robot.self_motion import SelfMotion
 from drake_rnn.runs.simulation import simulate
 from figure_helpers import (

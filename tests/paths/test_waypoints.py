@@ -67,7 +67,7 @@ def test_it_runs_from_rest_to_rest_and_waits_before_and_after(kind):
     [("quintic", 5), ("cubic", 3), ("straight", 3), ("blended", 3), ("parabolic", 2)],
 )
 def test_so_many_derivatives_are_continuous_at_the_inner_waypoints(kind, orders):
-    trajectory = make(kind)._motion.trajectory
+    trajectory = make(kind)._positions
     for t in TIMES[1:-1]:
         for order in range(orders):
             before, after = (trajectory.EvalDerivative(t + d, order) for d in (-1e-9, 1e-9))

@@ -15,11 +15,12 @@ import numpy as np
 import pytest
 import umsgpack
 from pydrake.common.eigen_geometry import Quaternion
+from pydrake.math import RotationMatrix
 
+from drake_rnn import load_arm
 from drake_rnn.errors import InvalidInputError
 from drake_rnn.experiment import load_experiment, make_experiment
 from drake_rnn.playback import write_playback
-from drake_rnn.robot.arm import load_arm
 from drake_rnn.robot.self_motion import SelfMotion
 from drake_rnn.runs.result import Result
 from drake_rnn.runs.simulation import simulate
@@ -434,3 +435,25 @@ def test_a_point_that_stays_is_a_ball_and_no_path(
     assert "/desired/point" in page.objects
     camera = page.properties["/Cameras/default/rotated/<object>", "position"]
     assert np.isfinite(camera).all()
+
+
+def test_a_path_that_turns_shows_its_axes_and_those_of_the_arm(tmp_path):
+    """1e-6: what an animation keeps of a pose."""
+    path = {
+        "kind": "waypoints",
+        "positions": [[0, 0, 0], [0, 0.1, 0]],
+        "times": [0, 1],
+        "rpy": [[0, 0, 0], [0.3, 0, 0]],
+    }
+    document = {"arm": "panda", "task": "pose", "path": path, "law": {"kind": "pseudoinverse"}}
+    experiment = make_experiment({**document, "period": 1e-3, "duration": 1.0})
+    result = simulate(experiment)
+    page = Page(write_playback(result, tmp_path / "turning.html"))
+    for number, t in ((0, 0.0), (11, 1.0)):
+        shown = page.poses[f"/desired/axes/{number:02d}"]
+        np.testing.assert_allclose(shown[:3, :3], experiment.desired.orientation(t)[0], atol=1e-9)
+        np.testing.assert_allclose(shown[:3, 3], experiment.desired.position(t)[0], atol=1e-9)
+    _, (x, y, z, w) = page.tracks["/traced/axes", ".quaternion"][-1]
+    R_WE = experiment.arm.kinematics().R_WE(result.series["position"][-1])
+    shown = RotationMatrix(Quaternion(np.array([w, x, y, z]))).matrix()
+    np.testing.assert_allclose(shown, R_WE, atol=1e-6)

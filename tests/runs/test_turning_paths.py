@@ -11,7 +11,6 @@ from drake_rnn import (
     make_experiment,
     simulate,
     validated,
-    write_playback,
 )
 from drake_rnn.figures import drawable
 from drake_rnn.robot.rotation import rotation_error
@@ -106,8 +105,8 @@ def test_six_joints_have_no_choice():
 def test_position_and_orientation_are_followed(arm):
     """The secant meets the poses but for what J turns within a sample; a lag would be 0.02 rad."""
     found = simulate(make_experiment(document(arm))).metrics
-    assert found["position_error_max_m"] < 2e-6
-    assert 1e-8 < found["orientation_error_max_rad"] < 5e-6
+    assert found["position_error_max_m"] < 7.5e-7
+    assert 1e-6 < found["orientation_error_max_rad"] < 5e-6
     assert found["orientation_error_rms_rad"] < found["orientation_error_max_rad"]
 
 
@@ -127,26 +126,26 @@ def test_without_feed_forward_it_lags():
 
 
 def test_with_full_dynamics_it_follows_by_a_sample():
-    """At most 0.24 rad/s and 0.05 m/s, one to two samples of 1 ms late."""
+    """At most 0.24 rad/s and 0.05 m/s, a sample of 1 ms late; bounds 1.5 times what is measured."""
     found = simulate(make_experiment(document(level="dynamic"))).metrics
-    assert found["position_error_max_m"] < 2e-4
-    assert found["orientation_error_max_rad"] < 1e-3
+    assert found["position_error_max_m"] < 7e-5
+    assert found["orientation_error_max_rad"] < 3.5e-4
 
 
 def test_a_tool_that_presses_turns_about_the_normal():
     """The feed-forward of motion-force control; without it the lag would be 0.025 rad.
 
-    The network itself lags by its time constant, 1 ms, at 0.03 m/s and 0.24 rad/s: the bounds are a
-    few times what that gives.
+    The network itself lags by its time constant, 1 ms, at 0.03 m/s and 0.24 rad/s: 63 urad and
+    0.11 mm. The bounds are 1.5 times that.
     """
     path = {"kind": "nodding", "size": 0.02, "period": 4.0, "axis": 2, "tilt": 0.3}
     changes = {"path": path, "duration": 2.5, "window": [1.0, 2.5], "accept": None}
     experiment = load_experiment("motion_force_tricuspid", changes)
     assert np.abs(experiment.contact.surface.normal_W) == pytest.approx([0, 0, 1])
     found = simulate(experiment).metrics
-    assert found["orientation_error_max_rad"] < 5e-4
-    assert found["lateral_error_max_m"] < 2e-4
-    assert found["force_error_max_N"] < 0.01
+    assert found["orientation_error_max_rad"] < 1e-4
+    assert found["lateral_error_max_m"] < 1.7e-4
+    assert found["force_error_max_N"] < 9e-4
 
 
 def test_the_printed_rows_can_only_hold_an_orientation():
@@ -160,19 +159,8 @@ def test_an_orientation_that_the_law_does_not_see_is_refused():
         make_experiment(document(task="xyz"))
 
 
-def test_it_is_shown(tmp_path):
+def test_it_has_a_figure():
     result = simulate(make_experiment(document(duration=0.5, window=None)))
     assert "orientation_error" in drawable(result)
-    page = write_playback(result, tmp_path / "page.html").read_text()
-    still = simulate(
-        make_experiment(
-            document(
-                duration=0.5,
-                window=None,
-                path={"kind": "circle", "size": 0.03, "period": 4.0, "plane": "yz"},
-            )
-        )
-    )
-    assert "orientation_error" in drawable(still)
-    without = write_playback(still, tmp_path / "still.html").read_text()
-    assert len(page) > len(without)
+    free = document(task="xyz", path={"kind": "circle", "size": 0.03, "period": 4.0}, window=None)
+    assert "orientation_error" not in drawable(simulate(make_experiment({**free, "duration": 0.5})))

@@ -75,10 +75,10 @@ def mend_geometry(
                 dropped.append(link.get("name", ""))
             else:
                 mesh.change(file)
-    return told(dropped, "collision meshes are left out, of")
+    return about(dropped, "collision meshes are left out, of")
 
 
-def told(names: Iterable[str], what: str) -> list[str]:
+def about(names: Iterable[str], what: str) -> list[str]:
     """Return one warning, ``what`` and some names; none if there are no names."""
     unique = list(dict.fromkeys(names))
     if not unique:

@@ -7,7 +7,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from ...errors import InvalidInputError
 from .conversion import Colour
-from .geometry import MeshName, mend_geometry, told
+from .geometry import MeshName, about, mend_geometry
 from .meshes import Meshes
 from .possible_inertia import nearest_possible
 
@@ -25,13 +25,13 @@ def mend_urdf(root: Element, meshes: Meshes) -> list[str]:
         Warnings about changes that alter the physics or the looks.
     """
     _rename_materials(root)
+    _drop_lost_mimics(root)
+    _state_motors(root)
     colours = _named_colours(root)
     return [
         *mend_geometry(root, meshes, _mesh, lambda visual: _colour(visual, colours)),
         *_fix_floating_joints(root),
-        *_drop_lost_mimics(root),
         *_drop_zero_limits(root),
-        *_state_motors(root),
         *_mend_inertias(root),
         *meshes.warnings(),
     ]
@@ -79,10 +79,10 @@ def _fix_floating_joints(root: Element) -> list[str]:
     floating = [joint for joint in root.findall("joint") if joint.get("type") == "floating"]
     for joint in floating:
         joint.set("type", "fixed")
-    return told(_names(floating), "floating joints are fixed:")
+    return about(_names(floating), "floating joints are fixed:")
 
 
-def _drop_lost_mimics(root: Element) -> list[str]:
+def _drop_lost_mimics(root: Element) -> None:
     """Leave out what Drake refuses: fixed joints that follow or are followed."""
     joints = root.findall("joint")
     moving = {joint.get("name") for joint in joints if joint.get("type") != "fixed"}
@@ -90,7 +90,6 @@ def _drop_lost_mimics(root: Element) -> list[str]:
         for mimic in joint.findall("mimic"):
             if not {joint.get("name"), mimic.get("joint")} <= moving:
                 joint.remove(mimic)
-    return []
 
 
 def _drop_zero_limits(root: Element) -> list[str]:
@@ -106,11 +105,11 @@ def _drop_zero_limits(root: Element) -> list[str]:
         for joint in zero:
             for limit in joint.findall("limit"):
                 limit.attrib.pop(name, None)
-        warnings += told(_names(zero), f"a limit of 0 is taken for an unknown {name} limit:")
+        warnings += about(_names(zero), f"a limit of 0 is taken for an unknown {name} limit:")
     return warnings
 
 
-def _state_motors(root: Element) -> list[str]:
+def _state_motors(root: Element) -> None:
     """Give each joint whose effort is known one transmission, as Drake takes the effort from it."""
     limits = {
         joint.get("name", ""): joint.find("limit")
@@ -131,7 +130,6 @@ def _state_motors(root: Element) -> list[str]:
     for name, limit in limits.items():
         if name not in driven and limit is not None and limit.get("effort") is not None:
             _add_transmission(root, name)
-    return []
 
 
 def _add_transmission(root: Element, joint: str) -> None:
@@ -155,7 +153,7 @@ def _mend_inertias(root: Element) -> list[str]:
         if (possible := nearest_possible(tuple(products.values()))) is not None:
             inertia.attrib.update({n: repr(v) for n, v in zip(_ENTRIES, possible, strict=True)})
             changed.append(link.get("name", ""))
-    return told(changed, "no body has the inertia given; the nearest possible one is taken:")
+    return about(changed, "no body has the inertia given; the nearest possible one is taken:")
 
 
 _ENTRIES = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")

@@ -1,0 +1,72 @@
+"""The description of an arm: its model file and how it is used."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+
+from ..inputs.dataclass_fields import fields_of
+from ..inputs.documents import construct
+from ..inputs.fields import Finite, Point, Positive, Vector, validated
+from .tool_description import ToolDescription
+
+_EARTH = (0.0, 0.0, -9.81)
+
+
+@validated
+class ArmDescription:
+    """Description of an arm: its model file and how it is used; the contents of an ``arm.yaml``.
+
+    Args:
+        model: URDF, SDF or MJCF file.
+        frame: Name of the task frame E. If there is a ``tool`` that names no ``mount``, it is the
+            frame that carries the tool, and E is the centre of the tool's ball.
+        tip: Name of the frame at the tool's contact point, if there is one in the model.
+        tool: Tool to add to the model.
+        joints: Names of the controlled joints, base to tip; by default all between base and
+            ``frame``.
+        lock: Positions of joints held still, by name [rad or m]; joints that follow one of them
+            stand where they follow it to, and other joints that are not controlled at the model's
+            default.
+        packages: Folders of the packages that ``package://`` names in the model refer to.
+        home: Home posture, from which the arm starts by default, shape (n,) [rad].
+        gravity: Gravitational acceleration in the base frame, shape (3,) [m/s^2].
+        mass_scale: Factor on all masses and inertias of the model and the tool.
+        limits: File of joint limits, see `drake_rnn.robot.limits_file`; what it does not state, the
+            model does.
+    """
+
+    model: str
+    frame: str
+    tip: str | None = None
+    tool: ToolDescription | None = None
+    joints: list[str] | None = None
+    lock: dict[str, Finite] = Field(default_factory=dict)
+    packages: dict[str, str] = Field(default_factory=dict)
+    home: Vector | None = None
+    gravity: Point = Field(default_factory=lambda: np.array(_EARTH))
+    mass_scale: Positive = 1.0
+    limits: str | None = None
+
+    def mounted(self) -> ArmDescription:
+        """Return the same description with the mount of the tool named, and ``frame`` that of E."""
+        if self.tool is None or self.tool.mount is not None:
+            return self
+        return replace(self, frame=self.tool.tip, tool=replace(self.tool, mount=self.frame))
+
+    def changed(self, changes: Mapping[str, Any]) -> ArmDescription:
+        """Return the description with some fields changed; a new tool goes where the old one was.
+
+        Raises:
+            InvalidInputError: If a field is invalid.
+        """
+        new = construct(ArmDescription, fields_of(self) | dict(changes), "arm")
+        if "tool" not in changes or self.tool is None or new.frame != self.tool.tip:
+            return new
+        # E was the tip of a tool that is there no longer.
+        leaves = "frame" not in changes if new.tool is None else new.tool.mount is None
+        return replace(new, frame=str(self.tool.mount)) if leaves else new

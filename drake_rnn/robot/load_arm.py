@@ -1,0 +1,74 @@
+"""Arms by their shipped names, or from model files."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import BodyIndex
+
+from ..errors import InvalidInputError
+from ..inputs.complaints import nearest
+from ..inputs.documents import construct, read_yaml
+from ..models import MODELS
+from .arm import Arm
+from .arm_description import ArmDescription
+from .drake_log import quiet_drake
+from .limits_file import limits_beside
+from .model import read_model
+
+
+def shipped_arms() -> list[str]:
+    """Return the names of the arms that come with this package."""
+    return sorted(path.parent.name for path in MODELS.glob("*/arm.yaml"))
+
+
+def load_arm(model: str | Path, **changes: Any) -> Arm:
+    """Return an arm by its shipped name, or from a model file.
+
+    Args:
+        model: A name from `shipped_arms`, or a URDF, SDF or MJCF file.
+        changes: Fields of `ArmDescription` to set; a model file needs at least ``frame``. Limits
+            beside a model file, ``my.limits.yaml`` for ``my.urdf``, are read unless ``limits`` is
+            given; None takes those of the model alone.
+
+    Raises:
+        InvalidInputError: If there is no such arm, or as `Arm` does.
+    """
+    name = str(model)
+    folder = MODELS / name
+    if name in shipped_arms():
+        description = read_yaml(folder / "arm.yaml")
+        description["model"] = str(folder / description["model"])
+        description["limits"] = str(folder / "limits.yaml")
+        arm = Arm(construct(ArmDescription, description, "arm"), name)
+        return arm.replace(**changes) if changes else arm
+    if Path(name).suffix.lower() not in {".urdf", ".sdf", ".xml", ".xacro"}:
+        raise InvalidInputError(
+            f"arm: no arm {name!r}; {nearest(name, shipped_arms())}, or a .urdf, .sdf, .xml "
+            "or .xacro file"
+        )
+    fields = {"model": name, **changes}
+    if "limits" not in changes and (beside := limits_beside(Path(name))) is not None:
+        fields["limits"] = str(beside)
+    if fields.get("frame") is None:
+        raise InvalidInputError(f"arm.frame: must be given{_ends(Path(name), fields)}")
+    return Arm(construct(ArmDescription, fields, "arm"), Path(name).stem)
+
+
+def _ends(file: Path, fields: Mapping[str, Any]) -> str:
+    """Return the ends of a model's chains, as a part of a sentence about its frames."""
+    if not file.is_file():
+        return ""
+    plant = MultibodyPlant(0.0)
+    with quiet_drake(logging.ERROR):
+        read_model(file, fields.get("packages") or {}).add_to(plant)
+    plant.Finalize()
+    joints = map(plant.get_joint, plant.GetJointIndices())
+    carry = {joint.parent_body().index() for joint in joints}
+    bodies = map(plant.get_body, map(BodyIndex, range(1, plant.num_bodies())))
+    names = [body.name() for body in bodies if body.index() not in carry]
+    return f"; the chains of {file.name} end in {', '.join(names[:12])}"

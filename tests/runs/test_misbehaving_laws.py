@@ -403,7 +403,10 @@ def run_diagram(law, integrated=False):
     builder.AddNamedSystem("path", path)
     controller = ContinuousController(law) if integrated else SampledController(law, 1e-3)
     AddLoop(builder, IdealArm(ARM), controller, path)
-    Simulator(builder.Build()).AdvanceTo(END)
+    # A name for the Simulator, so that an error's traceback keeps it alive: its frames hold
+    # references to contexts that it owns, and newer Drake aborts if another takes their place.
+    simulator = Simulator(builder.Build())
+    simulator.AdvanceTo(END)
 
 
 @pytest.mark.parametrize("integrated", [False, True])

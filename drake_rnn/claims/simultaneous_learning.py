@@ -39,7 +39,8 @@ def joint_speed(run: Run, name: str, joint: int) -> float:
     """Return the largest speed that the law gives to a joint, from 1 on, per its bound [1]."""
     result = run(name, None)
     bound = result.experiment.limits.require("velocity", "the speed bound")
-    return float(np.abs(result.series["network_velocity"]).max(axis=0)[joint - 1] / bound[joint - 1])
+    largest = np.abs(result.series["network_velocity"]).max(axis=0)
+    return float(largest[joint - 1] / bound[joint - 1])
 
 
 def visits_to_acceleration_bound(run: Run, name: str) -> float:
@@ -65,6 +66,11 @@ def jacobian_mismatch(run: Run, name: str, start: float) -> float:
     late = result.time >= start
     J, J_hat = result.series["J"][late], result.series["J_hat"][late]
     return float(np.abs(J - J_hat).max() / np.ptp(J, axis=0).max())
+
+
+def step_cost(run: Run, name: str) -> float:
+    """Return the median time of one sample of the run's law alone [us]."""
+    return run(name, None).timings["control_step_us"]
 
 
 def printed_rho(run: Run, xi: float, tau: float) -> float:

@@ -226,7 +226,7 @@ class TestExponentialCurve:
 
 @pytest.mark.parametrize(("case", "time"), [(1, 1.70), (2, 1.43), (3, 2.03)])
 def test_the_speeds_are_small_when_the_paper_says(runs, case, time):
-    """2, 1.5 and 2 s there, to the eye; these are below a twentieth of the largest speed."""
+    """Around 1.5 and 2 s there in cases 2 and 3; these are below a twentieth of the largest."""
     result = runs(CASE[case])
     fastest = np.abs(result.series["velocity"]).max(axis=1)
     slow = result.time[np.flatnonzero(fastest > fastest.max() / 20)[-1]]

@@ -5,6 +5,7 @@ Each takes ``run(name, changes)``, which returns the result of a shipped experim
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -61,6 +62,18 @@ def growth_rate(run: _Run, name: str, third_gain: float | None = None) -> float:
     return float(scale * np.roots(coefficients).real.max())
 
 
+def cost_of_levels(run: _Run, name: str) -> float:
+    """Time that a sample of the law takes with all its levels, per time with one level [1].
+
+    Samples of both are timed in turn, and the quickest counts, as the least disturbed.
+    """
+    all_levels = len(load_experiment(name).document.law["gains"])
+    laws = [_at_rest(name, levels) for levels in (all_levels, 1)]
+    times = [[_step_time(law, u) for law, u in laws] for _ in range(2000)]
+    five, one = np.min(times, axis=0)
+    return float(five / one)
+
+
 def first_level_off_target(
     run: _Run, name: str, levels: int, period: float, duration: float
 ) -> float:
@@ -89,6 +102,13 @@ def _at_rest(name: str, levels: int) -> tuple[Any, dict[str, Array]]:
     p_WE = kinematics.p_WE(q)
     u = {"position": q, "p_WE": p_WE, "p_WE_desired": p_WE + 1e-4, "J": kinematics.J(q)}
     return experiment.law, u
+
+
+def _step_time(law: Any, u: dict[str, Array]) -> float:
+    x = np.zeros(law.state.size)
+    began = time.perf_counter()
+    law.step(0.0, x, u, 1e-3)
+    return time.perf_counter() - began
 
 
 def _ratios(result: Result, orders: Sequence[int]) -> list[float]:

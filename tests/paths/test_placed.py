@@ -265,7 +265,8 @@ def test_the_last_lap_began_where_the_point_is_again(fields, until, began):
 
 
 def test_a_sequence_closes_as_a_whole_and_an_open_path_never():
-    way, back = (Line(by=[by, 0.0, 0.0], period=2.0) for by in (0.1, -0.1))
+    fields = {"period": 2.0, "timing": "quintic"}
+    way, back = (Line(by=[by, 0.0, 0.0], **fields) for by in (0.1, -0.1))
     there = Sequence(parts=[{"path": way}, {"path": back}]).placed(P_WE, R_WE)
     assert [there.last_lap(t) for t in (2.0, 3.9, 4.0, 7.0)] == [None, None, 0.0, 0.0]
     assert way.placed(P_WE, R_WE).last_lap(5.0) is None

@@ -27,6 +27,7 @@ from ..systems import (
     SampledController,
     followed_path,
 )
+from .effort import check_effort
 from .evaluation import evaluate
 from .result import Result, Status
 
@@ -39,20 +40,28 @@ _LONGEST_STEP = 0.01
 _FORCES = ("contact_force", "normal_force")
 
 
-def check_experiment(experiment: Experiment) -> list[str]:
+def check_experiment(experiment: Experiment, anyway: bool = False) -> list[str]:
     """Return the warnings about an experiment that can be given before it runs.
 
+    Args:
+        experiment: The experiment.
+        anyway: Whether it may take as many steps as it likes.
+
     Raises:
-        InvalidInputError: If the path is out of reach, the diagram cannot be built, or the law
-            fails when it is tried at the start.
+        InvalidInputError: If the path is out of reach, the diagram cannot be built, the law fails
+            when it is tried at the start, or the run would take very many steps.
     """
+    if not anyway:
+        check_effort(experiment)
     warnings = check_reach(experiment)
     diagram, loop = build_diagram(experiment)
     _start(loop, diagram.CreateDefaultContext())
     return warnings
 
 
-def simulate(experiment: Experiment, progress: Progress | None = None) -> Result:
+def simulate(
+    experiment: Experiment, progress: Progress | None = None, *, anyway: bool = False
+) -> Result:
     """Run an experiment and return its result.
 
     The path is first checked against the arm's reach.
@@ -60,14 +69,17 @@ def simulate(experiment: Experiment, progress: Progress | None = None) -> Result
     Args:
         experiment: Experiment to run.
         progress: Called with the simulated time [s] from time to time.
+        anyway: Whether it may take as many steps as it likes.
 
     Raises:
-        InvalidInputError: If the path is out of reach, or the law fails when it is tried at the
-            start.
+        InvalidInputError: If the path is out of reach, the law fails when it is tried at the start,
+            or the run would take very many steps.
         SimulationError: If the run stops early; its ``result`` covers the time until then. Also if
             what the law says of a complete run is wrong.
     """
     require_type("experiment", experiment, Experiment)
+    if not anyway:
+        check_effort(experiment)
     started = time.perf_counter()
     found = forecasts(experiment)
     simulator, loop = build_simulator(experiment)

@@ -11,7 +11,7 @@ from pydantic import Field
 from pydrake.systems.analysis import GetIntegrationSchemes
 
 from ..inputs.complaints import nearest, plain
-from ..inputs.dataclass_fields import fields_of
+from ..inputs.dataclass_fields import field_names, fields_of
 from ..inputs.documents import to_yaml
 from ..inputs.fields import Finite, NonNegative, Positive, Seed, Vector, validated
 from ..measures import METRIC_NAMES
@@ -172,6 +172,11 @@ class ExperimentDocument:
                 raise ValueError(
                     f"accept.{metric}: no such metric; {nearest(metric, list(METRIC_NAMES))}"
                 )
+
+        for key in self.over:
+            first, known = key.split(".")[0], list(field_names(type(self)))
+            if first not in known:
+                raise ValueError(f"over.{key}: no such key; {nearest(first, known)}")
 
     def _check_names(self) -> None:
         if re.search(r"[/\\\x00-\x1f]|^\.+$", self.name):

@@ -161,7 +161,7 @@ def test_a_long_value_is_cut():
 
 def test_a_value_within_itself_is_refused():
     """A YAML alias may stand within what it stands for."""
-    with pytest.raises(InvalidInputError, match="^here: refers to itself"):
+    with pytest.raises(InvalidInputError, match=r"^here: refers to itself"):
         parse_yaml("spare: &a {radius: *a}", "here")
     inner = {}
     inner["radius"] = inner

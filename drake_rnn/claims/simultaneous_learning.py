@@ -8,6 +8,7 @@ fixed seed.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -73,6 +74,20 @@ def step_cost(run: Run, name: str) -> float:
     return run(name, None).timings["control_step_us"]
 
 
+def cost_ratio(run: Run, name: str, other: str, rounds: int = 200, steps: int = 20) -> float:
+    """Return the time of one sample of a run's law, per that of another run's [1].
+
+    Both are timed in turn, on the same recorded signals; the least of many times of each counts, as
+    the least disturbed one.
+    """
+    results = run(name, None), run(other, None)
+    least = [np.inf, np.inf]
+    for _ in range(rounds):
+        for k, result in enumerate(results):
+            least[k] = min(least[k], _time_of_steps(result, steps))
+    return least[0] / least[1]
+
+
 def printed_rho(run: Run, xi: float, tau: float) -> float:
     """Return rho = tau / xi, as the paper defines it [rad^2/s]."""
     return tau / xi
@@ -133,6 +148,20 @@ def convexity(run: Run, samples: int = 2000) -> float:
 
         least = min(least, 0.5 * (cost(one) + cost(other)) - cost(0.5 * (one + other)))
     return least
+
+
+def _time_of_steps(result: Result, steps: int) -> float:
+    """Return the time that a law takes for some samples, from the middle of its run on [s]."""
+    law = result.experiment.law
+    assert isinstance(law, SimultaneousLearning)
+    row = result.time.size // 2
+    u = {name: result.series[name][row] for name in law.inputs.parts}
+    v, multipliers = result.series["network_velocity"][row], result.series["multipliers"][row]
+    x, period = law.state.join(v, multipliers), float(result.experiment.document.period or 0.0)
+    began = perf_counter()
+    for _ in range(steps):
+        law.step(0.0, x, u, period)
+    return perf_counter() - began
 
 
 def _outside(samples: int = 2000) -> list[tuple[Array, Array, Array]]:

@@ -141,6 +141,7 @@ def build_diagram(experiment: Experiment, law: Law | None = None) -> tuple[Diagr
         dither=document.dither,
         filter=filter,
         feedback=experiment.feedback,
+        sensing=document.sensing,
         signals=_add_previews(builder, experiment, controller),
         seed=document.seed,
     )
@@ -224,6 +225,9 @@ def add_recorder(simulator: Simulator, loop: Loop) -> Recorder:
     if loop.virtual_arm is not None:
         for name in ("position", "velocity"):
             ports[f"virtual_{name}"] = loop.virtual_arm.GetOutputPort(name)
+    if loop.joint_sensor is not None:
+        for name in ("position", "velocity"):
+            ports[f"measured_{name}"] = loop.joint_sensor.GetOutputPort(name)
     recorder = Recorder(simulator.get_context(), ports)
     simulator.set_monitor(recorder)
     return recorder

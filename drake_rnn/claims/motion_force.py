@@ -41,18 +41,6 @@ def effort(run: Run, name: str, changes: Mapping[str, Any] | None = None) -> flo
     return float(np.trapezoid((result.series["velocity"] ** 2).sum(axis=1), result.time))
 
 
-def off_the_start(run: Run, name: str, changes: Mapping[str, Any] | None = None) -> float:
-    """Largest distance of a joint at the end of the run from where it was at its start [rad].
-
-    Args:
-        run: Makes a run.
-        name: Experiment.
-        changes: Its changes.
-    """
-    position = run(name, changes).series["position"]
-    return float(np.abs(position[-1] - position[0]).max())
-
-
 def tip_off_the_start(run: Run, name: str) -> float:
     """Distance of the tip along the surface, at the end of the run, from its start [m].
 

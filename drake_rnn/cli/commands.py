@@ -73,6 +73,9 @@ Seed = Annotated[int | None, typer.Option(help="Seed of all random numbers.")]
 Check = Annotated[
     bool, typer.Option("--check", help="Exit with status 3 if a bound of accept is not kept.")
 ]
+Anyway = Annotated[
+    bool, typer.Option("--anyway", help="Run even if it takes more steps than are sensible.")
+]
 Duration = Annotated[
     float | None,
     typer.Option(help="Simulated time [s]; a window that ends later is dropped."),
@@ -141,6 +144,7 @@ def run(
     duration: Duration = None,
     playback: Annotated[bool, typer.Option(help="Write playback.html.")] = True,
     check: Check = False,
+    anyway: Anyway = False,
 ) -> None:
     """Run experiments; each gets a folder with metrics, figures and a playback."""
     with _errors():
@@ -152,13 +156,13 @@ def run(
         for experiment in loaded:
             _require_one_folder_each(experiment, loaded)
             with _named(experiment.name, among=experiments):
-                check_experiment(experiment)
+                check_experiment(experiment, anyway)
             _require_writable(out_folder / experiment.name)
     results = []
     for experiment, name in zip(loaded, experiments, strict=True):
         with _errors():
             _tell_of_window(name, _changes(changes, seed, duration))
-            result = _run(experiment)
+            result = _run(experiment, anyway)
             results.append(result)
             _write(result, out_folder / experiment.name, playback)
         if result.status == "interrupted":
@@ -171,11 +175,11 @@ def run(
         raise typer.Exit(NOT_MET)
 
 
-def _run(experiment: Experiment) -> Result:
+def _run(experiment: Experiment, anyway: bool) -> Result:
     """Return the result of an experiment; up to its failure, which is printed, if it fails."""
     try:
         with _progress(experiment) as progress:
-            return simulate(experiment, progress)
+            return simulate(experiment, progress, anyway=anyway)
     except SimulationError as error:
         err.print(f"[red]failed[/] {escape(str(error))}")
         failed: Result = error.result
@@ -328,7 +332,12 @@ def _load(
 def _changes(
     changes: list[str] | None, seed: int | None, duration: float | None
 ) -> dict[str, object]:
-    new = dict(parse_change(change) for change in changes or [])
+    new: dict[str, object] = {}
+    for change in changes or []:
+        key, value = parse_change(change)
+        if key in new:
+            raise InvalidInputError(f"--set: {key} is given twice, as {new[key]!r} and {value!r}")
+        new[key] = value
     if seed is not None:
         new["seed"] = seed
     if duration is not None:

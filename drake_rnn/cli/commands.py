@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -17,7 +18,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from ..errors import DrakeRnnError, InterruptedRunError, InvalidInputError, SimulationError
+from ..claims import Judge
+from ..errors import DrakeRnnError, InvalidInputError, SimulationError
 from ..experiment import Experiment, load_experiment, parse_change, read_document, set_key
 from ..figures import write_figures
 from ..figures.arm_picture import write_arm_picture
@@ -28,11 +30,13 @@ from ..playback import write_playback
 from ..robot.load_arm import load_arm
 from ..robot.report import arm_report
 from ..runs.fastest import fastest
+from ..runs.folder import filled
 from ..runs.result import Result
 from ..runs.simulation import Progress as ProgressCallback
 from ..runs.simulation import check_experiment, simulate
 from ..runs.sweep import Row, parse_axis, write_csv
 from ..runs.sweep import sweep as run_sweep
+from .claims import chosen_claims, claims_table, judgement_table
 from .new import Own, write_start
 from .tables import (
     WIDE,
@@ -58,7 +62,7 @@ _WIDTH = None if sys.stdout.isatty() else 140
 out = Console(width=_WIDTH, soft_wrap=False, highlight=False)
 err = Console(stderr=True, soft_wrap=True, highlight=False)
 
-FAILED, BAD_INPUT = 1, 2
+FAILED, BAD_INPUT, NOT_MET = 1, 2, 3
 
 Set = Annotated[
     list[str] | None,
@@ -66,6 +70,12 @@ Set = Annotated[
 ]
 Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the result folders.")]
 Seed = Annotated[int | None, typer.Option(help="Seed of all random numbers.")]
+Check = Annotated[
+    bool, typer.Option("--check", help="Exit with status 3 if a bound of accept is not kept.")
+]
+Anyway = Annotated[
+    bool, typer.Option("--anyway", help="Run even if it takes more steps than are sensible.")
+]
 Duration = Annotated[
     float | None,
     typer.Option(help="Simulated time [s]; a window that ends later is dropped."),
@@ -133,6 +143,8 @@ def run(
     seed: Seed = None,
     duration: Duration = None,
     playback: Annotated[bool, typer.Option(help="Write playback.html.")] = True,
+    check: Check = False,
+    anyway: Anyway = False,
 ) -> None:
     """Run experiments; each gets a folder with metrics, figures and a playback."""
     with _errors():
@@ -144,26 +156,34 @@ def run(
         for experiment in loaded:
             _require_one_folder_each(experiment, loaded)
             with _named(experiment.name, among=experiments):
-                check_experiment(experiment)
+                check_experiment(experiment, anyway)
             _require_writable(out_folder / experiment.name)
-    failed = False
+    results = []
     for experiment, name in zip(loaded, experiments, strict=True):
         with _errors():
             _tell_of_window(name, _changes(changes, seed, duration))
-            try:
-                with _progress(experiment) as progress:
-                    result = simulate(experiment, progress)
-            except SimulationError as error:
-                # The results up to the failure are kept.
-                failed = True
-                err.print(f"[red]failed[/] {escape(str(error))}")
-                _write(error.result, out_folder / experiment.name, playback)
-                if isinstance(error, InterruptedRunError):
-                    break
-            else:
-                _write(result, out_folder / experiment.name, playback)
-    if failed:
+            result = _run(experiment, anyway)
+            results.append(result)
+            _write(result, out_folder / experiment.name, playback)
+        if result.status == "interrupted":
+            break
+    if skipped := [experiment.name for experiment in loaded[len(results) :]]:
+        err.print(f"[red]not run[/] {escape(', '.join(skipped))}")
+    if any(result.status != "complete" for result in results):
         raise typer.Exit(FAILED)
+    if check and not all(verdict.met for result in results for verdict in result.verdicts):
+        raise typer.Exit(NOT_MET)
+
+
+def _run(experiment: Experiment, anyway: bool) -> Result:
+    """Return the result of an experiment; up to its failure, which is printed, if it fails."""
+    try:
+        with _progress(experiment) as progress:
+            return simulate(experiment, progress, anyway=anyway)
+    except SimulationError as error:
+        err.print(f"[red]failed[/] {escape(str(error))}")
+        failed: Result = error.result
+        return failed
 
 
 @app.command("fastest")
@@ -206,6 +226,7 @@ def sweep(
     seed: Seed = None,
     duration: Duration = None,
     jobs: Annotated[int, typer.Option(min=1, help="Number of runs at a time.")] = 1,
+    check: Check = False,
 ) -> None:
     """Run an experiment with several values; write a table, a CSV file and a figure."""
     with _errors():
@@ -236,6 +257,8 @@ def sweep(
         out.print(escape(f"picture  {picture}"), soft_wrap=True)
     if any(row.failure for row in rows):
         raise typer.Exit(FAILED)
+    if check and any(row.not_met for row in rows):
+        raise typer.Exit(NOT_MET)
 
 
 @app.command()
@@ -248,6 +271,27 @@ def new(
         for file in write_start(what, name, Path()):
             out.print(escape(f"written  {file}"), soft_wrap=True)
     out.print(f"next     drake-rnn run {name}.yaml; pytest test_{name}.py", soft_wrap=True)
+
+
+@app.command("claims")
+def show_claims(
+    ids: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[ID]...", help="Claims, e.g. slc-F2a, or schemes, e.g. slc."),
+    ] = None,
+    judge: Annotated[
+        bool, typer.Option("--judge", help="Make the runs and print the verdicts.")
+    ] = False,
+) -> None:
+    """List what the papers claim, or judge it."""
+    with _errors():
+        for paper, claims in chosen_claims(ids or []):
+            if not judge:
+                out.print(claims_table(paper, claims))
+                continue
+            judging = Judge(paper)
+            for claim in claims:
+                out.print(judgement_table(judging.judge(claim)))
 
 
 def _axes(over: list[str] | None) -> dict[str, list[Any]]:
@@ -274,6 +318,8 @@ def main() -> None:
     """
     if not sys.flags.safe_path:
         sys.path.append(str(Path.cwd()))
+    # What stops a job on a server stops it as Ctrl-C does: what it had is kept.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     app()
 
 
@@ -286,7 +332,12 @@ def _load(
 def _changes(
     changes: list[str] | None, seed: int | None, duration: float | None
 ) -> dict[str, object]:
-    new = dict(parse_change(change) for change in changes or [])
+    new: dict[str, object] = {}
+    for change in changes or []:
+        key, value = parse_change(change)
+        if key in new:
+            raise InvalidInputError(f"--set: {key} is given twice, as {new[key]!r} and {value!r}")
+        new[key] = value
     if seed is not None:
         new["seed"] = seed
     if duration is not None:
@@ -310,19 +361,23 @@ def _tell_of_window(name: str, changes: dict[str, Any]) -> None:
 
 
 def _write(result: Result, folder: Path, playback: bool) -> None:
-    result.save(folder)
-    _draw_diagram(folder / "diagram.dot")
-    figures = write_figures(result, folder / "figures")
+    """Write a result with its pictures, and print what came out."""
     for warning in result.warnings:
         err.print(f"[yellow]warning[/] {escape(warning)}")
     out.print(metrics_table(result))
     if (joints := joints_table(result)) is not None:
         out.print(joints)
-    out.print(escape(f"results   {folder}"), soft_wrap=True)
-    out.print(escape(f"figures   {folder / 'figures'} ({len(figures)})"), soft_wrap=True)
-    if playback and result.time.size > 1:
-        page = write_playback(result, folder / "playback.html", _frames_per_second(result))
-        out.print(escape(f"playback  {page}"), soft_wrap=True)
+    cost = result.timings["wall_time_s"]
+    out.print(f"time      {result.record['until_s']:g} s simulated in {cost:.3g} s")
+    with filled(folder, result.record):
+        result.write(folder)
+        _draw_diagram(folder / "diagram.dot")
+        figures = write_figures(result, folder / "figures")
+        out.print(escape(f"results   {folder}"), soft_wrap=True)
+        out.print(escape(f"figures   {folder / 'figures'} ({len(figures)})"), soft_wrap=True)
+        if playback and result.time.size > 1:
+            page = write_playback(result, folder / "playback.html", _frames_per_second(result))
+            out.print(escape(f"playback  {page}"), soft_wrap=True)
 
 
 def _frames_per_second(result: Result) -> int:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..errors import InvalidInputError
+from ..inputs.complaints import require_type
 from ..runs.result import Result
 from .page import make_page
 from .replay import replayed_motion
@@ -29,8 +30,9 @@ def write_playback(result: Result, file: str | Path, frames_per_second: int = 64
 
     Raises:
         InvalidInputError: If the file cannot be written, the frame rate is not a positive
-            integer, or the run contains no posture.
+            integer, the run contains no posture, or ``result`` is none.
     """
+    require_type("result", result, Result)
     rate = frames_per_second
     if not isinstance(rate, int) or isinstance(rate, bool) or rate < 1:
         raise InvalidInputError(f"frames_per_second: must be a positive integer, not {rate!r}")

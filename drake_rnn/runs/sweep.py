@@ -15,6 +15,7 @@ import numpy as np
 
 from ..errors import DrakeRnnError, InterruptedRunError, InvalidInputError, SimulationError
 from ..experiment import Described, load_experiment, read_document
+from ..inputs.complaints import require_type
 from ..inputs.documents import parse_yaml
 from ..inputs.fields import Array
 from .result import Result
@@ -29,12 +30,14 @@ class Row:
         values: Values of the swept keys, in their order.
         metrics: Metrics of the run, up to its failure if it failed.
         failure: Reason for the failure; None if the run did not fail.
+        not_met: Metrics that do not keep the bounds that they are expected to keep.
         learning: Times [s] and Frobenius norms of J - J_hat, shape (k,); None without a J_hat.
     """
 
     values: tuple[Any, ...]
     metrics: dict[str, float]
     failure: str | None = None
+    not_met: tuple[str, ...] = ()
     learning: tuple[Array, Array] | None = None
 
 
@@ -73,6 +76,9 @@ def sweep(
         InvalidInputError: If a combination is not a valid experiment, a path is out of reach, a key
             is both swept and changed, or other processes do not know the classes that it names.
     """
+    require_type("over", over, Mapping)
+    for key, values in over.items():
+        require_type(f"over.{key}", values, list, tuple)
     if both := sorted(over.keys() & (changes or {}).keys()):
         raise InvalidInputError(f"--over: {both[0]!r} is also set; it cannot be both")
     if not isinstance(experiment, (str, Path)):
@@ -113,7 +119,8 @@ def _run(job: tuple[str | Path | dict[str, Any], dict[str, Any], tuple[Any, ...]
     experiment = load_experiment(described, changed)
     try:
         result = simulate(experiment)
-        return Row(values, result.metrics, learning=_learning(result))
+        not_met = tuple(verdict.metric for verdict in result.verdicts if not verdict.met)
+        return Row(values, result.metrics, not_met=not_met, learning=_learning(result))
     except InterruptedRunError:
         raise
     except SimulationError as error:

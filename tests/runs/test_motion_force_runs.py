@@ -104,11 +104,25 @@ class TestKinematic:
         assert any("rank 1" in warning for warning in printed.warnings)
 
     def test_without_excitation_nothing_is_learned_and_nothing_moves(self):
-        """RNN (21), the paper's dilemma: from J_hat = 0, at rest, it stays there."""
+        """RNN (21) with the learned J^T, the paper's dilemma: from J_hat = 0 it stays at rest."""
         dead = run("motion_force_tricuspid_learned", duration=1, dither=None, period=1e-3)
         assert not dead.series["velocity"].any()
         assert not dead.series["J_hat"].any()
         assert any("never touched the surface" in warning for warning in dead.warnings)
+
+    def test_as_printed_it_needs_no_excitation_to_move(self):
+        """RNN (21) with the true J^T: the force that is missing moves it at once."""
+        moved = run("motion_force_tricuspid_printed", duration=0.5, dither=None, period=1e-3)
+        assert moved.metrics["joint_velocity_max_rad_s"] > 1e-2
+        assert moved.series["normal_force"][-1] > 0.09
+
+    def test_the_panda_of_the_paper_has_a_joint_too_many(self):
+        """Its start has eight entries; the first seven are the Panda's usual posture."""
+        usual = [0, -np.pi / 4, 0, -3 * np.pi / 4, 0, np.pi / 2, np.pi / 4]
+        home = load_experiment("contact_cat_learned").start
+        np.testing.assert_allclose(home, usual, atol=1e-3)
+        with pytest.raises(InvalidInputError, match="start: has 8 entries for 7 joints"):
+            load_experiment("contact_cat_learned", {"start": [*usual, np.pi / 4]})
 
     def test_joint_4_of_the_papers_posture_is_beyond_what_an_iiwa_can(self):
         with pytest.raises(InvalidInputError, match=r"start: iiwa_joint_4 is at 2\.5 rad"):

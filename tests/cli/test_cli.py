@@ -129,7 +129,10 @@ def test_arm_proposes_a_home_that_runs(tmp_path):
         (("panda", "--tool", "{ball: "), "--tool: not a YAML document: line 1"),
         (("panda", "--frame", "hand"), "arm.frame: no frame 'hand' in panda.urdf"),
         (("panda", "--set", "hom=[0]"), "arm.hom: no such key; nearest: home"),
-        (("panda", "--set", "home"), "--set: must be KEY=VALUE, not 'home'"),
+        (
+            ("panda", "--set", "home"),
+            "--set: must be KEY=VALUE, or KEY=null to remove a key, not 'home'",
+        ),
         (("panda", "--set", "limits=no.yaml"), "arm.limits: no file 'no.yaml'"),
         ((MODELS / "ur5" / "ur5.urdf",), "arm.frame: must be given"),
     ],
@@ -289,7 +292,10 @@ def simulated(monkeypatch):
         (("slc_nefroid",), "experiment: no experiment 'slc_nefroid'; nearest: slc_nephroid"),
         (("nowhere.yaml",), "nowhere.yaml: No such file or directory"),
         ((KNOWN, "--set", "law.kapa=1"), "law.kapa: no such key; nearest: kappa"),
-        ((KNOWN, "--set", "law.kappa"), "--set: must be KEY=VALUE, not 'law.kappa'"),
+        (
+            (KNOWN, "--set", "law.kappa"),
+            "--set: must be KEY=VALUE, or KEY=null to remove a key, not 'law.kappa'",
+        ),
         ((KNOWN, "--set", "law.kappa=[1"), "--set law.kappa: not a YAML document: line 1"),
         ((KNOWN, "--set", "law.kappa=-1"), "law.kappa: must be greater than 0, not -1"),
         ((KNOWN, "--set", "law.kappa=[nan, 1]"), "law.kappa: must be a number, not ['nan', 1]"),

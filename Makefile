@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 WORKERS ?= 2
 
-.PHONY: demo test long bench tables cross check clean
+.PHONY: demo test long bench tables cross claims check clean
 
 demo: $(VENV)/installed
 	$(BIN)/drake-rnn run slc_nephroid_warm_up --out out
@@ -27,6 +27,10 @@ tables: $(VENV)/installed
 
 cross: $(VENV)/installed
 	$(BIN)/python benchmarks/cross.py > docs/cross.md
+
+claims: $(VENV)/installed
+	$(BIN)/python docs/make_claims.py > docs/claims.md.new
+	mv docs/claims.md.new docs/claims.md
 
 check: $(VENV)/installed-dev
 	$(BIN)/ruff check .

@@ -17,6 +17,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from ..claims import Judge
 from ..errors import DrakeRnnError, InterruptedRunError, InvalidInputError, SimulationError
 from ..experiment import Experiment, load_experiment, parse_change, read_document, set_key
 from ..figures import write_figures
@@ -33,6 +34,7 @@ from ..runs.simulation import Progress as ProgressCallback
 from ..runs.simulation import check_experiment, simulate
 from ..runs.sweep import Row, parse_axis, write_csv
 from ..runs.sweep import sweep as run_sweep
+from .claims import chosen_claims, claims_table, judgement_table
 from .new import Own, write_start
 from .tables import (
     WIDE,
@@ -248,6 +250,27 @@ def new(
         for file in write_start(what, name, Path()):
             out.print(escape(f"written  {file}"), soft_wrap=True)
     out.print(f"next     drake-rnn run {name}.yaml; pytest test_{name}.py", soft_wrap=True)
+
+
+@app.command("claims")
+def show_claims(
+    ids: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[ID]...", help="Claims, e.g. slc-F2a, or schemes, e.g. slc."),
+    ] = None,
+    judge: Annotated[
+        bool, typer.Option("--judge", help="Make the runs and print the verdicts.")
+    ] = False,
+) -> None:
+    """List what the papers claim, or judge it."""
+    with _errors():
+        for paper, claims in chosen_claims(ids or []):
+            if not judge:
+                out.print(claims_table(paper, claims))
+                continue
+            judging = Judge(paper)
+            for claim in claims:
+                out.print(judgement_table(judging.judge(claim)))
 
 
 def _axes(over: list[str] | None) -> dict[str, list[Any]]:

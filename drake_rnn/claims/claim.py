@@ -1,0 +1,176 @@
+"""What a paper claims, and what must be so for it to hold."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from pydantic import Field
+
+from ..experiment.document import Acceptance
+from ..inputs.fields import Finite, validated
+
+#: Of what a claim's name is made: the scheme, and the place in the paper.
+_ID = re.compile(r"[a-z]+-(?:T|F|Th|L|R|S|C)\d[\da-z.]*")
+
+
+@validated
+class Quantity:
+    """A number that a run or a calculation gives.
+
+    Args:
+        run: Name of a shipped experiment; give either this or ``measure``.
+        set: Changes of the experiment, by dotted key.
+        metric: Metric of the run.
+        measure: Name of a function of the module beside the claims file.
+        given: Arguments of that function, by name.
+    """
+
+    run: str | None = None
+    set: dict[str, Any] = Field(default_factory=dict)
+    metric: str | None = None
+    measure: str | None = None
+    given: dict[str, Any] = Field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if (self.run is None) == (self.measure is None):
+            raise ValueError("give either run or measure")
+        if self.run is None and (self.set or self.metric is not None):
+            raise ValueError("set and metric belong to a run")
+        if self.measure is None and self.given:
+            raise ValueError("given belongs to a measure")
+        self._check_number()
+
+    def _check_number(self) -> None:
+        if self.run is not None and self.metric is None:
+            raise ValueError("metric: must be given with run")
+
+    def __str__(self) -> str:
+        if self.measure is not None:
+            given = ", ".join(f"{name}={value}" for name, value in self.given.items())
+            return f"{self.measure}({given})"
+        return f"{self.metric} of {self.command}"
+
+    @property
+    def command(self) -> str:
+        """Command that makes the run."""
+        changes = "".join(f" --set {key}={_inline(value)}" for key, value in self.set.items())
+        return f"drake-rnn run {self.run}{changes}"
+
+
+@validated
+class Criterion(Quantity):
+    """A number and its bounds, or a run that must be refused.
+
+    Args:
+        per: What the number is divided by; None for nothing.
+        at_least, at_most: Bounds of the number, in its own unit.
+        refused: Part of the message with which the run is refused or fails; in place of a metric
+            and bounds.
+        paper: The paper's own figure, for a reader.
+        timed: Whether the number is a ratio of times, which a busy machine disturbs.
+    """
+
+    per: Quantity | None = None
+    at_least: Finite | None = None
+    at_most: Finite | None = None
+    refused: str | None = None
+    paper: str = ""
+    timed: bool = False
+
+    def _check_number(self) -> None:
+        if self.refused is None:
+            super()._check_number()
+            Acceptance(at_least=self.at_least, at_most=self.at_most)
+        elif self.run is None or self.metric or self.per or self.at_least or self.at_most:
+            raise ValueError("refused: belongs to a run, without a metric and bounds")
+
+    @property
+    def expected(self) -> str:
+        """What is expected of the number, as text."""
+        if self.refused is not None:
+            return f"refused: {self.refused}"
+        return str(Acceptance(at_least=self.at_least, at_most=self.at_most))
+
+    def __str__(self) -> str:
+        if self.refused is not None:
+            return self.command
+        return super().__str__() + (f", per {self.per}" if self.per is not None else "")
+
+    def holds(self, value: float) -> bool:
+        """Return whether ``value`` is as expected; NaN is not."""
+        return Acceptance(at_least=self.at_least, at_most=self.at_most).holds(value)
+
+
+@validated
+class Claim:
+    """One statement of a paper, and how it is judged.
+
+    Args:
+        id: Scheme and place in the paper, e.g. ``slc-F2a`` for Fig. 2(a): T table, F figure,
+            Th theorem, L lemma, R remark, S section, C claim in the text.
+        where: Place in the paper, in words.
+        says: What the paper says, in our words.
+        as_stated: What must be so for the claim to hold, at the paper's own settings.
+        corrected: What must be so for it to hold with the correction that ``because`` names.
+        unchecked: Why it cannot be checked; in place of criteria.
+        because: Why it does not hold as stated, what is corrected, or what was chosen where the
+            paper is silent.
+        tests: Tests that show it too, as pytest names them.
+    """
+
+    id: str
+    where: str
+    says: str
+    as_stated: list[Criterion] = Field(default_factory=list)
+    corrected: list[Criterion] = Field(default_factory=list)
+    unchecked: str = ""
+    because: str = ""
+    tests: list[str] = Field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        if not _ID.fullmatch(self.id):
+            raise ValueError(f"id: must be like slc-F2a or jdf-Th1, not {self.id!r}")
+        if bool(self.unchecked) == bool(self.as_stated):
+            raise ValueError("give either as_stated or unchecked")
+        if self.corrected and not (self.as_stated and self.because):
+            raise ValueError("corrected: needs as_stated, and because, which names the correction")
+
+    @property
+    def criteria(self) -> list[Criterion]:
+        """All criteria: those of the claim as stated, then those with a correction."""
+        return [*self.as_stated, *self.corrected]
+
+
+@validated
+class Paper:
+    """A paper.
+
+    Args:
+        title: Its title.
+        authors: Its authors; none if the text at hand does not name them.
+        journal: Where it appeared; none if the text does not say so.
+        year: When it appeared; None if the text does not say so.
+    """
+
+    title: str
+    authors: str = ""
+    journal: str = ""
+    year: int | None = None
+
+    def __str__(self) -> str:
+        parts = [self.authors, f'"{self.title}"', self.journal]
+        year = f" ({self.year})" if self.year is not None else ""
+        return ", ".join(filter(None, parts)) + year
+
+
+def _inline(value: Any) -> str:
+    """Return a value as the text of one word of a command line."""
+    if isinstance(value, bool) or value is None:
+        return {True: "true", False: "false", None: "null"}[value]
+    if isinstance(value, list):
+        return f"[{','.join(map(_inline, value))}]"
+    if isinstance(value, dict):
+        entries = ", ".join(f"{key}: {_inline(entry)}" for key, entry in value.items())
+        return f"'{{{entries}}}'"
+    return f"{value:g}" if isinstance(value, float) else str(value)

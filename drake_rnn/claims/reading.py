@@ -1,0 +1,99 @@
+"""The claims files: one for each paper, beside the module with its measures."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from ..errors import InvalidInputError
+from ..inputs.complaints import nearest
+from ..inputs.documents import construct, read_yaml
+from ..inputs.fields import validated
+from ..measures import METRIC_NAMES
+from .claim import Claim, Paper, Quantity
+
+_FOLDER = Path(__file__).parent
+#: The papers' schemes; each has a claims file and a module with its measures.
+SCHEMES = tuple(sorted(file.stem for file in _FOLDER.glob("*.yaml")))
+
+
+@validated
+class _File:
+    paper: dict[str, Any]
+    page: str
+    claims: list[dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Claims:
+    """All that one paper claims.
+
+    Attributes:
+        scheme: The paper's scheme, one of `SCHEMES`.
+        paper: The paper.
+        page: Page of the repository about it.
+        claims: Its claims.
+        measures: Functions that the claims' criteria name; each takes a function
+            ``run(name, changes) -> Result`` and the criterion's arguments, and returns a number.
+    """
+
+    scheme: str
+    paper: Paper
+    page: str
+    claims: tuple[Claim, ...]
+    measures: Mapping[str, Callable[..., float]]
+
+
+@cache
+def read_claims(scheme: str) -> Claims:
+    """Return the claims of a paper.
+
+    Args:
+        scheme: One of `SCHEMES`.
+
+    Raises:
+        InvalidInputError: If a claim is not as it should be; the message names claim and key.
+    """
+    if scheme not in SCHEMES:
+        raise InvalidInputError(f"claims: no scheme {scheme!r}; {nearest(scheme, list(SCHEMES))}")
+    file = _FOLDER / f"{scheme}.yaml"
+    content = construct(_File, read_yaml(file), file.name)
+    claims = tuple(
+        construct(Claim, claim, f"{file.name}: {claim.get('id', f'claim {number}')}")
+        for number, claim in enumerate(content.claims, start=1)
+    )
+    module = import_module(f"{__package__}.{scheme}")
+    measures = {
+        name: function
+        for name, function in inspect.getmembers(module, inspect.isfunction)
+        if function.__module__ == module.__name__ and not name.startswith("_")
+    }
+    for claim in claims:
+        for quantity in _quantities(claim):
+            _check_known(f"{file.name}: {claim.id}", quantity, measures)
+    names = [claim.id for claim in claims]
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise InvalidInputError(f"{file.name}: {twice[0]} is there twice")
+    paper = construct(Paper, content.paper, f"{file.name}: paper")
+    return Claims(scheme, paper, content.page, claims, measures)
+
+
+def _quantities(claim: Claim) -> list[Quantity]:
+    divisors = [criterion.per for criterion in claim.criteria if criterion.per is not None]
+    return [*claim.criteria, *divisors]
+
+
+def _check_known(place: str, quantity: Quantity, measures: Mapping[str, Any]) -> None:
+    for name, known, what in (
+        (quantity.metric, METRIC_NAMES, "metric"),
+        (quantity.measure, measures, "measure"),
+    ):
+        if name is not None and name not in known:
+            raise InvalidInputError(
+                f"{place}: no {what} {name!r}; {nearest(name, list(known)) if known else 'none'}"
+            )

@@ -1,0 +1,131 @@
+"""Verdicts follow from what is measured; a claim edited to be false turns its verdict."""
+
+import pytest
+
+from drake_rnn import InvalidInputError
+from drake_rnn.claims import Claim, Claims, Judge, Paper
+
+SHORT = {"duration": 0.1}
+ZERO = {"of": 0.0}
+
+
+def run_it(**fields):
+    return {"run": "pinv_line", "set": SHORT, **fields}
+
+
+def error_below(bound):
+    return run_it(metric="position_error_max_m", at_most=bound)
+
+
+def half(run, of=1.0):
+    return 0.5 * of
+
+
+def longest(run):
+    return run("pinv_line", SHORT).time[-1]
+
+
+MEASURES = {"half": half, "longest": longest}
+
+
+def claim(**fields):
+    return Claim(id="slc-C1", where="here", says="something", **fields)
+
+
+def judge_of(**fields):
+    judge = Judge(Claims("test", Paper(title="A paper"), "README.md", (), MEASURES))
+    return judge.judge(claim(**fields))
+
+
+def test_a_claim_holds_if_all_its_criteria_are_met():
+    found = judge_of(as_stated=[error_below(1.0), {"measure": "half", "at_least": 0.5}])
+    assert found.verdict == "holds"
+    assert found.as_stated[0].value < 1e-3
+    assert [finding.holds for finding in found.as_stated] == [True, True]
+
+
+def test_a_claim_edited_to_be_false_does_not_hold():
+    assert judge_of(as_stated=[error_below(1.0), error_below(0.0)]).verdict == "does not hold"
+
+
+def test_a_correction_counts_only_if_the_claim_fails_as_stated():
+    fails, holds = [error_below(0.0)], [error_below(1.0)]
+    corrected = judge_of(as_stated=fails, corrected=holds, because="another path")
+    assert corrected.verdict == "holds with correction"
+    assert judge_of(as_stated=holds, corrected=fails, because="no need").verdict == "holds"
+    assert judge_of(as_stated=fails, corrected=fails, because="no").verdict == "does not hold"
+
+
+def test_what_cannot_be_checked_says_so():
+    assert judge_of(unchecked="its cells are lost").verdict == "cannot be checked"
+
+
+def test_a_number_may_be_the_ratio_of_two():
+    per = run_it(metric="position_error_max_m")
+    (found,) = judge_of(as_stated=[error_below(1.0) | {"per": per}]).as_stated
+    assert found.value == 1.0
+    per = {"measure": "half"}
+    (found,) = judge_of(
+        as_stated=[{"measure": "half", "given": {"of": 8.0}, "at_most": 8.0, "per": per}]
+    ).as_stated
+    assert found.value == 8.0
+    (found,) = judge_of(
+        as_stated=[{"measure": "half", "at_most": 1e9, "per": {"measure": "half", "given": ZERO}}]
+    ).as_stated
+    assert not found.holds
+
+
+def test_a_measure_may_look_at_a_whole_run():
+    (found,) = judge_of(as_stated=[{"measure": "longest", "at_least": 0.1}]).as_stated
+    assert found.value == 0.1
+
+
+def test_a_run_that_must_be_refused():
+    fields = {"run": "pinv_line", "set": {"law.damping": -1.0}}
+    (found,) = judge_of(as_stated=[fields | {"refused": "law.damping"}]).as_stated
+    assert found.holds
+    assert "-1" in str(found)
+    (found,) = judge_of(as_stated=[fields | {"refused": "law.gain"}]).as_stated
+    assert not found.holds
+    (found,) = judge_of(as_stated=[run_it(refused="law.damping")]).as_stated
+    assert not found.holds
+
+
+def test_a_criterion_whose_run_fails_or_lacks_the_number_is_not_met():
+    refused = run_it(metric="position_error_max_m", at_most=1.0) | {"set": {"law.damping": -1.0}}
+    (found,) = judge_of(as_stated=[refused]).as_stated
+    assert not found.holds
+    assert "law.damping" in found.failure
+    (found,) = judge_of(as_stated=[run_it(metric="force_error_rms_N", at_most=1.0)]).as_stated
+    assert not found.holds
+    assert found.failure == "no force_error_rms_N in this run"
+
+
+def test_a_run_is_made_once(monkeypatch):
+    judge = Judge(Claims("test", Paper(title="A paper"), "README.md", (), {}))
+    first = judge.run("pinv_line", SHORT)
+    assert judge.run("pinv_line", dict(SHORT)) is first
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({}, "give either as_stated or unchecked"),
+        ({"as_stated": [error_below(1.0)], "unchecked": "why"}, "either as_stated or unchecked"),
+        ({"as_stated": [run_it(at_most=1.0)]}, "metric: must be given with run"),
+        ({"as_stated": [{"metric": "x", "at_most": 1.0}]}, "give either run or measure"),
+        ({"as_stated": [run_it(metric="x")]}, "must give at_least, at_most or both"),
+        ({"as_stated": [{"measure": "x", "set": SHORT, "at_most": 1.0}]}, "belong to a run"),
+        ({"as_stated": [run_it(metric="x", refused="no")]}, "refused: belongs to a run"),
+        ({"as_stated": [error_below(1.0)], "corrected": [error_below(1.0)]}, "needs .*because"),
+    ],
+)
+def test_a_claim_that_cannot_be_judged_is_refused(fields, message):
+    with pytest.raises(InvalidInputError, match=message):
+        claim(**fields)
+
+
+@pytest.mark.parametrize("name", ["slc", "slc-X1", "F2a", "000-F2"])
+def test_a_claim_has_a_name_by_scheme_and_place(name):
+    with pytest.raises(InvalidInputError, match="must be like slc-F2a"):
+        Claim(id=name, where="here", says="x", unchecked="why")

@@ -6,7 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from time import perf_counter
@@ -135,35 +135,35 @@ def run(
     seed: Seed = None,
     duration: Duration = None,
     playback: Annotated[bool, typer.Option(help="Write playback.html.")] = True,
+    beside: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="EXPERIMENT",
+            help="Run this one first, and show its path beside the others' in their playbacks; "
+            "repeatable.",
+        ),
+    ] = None,
 ) -> None:
     """Run experiments; each gets a folder with metrics, figures and a playback."""
+    first = beside or []
+    names = [*first, *experiments]
     with _errors():
-        # Everything is checked before anything runs.
-        loaded = []
-        for name in experiments:
-            with _named(name, among=experiments):
-                loaded.append(_load(name, changes, seed, duration))
-        for experiment in loaded:
-            _require_one_folder_each(experiment, loaded)
-            with _named(experiment.name, among=experiments):
-                check_experiment(experiment)
-            _require_writable(out_folder / experiment.name)
+        loaded = _load_all(names, changes, seed, duration, out_folder)
     failed = False
-    for experiment, name in zip(loaded, experiments, strict=True):
+    others: list[Result] = []
+    for number, (experiment, name) in enumerate(zip(loaded, names, strict=True)):
         with _errors():
             _tell_of_window(name, _changes(changes, seed, duration))
-            try:
-                with _progress(experiment) as progress:
-                    result = simulate(experiment, progress)
-            except SimulationError as error:
-                # The results up to the failure are kept.
-                failed = True
-                err.print(f"[red]failed[/] {escape(str(error))}")
-                _write(error.result, out_folder / experiment.name, playback)
-                if isinstance(error, InterruptedRunError):
-                    break
-            else:
+            result, failure = _simulate(experiment)
+            if number < len(first):
                 _write(result, out_folder / experiment.name, playback)
+                others.append(result)
+            else:
+                _write(result, out_folder / experiment.name, playback, others)
+            if failure is not None:
+                failed = True
+            if isinstance(failure, InterruptedRunError):
+                break
     if failed:
         raise typer.Exit(FAILED)
 
@@ -300,6 +300,36 @@ def main() -> None:
     app()
 
 
+def _load_all(
+    names: list[str],
+    changes: list[str] | None,
+    seed: int | None,
+    duration: float | None,
+    out_folder: Path,
+) -> list[Experiment]:
+    """Return the experiments; everything is checked before anything runs."""
+    loaded = []
+    for name in names:
+        with _named(name, among=names):
+            loaded.append(_load(name, changes, seed, duration))
+    for experiment in loaded:
+        _require_one_folder_each(experiment, loaded)
+        with _named(experiment.name, among=names):
+            check_experiment(experiment)
+        _require_writable(out_folder / experiment.name)
+    return loaded
+
+
+def _simulate(experiment: Experiment) -> tuple[Result, SimulationError | None]:
+    """Return the result of a run, up to its failure, and the failure if there was one."""
+    try:
+        with _progress(experiment) as progress:
+            return simulate(experiment, progress), None
+    except SimulationError as error:
+        err.print(f"[red]failed[/] {escape(str(error))}")
+        return error.result, error
+
+
 def _load(
     name: str, changes: list[str] | None, seed: int | None, duration: float | None
 ) -> Experiment:
@@ -332,7 +362,7 @@ def _tell_of_window(name: str, changes: dict[str, Any]) -> None:
     )
 
 
-def _write(result: Result, folder: Path, playback: bool) -> None:
+def _write(result: Result, folder: Path, playback: bool, beside: Sequence[Result] = ()) -> None:
     result.save(folder)
     _draw_diagram(folder / "diagram.dot")
     figures = write_figures(result, folder / "figures")
@@ -344,7 +374,9 @@ def _write(result: Result, folder: Path, playback: bool) -> None:
     out.print(escape(f"results   {folder}"), soft_wrap=True)
     out.print(escape(f"figures   {folder / 'figures'} ({len(figures)})"), soft_wrap=True)
     if playback and result.time.size > 1:
-        page = write_playback(result, folder / "playback.html", _frames_per_second(result))
+        others = [other for other in beside if other.time.size > 1]
+        file, rate = folder / "playback.html", _frames_per_second(result)
+        page = write_playback(result, file, rate, others)
         out.print(escape(f"playback  {page}"), soft_wrap=True)
 
 

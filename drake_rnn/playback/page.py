@@ -90,7 +90,7 @@ def make_page(motion: ReplayedMotion, rate: int, beside: Sequence[ReplayedMotion
 def _drawn_paths(
     meshcat: Meshcat, motion: ReplayedMotion, beside: Sequence[ReplayedMotion], boxes: Boxes
 ) -> DrawnPaths:
-    """Return the paths side by side, on the surface that the tool presses against, or in the air."""
+    """Return the paths of several runs, or of one: on the surface it presses on, or in the air."""
     if beside:
         return PathsBeside(meshcat, motion, beside, boxes)
     contact = replayed_contact(motion)
@@ -99,7 +99,7 @@ def _drawn_paths(
     return PathsOnSurface(meshcat, motion, contact, boxes)
 
 
-def _record(  # noqa: PLR0913  what moves, for how long, and where it is drawn
+def _record(
     meshcat: Meshcat,
     motion: ReplayedMotion,
     duration: float,

@@ -39,7 +39,11 @@ class PathsBeside:
     legend = None
 
     def __init__(
-        self, meshcat: Meshcat, motion: ReplayedMotion, others: Sequence[ReplayedMotion], boxes: Boxes
+        self,
+        meshcat: Meshcat,
+        motion: ReplayedMotion,
+        others: Sequence[ReplayedMotion],
+        boxes: Boxes,
     ) -> None:
         self._meshcat = meshcat
         self._motions = (motion, *others)
@@ -112,7 +116,9 @@ class PathsBeside:
 
         def hidden(asides: list[Array]) -> float:
             rest = zip(self._motions[1:], asides[1:], strict=True)
-            return sum(boxes.hidden(motion.course + aside, self._direction) for motion, aside in rest)
+            return sum(
+                boxes.hidden(motion.course + aside, self._direction) for motion, aside in rest
+            )
 
         return min((row(1.0), row(-1.0)), key=hidden)
 

@@ -64,7 +64,9 @@ class PathsOnSurface:
         """Aim the camera at the drawing and the tool above it."""
         contact = self._contact
         direction = view_of_surface(contact, self._boxes)
-        aim_camera(self._meshcat, points_round(contact.course, contact.normal), contact.course, direction)
+        aim_camera(
+            self._meshcat, points_round(contact.course, contact.normal), contact.course, direction
+        )
 
     def draw(self) -> None:
         """Draw the desired path, a ring round the desired point, the traced path and the force."""

@@ -31,7 +31,6 @@ from drake_rnn import (
     shipped_experiments,
     simulate,
 )
-from drake_rnn.measures import TIMING_METRICS
 
 
 def hashes(name: str, longest: float) -> dict[str, str]:
@@ -50,8 +49,7 @@ def hashes(name: str, longest: float) -> dict[str, str]:
         key: _hash(str((array.dtype, array.shape)).encode() + np.ascontiguousarray(array).tobytes())
         for key, array in arrays.items()
     }
-    metrics = {key: value for key, value in result.metrics.items() if key not in TIMING_METRICS}
-    return found | {f"metrics.{key}": float(value).hex() for key, value in metrics.items()}
+    return found | {f"metrics.{key}": value.hex() for key, value in result.metrics.items()}
 
 
 def _result(name: str, longest: float) -> Result:

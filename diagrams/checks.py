@@ -16,6 +16,7 @@ from ..systems.body import Body, Feedback
 from ..systems.controllers import Controller
 from ..systems.dither import DitherSettings
 from ..systems.joint_reference import JointReference
+from ..systems.joint_sensor import SensingSettings
 from ..systems.kinematics import Kinematics
 from ..systems.moving_average import MovingAverage
 from ..systems.path_source import PathSource
@@ -58,13 +59,15 @@ def check_parts(
     dither: DitherSettings | None,
     filter: MovingAverage | None,
     feedback: Feedback,
+    sensing: SensingSettings | None,
 ) -> None:
     """Raise an InvalidInputError if the parts of a loop do not fit together."""
     require_type("controller", controller, Controller)
     require_type("dither", dither, DitherSettings, NoneType)
     require_type("filter", filter, MovingAverage, NoneType)
+    require_type("sensing", sensing, SensingSettings, NoneType)
     _require_joints(controller, body)
-    body.check_loop(controller.period, feedback)
+    body.check_loop(controller.period, feedback, sensed=sensing is not None)
     body.check_task(task)
     body.check_period(controller.period)
     check_filter(filter is not None, feedback, dither)

@@ -20,6 +20,7 @@ from ..systems.dynamics import DYNAMICS_SIGNALS, Dynamics
 from ..systems.force_sensor import ForceSensor
 from ..systems.force_watch import ForceWatch
 from ..systems.ideal_arm import IdealArm
+from ..systems.joint_sensor import JointSensor, SensingSettings
 from ..systems.kinematics import Kinematics
 from ..systems.moving_average import MovingAverage
 from ..systems.normal_force import NormalForce
@@ -39,6 +40,7 @@ class Loop:
         arm: The body.
         filter: Filter between the command and the arm, or None.
         virtual_arm: Arm that the law sees with ``feedback: unfiltered``; None otherwise.
+        joint_sensor: Sensor of the joints that the law sees, or None.
         forces: Output ports of the forces on the tool, by name: ``contact_force``, ``tool_force``
             and ``normal_force``; empty without a contact.
         systems: All added systems, by name without the prefix.
@@ -50,6 +52,7 @@ class Loop:
     arm: Body
     filter: MovingAverage | None
     virtual_arm: Body | None
+    joint_sensor: JointSensor | None
     forces: Mapping[str, OutputPort]
     systems: Mapping[str, System]
 
@@ -64,6 +67,7 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
     dither: DitherSettings | None = None,
     filter: MovingAverage | None = None,
     feedback: Feedback | None = None,
+    sensing: SensingSettings | None = None,
     signals: Mapping[str, OutputPort] | None = None,
     seed: int = 0,
     prefix: str = "",
@@ -88,26 +92,31 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
             ``measured``, the body itself; or ``unfiltered``, a virtual arm that the unfiltered
             command moves. With ``unfiltered`` the filter's delay lies outside the loop, and the
             body repeats the virtual arm's motion with that delay. By default the body's own
-            ``default_feedback``.
+            ``default_feedback``, and ``measured`` with ``sensing``.
+        sensing: Imperfections of the measured joints, and of all kinematics that follow from
+            them; None for the true joints.
         signals: Output ports in ``builder`` that replace, by name, those offered here.
-        seed: Seed of dither and force sensor.
+        seed: Seed of dither and sensors.
         prefix: Prefix of the systems' names, for several loops in one diagram.
 
     Raises:
         InvalidInputError: If the law needs an input that nothing offers, or of another size; if
             the filter does not fit controller, feedback or dither; if the body cannot run in this
-            loop; or if an argument has the wrong type.
+            loop; if ``sensing`` does not fit controller, feedback or arm; or if an argument has the
+            wrong type.
     """
     check_arguments(builder, reference, signals, seed, prefix)
     require_type("body", body, Body)
-    feedback = body.default_feedback if feedback is None else feedback
-    check_parts(body, controller, task, dither, filter, feedback)
+    feedback = body.chosen_feedback(feedback, sensed=sensing is not None)
+    check_parts(body, controller, task, dither, filter, feedback, sensing)
     given = given_signals(signals, controller)
     wiring = Wiring(builder, prefix)
     wiring.add("controller", controller)
     # The law sees the arm itself, or a virtual arm ahead of the filter.
     virtual = _virtual_arm(body) if feedback == "unfiltered" else None
-    seen = _add_moved(wiring, virtual or body, task, "" if virtual is None else "virtual_")
+    seen = _add_moved(
+        wiring, virtual or body, task, "" if virtual is None else "virtual_", shares=sensing is None
+    )
     command = controller.GetOutputPort("commanded_velocity")
     if filter is not None:
         wiring.add("filter", filter)
@@ -116,7 +125,8 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
             command = filter.get_output_port()
     velocity = _add_dither(wiring, dither, command, seed)
     _move(wiring, seen, velocity.moved)
-    position, measured, shown = _joints_seen(seen, velocity, feedback)
+    sensor = _add_joint_sensor(wiring, body, sensing, controller.period, seed)
+    position, measured, shown = _joints_seen(seen, velocity, feedback, sensor)
     offered = {"position": position, "velocity": shown}
     offered |= _evaluate(wiring, seen.kinematics, position, measured)
     if reference is not None:
@@ -137,7 +147,7 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
     check_offers(controller, offered, seen.kinematics, task)
     for name in controller.reading.inputs.parts:
         wiring.connect(offered[name], controller.GetInputPort(name))
-    return Loop(controller, *moved, filter, virtual, forces, wiring.systems)
+    return Loop(controller, *moved, filter, virtual, sensor, forces, wiring.systems)
 
 
 class _Moved(NamedTuple):
@@ -168,9 +178,13 @@ def _virtual_arm(body: Body) -> IdealArm:
     return IdealArm(body.arm, body.start, outside=outside)
 
 
-def _add_moved(wiring: Wiring, body: Body, task: str, name: str = "") -> _Moved:
+def _add_moved(
+    wiring: Wiring, body: Body, task: str, name: str = "", *, shares: bool = True
+) -> _Moved:
+    """Add a body with what moves it; kinematics of another posture than its own share nothing."""
+    kinematics = Kinematics(body.arm, task, body.kinematics if shares else None)
     return _Moved(
-        wiring.add(f"{name}kinematics", Kinematics(body.arm, task, body.kinematics)),
+        wiring.add(f"{name}kinematics", kinematics),
         wiring.add(f"{name}joint_command", Integrator(body.start)),
         wiring.add(f"{name}arm", body),
     )
@@ -210,10 +224,29 @@ def _add_dither(
     }[dither.model]
 
 
+def _add_joint_sensor(
+    wiring: Wiring,
+    body: Body,
+    sensing: SensingSettings | None,
+    period: float | None,
+    seed: int,
+) -> JointSensor | None:
+    if sensing is None or period is None:
+        return None
+    sensor = JointSensor(sensing, body.arm, body.start, period, seed)
+    wiring.add("joint_sensor", sensor)
+    for name in ("position", "velocity"):
+        wiring.connect(body.GetOutputPort(name), sensor.GetInputPort(f"{name}_true"))
+    return sensor
+
+
 def _joints_seen(
-    seen: _Moved, velocity: _Velocity, feedback: Feedback
+    seen: _Moved, velocity: _Velocity, feedback: Feedback, sensor: JointSensor | None
 ) -> tuple[OutputPort, OutputPort, OutputPort]:
     """Return joint position, velocity that ``v_WE`` is computed from, velocity the law sees."""
+    if sensor is not None:
+        measured = sensor.GetOutputPort("velocity")
+        return sensor.GetOutputPort("position"), measured, measured
     if feedback == "measured":
         measured = seen.body.GetOutputPort("velocity")
         return seen.body.GetOutputPort("position"), measured, measured

@@ -11,9 +11,9 @@ Every run writes its metrics to `metrics.json`, and `drake-rnn run` prints them 
 `accept`. They are taken over every simulated step, never over the stored samples. A metric that
 does not apply to a run, or whose event did not occur, is absent.
 
-The last column says which steps a metric is taken over: those in the experiment's `window`, those
-of the whole `run`, or none, because it describes the `machine` that ran it. A unit of 1 is a pure
-number.
+The last column says which steps a metric is taken over: those in the experiment's `window`, or
+those of the whole `run`. A unit of 1 is a pure number. What a run cost on the machine is in
+`run.json`, not here.
 
 In Python the same list is `drake_rnn.METRICS`.
 

@@ -106,6 +106,7 @@ from .systems import (
     PlantArm,
     PlantSettings,
     SampledController,
+    SensingSettings,
     SensorSettings,
 )
 
@@ -191,6 +192,7 @@ __all__ = [
     "SampledLaw",
     "SampledReading",
     "SelfMotion",
+    "SensingSettings",
     "SensorSettings",
     "Sequence",
     "Signals",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
@@ -18,7 +19,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from ..claims import Judge
-from ..errors import DrakeRnnError, InterruptedRunError, InvalidInputError, SimulationError
+from ..errors import DrakeRnnError, InvalidInputError, SimulationError
 from ..experiment import Experiment, load_experiment, parse_change, read_document, set_key
 from ..figures import write_figures
 from ..figures.arm_picture import write_arm_picture
@@ -29,6 +30,7 @@ from ..playback import write_playback
 from ..robot.load_arm import load_arm
 from ..robot.report import arm_report
 from ..runs.fastest import fastest
+from ..runs.folder import filled
 from ..runs.result import Result
 from ..runs.simulation import Progress as ProgressCallback
 from ..runs.simulation import check_experiment, simulate
@@ -60,7 +62,7 @@ _WIDTH = None if sys.stdout.isatty() else 140
 out = Console(width=_WIDTH, soft_wrap=False, highlight=False)
 err = Console(stderr=True, soft_wrap=True, highlight=False)
 
-FAILED, BAD_INPUT = 1, 2
+FAILED, BAD_INPUT, NOT_MET = 1, 2, 3
 
 Set = Annotated[
     list[str] | None,
@@ -68,6 +70,9 @@ Set = Annotated[
 ]
 Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the result folders.")]
 Seed = Annotated[int | None, typer.Option(help="Seed of all random numbers.")]
+Check = Annotated[
+    bool, typer.Option("--check", help="Exit with status 3 if a bound of accept is not kept.")
+]
 Duration = Annotated[
     float | None,
     typer.Option(help="Simulated time [s]; a window that ends later is dropped."),
@@ -143,29 +148,40 @@ def run(
             "repeatable.",
         ),
     ] = None,
+    check: Check = False,
 ) -> None:
     """Run experiments; each gets a folder with metrics, figures and a playback."""
     first = beside or []
     names = [*first, *experiments]
     with _errors():
         loaded = _load_all(names, changes, seed, duration, out_folder)
-    failed = False
-    others: list[Result] = []
-    for number, (experiment, name) in enumerate(zip(loaded, names, strict=True)):
+    results: list[Result] = []
+    for experiment, name in zip(loaded, names, strict=True):
         with _errors():
             _tell_of_window(name, _changes(changes, seed, duration))
-            result, failure = _simulate(experiment)
-            if number < len(first):
-                _write(result, out_folder / experiment.name, playback)
-                others.append(result)
-            else:
-                _write(result, out_folder / experiment.name, playback, others)
-            if failure is not None:
-                failed = True
-            if isinstance(failure, InterruptedRunError):
-                break
-    if failed:
+            result = _run(experiment)
+            others = results[: len(first)] if len(results) >= len(first) else ()
+            _write(result, out_folder / experiment.name, playback, others)
+            results.append(result)
+        if result.status == "interrupted":
+            break
+    if skipped := [experiment.name for experiment in loaded[len(results) :]]:
+        err.print(f"[red]not run[/] {escape(', '.join(skipped))}")
+    if any(result.status != "complete" for result in results):
         raise typer.Exit(FAILED)
+    if check and not all(verdict.met for result in results for verdict in result.verdicts):
+        raise typer.Exit(NOT_MET)
+
+
+def _run(experiment: Experiment) -> Result:
+    """Return the result of an experiment; up to its failure, which is printed, if it fails."""
+    try:
+        with _progress(experiment) as progress:
+            return simulate(experiment, progress)
+    except SimulationError as error:
+        err.print(f"[red]failed[/] {escape(str(error))}")
+        failed: Result = error.result
+        return failed
 
 
 @app.command("fastest")
@@ -208,6 +224,7 @@ def sweep(
     seed: Seed = None,
     duration: Duration = None,
     jobs: Annotated[int, typer.Option(min=1, help="Number of runs at a time.")] = 1,
+    check: Check = False,
 ) -> None:
     """Run an experiment with several values; write a table, a CSV file and a figure."""
     with _errors():
@@ -238,6 +255,8 @@ def sweep(
         out.print(escape(f"picture  {picture}"), soft_wrap=True)
     if any(row.failure for row in rows):
         raise typer.Exit(FAILED)
+    if check and any(row.not_met for row in rows):
+        raise typer.Exit(NOT_MET)
 
 
 @app.command()
@@ -297,6 +316,8 @@ def main() -> None:
     """
     if not sys.flags.safe_path:
         sys.path.append(str(Path.cwd()))
+    # What stops a job on a server stops it as Ctrl-C does: what it had is kept.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     app()
 
 
@@ -318,16 +339,6 @@ def _load_all(
             check_experiment(experiment)
         _require_writable(out_folder / experiment.name)
     return loaded
-
-
-def _simulate(experiment: Experiment) -> tuple[Result, SimulationError | None]:
-    """Return the result of a run, up to its failure, and the failure if there was one."""
-    try:
-        with _progress(experiment) as progress:
-            return simulate(experiment, progress), None
-    except SimulationError as error:
-        err.print(f"[red]failed[/] {escape(str(error))}")
-        return error.result, error
 
 
 def _load(
@@ -363,21 +374,25 @@ def _tell_of_window(name: str, changes: dict[str, Any]) -> None:
 
 
 def _write(result: Result, folder: Path, playback: bool, beside: Sequence[Result] = ()) -> None:
-    result.save(folder)
-    _draw_diagram(folder / "diagram.dot")
-    figures = write_figures(result, folder / "figures")
+    """Write a result with its pictures, and print what came out."""
     for warning in result.warnings:
         err.print(f"[yellow]warning[/] {escape(warning)}")
     out.print(metrics_table(result))
     if (joints := joints_table(result)) is not None:
         out.print(joints)
-    out.print(escape(f"results   {folder}"), soft_wrap=True)
-    out.print(escape(f"figures   {folder / 'figures'} ({len(figures)})"), soft_wrap=True)
-    if playback and result.time.size > 1:
-        others = [other for other in beside if other.time.size > 1]
-        file, rate = folder / "playback.html", _frames_per_second(result)
-        page = write_playback(result, file, rate, others)
-        out.print(escape(f"playback  {page}"), soft_wrap=True)
+    cost = result.timings["wall_time_s"]
+    out.print(f"time      {result.record['until_s']:g} s simulated in {cost:.3g} s")
+    with filled(folder, result.record):
+        result.write(folder)
+        _draw_diagram(folder / "diagram.dot")
+        figures = write_figures(result, folder / "figures")
+        out.print(escape(f"results   {folder}"), soft_wrap=True)
+        out.print(escape(f"figures   {folder / 'figures'} ({len(figures)})"), soft_wrap=True)
+        if playback and result.time.size > 1:
+            others = [other for other in beside if other.time.size > 1]
+            file, rate = folder / "playback.html", _frames_per_second(result)
+            page = write_playback(result, file, rate, others)
+            out.print(escape(f"playback  {page}"), soft_wrap=True)
 
 
 def _frames_per_second(result: Result) -> int:

@@ -15,7 +15,6 @@ from rich.table import Table
 
 from ..experiment import (
     ExperimentDocument,
-    expected_bounds,
     read_document,
     shipped_experiments,
 )
@@ -23,7 +22,7 @@ from ..inputs.documents import construct
 from ..measures import shown_in
 from ..robot.limits import DERIVATIVE_UNITS
 from ..robot.report import ArmReport
-from ..runs.result import Result
+from ..runs.result import Result, Verdict
 from ..runs.sweep import Row
 
 #: Width of a console on which no table is squeezed [characters].
@@ -126,21 +125,24 @@ def arm_table(report: ArmReport) -> Table:
 
 def metrics_table(result: Result) -> Table:
     """Return a table of a run's metrics, with the bounds that they are expected to keep."""
-    experiment = result.experiment
-    bounds = expected_bounds(experiment)
-    table = Table(box=SIMPLE_HEAD, title=escape(experiment.name))
+    verdicts = {verdict.metric: verdict for verdict in result.verdicts}
+    table = Table(box=SIMPLE_HEAD, title=escape(result.experiment.name))
     table.add_column("metric", no_wrap=True)
     table.add_column("value", justify="right", no_wrap=True)
     table.add_column("bound", justify="right")
     table.add_column("")
     for name, value in result.metrics.items():
-        expected = bounds.get(name)
-        verdict = "" if expected is None else ("ok" if expected.holds(value) else "[red]no[/]")
-        table.add_row(name, f"{value:.4g}", "" if expected is None else str(expected), verdict)
-    for name in experiment.document.accept:
-        if name not in result.metrics:
-            table.add_row(name, "not reached", str(experiment.document.accept[name]), "[red]no[/]")
+        table.add_row(name, f"{value:.4g}", *_bound_and_verdict(verdicts.get(name)))
+    for name, verdict in verdicts.items():
+        if verdict.value is None:
+            table.add_row(name, "not reached", *_bound_and_verdict(verdict))
     return table
+
+
+def _bound_and_verdict(verdict: Verdict | None) -> tuple[str, str]:
+    if verdict is None:
+        return "", ""
+    return str(verdict.bound), "ok" if verdict.met else "[red]no[/]"
 
 
 def joints_table(result: Result) -> Table | None:

@@ -21,6 +21,7 @@ from ..systems.body import Feedback
 from ..systems.contact_reference import ForceProfile
 from ..systems.dither import DitherSettings
 from ..systems.force_sensor import SensorSettings
+from ..systems.joint_sensor import SensingSettings
 from ..systems.moving_average import FilterSettings
 from ..systems.plant_settings import PlantSettings
 
@@ -100,6 +101,7 @@ class ExperimentDocument:
             `drake_rnn.environments`.
         force: Desired pressing force.
         sensor: Force sensor; by default an ideal one.
+        sensing: Measurement of the joints that the law sees; by default an ideal one.
         period: Sampling period of the controller [s]; give either this or ``integrator``.
         integrator: Integrator of the law's continuous reading; give either this or ``period``.
         start: Start posture, shape (n,) [rad]; by default the arm's home posture.
@@ -112,8 +114,8 @@ class ExperimentDocument:
             the highest order given.
         feedback: Arm that the law sees: ``commanded``, the one that the filtered command moves;
             ``unfiltered``, a virtual one that the law's unfiltered command moves; or ``measured``,
-            the true one. By default ``commanded`` at the kinematic level, ``measured`` at the
-            dynamic one.
+            the true one. By default ``commanded`` at the kinematic level without ``sensing``,
+            otherwise ``measured``.
         seed: Seed of all random numbers.
         duration: Duration of the run [s].
         window: Start and end of the time in which errors are evaluated [s]; by default the whole
@@ -136,6 +138,7 @@ class ExperimentDocument:
     environment: dict[str, Any] | None = None
     force: ForceProfile | None = None
     sensor: SensorSettings | None = None
+    sensing: SensingSettings | None = None
     period: Positive | None = None
     integrator: IntegratorSettings | None = None
     start: Vector | None = None

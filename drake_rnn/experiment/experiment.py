@@ -175,8 +175,9 @@ def make_experiment(
 def _feedback(document: ExperimentDocument) -> Feedback:
     """Return the arm that the law sees, checked against the level."""
     body = BODIES[document.level]
-    feedback = body.default_feedback if document.feedback is None else document.feedback
-    body.check_loop(document.period, feedback)
+    sensed = document.sensing is not None
+    feedback = body.chosen_feedback(document.feedback, sensed=sensed)
+    body.check_loop(document.period, feedback, sensed=sensed)
     return feedback
 
 

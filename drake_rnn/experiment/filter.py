@@ -1,4 +1,4 @@
-"""The delays that an experiment's filter causes for its law and its path."""
+"""The delays that an experiment's filter causes for its law and its path, and what keeps limits."""
 
 from __future__ import annotations
 
@@ -66,11 +66,13 @@ def kept_limits(
     """Return the names of the limits that the law keeps, or the filter behind it.
 
     Behind a filter the arm's positions are means of those of an unfiltered arm that the law sees,
-    if neither a bound on the velocity nor a precompensation changes the command before.
+    if neither a bound on the velocity nor a precompensation changes the command before. A law that
+    sees positions with errors of measurement can keep no limit of the true ones.
     """
     settings = document.filter
     if settings is None:
-        return law.keeps
+        sensed = document.sensing is not None
+        return tuple(name for name in law.keeps if not (sensed and name == "position"))
     kept = averaged_limits(limits)
     means = feedback == "unfiltered" and not settings.precompensate
     return ("position", *kept) if means and {"position", "velocity"} <= {*law.keeps} else kept
@@ -82,20 +84,24 @@ def loop_delay_doubts(document: ExperimentDocument, law: Law, delay: float) -> l
     Args:
         document: Document of the experiment.
         law: The law.
-        delay: Delay between the law's command and its inputs [s].
+        delay: Delay between the law's command and its inputs that the filter causes [s].
 
     Raises:
-        InvalidInputError: If a gain of the law is too high for the delay.
+        InvalidInputError: If a gain of the law is too high for the delays of filter and sensing.
     """
-    if delay == 0.0:
+    sensed = 0.0 if document.sensing is None else document.sensing.delay
+    late = delay + sensed
+    if late == 0.0:
         return []
+    whose = " and ".join(name for name, part in (("filter", delay), ("sensing", sensed)) if part)
+    remedy = "" if sensed else "; or give feedback: unfiltered"
     for name, gain in law.loop_gains.items():
-        if gain * delay >= 1.0:
+        if gain * late >= 1.0:
             raise InvalidInputError(
-                f"law.{name}: must be below {1.0 / delay:.4g} /s with the filter's delay of "
-                f"{delay:.4g} s in its loop, not {gain:g}; or give feedback: unfiltered"
+                f"law.{name}: must be below {1.0 / late:.4g} /s with the {whose}'s delay of "
+                f"{late:.4g} s in its loop, not {gain:g}{remedy}"
             )
-    if law.loop_gains:
+    if law.loop_gains or delay == 0.0:
         return []
     return [
         f"filter: delays the law's loop by {delay:.4g} s; whether {document.law['kind']} stays "

@@ -87,6 +87,8 @@ Point = Annotated[Array, BeforeValidator(_point)]
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(strict=True, ge=0, allow_inf_nan=False)]
+# Of signals that are stored until they are due [s].
+Delay = Annotated[float, Field(strict=True, ge=0, le=5, allow_inf_nan=False)]
 # One number for all joints, or one for each.
 PositiveEach = Annotated[float | Array, BeforeValidator(_positive)]
 NonNegativeEach = Annotated[float | Array, BeforeValidator(_non_negative)]

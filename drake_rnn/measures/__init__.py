@@ -1,6 +1,6 @@
 """Recording of a run, and the metrics computed from it."""
 
-from .metrics import METRIC_NAMES, METRICS, TIMING_METRICS, Metric, shown_in, violation_metric
+from .metrics import METRIC_NAMES, METRICS, Metric, shown_in, violation_metric
 from .motion import Motion, Pressing
 from .motion_metrics import ARRIVED, law_metrics, motion_metrics
 from .recorder import Recorder
@@ -10,7 +10,6 @@ __all__ = [
     "ARRIVED",
     "METRICS",
     "METRIC_NAMES",
-    "TIMING_METRICS",
     "UNITS",
     "Metric",
     "Motion",

@@ -11,9 +11,8 @@ from typing import Literal
 
 from ..robot.limits import DERIVATIVE_UNITS, LIMIT_UNITS
 
-#: Steps that a metric is taken over: those of the experiment's window, those of the whole run, or
-#: none, for a property of the machine that ran it.
-Over = Literal["window", "run", "machine"]
+#: Steps that a metric is taken over: those of the experiment's window, or those of the whole run.
+Over = Literal["window", "run"]
 
 #: Places that show a metric: overviews, by what the run is about, and the table of a sweep.
 Shown = Literal["path", "posture", "return", "force", "sweep"]
@@ -319,31 +318,10 @@ METRICS: tuple[Metric, ...] = (
         )
         for order, (name, unit) in enumerate(LIMIT_UNITS.items())
     ),
-    Metric(
-        "real_time_factor",
-        "1",
-        "simulated time divided by wall time of the run",
-        over="machine",
-    ),
-    Metric(
-        "wall_time_s",
-        "s",
-        "wall time of run and evaluation",
-        over="machine",
-    ),
-    Metric(
-        "control_step_us",
-        "us",
-        "median computing time of one sample of the law alone",
-        over="machine",
-    ),
 )
 
 #: Names of all metrics.
 METRIC_NAMES: tuple[str, ...] = tuple(metric.name for metric in METRICS)
-
-#: Names of the metrics that depend on the machine; they differ from run to run.
-TIMING_METRICS: tuple[str, ...] = tuple(m.name for m in METRICS if m.over == "machine")
 
 
 def shown_in(place: Shown) -> tuple[str, ...]:

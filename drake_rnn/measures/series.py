@@ -6,6 +6,8 @@ from __future__ import annotations
 UNITS = {
     "position": "rad",
     "velocity": "rad/s",
+    "position_measured": "rad",
+    "velocity_measured": "rad/s",
     "acceleration": "rad/s^2",
     "acceleration_peak": "rad/s^2",
     "network_velocity": "rad/s",

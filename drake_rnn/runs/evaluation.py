@@ -16,7 +16,7 @@ from ..laws import Reading, Signals
 from ..laws.checks import caveats_of
 from ..measures import Motion, Recorder, law_metrics, motion_metrics
 from .caveats import contact_caveats, limit_caveats, motor_caveats, standing
-from .motion import motion_of, observed_signals, seen_motion
+from .motion import motion_of, observed_signals, seen_motion, sensed_motion
 from .result import Result
 
 
@@ -45,7 +45,8 @@ def evaluate(
     observed: Signals = {}
     caveats: list[str] = []
     try:
-        observed = observed_signals(experiment, seen, recorder.series("state"), reading)
+        sensed = sensed_motion(experiment, recorder, loop, seen)
+        observed = observed_signals(experiment, sensed, recorder.series("state"), reading)
     except InvalidInputError as error:
         fault = error
     metrics = _metrics(experiment, motion, seen, observed)
@@ -55,6 +56,9 @@ def evaluate(
         fault = fault or error
     at = _samples(motion.time, experiment.document.log_period)
     series = _series(motion, at) | _contact_series(motion, recorder, at)
+    if loop.joint_sensor is not None:
+        for name in ("position", "velocity"):
+            series[f"{name}_measured"] = recorder.series(f"measured_{name}")[at]
     series |= _state_series(recorder.series("state")[at], reading)
     result = Result(
         experiment=experiment,

@@ -91,6 +91,16 @@ def seen_motion(experiment: Experiment, recorder: Recorder, loop: Loop, motion: 
     return replace(motion, v_WE_desired=v_WE_desired)
 
 
+def sensed_motion(experiment: Experiment, recorder: Recorder, loop: Loop, motion: Motion) -> Motion:
+    """Return a motion with the joints as sensors measured them; the same without sensors."""
+    if loop.joint_sensor is None:
+        return motion
+    position, velocity = (recorder.series(f"measured_{name}") for name in ("position", "velocity"))
+    p_WE, J, _ = _task_motion(experiment, position, recorder.time)
+    v_WE = _end_effector_velocity(J, velocity, p_WE)
+    return replace(motion, position=position, velocity=velocity, p_WE=p_WE, v_WE=v_WE, J=J)
+
+
 def motion_of(
     experiment: Experiment, recorder: Recorder, loop: Loop, *, virtual: bool = False
 ) -> Motion:
@@ -118,7 +128,7 @@ def motion_of(
         velocity=velocity,
         network_velocity=layout.part(state, "v"),
         p_WE=p_WE,
-        v_WE=np.einsum("kmn,kn->km", J[:, -p_WE.shape[1] :], velocity),
+        v_WE=_end_effector_velocity(J, velocity, p_WE),
         p_WE_desired=p_WE_desired,
         v_WE_desired=v_WE_desired,
         J=J,
@@ -156,6 +166,11 @@ def _task_motion(
             R_WE_desired = experiment.desired.orientation(float(times[k]))[0]
             turned[k] = np.linalg.norm(rotation_error(kinematics.R_WE(q), R_WE_desired))
     return p_WE, J, turned
+
+
+def _end_effector_velocity(J: Array, velocity: Array, p_WE: Array) -> Array:
+    """Return the velocity along the axes of ``p_WE``, whose rows of ``J`` are the last."""
+    return np.einsum("kmn,kn->km", J[:, -p_WE.shape[1] :], velocity)
 
 
 def _placed(experiment: Experiment, position: Array) -> Array:

@@ -1,23 +1,53 @@
-"""The result of a run: its series and metrics."""
+"""The result of a run: its series, metrics and verdicts."""
 
 from __future__ import annotations
 
 import json
+import zlib
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 from zipfile import BadZipFile
 
 import numpy as np
 from pydrake.trajectories import Trajectory
 
 from ..errors import InvalidInputError
-from ..experiment import Experiment, make_experiment
+from ..experiment import Experiment, expected_bounds, make_experiment
+from ..experiment.document import Acceptance
 from ..inputs.documents import parse_yaml
 from ..inputs.fields import Array
 from ..inputs.modules import Modules
 from ..paths import Path as MotionPath
+from .folder import filled, read_record
+
+#: Whether a run came to its end, and if not, what stopped it.
+Status = Literal["complete", "failed", "interrupted"]
+
+
+# What files that are cut short or are none of ours raise.
+_UNREADABLE = (OSError, EOFError, ValueError, KeyError, BadZipFile, zlib.error)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A metric beside the bound that it is expected to keep.
+
+    Attributes:
+        metric: Name of the metric.
+        bound: The bound.
+        value: Its value; None if the run does not have it, as when it did not settle.
+    """
+
+    metric: str
+    bound: Acceptance
+    value: float | None
+
+    @property
+    def met(self) -> bool:
+        """Whether the bound is kept."""
+        return self.value is not None and self.bound.holds(self.value)
 
 
 @dataclass(frozen=True)
@@ -32,6 +62,12 @@ class Result:
         metrics: Metrics, taken over every step, by name.
         warnings: Warnings about the run.
         graphviz: Diagram that was simulated, as Graphviz text.
+        status: Whether the run came to its end.
+        failure: Why it did not; empty if it did.
+        timings: What the run cost on this machine: ``wall_time_s`` of run and evaluation,
+            ``real_time_factor``, simulated time over wall time of the run, and, if a clock samples
+            the law, ``control_step_us``, the median time of one of its steps alone. They differ
+            from run to run.
     """
 
     experiment: Experiment
@@ -40,6 +76,9 @@ class Result:
     metrics: dict[str, float]
     warnings: list[str] = field(default_factory=list)
     graphviz: str = ""
+    status: Status = "complete"
+    failure: str = ""
+    timings: dict[str, float] = field(default_factory=dict)
 
     @property
     def position_error(self) -> Array:
@@ -50,8 +89,46 @@ class Result:
             error = error - np.outer(error @ n, n)
         return np.asarray(np.linalg.norm(error, axis=1))
 
+    @property
+    def verdicts(self) -> list[Verdict]:
+        """The metrics that are expected to keep bounds, with their bounds.
+
+        These are the document's ``accept``, and the limits that the law keeps by construction as
+        far as the run has metrics of them.
+        """
+        accepted = self.experiment.document.accept
+        return [
+            Verdict(name, bound, self.metrics.get(name))
+            for name, bound in expected_bounds(self.experiment).items()
+            if name in self.metrics or name in accepted
+        ]
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """What ``run.json`` holds: status, verdicts, warnings, versions and timings."""
+        return {
+            "status": self.status,
+            "failure": self.failure,
+            "until_s": float(self.time[-1]) if self.time.size else 0.0,
+            "duration_s": self.experiment.document.duration,
+            "accept": {
+                verdict.metric: {
+                    "value": verdict.value,
+                    "bound": str(verdict.bound),
+                    "met": verdict.met,
+                }
+                for verdict in self.verdicts
+            },
+            "warnings": list(self.warnings),
+            "versions": versions(),
+            "timings": self.timings,
+        }
+
     def save(self, folder: str | Path) -> Path:
-        """Write ``experiment.yaml``, ``result.npz``, ``metrics.json`` and ``diagram.dot``.
+        """Write the result, in place of another run's.
+
+        The files are ``experiment.yaml``, ``result.npz``, ``metrics.json``, ``diagram.dot`` and
+        ``run.json``, which says until the others are written that the folder is incomplete.
 
         Returns:
             The folder, which is created if missing.
@@ -59,19 +136,23 @@ class Result:
         Raises:
             InvalidInputError: If the folder cannot be written to.
         """
-        folder = Path(folder)
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            header = "".join(f"# {line}\n" for line in versions())
-            (folder / "experiment.yaml").write_text(header + self.experiment.document.to_yaml())
-            arrays: dict[str, Any] = {"time": self.time, **self.series}
-            np.savez_compressed(folder / "result.npz", **arrays)
-            (folder / "metrics.json").write_text(json.dumps(self.metrics, indent=2) + "\n")
-            if self.graphviz:
-                (folder / "diagram.dot").write_text(self.graphviz)
-        except OSError as error:
-            raise InvalidInputError(f"output folder {folder}: {error.strerror}") from None
-        return folder
+        with filled(folder, self.record) as place:
+            self.write(place)
+        return place
+
+    def write(self, folder: Path) -> None:
+        """Write all files but ``run.json``, for a folder that is `filled` with more.
+
+        Raises:
+            OSError: If a file cannot be written.
+        """
+        header = "".join(f"# {package} {number}\n" for package, number in versions().items())
+        (folder / "experiment.yaml").write_text(header + self.experiment.document.to_yaml())
+        arrays: dict[str, Any] = {"time": self.time, **self.series}
+        np.savez_compressed(folder / "result.npz", **arrays)
+        (folder / "metrics.json").write_text(json.dumps(self.metrics, indent=2) + "\n")
+        if self.graphviz:
+            (folder / "diagram.dot").write_text(self.graphviz)
 
     @classmethod
     def load(
@@ -91,29 +172,37 @@ class Result:
                 been imported already is used without being told to.
 
         Raises:
-            InvalidInputError: If the folder does not hold a result, or the run needs a class that
-                is not known here, or that must not be imported.
+            InvalidInputError: If the folder does not hold a result, or an incomplete one, or the
+                run needs a class that is not known here, or that must not be imported.
         """
         folder = Path(folder)
+        record = read_record(folder)
         try:
             document = parse_yaml((folder / "experiment.yaml").read_text(), str(folder))
             with np.load(folder / "result.npz") as arrays:
                 series = {name: arrays[name] for name in arrays.files}
             metrics = json.loads((folder / "metrics.json").read_text())
             time = series.pop("time")
-        except (OSError, ValueError, KeyError, BadZipFile) as error:
+        except _UNREADABLE as error:
             raise InvalidInputError(f"{folder}: holds no result: {error}") from None
+        try:
+            experiment = make_experiment(document, path, modules=modules)
+        except InvalidInputError as error:
+            raise InvalidInputError(f"{folder}: experiment.yaml: {error}") from error
         graph = folder / "diagram.dot"
         return cls(
-            experiment=make_experiment(document, path, modules=modules),
+            experiment=experiment,
             time=time,
             series=series,
             metrics=metrics,
             graphviz=graph.read_text() if graph.is_file() else "",
+            warnings=record.get("warnings", []),
+            status=record.get("status", "complete"),
+            failure=record.get("failure", ""),
+            timings=record.get("timings", {}),
         )
 
 
-def versions() -> list[str]:
+def versions() -> dict[str, str]:
     """Return the versions of the packages that the numbers of a run may depend on."""
-    packages = ("drake-rnn", "drake", "numpy")
-    return [f"{package} {version(package)}" for package in packages]
+    return {package: version(package) for package in ("drake-rnn", "drake", "numpy")}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
@@ -27,7 +28,7 @@ from ..systems import (
     followed_path,
 )
 from .evaluation import evaluate
-from .result import Result
+from .result import Result, Status
 
 #: Callback for the simulated time [s], called from time to time.
 Progress = Callable[[float], None]
@@ -81,14 +82,15 @@ def simulate(experiment: Experiment, progress: Progress | None = None) -> Result
     if failure is None and fault is not None:
         failure = SimulationError(str(fault), root.get_time())
         failure.__cause__ = fault
-    result.metrics["real_time_factor"] = root.get_time() / run_time
-    result.metrics["wall_time_s"] = time.perf_counter() - started
-    if isinstance(loop.controller, SampledController) and failure is None:
-        context = loop.controller.GetMyContextFromRoot(root)
-        result.metrics["control_step_us"] = _step_cost(loop.controller, context)
+    result.timings["real_time_factor"] = root.get_time() / run_time
+    result.timings["wall_time_s"] = time.perf_counter() - started
     if failure is not None:
-        failure.result = result
+        status: Status = "interrupted" if isinstance(failure, InterruptedRunError) else "failed"
+        failure.result = replace(result, status=status, failure=str(failure))
         raise failure
+    if isinstance(loop.controller, SampledController):
+        context = loop.controller.GetMyContextFromRoot(root)
+        result.timings["control_step_us"] = _step_cost(loop.controller, context)
     return result
 
 
@@ -141,6 +143,7 @@ def build_diagram(experiment: Experiment, law: Law | None = None) -> tuple[Diagr
         dither=document.dither,
         filter=filter,
         feedback=experiment.feedback,
+        sensing=document.sensing,
         signals=_add_previews(builder, experiment, controller),
         seed=document.seed,
     )
@@ -224,6 +227,9 @@ def add_recorder(simulator: Simulator, loop: Loop) -> Recorder:
     if loop.virtual_arm is not None:
         for name in ("position", "velocity"):
             ports[f"virtual_{name}"] = loop.virtual_arm.GetOutputPort(name)
+    if loop.joint_sensor is not None:
+        for name in ("position", "velocity"):
+            ports[f"measured_{name}"] = loop.joint_sensor.GetOutputPort(name)
     recorder = Recorder(simulator.get_context(), ports)
     simulator.set_monitor(recorder)
     return recorder

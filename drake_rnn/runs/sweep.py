@@ -29,12 +29,14 @@ class Row:
         values: Values of the swept keys, in their order.
         metrics: Metrics of the run, up to its failure if it failed.
         failure: Reason for the failure; None if the run did not fail.
+        not_met: Metrics that do not keep the bounds that they are expected to keep.
         learning: Times [s] and Frobenius norms of J - J_hat, shape (k,); None without a J_hat.
     """
 
     values: tuple[Any, ...]
     metrics: dict[str, float]
     failure: str | None = None
+    not_met: tuple[str, ...] = ()
     learning: tuple[Array, Array] | None = None
 
 
@@ -113,7 +115,8 @@ def _run(job: tuple[str | Path | dict[str, Any], dict[str, Any], tuple[Any, ...]
     experiment = load_experiment(described, changed)
     try:
         result = simulate(experiment)
-        return Row(values, result.metrics, learning=_learning(result))
+        not_met = tuple(verdict.metric for verdict in result.verdicts if not verdict.met)
+        return Row(values, result.metrics, not_met=not_met, learning=_learning(result))
     except InterruptedRunError:
         raise
     except SimulationError as error:

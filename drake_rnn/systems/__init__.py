@@ -12,6 +12,7 @@ from .force_sensor import ForceSensor, SensorSettings
 from .force_watch import ForceWatch
 from .ideal_arm import IdealArm
 from .joint_reference import JointReference, followed_path, held_posture
+from .joint_sensor import JointSensor, SensingSettings
 from .kinematics import Kinematics
 from .moving_average import FilterSettings, MovingAverage
 from .normal_force import NormalForce
@@ -43,6 +44,7 @@ __all__ = [
     "ForceWatch",
     "IdealArm",
     "JointReference",
+    "JointSensor",
     "Kinematics",
     "MovingAverage",
     "NormalForce",
@@ -50,6 +52,7 @@ __all__ = [
     "PlantArm",
     "PlantSettings",
     "SampledController",
+    "SensingSettings",
     "SensorSettings",
     "SpringContact",
     "ToolForce",

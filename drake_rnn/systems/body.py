@@ -119,16 +119,35 @@ class Body(Diagram):
             raise InvalidInputError(f"task: may be {able} with a contact, not {task}")
 
     @classmethod
-    def check_loop(cls, period: float | None, feedback: Feedback) -> None:
+    def chosen_feedback(cls, feedback: Feedback | None, *, sensed: bool) -> Feedback:
+        """Return the arm that a law sees: the one asked for, or by default the measured one.
+
+        Args:
+            feedback: Arm that is asked for; None for the default.
+            sensed: Whether sensors measure the joints.
+        """
+        if feedback is not None:
+            return feedback
+        return "measured" if sensed else cls.default_feedback
+
+    @classmethod
+    def check_loop(cls, period: float | None, feedback: Feedback, *, sensed: bool = False) -> None:
         """Raise an InvalidInputError if such a loop cannot be closed at this level.
 
         Args:
             period: Sampling period of the controller [s]; None if Drake integrates the law.
             feedback: Arm that the law sees.
+            sensed: Whether sensors measure the joints.
         """
         if feedback not in get_args(Feedback):
             may_be = ", ".join(get_args(Feedback))
             raise InvalidInputError(f"feedback: may be {may_be}, not {feedback!r}")
+        if sensed and feedback != "measured":
+            raise InvalidInputError(f"sensing: only with feedback: measured, not {feedback}")
+        if sensed and period is None:
+            raise InvalidInputError(
+                "sensing: needs a sampled law; give a period instead of an integrator"
+            )
 
     @classmethod
     def check_surface(cls, kind: type[Surface]) -> None:

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from typing import Literal
 
-import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from ..inputs.fields import Array, Positive, validated
-
-_BLOCK = 1024
+from .white_noise import WhiteNoise
 
 
 @validated
@@ -47,23 +45,16 @@ class Dither(LeafSystem):
     def __init__(self, size: int, sigma: float, hold: float, seed: int = 0) -> None:
         super().__init__()
         settings = DitherSettings(sigma=sigma, hold=hold)
-        self._size = size
         self._sigma = settings.sigma
         self._hold = settings.hold
-        self._seed = seed
-        self._block = (-1, np.zeros((0, size)))
+        self._noise = WhiteNoise(size, seed, stream=1, clip=3.0)
         state = self.DeclareDiscreteState(size)
         self.DeclareStateOutputPort("dither", state)
         self.DeclarePeriodicDiscreteUpdateEvent(self._hold, 0.0, self._update)
 
     def sample(self, number: int) -> Array:
         """Return the value of one sample, shape (n,) [rad/s]."""
-        block, row = divmod(number, _BLOCK)
-        if self._block[0] != block:
-            rng = np.random.default_rng([self._seed, 1, block])
-            values = np.clip(rng.standard_normal((_BLOCK, self._size)), -3.0, 3.0)
-            self._block = (block, self._sigma * values)
-        return self._block[1][row]
+        return self._sigma * self._noise.sample(number)
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
         state.set_value(self.sample(round(context.get_time() / self._hold)))

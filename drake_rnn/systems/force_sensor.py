@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Literal
 
-import numpy as np
-from pydantic import Field
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from ..errors import InvalidInputError, SimulationError
-from ..inputs.fields import NonNegative, Positive, validated
-
-_BLOCK = 1024
+from ..errors import SimulationError
+from ..inputs.fields import Delay, NonNegative, Positive, validated
+from .lateness import late_samples
+from .white_noise import WhiteNoise
 
 
 @validated
@@ -30,7 +28,7 @@ class SensorSettings:
     """
 
     noise: NonNegative = 0.0
-    delay: Annotated[float, Field(strict=True, ge=0, le=5, allow_inf_nan=False)] = 0.0
+    delay: Delay = 0.0
     low_pass: Positive | None = None
     failure: Literal["nan", "frozen"] | None = None
     fails_at: NonNegative | None = None
@@ -57,14 +55,8 @@ class ForceSensor(LeafSystem):
         super().__init__()
         self._settings = settings
         self._period = period
-        self._seed = seed
-        self._block = (-1, np.zeros(0))
-        late = round(settings.delay / period)
-        if abs(late * period - settings.delay) > 1e-6 * period:
-            raise InvalidInputError(
-                f"sensor.delay: must be a multiple of the period, {period:g} s, not "
-                f"{settings.delay:g}"
-            )
+        self._noise = WhiteNoise(1, seed, stream=2)
+        late = late_samples("sensor.delay", settings.delay, period)
         # Share of the previous output that the low-pass filter keeps after one period.
         corner = settings.low_pass
         self._kept = 0.0 if corner is None else math.exp(-2.0 * math.pi * corner * period)
@@ -86,7 +78,7 @@ class ForceSensor(LeafSystem):
         number = round(context.get_time() / self._period)
         said = x[-1]
         x[1:-1] = x[:-2]
-        x[0] = self._measured.Eval(context)[0] + self._noise(number)
+        x[0] = self._measured.Eval(context)[0] + self._error(number)
         x[-1] = self._kept * said + (1.0 - self._kept) * x[-2]
         broken = self._settings.fails_at
         if broken is not None and context.get_time() >= broken:
@@ -98,11 +90,6 @@ class ForceSensor(LeafSystem):
             )
         state.set_value(x)
 
-    def _noise(self, number: int) -> float:
-        if self._settings.noise == 0.0:
-            return 0.0
-        block, row = divmod(number, _BLOCK)
-        if self._block[0] != block:
-            rng = np.random.default_rng([self._seed, 2, block])
-            self._block = (block, rng.standard_normal(_BLOCK))
-        return self._settings.noise * float(self._block[1][row])
+    def _error(self, number: int) -> float:
+        sigma = self._settings.noise
+        return 0.0 if sigma == 0.0 else sigma * float(self._noise.sample(number)[0])

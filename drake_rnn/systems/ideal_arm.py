@@ -61,11 +61,11 @@ class IdealArm(Body):
         builder.BuildInto(self)
 
     @classmethod
-    def check_loop(cls, period: float | None, feedback: Feedback) -> None:
-        """Raise an InvalidInputError if ``feedback`` is measured: nothing is measured here."""
-        super().check_loop(period, feedback)
-        if feedback == "measured":
+    def check_loop(cls, period: float | None, feedback: Feedback, *, sensed: bool = False) -> None:
+        """Raise an InvalidInputError if ``feedback`` is measured, but nothing is sensed here."""
+        super().check_loop(period, feedback, sensed=sensed)
+        if feedback == "measured" and not sensed:
             raise InvalidInputError(
                 "feedback: measured needs level: dynamic; at level: kinematic the arm is exactly "
-                "where it is commanded to be"
+                "where it is commanded to be, unless sensing is given"
             )

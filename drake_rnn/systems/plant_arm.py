@@ -115,9 +115,9 @@ class PlantArm(Body):
         self.settings.check_period(period)
 
     @classmethod
-    def check_loop(cls, period: float | None, feedback: Feedback) -> None:
+    def check_loop(cls, period: float | None, feedback: Feedback, *, sensed: bool = False) -> None:
         """Raise an InvalidInputError if the controller is not sampled."""
-        super().check_loop(period, feedback)
+        super().check_loop(period, feedback, sensed=sensed)
         if period is None:
             raise InvalidInputError(
                 "period: must be given at level: dynamic, instead of an integrator"

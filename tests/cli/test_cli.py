@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -13,7 +14,6 @@ from typer.testing import CliRunner
 
 from drake_rnn import Result, SimultaneousLearning, shipped_experiments
 from drake_rnn.cli.commands import app
-from drake_rnn.measures import TIMING_METRICS
 from drake_rnn.models import MODELS
 from drake_rnn.runs import simulation
 
@@ -43,10 +43,6 @@ def sentence(result):
 
 def metrics(folder):
     return json.loads((folder / "metrics.json").read_text())
-
-
-def numbers(folder):
-    return {name: value for name, value in metrics(folder).items() if name not in TIMING_METRICS}
 
 
 def assert_same_series(one, two):
@@ -154,6 +150,7 @@ def test_run_writes_a_folder_with_everything(tmp_path, drawn):
         "experiment.yaml",
         "result.npz",
         "metrics.json",
+        "run.json",
         "figures",
         "playback.html",
         "diagram.dot",
@@ -261,7 +258,7 @@ def test_what_a_run_has_written_runs_again_to_the_same_numbers(tmp_path):
     assert result.exit_code == 0, result.stderr
     second = tmp_path / "b" / LEARNED
     assert_same_series(first, second)
-    assert numbers(first) == numbers(second)
+    assert metrics(first) == metrics(second)
     assert (first / "experiment.yaml").read_text() == (second / "experiment.yaml").read_text()
 
 
@@ -276,11 +273,11 @@ def test_a_seed_gives_the_same_numbers_again_and_in_another_process(tmp_path):
     )
     assert process.stderr == ""
     third = tmp_path / "c" / LEARNED
-    assert numbers(first) == numbers(second) == numbers(third)
+    assert metrics(first) == metrics(second) == metrics(third)
     assert_same_series(first, second)
     assert_same_series(first, third)
     other = run(tmp_path / "d", "--duration", 0.02, "--seed", 6, experiment=LEARNED)
-    assert numbers(other) != numbers(first)
+    assert metrics(other) != metrics(first)
 
 
 # Bad input.
@@ -446,3 +443,55 @@ def test_a_run_to_a_target_shows_every_joint(tmp_path):
     assert result.exit_code == 0
     for text in ("start [rad]", "target [rad]", "|error| [rad]", "iiwa_joint_7", "1.5708"):
         assert text in result.stdout
+
+
+# What scripts rely on.
+
+
+def statuses(folder):
+    return {file.parent.name: json.loads(file.read_text()) for file in folder.rglob("run.json")}
+
+
+@pytest.mark.parametrize(("bound", "code"), [(1.0, 0), (1e-9, 3)])
+def test_with_check_a_bound_that_is_not_kept_ends_with_3(tmp_path, bound, code):
+    accept = f"accept={{position_error_max_m: {{at_most: {bound}}}}}"
+    options = ("--duration", "0.05", "--set", "window=null", "--set", accept, "--out", tmp_path)
+    result = call("run", KNOWN, "--no-playback", "--check", *options)
+    assert result.exit_code == code
+    assert call("run", KNOWN, "--no-playback", *options).exit_code == 0
+    assert statuses(tmp_path)[KNOWN]["accept"]["position_error_max_m"]["met"] is (code == 0)
+    result = call("sweep", KNOWN, "--over", "law.kappa=4", "--check", *options)
+    assert result.exit_code == code
+
+
+def test_a_queue_that_is_cut_names_what_was_not_run(tmp_path, monkeypatch):
+    def interrupt(self, context):
+        if context.get_time() > 0.02:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(simulation.Recorder, "__call__", interrupt)
+    names = ("pinv_line", "pinv_line_ur5", "pinv_csv")
+    result = call("run", *names, "--no-playback", "--out", tmp_path, "--duration", "0.1")
+    assert result.exit_code == 1
+    assert "not run pinv_line_ur5, pinv_csv" in result.stderr
+    assert statuses(tmp_path)["pinv_line"]["status"] == "interrupted"
+
+
+def test_a_terminated_run_keeps_what_it_had(tmp_path):
+    """As Ctrl-C does; the folder says that the run was interrupted."""
+    command = [sys.executable, "-m", "drake_rnn", "run", KNOWN, "--no-playback"]
+    process = subprocess.Popen(
+        [*command, "--duration", "3000", "--out", tmp_path], stderr=subprocess.PIPE, text=True
+    )
+    # Its folder is made just before it runs.
+    while not (tmp_path / KNOWN).exists() and process.poll() is None:
+        time.sleep(0.1)
+    time.sleep(2.0)
+    process.terminate()
+    _, said = process.communicate(timeout=120)
+    assert process.returncode == 1
+    assert "failed interrupted (at t = " in said
+    record = statuses(tmp_path)[KNOWN]
+    assert record["status"] == "interrupted"
+    assert 0.0 < record["until_s"] < 3000.0
+    assert Result.load(tmp_path / KNOWN).time[-1] == record["until_s"]

@@ -24,6 +24,7 @@ from drake_rnn import (
     JointLimits,
     OnlineStiffness,
     PlantSettings,
+    SensingSettings,
     SensorSettings,
     TipMaterial,
     ToolDescription,
@@ -183,7 +184,8 @@ def test_every_key_of_a_document_has_its_row():
     "section",
     [
         *(ArmDescription, ContactLoss, DitherSettings, FilterSettings, ForceProfile),
-        *(IntegratorSettings, JointLimits, OnlineStiffness, PlantSettings, SensorSettings),
+        *(IntegratorSettings, JointLimits, OnlineStiffness, PlantSettings, SensingSettings),
+        SensorSettings,
         *(TipMaterial, ToolDescription, WarmUp, *PATHS.values(), *ENVIRONMENTS.values()),
     ],
     ids=lambda section: section.__name__,

@@ -9,7 +9,6 @@ import pytest
 from drake_rnn import METRICS, JointLimits
 from drake_rnn.measures import (
     METRIC_NAMES,
-    TIMING_METRICS,
     Motion,
     Pressing,
     law_metrics,
@@ -40,7 +39,7 @@ OF_THE_JACOBIAN = {
     "singular_value_min",
 }
 #: What `drake_rnn.simulate` and `drake_rnn.fastest` know, and no motion shows.
-OF_THE_RUN = {"path_delay_s", "shortest_duration_s", *TIMING_METRICS}
+OF_THE_RUN = {"path_delay_s", "shortest_duration_s"}
 ORDERS = ("velocity", "acceleration", "jerk", "snap", "crackle")
 BOUNDS = {"position_lower": -1.0, "position_upper": 1.0, **dict.fromkeys(ORDERS, 1.0)}
 BOUNDED = JointLimits.unlimited(2).replace(**BOUNDS)
@@ -76,7 +75,6 @@ def test_what_is_shown_comes_in_the_order_of_the_list():
         places = [METRIC_NAMES.index(name) for name in shown_in(place)]
         assert places
         assert places == sorted(places)
-    assert TIMING_METRICS == ("real_time_factor", "wall_time_s", "control_step_us")
 
 
 def swing(**fields):

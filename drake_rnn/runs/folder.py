@@ -1,0 +1,78 @@
+"""The folder of a run: at any time the old result, the new one, or marked as incomplete."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from ..errors import InvalidInputError
+
+#: File that says what the folder holds; the first to be written and the last.
+RECORD = "run.json"
+_INCOMPLETE = {"status": "incomplete"}
+#: What runs leave in a folder, also those from before there was a record.
+_FILES = (
+    "experiment.yaml",
+    "result.npz",
+    "metrics.json",
+    "diagram.*",
+    "playback.html",
+    "figures/*.png",
+)
+
+
+@contextmanager
+def filled(folder: str | Path, record: Mapping[str, Any]) -> Iterator[Path]:
+    """Let the results of a run be written to a folder, in place of those of another run.
+
+    Whatever happens on the way, also to this process, the folder does not read as complete before
+    the block has ended.
+
+    Args:
+        folder: The folder, which is created if missing. Files that are not of a run stay.
+        record: What the record says of the run.
+
+    Raises:
+        InvalidInputError: If the folder cannot be written to.
+    """
+    folder = Path(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        _write_record(folder, _INCOMPLETE)
+        for pattern in _FILES:
+            for file in folder.glob(pattern):
+                file.unlink()
+        yield folder
+        _write_record(folder, record)
+    except OSError as error:
+        raise InvalidInputError(f"output folder {folder}: {error.strerror}") from None
+
+
+def read_record(folder: Path) -> dict[str, Any]:
+    """Return the record of a folder; empty for a folder from before there were records.
+
+    Raises:
+        InvalidInputError: If the folder is incomplete.
+    """
+    try:
+        record: dict[str, Any] = json.loads((folder / RECORD).read_text())
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError) as error:
+        raise InvalidInputError(f"{folder}: {RECORD} cannot be read: {error}") from None
+    if record == _INCOMPLETE:
+        raise InvalidInputError(
+            f"{folder}: is incomplete; what wrote the results was stopped before it had ended"
+        )
+    return record
+
+
+def _write_record(folder: Path, record: Mapping[str, Any]) -> None:
+    # Replaced in one step, so that it is never half a record.
+    new = folder / f".{RECORD}.new"
+    new.write_text(json.dumps(record, indent=2) + "\n")
+    os.replace(new, folder / RECORD)

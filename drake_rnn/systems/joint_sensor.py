@@ -1,0 +1,165 @@
+"""Joint positions and velocities as a robot measures them: noisy, in steps, and late."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+
+from ..errors import InvalidInputError
+from ..inputs.fields import Array, Delay, NonNegativeEach, PositiveEach, validated
+from ..robot.arm import Arm
+from .lateness import late_samples
+from .white_noise import WhiteNoise
+
+
+@validated
+class SensingSettings:
+    """Imperfections of the measured joint positions and velocities.
+
+    Args:
+        position_noise: Standard deviation of the normal noise on each measured position, one
+            number for all joints or shape (n,) [rad, or m for a joint that slides].
+        resolution: Step of each measured position, likewise; None for no steps.
+        encoder_bits: Bits of an encoder over one turn, in place of ``resolution``, which is then
+            2 pi / 2^bits; only for joints that turn.
+        delay: Delay of each measurement [s]; a multiple of the period, at most 5 s because all
+            delayed measurements are stored.
+        secant_samples: Number of samples over which the measured velocity is the difference
+            quotient of the measured positions; 0 for the robot's own velocity, without noise.
+    """
+
+    position_noise: NonNegativeEach = 0.0
+    resolution: PositiveEach | None = None
+    encoder_bits: Annotated[int, Field(strict=True, ge=1, le=40)] | None = None
+    delay: Delay = 0.0
+    secant_samples: Annotated[int, Field(strict=True, ge=0, le=1000)] = 0
+
+    def __post_init__(self) -> None:
+        if self.resolution is not None and self.encoder_bits is not None:
+            raise ValueError(
+                "resolution: cannot be combined with encoder_bits, which sets it; give one of them"
+            )
+
+    def step_of(self, arm: Arm) -> Array | None:
+        """Return the step of each joint's measured position, shape (n,); None without steps.
+
+        Raises:
+            InvalidInputError: If an encoder counts turns of a joint that slides, or there are not
+                as many numbers as joints.
+        """
+        if self.encoder_bits is None:
+            return None if self.resolution is None else _each("resolution", self.resolution, arm)
+        for name, unit in zip(arm.joints, arm.units, strict=True):
+            if unit != "rad":
+                raise InvalidInputError(
+                    f"sensing.encoder_bits: is for joints that turn, and {name} slides; give "
+                    "sensing.resolution, one number for each joint"
+                )
+        return np.full(arm.n, 2.0 * math.pi / 2.0**self.encoder_bits)
+
+
+class JointSensor(LeafSystem):
+    """Measurement of a body's joints, once every period of the controller that reads it.
+
+    Inputs are ``position_true`` and ``velocity_true``, outputs ``position`` and ``velocity``, all
+    of shape (n,) [rad, rad/s]. At the time of a sample the outputs are those of that sample, or of
+    the one before by the delay; between two samples they are what the next one would say. Before
+    the first sample the arm is taken to have stood at its start.
+
+    Noise acts before the steps of the encoder. It depends on seed and sample number alone.
+
+    Args:
+        settings: Imperfections of the measurement.
+        arm: The arm.
+        start: Start posture, shape (n,) [rad].
+        period: Sampling period [s].
+        seed: Seed of the noise.
+
+    Raises:
+        InvalidInputError: If the delay is not a multiple of the period, or the settings do not fit
+            the arm.
+    """
+
+    def __init__(
+        self, settings: SensingSettings, arm: Arm, start: Array, period: float, seed: int = 0
+    ) -> None:
+        super().__init__()
+        self._period = period
+        self._late = late_samples("sensing.delay", settings.delay, period)
+        self._step = settings.step_of(arm)
+        sigma = _each("position_noise", settings.position_noise, arm)
+        self._sigma = sigma if sigma.any() else None
+        self._noise = WhiteNoise(arm.n, seed, stream=3)
+        self._secant = settings.secant_samples
+        position = self.DeclareVectorInputPort("position_true", arm.n)
+        velocity = self.DeclareVectorInputPort("velocity_true", arm.n)
+        self._read_q, self._read_v = position.Eval, velocity.Eval
+        # Past measurements, newest first; a robot's own velocity is only as late as positions are.
+        self._positions = self._late + self._secant
+        self._past = (self._positions + (0 if self._secant else self._late), arm.n)
+        if self._positions > 0:
+            rows = np.zeros(self._past)
+            rows[: self._positions] = self._stepped(np.asarray(start))
+            self.DeclareDiscreteState(rows.ravel())
+            self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        at_q, at_v = position.ticket(), velocity.ticket()
+        of_q = {self.xd_ticket(), self.time_ticket(), at_q}
+        self._declare("position", arm.n, self._position, of_q)
+        self._declare("velocity", arm.n, self._velocity, {at_v, *of_q})
+
+    def _declare(
+        self, name: str, n: int, measure: Callable[[Context], Array], prerequisites: set[Any]
+    ) -> None:
+        self.DeclareVectorOutputPort(
+            name, n, lambda context, output: output.set_value(measure(context)), prerequisites
+        )
+
+    def _update(self, context: Context, state: DiscreteValues) -> None:
+        past = self._past_of(context)
+        newer = np.empty_like(past)
+        newer[1:] = past[:-1]
+        newer[0] = self._measured(context)
+        if self._positions < len(newer):
+            newer[self._positions] = self._read_v(context)
+        state.set_value(newer.ravel())
+
+    def _past_of(self, context: Context) -> Array:
+        return context.get_discrete_state_vector().value().reshape(self._past)
+
+    def _position(self, context: Context) -> Array:
+        if self._late == 0:
+            return self._measured(context)
+        return self._past_of(context)[self._late - 1]
+
+    def _velocity(self, context: Context) -> Array:
+        if self._secant:
+            before = self._past_of(context)[self._positions - 1]
+            return (self._position(context) - before) / (self._secant * self._period)
+        return self._past_of(context)[-1] if self._late else self._read_v(context)
+
+    def _measured(self, context: Context) -> Array:
+        """Return the measurement of now, or of the next sample, shape (n,) [rad]."""
+        q = self._read_q(context)
+        if self._sigma is not None:
+            # Times of samples carry rounding errors.
+            number = math.ceil(context.get_time() / self._period - 1e-6)
+            q = q + self._sigma * self._noise.sample(number)
+        return self._stepped(q)
+
+    def _stepped(self, q: Array) -> Array:
+        return q if self._step is None else np.round(q / self._step) * self._step
+
+
+def _each(key: str, value: float | Array, arm: Arm) -> Array:
+    given = np.asarray(value, dtype=float)
+    if given.ndim == 1 and given.size != arm.n:
+        raise InvalidInputError(
+            f"sensing.{key}: must have {arm.n} entries, one per joint of {arm.name}, not "
+            f"{given.size}"
+        )
+    return np.broadcast_to(given, arm.n)

@@ -1,0 +1,38 @@
+"""Normal white noise as a function of seed and sample number."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..inputs.fields import Array
+
+_BLOCK = 1024
+
+
+class WhiteNoise:
+    """Independent standard normal values that depend on seed and sample number alone.
+
+    Every run and every process gets the same values, in whatever order they are asked for.
+
+    Args:
+        size: Number of values of each sample.
+        seed: Seed of an experiment.
+        stream: Number of this noise among those of the experiment, so that no two are alike.
+        clip: Largest magnitude of a value; infinite for no bound.
+    """
+
+    def __init__(self, size: int, seed: int, stream: int, clip: float = np.inf) -> None:
+        self._size = size
+        self._key = (seed, stream)
+        self._clip = clip
+        # Memo of a pure function: samples are asked for one after the other.
+        self._block = (-1, np.zeros((0, size)))
+
+    def sample(self, number: int) -> Array:
+        """Return the values of one sample, shape (size,)."""
+        block, row = divmod(number, _BLOCK)
+        if self._block[0] != block:
+            rng = np.random.default_rng([*self._key, block])
+            values = rng.standard_normal((_BLOCK, self._size))
+            self._block = (block, np.clip(values, -self._clip, self._clip))
+        return self._block[1][row]

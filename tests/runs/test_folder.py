@@ -1,0 +1,128 @@
+"""A run's folder is the old result, the new one, or says that it is incomplete."""
+
+import json
+import os
+import signal
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drake_rnn import InvalidInputError, Result, load_experiment, simulate
+from drake_rnn.runs import folder as folders
+
+SHORT = {"duration": 0.1, "window": None, "accept": None}
+
+
+@pytest.fixture(scope="module")
+def result():
+    return simulate(load_experiment("pinv_line", SHORT))
+
+
+def told(result, number):
+    """A result whose metrics and series both tell which of two it is."""
+    rows = result.time.size
+    series = {**result.series, "mark": np.full((rows, 200), float(number))}
+    # A figure alone, so that old files of a run are there to be removed.
+    return replace(result, series=series, metrics={"mark": float(number)})
+
+
+def save_for_ever(results, folder):
+    while True:
+        for number, result in enumerate(results):
+            with folders.filled(folder, result.record):
+                result.write(folder)
+                (folder / "figures").mkdir(exist_ok=True)
+                (folder / "figures" / f"{number}.png").write_text("a picture")
+
+
+def test_killed_at_any_moment_it_is_one_result_or_incomplete(result, tmp_path):
+    rng = np.random.default_rng(0)
+    results = [told(result, number) for number in range(2)]
+    folder = tmp_path / "run"
+    results[0].save(folder)
+    outcomes = set()
+    for _ in range(60):
+        child = os.fork()
+        if child == 0:
+            try:
+                save_for_ever(results, folder)
+            finally:
+                os._exit(1)
+        time.sleep(rng.uniform(0.0, 0.04))
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        try:
+            loaded = Result.load(folder)
+        except InvalidInputError as error:
+            assert "is incomplete" in str(error)  # noqa: PT017  either outcome is right
+            outcomes.add("incomplete")
+            continue
+        number = loaded.metrics["mark"]
+        assert (loaded.series["mark"] == number).all()
+        pictures = {file.stem for file in (folder / "figures").glob("*")}
+        assert pictures <= {f"{number:g}"}
+        outcomes.add(number)
+    assert "incomplete" in outcomes
+    assert len(outcomes) > 1
+
+
+def test_files_of_another_run_go_and_a_users_own_stay(result, tmp_path):
+    result.save(tmp_path)
+    (tmp_path / "figures").mkdir()
+    for name in ("playback.html", "figures/old.png", "notes.txt"):
+        (tmp_path / name).write_text("text")
+    replace(result, graphviz="").save(tmp_path)
+    files = {str(file.relative_to(tmp_path)) for file in tmp_path.rglob("*") if file.is_file()}
+    assert files == {"experiment.yaml", "result.npz", "metrics.json", "run.json", "notes.txt"}
+
+
+def test_the_record_says_what_a_run_came_to(result, tmp_path):
+    result.save(tmp_path)
+    record = json.loads((tmp_path / "run.json").read_text())
+    assert record["status"] == "complete"
+    assert record["until_s"] == record["duration_s"] == 0.1
+    assert set(record["versions"]) == {"drake-rnn", "drake", "numpy"}
+    assert set(record["timings"]) == {"real_time_factor", "wall_time_s", "control_step_us"}
+    loaded = Result.load(tmp_path)
+    assert (loaded.status, loaded.warnings, loaded.timings) == (
+        "complete",
+        result.warnings,
+        result.timings,
+    )
+
+
+def test_verdicts_are_in_the_record(tmp_path):
+    accept = {
+        "position_error_max_m": {"at_most": 1.0},
+        "position_error_rms_m": {"at_most": 0.0},
+        "settling_time_s": {"at_most": 1.0},
+    }
+    changes = {**SHORT, "accept": accept, "path": {"kind": "circle", "size": 0.3, "period": 0.5}}
+    result = simulate(load_experiment("pinv_circle", changes))
+    met = {verdict.metric: verdict.met for verdict in result.verdicts}
+    assert met["position_error_max_m"]
+    assert not met["position_error_rms_m"]
+    result.save(tmp_path)
+    told = json.loads((tmp_path / "run.json").read_text())["accept"]
+    assert {name: entry["met"] for name, entry in told.items()} == met
+    assert told["position_error_rms_m"]["bound"] == "<= 0"
+
+
+@pytest.mark.parametrize("name", ["result.npz", "metrics.json", "experiment.yaml", "run.json"])
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.99])
+def test_a_file_that_is_cut_short_is_refused_in_a_sentence(result, tmp_path, name, share):
+    result.save(tmp_path)
+    file = tmp_path / name
+    whole = file.read_bytes()
+    file.write_bytes(whole[: int(share * len(whole))])
+    with pytest.raises(InvalidInputError) as caught:
+        Result.load(tmp_path)
+    assert str(tmp_path) in str(caught.value)
+
+
+def test_a_folder_from_before_there_were_records_is_read(result, tmp_path):
+    result.save(tmp_path)
+    (tmp_path / "run.json").unlink()
+    assert Result.load(tmp_path).status == "complete"

@@ -1,0 +1,149 @@
+"""Runs in which the law sees the joints as sensors measure them."""
+
+import numpy as np
+import pytest
+
+from drake_rnn import InvalidInputError, load_experiment, simulate
+from drake_rnn.laws.parts.learning import rank_one_update
+
+KINEMATIC, DYNAMIC = "slc_nephroid_known", "slc_nephroid_dynamic"
+#: The arm has joined the path after some two seconds.
+SHORT = {"duration": 4, "window": [3, 4], "accept": {}, "log_period": 1e-3}
+
+
+def run(name=KINEMATIC, sensing=None, **changes):
+    return simulate(load_experiment(name, {**SHORT, "sensing": sensing, **changes}))
+
+
+def off(result):
+    return result.metrics["position_error_max_m"]
+
+
+@pytest.fixture(scope="module")
+def true():
+    return run()
+
+
+@pytest.mark.parametrize("name", [KINEMATIC, DYNAMIC])
+def test_perfect_sensors_change_nothing_to_the_last_bit(name):
+    changes = {"duration": 0.5, "window": None}
+    ideal, sensed = run(name, **changes), run(name, {}, **changes)
+    for key, values in ideal.series.items():
+        np.testing.assert_array_equal(sensed.series[key], values)
+    np.testing.assert_array_equal(sensed.series["position_measured"], ideal.series["position"])
+    assert "position_measured" not in ideal.series
+
+
+def test_encoders_of_20_bits_track_as_well_and_of_10_bits_worse(true):
+    """A step of 6 urad at each joint is some um at the end effector, one of 6 mrad some mm."""
+    assert off(run(sensing={"encoder_bits": 20})) == pytest.approx(off(true), abs=2e-6)
+    assert off(true) < 1e-3
+    assert 1.5 * off(true) < off(run(sensing={"encoder_bits": 10})) < 1e-2
+
+
+def test_so_it_is_with_an_arm_that_has_mass():
+    changes = {"duration": 2.6, "window": [2.4, 2.6]}
+    ideal = off(run(DYNAMIC, **changes))
+    assert off(run(DYNAMIC, {"encoder_bits": 20}, **changes)) == pytest.approx(ideal, abs=2e-6)
+    assert off(run(DYNAMIC, {"encoder_bits": 10}, **changes)) > 1.5 * ideal
+
+
+def test_errors_and_series_are_those_of_the_true_arm():
+    result = run(sensing={"encoder_bits": 10})
+    q, said = result.series["position"], result.series["position_measured"]
+    step = 2.0 * np.pi / 2**10
+    assert 0.4 * step < np.abs(q - said).max() <= 0.5 * step + 1e-12
+    kinematics = result.experiment.arm.kinematics()
+    p_WE = np.array([kinematics.p_WE(each) for each in q])
+    np.testing.assert_array_equal(result.series["p_WE"], p_WE)
+    error = np.linalg.norm(p_WE - result.series["p_WE_desired"], axis=1)
+    assert off(result) == pytest.approx(error[result.time >= 3.0 - 1e-9].max(), rel=1e-12)
+
+
+def test_a_delay_is_that_delay():
+    """The measured joints are the true ones of 20 samples before."""
+    result = run(sensing={"delay": 0.02})
+    late = {name: result.series[f"{name}_measured"][20:] for name in ("position", "velocity")}
+    for name, values in late.items():
+        # Velocities of a step are there at its end; the first of them is that of standing still.
+        np.testing.assert_allclose(values, result.series[name][:-20], atol=1e-14)
+
+
+def test_noise_repeats_with_the_seed_and_differs_with_another():
+    sensing, changes = {"position_noise": 1e-4}, {"duration": 0.5, "window": None}
+    first, again, other = (run(sensing=sensing, seed=seed, **changes) for seed in (1, 1, 2))
+    for key, values in first.series.items():
+        np.testing.assert_array_equal(again.series[key], values)
+    assert (first.series["position_measured"] != other.series["position_measured"]).all()
+
+
+def test_the_law_sees_kinematics_of_what_was_measured():
+    """Its demand is recomputed after the run from those; with true joints it would differ."""
+    result = run(sensing={"encoder_bits": 10}, duration=0.5, window=None)
+    law, x = result.experiment.law, result.series
+    lower, upper = law.limits.velocity_box(x["position_measured"], law.limit_stiffness)
+    np.testing.assert_array_equal(x["velocity_lower"], lower)
+    np.testing.assert_array_equal(x["velocity_upper"], upper)
+
+
+def learned(sensing, **changes):
+    return run("slc_nephroid", sensing, period=1e-3, **{"dither.hold": 1e-3, **changes})
+
+
+def test_a_law_that_learns_learns_from_measured_velocities():
+    """Its J_hat is what its own rule makes of them, sample by sample; 1e-12: of rounding."""
+    sensing = {"encoder_bits": 12, "secant_samples": 5}
+    result = learned(sensing, duration=0.3, window=None)
+    law, x = result.experiment.law, result.series
+    kinematics = result.experiment.arm.kinematics()
+    for k in range(0, 299, 7):
+        v = x["velocity_measured"][k]
+        v_WE = kinematics.J(x["position_measured"][k]) @ v
+        expected = rank_one_update(x["J_hat"][k], v, v_WE, law.rho, 1e-3)
+        np.testing.assert_allclose(x["J_hat"][k + 1], expected, atol=1e-12)
+
+
+def test_coarse_encoders_excite_a_law_that_learns():
+    """v_WE follows from the measured velocities, so their errors teach as noise does.
+
+    A robot whose v_WE is measured by other means than its encoders has no such help.
+    """
+    own, coarse = (
+        learned(sensing).metrics["jacobian_error_median"]
+        for sensing in ({"encoder_bits": 12}, {"encoder_bits": 12, "secant_samples": 1})
+    )
+    assert coarse < 0.8 * own
+
+
+def test_with_sensors_no_law_is_said_to_keep_positions():
+    ideal, sensed = (
+        load_experiment("state_adjustment", {"integrator": None, "period": 1e-3, **more})
+        for more in ({}, {"sensing": {"position_noise": 1e-3}})
+    )
+    assert "position" in ideal.kept_limits
+    assert set(sensed.kept_limits) == set(ideal.kept_limits) - {"position"}
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"feedback": "commanded"}, "sensing: only with feedback: measured, not commanded"),
+        (
+            {"period": None, "integrator": {"accuracy": 1e-6}},
+            "sensing: needs a sampled law; give a period instead of an integrator",
+        ),
+        ({"sensing.bits": 3}, "sensing.bits: no such key; nearest: encoder_bits"),
+        (
+            {"sensing.delay": 0.3},
+            "law.kappa: must be below 3.333 /s with the sensing's delay of 0.3 s in its loop, ",
+        ),
+        (
+            {"law.jacobian": "learned", "dither": {"model": "virtual", "sigma": 0.1, "hold": 1e-3}},
+            "dither.model: must be actuated with feedback: measured",
+        ),
+    ],
+)
+def test_what_does_not_fit_is_refused(changes, message):
+    with pytest.raises(InvalidInputError) as caught:
+        load_experiment(KINEMATIC, {"sensing": {}, **changes})
+    assert str(caught.value).startswith(message)

@@ -14,9 +14,9 @@ from .curves import Curves
 from .labels import Label
 from .replay import ReplayedMotion, name_of
 
-# Radius of a traced path, and the distance from one drawing to the next, relative to the extent of
-# a drawing.
-_RADIUS, _GAP = 0.006, 0.2
+# Radius of a traced path, the distance from one drawing to the next, and the room for a label below
+# a drawing, relative to the extent of a drawing.
+_RADIUS, _GAP, _LABEL = 0.006, 0.2, 0.3
 # Radius of the desired point over that of the traced path: the view is close.
 _DESIRED_POINT = 4.0
 # Smallest extent of a drawing that counts [m].
@@ -53,10 +53,13 @@ class PathsBeside:
         normal = np.eye(3)[2] if motion.rests else np.linalg.svd(course - middle)[2][-1]
         self._normal = normal if normal[2] >= 0.0 else -normal
         self._direction = view_of_drawing(course, self._normal, boxes)
+        self._right = np.cross([0.0, 0.0, 1.0], self._direction)
+        self._right /= np.linalg.norm(self._right)
+        self._up = np.cross(self._direction, self._right)
         self._asides = self._moved_aside(boxes)
-        extent = max(float(np.linalg.norm(np.ptp(course, axis=0))), _LEAST_EXTENT)
+        self._extent = max(float(np.linalg.norm(np.ptp(course, axis=0))), _LEAST_EXTENT)
         self._curves = [
-            Curves(meshcat, each, _RADIUS * extent, place, aside, _DESIRED_POINT)
+            Curves(meshcat, each, _RADIUS * self._extent, place, aside, _DESIRED_POINT)
             for each, place, aside in zip(self._motions, self._places, self._asides, strict=True)
         ]
 
@@ -75,7 +78,8 @@ class PathsBeside:
     def aim(self) -> None:
         """Aim the camera at the drawings and the tool above the first."""
         tool = points_round(_points(self._motions[0]), self._normal)
-        points = np.concatenate((tool, self._drawings))
+        below = [point - _LABEL * self._extent * self._up for _, point in self.labels]
+        points = np.concatenate((tool, self._drawings, below))
         aim_camera(self._meshcat, points, self._drawings, self._direction)
 
     def draw(self) -> None:
@@ -100,8 +104,7 @@ class PathsBeside:
 
     def _moved_aside(self, boxes: Boxes) -> list[Array]:
         """Return how far each drawing is moved, shape (3,) [m], towards where less is hidden."""
-        right = np.cross([0.0, 0.0, 1.0], self._direction)
-        right /= np.linalg.norm(right)
+        right = self._right
         widths = [_points(motion) @ right for motion in self._motions]
 
         def row(sign: float) -> list[Array]:
@@ -124,13 +127,10 @@ class PathsBeside:
 
     def _foot(self, points: Array) -> Array:
         """Return the middle of the lower edge of a drawing as the camera sees it, (3,) [m]."""
-        right = np.cross([0.0, 0.0, 1.0], self._direction)
-        right /= np.linalg.norm(right)
-        up = np.cross(self._direction, right)
-        across, height = points @ right, points @ up
+        across, height = points @ self._right, points @ self._up
         lowest = int(np.argmin(height))
         middle = (across.min() + across.max()) / 2.0
-        return np.asarray(points[lowest] + (middle - across[lowest]) * right)
+        return np.asarray(points[lowest] + (middle - across[lowest]) * self._right)
 
 
 def _points(motion: ReplayedMotion) -> Array:

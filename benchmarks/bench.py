@@ -113,6 +113,18 @@ def radau_ratio(name: str = "naljdf_clover") -> float:
     return taken / (whole * 1e-6)
 
 
+def levels_cost(rounds: int, name: str = "recursive_circle_printed") -> tuple[float, float]:
+    """Return the cost of a sample of the recursive law with one level and with all [us]."""
+    gains = list(load_experiment(name).document.law["gains"])
+    one, all_levels = (
+        load_experiment(name, {"law.gains": chosen, "accept": None})
+        for chosen in (gains[:1], gains)
+    )
+    costs = [(law_step(one), law_step(all_levels)) for _ in range(rounds)]
+    first, last = (min(column) for column in zip(*costs, strict=True))
+    return first, last
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -149,6 +161,11 @@ def main() -> None:
     console.print(table)
     ratio = min(radau_ratio() for _ in range(3))
     console.print(f"naljdf_clover: scipy's Radau takes {ratio:.2f} times as long as the diagram")
+    one, five = levels_cost(arguments.rounds)
+    console.print(
+        f"recursive_circle_printed: the law takes {five / one:.2f} times as long with five levels "
+        f"({five:.1f} us) as with one ({one:.1f} us)"
+    )
 
 
 if __name__ == "__main__":

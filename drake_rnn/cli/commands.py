@@ -73,6 +73,9 @@ Seed = Annotated[int | None, typer.Option(help="Seed of all random numbers.")]
 Check = Annotated[
     bool, typer.Option("--check", help="Exit with status 3 if a bound of accept is not kept.")
 ]
+Anyway = Annotated[
+    bool, typer.Option("--anyway", help="Run even if it takes more steps than are sensible.")
+]
 Duration = Annotated[
     float | None,
     typer.Option(help="Simulated time [s]; a window that ends later is dropped."),
@@ -149,17 +152,19 @@ def run(
         ),
     ] = None,
     check: Check = False,
+    anyway: Anyway = False,
 ) -> None:
     """Run experiments; each gets a folder with metrics, figures and a playback."""
     first = beside or []
     names = [*first, *experiments]
     with _errors():
-        loaded = _load_all(names, changes, seed, duration, out_folder)
+        loaded = [_load_named(name, names, changes, seed, duration) for name in names]
+        _check_all(loaded, names, out_folder, anyway)
     results: list[Result] = []
     for experiment, name in zip(loaded, names, strict=True):
         with _errors():
             _tell_of_window(name, _changes(changes, seed, duration))
-            result = _run(experiment)
+            result = _run(experiment, anyway)
             others = results[: len(first)] if len(results) >= len(first) else ()
             _write(result, out_folder / experiment.name, playback, others)
             results.append(result)
@@ -173,11 +178,11 @@ def run(
         raise typer.Exit(NOT_MET)
 
 
-def _run(experiment: Experiment) -> Result:
+def _run(experiment: Experiment, anyway: bool) -> Result:
     """Return the result of an experiment; up to its failure, which is printed, if it fails."""
     try:
         with _progress(experiment) as progress:
-            return simulate(experiment, progress)
+            return simulate(experiment, progress, anyway=anyway)
     except SimulationError as error:
         err.print(f"[red]failed[/] {escape(str(error))}")
         failed: Result = error.result
@@ -321,24 +326,27 @@ def main() -> None:
     app()
 
 
-def _load_all(
-    names: list[str],
+def _load_named(
+    name: str,
+    among: list[str],
     changes: list[str] | None,
     seed: int | None,
     duration: float | None,
-    out_folder: Path,
-) -> list[Experiment]:
-    """Return the experiments; everything is checked before anything runs."""
-    loaded = []
-    for name in names:
-        with _named(name, among=names):
-            loaded.append(_load(name, changes, seed, duration))
-    for experiment in loaded:
-        _require_one_folder_each(experiment, loaded)
+) -> Experiment:
+    """Return an experiment; an error names it if there are others."""
+    with _named(name, among=among):
+        return _load(name, changes, seed, duration)
+
+
+def _check_all(
+    experiments: list[Experiment], names: list[str], out_folder: Path, anyway: bool
+) -> None:
+    """Check everything before anything runs."""
+    for experiment in experiments:
+        _require_one_folder_each(experiment, experiments)
         with _named(experiment.name, among=names):
-            check_experiment(experiment)
+            check_experiment(experiment, anyway)
         _require_writable(out_folder / experiment.name)
-    return loaded
 
 
 def _load(
@@ -350,7 +358,12 @@ def _load(
 def _changes(
     changes: list[str] | None, seed: int | None, duration: float | None
 ) -> dict[str, object]:
-    new = dict(parse_change(change) for change in changes or [])
+    new: dict[str, object] = {}
+    for change in changes or []:
+        key, value = parse_change(change)
+        if key in new:
+            raise InvalidInputError(f"--set: {key} is given twice, as {new[key]!r} and {value!r}")
+        new[key] = value
     if seed is not None:
         new["seed"] = seed
     if duration is not None:

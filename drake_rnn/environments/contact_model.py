@@ -5,7 +5,7 @@ from abc import ABC, abstractmethod
 
 from pydrake.multibody.plant import MultibodyPlant
 
-from ..inputs.fields import Array, NonNegative, Positive, validated
+from ..inputs.fields import Array, Friction, NonNegative, Positive, validated
 from .surface import Surface
 
 
@@ -39,7 +39,7 @@ class ContactModel(Surface, ABC):
 
     standoff: NonNegative | None = None
     tip: TipMaterial | None = None
-    friction: NonNegative | None = None
+    friction: Friction | None = None
 
     @abstractmethod
     def add_to(self, plant: MultibodyPlant, p_WS: Array) -> None:

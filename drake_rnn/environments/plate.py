@@ -15,7 +15,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 
-from ..inputs.fields import Array, NonNegative, Point, Positive, validated, zeros
+from ..inputs.fields import Array, Friction, Length, Point, Positive, validated, zeros
 from .contact_model import ContactModel
 
 
@@ -34,8 +34,8 @@ class Plate(ContactModel):
     """
 
     kind: Literal["plate"] = "plate"
-    friction: NonNegative = 0.3
-    size: Positive = 0.4
+    friction: Friction = 0.3
+    size: Length = 0.4
     thickness: Annotated[float, Field(strict=True, ge=0.005, allow_inf_nan=False)] = 0.04
     offset: Point = Field(default_factory=zeros)
     hydroelastic_modulus: Positive | None = None

@@ -19,6 +19,8 @@ from .document import ExperimentDocument
 
 # How far a path may leave a surface along the normal, where only the force is controlled [m].
 _OFF = 1e-3
+# Speed along the normal, of joints that move at 1 rad/s, below which an arm cannot press [m/s].
+_STUCK = 1e-3
 
 
 def make_contact(
@@ -63,8 +65,20 @@ def make_contact(
     surface: Surface = construct(kind, without_kind(section), "environment")
     contact = Contact(surface, document.force, document.sensor)
     contact.check_period(document.period)
+    _require_mobility(surface, arm, start)
     _require_along(surface, desired)
     return contact, _doubts(contact, desired, arm, start)
+
+
+def _require_mobility(surface: Surface, arm: Arm, start: Array) -> None:
+    """Raise an InvalidInputError if no joint moves the tool along the surface's normal."""
+    n = surface.believed_normal_W
+    speed = float(np.linalg.norm(n @ arm.kinematics().J(start)))
+    if speed < _STUCK:
+        raise InvalidInputError(
+            f"environment.normal: the arm cannot move its tool along {np.round(n, 4).tolist()} "
+            f"from its start ({speed:.2g} m/s at 1 rad/s), so it cannot press there"
+        )
 
 
 def _require_along(surface: Surface, desired: PlacedPath) -> None:

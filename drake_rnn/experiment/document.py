@@ -11,7 +11,7 @@ from pydantic import Field
 from pydrake.systems.analysis import GetIntegrationSchemes
 
 from ..inputs.complaints import nearest, plain
-from ..inputs.dataclass_fields import fields_of
+from ..inputs.dataclass_fields import field_names, fields_of
 from ..inputs.documents import to_yaml
 from ..inputs.fields import Finite, NonNegative, Positive, Seed, Vector, validated
 from ..measures import METRIC_NAMES
@@ -24,6 +24,10 @@ from ..systems.force_sensor import SensorSettings
 from ..systems.joint_sensor import SensingSettings
 from ..systems.moving_average import FilterSettings
 from ..systems.plant_settings import PlantSettings
+
+_LOG_PERIOD = 0.01
+#: Schemes of Drake that make fixed steps, whatever accuracy is asked for.
+_WITHOUT_ERROR_CONTROL = ("explicit_euler", "runge_kutta2", "semi_explicit_euler")
 
 
 @validated
@@ -46,6 +50,11 @@ class IntegratorSettings:
             raise ValueError(f"scheme: may be {may_be}, not {self.scheme!r}")
         if (self.accuracy is None) == (self.step is None):
             raise ValueError("give either accuracy or step")
+        if self.accuracy is not None and self.scheme in _WITHOUT_ERROR_CONTROL:
+            raise ValueError(
+                f"accuracy: {self.scheme} does not estimate its error; give a step, or another "
+                "scheme, e.g. runge_kutta3"
+            )
 
 
 @validated
@@ -151,7 +160,7 @@ class ExperimentDocument:
     duration: Positive
     window: tuple[NonNegative, Positive] | None = None
     settling_tolerance_m: Positive = 1e-3
-    log_period: Positive = 0.01
+    log_period: Positive = _LOG_PERIOD
     accept: dict[str, Acceptance] = Field(default_factory=dict)
     over: dict[str, list[Any]] = Field(default_factory=dict)
 
@@ -163,6 +172,11 @@ class ExperimentDocument:
                 raise ValueError(
                     f"accept.{metric}: no such metric; {nearest(metric, list(METRIC_NAMES))}"
                 )
+
+        for key in self.over:
+            first, known = key.split(".")[0], list(field_names(type(self)))
+            if first not in known:
+                raise ValueError(f"over.{key}: no such key; {nearest(first, known)}")
 
     def _check_names(self) -> None:
         if re.search(r"[/\\\x00-\x1f]|^\.+$", self.name):
@@ -176,9 +190,19 @@ class ExperimentDocument:
             raise ValueError("period: cannot be combined with integrator; give one of them")
         if self.period is None and self.integrator is None:
             raise ValueError("period: must be given, unless integrator is given")
+        step = None if self.integrator is None else self.integrator.step
+        if step is not None and step > self.duration:
+            raise ValueError(
+                f"integrator.step: may be at most the duration, {self.duration:g} s, not {step:g}"
+            )
         if self.period is not None and self.period > self.duration:
             raise ValueError(
                 f"period: may be at most the duration, {self.duration:g} s, not {self.period:g}"
+            )
+        if self.log_period > max(self.duration, _LOG_PERIOD):
+            raise ValueError(
+                f"log_period: may be at most the duration, {self.duration:g} s, "
+                f"not {self.log_period:g}"
             )
         if self.window is not None and not self.window[0] < self.window[1] <= self.duration:
             raise ValueError(

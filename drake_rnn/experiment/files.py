@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from copy import deepcopy
+from dataclasses import is_dataclass
 from pathlib import Path as File
 from typing import Any
 
 from ..diagrams import EXPERIMENTS
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest, require_type, short
+from ..inputs.dataclass_fields import field_names, fields_of
 from ..inputs.documents import parse_yaml, read_yaml
 from ..robot.limits_file import limits_beside
 from ..robot.load_arm import shipped_arms
@@ -41,7 +43,23 @@ def load_experiment(experiment: Described, changes: Mapping[str, Any] | None = N
     Raises:
         InvalidInputError: If a key is wrong; the message names it, its value and what it may be.
     """
-    return make_experiment(read_document(experiment, changes))
+    made = make_experiment(read_document(experiment, changes))
+    for key, value in (changes or {}).items():
+        if value is None:
+            _require_known(made, key)
+    return made
+
+
+def _require_known(experiment: Experiment, key: str) -> None:
+    """Raise an InvalidInputError if a key that was removed is none, as if misspelt."""
+    *folders, last = key.split(".")
+    sections: dict[str, Any] = {"law": experiment.law, "path": experiment.path}
+    sections = fields_of(experiment.document) | sections
+    if len(folders) > 1 or (folders and not is_dataclass(sections.get(folders[0]))):
+        return
+    within = type(sections[folders[0]]) if folders else ExperimentDocument
+    if last not in (known := field_names(within)):
+        raise InvalidInputError(f"{key}: no such key; {nearest(last, list(known))}")
 
 
 def read_document(
@@ -111,11 +129,13 @@ def parse_change(text: str) -> tuple[str, Any]:
     """Return key and value of ``KEY=VALUE``; the value is parsed as YAML.
 
     Raises:
-        InvalidInputError: If key or ``=`` is missing, or the value is not valid YAML.
+        InvalidInputError: If key, ``=`` or value is missing, or the value is not valid YAML.
     """
     key, equals, value = text.partition("=")
-    if not equals or not key.strip():
-        raise InvalidInputError(f"--set: must be KEY=VALUE, not {text!r}")
+    if not equals or not key.strip() or not value.strip():
+        raise InvalidInputError(
+            f"--set: must be KEY=VALUE, or KEY=null to remove a key, not {text!r}"
+        )
     return key.strip(), parse_yaml(value, f"--set {key.strip()}")
 
 

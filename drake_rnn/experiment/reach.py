@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InvalidInputError
+from ..inputs.complaints import require_type
 from ..inputs.fields import Array
 from ..robot.kinematics import ArmKinematics
 from ..robot.rotation import rotation_error
@@ -121,6 +122,7 @@ def check_reach(experiment: Experiment) -> list[str]:
     Raises:
         InvalidInputError: As `forecasts` does.
     """
+    require_type("experiment", experiment, Experiment)
     return [*experiment.warnings, *(forecast.text for forecast in forecasts(experiment))]
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from ..errors import InvalidInputError
+from ..inputs.complaints import require_type
 from ..runs.result import Result
 from .style import save, styled
 
@@ -79,8 +80,9 @@ def write_figures(result: Result, folder: str | Path) -> list[Path]:
         The files.
 
     Raises:
-        InvalidInputError: If the folder cannot be written to.
+        InvalidInputError: If the folder cannot be written to, or ``result`` is none.
     """
+    require_type("result", result, Result)
     folder = Path(folder)
     files = [folder / f"{name}.png" for name in drawable(result)]
     try:

@@ -19,6 +19,9 @@ from .own_code import naming
 
 T = TypeVar("T")
 
+#: Values that a document may hold; tables of points belong into CSV files.
+_MOST_VALUES = 1_000_000
+
 
 def parse_yaml(text: str, source: str) -> Any:
     """Return the contents of a YAML 1.2 document.
@@ -28,10 +31,13 @@ def parse_yaml(text: str, source: str) -> Any:
         source: Name of the document in messages.
 
     Raises:
-        InvalidInputError: If it is not YAML or holds a key twice.
+        InvalidInputError: If it is not YAML, holds a key twice, is nested without measure or
+            refers to itself.
     """
     try:
-        return YAML(typ="safe", pure=True).load(text)
+        content = YAML(typ="safe", pure=True).load(text)
+    except RecursionError:
+        raise InvalidInputError(f"{source}: nested too deeply") from None
     except DuplicateKeyError as error:
         key = str(error.problem).split('"')[1]
         raise InvalidInputError(f"{source}: the key {key!r} is given twice") from None
@@ -43,6 +49,24 @@ def parse_yaml(text: str, source: str) -> Any:
                 place = f"line {mark.line + 1}, column {mark.column + 1}: "
         problem = " ".join(problem.split()).removeprefix("but ")
         raise InvalidInputError(f"{source}: not a YAML document: {place}{problem}") from None
+    _require_measure(content, source)
+    return content
+
+
+def _require_measure(content: Any, source: str) -> None:
+    """Raise an InvalidInputError if a document has no end because it refers to itself."""
+    values, count = [content], 0
+    while values:
+        value = values.pop()
+        count += 1
+        if count > _MOST_VALUES:
+            raise InvalidInputError(
+                f"{source}: refers to itself, or holds more than {_MOST_VALUES} values"
+            )
+        if isinstance(value, dict):
+            values += value.values()
+        elif isinstance(value, list):
+            values += value
 
 
 def read_yaml(file: Path) -> Any:

@@ -89,6 +89,10 @@ Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(strict=True, ge=0, allow_inf_nan=False)]
 # Of signals that are stored until they are due [s].
 Delay = Annotated[float, Field(strict=True, ge=0, le=5, allow_inf_nan=False)]
+# Of two bodies in contact; rubber on rubber has hardly more than 2.
+Friction = Annotated[float, Field(strict=True, ge=0, le=10, allow_inf_nan=False)]
+# Of what a robot traces or touches: from a micrometre to a kilometre [m].
+Length = Annotated[float, Field(strict=True, ge=1e-6, le=1e3, allow_inf_nan=False)]
 # One number for all joints, or one for each.
 PositiveEach = Annotated[float | Array, BeforeValidator(_positive)]
 NonNegativeEach = Annotated[float | Array, BeforeValidator(_non_negative)]

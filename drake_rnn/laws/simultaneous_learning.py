@@ -61,7 +61,8 @@ import numpy as np
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Count, NonNegative, Positive, Vector, validated
 from ..robot.limits import JointLimits
-from .law import Circumstances, ContinuousLaw, Layout, SampledLaw, Signals
+from .law import Circumstances, ContinuousLaw, Layout, SampledLaw, SampledReading, Signals
+from .parts.few_substeps import check_substeps
 from .parts.kept_limits import kept_with_lag
 from .parts.learning import gradient, rank_one_update
 from .parts.warm_up import WarmUp
@@ -192,6 +193,18 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
             )
         return self.state.join(*at_rest, J_hat)
 
+    def sampled(self, period: float) -> SampledReading:
+        """Return the law itself.
+
+        Raises:
+            InvalidInputError: If the network would take too many substeps.
+        """
+        if self.substeps is None:
+            check_substeps(period, self.rate, f"rate: {self.rate:g} /s")
+        else:
+            check_substeps(1.0, self.substeps, f"substeps: {self.substeps}")
+        return super().sampled(period)
+
     def derivatives(self, t: float, x: Array, u: Signals) -> Array:
         """Return the right-hand side of (16), (19) or (20)."""
         if self.warm_up is not None and t < self.warm_up.duration(self.home.size):
@@ -218,7 +231,7 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
         terms = self._terms(u)
         if self.substeps is None:
             J_flat = J.ravel()
-            substeps = ceil(self.rate * period * max(1.0, J_flat.dot(J_flat)) - 1e-9)
+            substeps = max(1, ceil(self.rate * period * max(1.0, J_flat.dot(J_flat)) - 1e-9))
         else:
             substeps = self.substeps
         h = period / substeps

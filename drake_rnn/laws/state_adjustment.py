@@ -52,7 +52,8 @@ from typing import Literal
 import numpy as np
 
 from ..inputs.fields import Array, Positive, validated
-from .law import ContinuousLaw, Layout, Signals
+from .law import ContinuousLaw, Layout, SampledReading, Signals
+from .parts.few_substeps import check_substeps
 from .parts.kept_limits import kept_with_lag
 from .parts.rise import sine_rise, smooth_rise
 from .posture_law import PostureLaw
@@ -123,10 +124,20 @@ class StateAdjustment(PostureLaw, ContinuousLaw):
         v_dot = np.minimum(np.maximum(sought, lower), upper) - v
         return self.state.join(v_dot, u["J"] @ v) / self.time_constant
 
+    def sampled(self, period: float) -> SampledReading:
+        """Return the law itself.
+
+        Raises:
+            InvalidInputError: If the law would overshoot at this period, or its network would take
+                too many substeps.
+        """
+        check_substeps(period, 1.0 / self.time_constant, f"time_constant: {self.time_constant:g} s")
+        return super().sampled(period)
+
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
         """Integrate by Heun's method, with inputs held, in steps that keep the network stable."""
         J = u["J"].ravel()
-        substeps = ceil(period / self.time_constant * max(1.0, float(J @ J)) - 1e-9)
+        substeps = max(1, ceil(period / self.time_constant * max(1.0, float(J @ J)) - 1e-9))
         h = period / substeps
         for k in range(substeps):
             begin = t + k * h

@@ -127,6 +127,11 @@ METRICS: tuple[Metric, ...] = (
         shown=_shown("force", "sweep"),
     ),
     Metric(
+        "force_rise_time_s",
+        "s",
+        "time at which the true normal force first reaches 95 % of what is desired in the end",
+    ),
+    Metric(
         "lateral_error_max_m",
         "m",
         "largest position error along the surface",
@@ -216,6 +221,12 @@ METRICS: tuple[Metric, ...] = (
         shown=_shown("path", "return", "sweep"),
     ),
     Metric(
+        "lap_drift_max_rad",
+        "rad",
+        "joint displacement over the last whole lap, whatever the window, largest over the joints; "
+        "from its beginning to the last step of the run",
+    ),
+    Metric(
         "joint_velocity_initial_rad_s",
         "rad/s",
         "largest joint speed after the first step",
@@ -238,6 +249,16 @@ METRICS: tuple[Metric, ...] = (
         "rad/s^2",
         "largest joint acceleration: velocity change over the time for which a velocity is held",
         shown=_shown("path", "posture", "return", "force", "sweep"),
+    ),
+    Metric(
+        "joint_jerk_max_rad_s3",
+        "rad/s^3",
+        "largest joint jerk" + _DIFFERENCES,
+    ),
+    Metric(
+        "joint_jerk_rms_rad_s3",
+        "rad/s^3",
+        "root mean square of the jerk of all joints" + _DIFFERENCES,
     ),
     Metric(
         "network_acceleration_max_rad_s2",
@@ -299,6 +320,23 @@ METRICS: tuple[Metric, ...] = (
         "1",
         "fraction of the steps in which a bound cut the law's demand",
         shown=_shown("path", "posture", "return", "force", "sweep"),
+    ),
+    *(
+        metric
+        for name in ("velocity", "acceleration")
+        for metric in (
+            Metric(
+                f"{name}_bound_fraction",
+                "1",
+                f"fraction of the steps in which a joint's {name} is at its bound, within 1 %",
+            ),
+            Metric(
+                f"{name}_bound_joint",
+                "1",
+                f"number, from 1, of the joint whose {name} is there most often; "
+                "absent if none ever is",
+            ),
+        )
     ),
     *(
         Metric(

@@ -42,6 +42,8 @@ class Motion:
         pressing: Contact with a surface; None without one. With a contact, position errors are
             those along the surface.
         returns: Whether the desired path ends where it began, so that the joints should as well.
+        lap_start: Time at which the lap began that the last step ends, or the last whole one after
+            which the arm has stood still [s]; None without one.
         position_commanded: Joint positions that motors are told to follow, shape (k, n) [rad];
             None for an arm that is where it is commanded to be.
         p_WE_commanded: Position of the end effector at these, shape (k, m) [m]; None as well.
@@ -63,6 +65,7 @@ class Motion:
     orientation_error: Array | None = None
     pressing: Pressing | None = None
     returns: bool = True
+    lap_start: float | None = None
     position_commanded: Array | None = None
     p_WE_commanded: Array | None = None
     tick: float | None = None

@@ -18,6 +18,12 @@ _DIFFERENCE = 0.01
 # A gap in the contact that is longer than this counts as its loss [s].
 _LOST = 0.05
 
+# Share of the desired force at which it has risen.
+_RISEN = 0.95
+
+# Share of a bound at which a joint is said to be at it: laws approach their bounds smoothly.
+_AT_BOUND = 0.99
+
 # Joint error below which the arm has arrived at its target [rad].
 ARRIVED = 0.01
 
@@ -119,6 +125,9 @@ def _drift(motion: Motion, window: tuple[float, float] | None) -> dict[str, floa
     if within.size > 1 and motion.target is None and motion.returns:
         drift = np.abs(motion.position[within[-1]] - motion.position[within[0]])
         metrics = {"joint_drift_max_rad": drift.max(), "joint_drift_mean_rad": drift.mean()}
+    if motion.lap_start is not None and motion.target is None:
+        began = int(np.searchsorted(motion.time, motion.lap_start - 1e-9))
+        metrics["lap_drift_max_rad"] = np.abs(motion.position[-1] - motion.position[began]).max()
     moved = np.linalg.norm(motion.p_WE - motion.p_WE[0], axis=1)
     return metrics | {
         "end_effector_drift_max_m": moved.max(),
@@ -157,6 +166,9 @@ def _contact(
     motion: Motion, pressing: Pressing, window: tuple[float, float] | None
 ) -> dict[str, float]:
     metrics = {"normal_force_peak_N": pressing.force.max()}
+    risen = pressing.force >= _RISEN * pressing.desired[-1]
+    if risen.any():
+        metrics["force_rise_time_s"] = motion.time[int(np.argmax(risen))]
     touching = pressing.force > 0.0
     if (within := _within(motion, window)).any():
         error = (pressing.force - pressing.desired)[within]
@@ -211,8 +223,12 @@ def _joints(motion: Motion, limits: JointLimits) -> dict[str, float]:
         if not np.allclose(motion.network_velocity, motion.velocity, rtol=1e-9, atol=1e-12):
             network = np.abs(motion.network_acceleration())
             metrics["network_acceleration_max_rad_s2"] = network.max()
-    for name, values in _higher_derivatives(motion, limits).items():
-        derivatives.append((name, values))
+    higher = _higher_derivatives(motion, limits)
+    if "jerk" in higher:
+        jerk = higher["jerk"]
+        metrics["joint_jerk_max_rad_s3"] = jerk.max()
+        metrics["joint_jerk_rms_rad_s3"] = np.sqrt(np.mean(jerk**2))
+    derivatives += [*higher.items()]
     if np.isfinite(margin).any():
         metrics[violation_metric("position")] = np.maximum(0.0, -margin.min())
     for name, values in derivatives:
@@ -221,17 +237,28 @@ def _joints(motion: Motion, limits: JointLimits) -> dict[str, float]:
         if bound is not None and np.isfinite(bound).any():
             metrics[f"limit_ratio_{order}_max"] = (values / bound).max()
             metrics[violation_metric(name)] = np.maximum(0.0, (values - bound).max())
+            if name in ("velocity", "acceleration"):
+                metrics |= _at_bound(name, values, bound)
+    return metrics
+
+
+def _at_bound(name: str, values: Array, bound: Array) -> dict[str, float]:
+    """Return how often some joint is at its bound, and which one of them is most often."""
+    at = values >= _AT_BOUND * bound
+    metrics = {f"{name}_bound_fraction": float(np.mean(at.any(axis=1)))}
+    if at.any():
+        metrics[f"{name}_bound_joint"] = 1 + int(np.argmax(at.sum(axis=0)))
     return metrics
 
 
 def _higher_derivatives(motion: Motion, limits: JointLimits) -> dict[str, Array]:
-    """Return the magnitudes of jerk, snap and crackle, where they are bounded, by name.
+    """Return the magnitudes of the jerk, and of snap and crackle where they are bounded, by name.
 
     They are differences of the velocity over 10 ms: over 1 ms, the rounding of positions would
     dominate the fifth derivative.
     """
-    wanted = [name for name in _HIGHER if limits.bounds[name] is not None]
-    if not wanted or motion.time[-1] - motion.time[0] < 6 * _DIFFERENCE:
+    wanted = [name for name in _HIGHER if name == "jerk" or limits.bounds[name] is not None]
+    if motion.time[-1] - motion.time[0] < 6 * _DIFFERENCE:
         return {}
     time = np.arange(motion.time[0], motion.time[-1] + 1e-9, _DIFFERENCE)
     # For each time the step that ends there, or the first one after it.

@@ -6,7 +6,7 @@ import math
 from cmath import exp
 from typing import Literal
 
-from ..inputs.fields import Positive, validated
+from ..inputs.fields import Length, validated
 from .planar import Planar
 
 # Height, position S and width of each bump on the circle.
@@ -24,7 +24,7 @@ class Cat(Planar):
     """A cat's head of radius ``size`` [m], ears up along the plane's y."""
 
     kind: Literal["cat"] = "cat"
-    size: Positive
+    size: Length
 
     def curve(self, phase: float) -> tuple[complex, complex, complex]:
         """See `Planar.curve`."""

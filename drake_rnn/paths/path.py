@@ -19,6 +19,10 @@ Motion = tuple[Array, Array, Array]
 BASE, TOOL = "base", "tool"
 
 
+# Two times [s] and two places [m] that only rounding sets apart.
+_INSTANT, _SAME = 1e-9, 1e-6
+
+
 class PlacedPath(ABC):
     """A path in the world frame W: the desired motion of the end effector E as functions of time.
 
@@ -88,6 +92,26 @@ class PlacedPath(ABC):
         Raises:
             InvalidInputError: If ``until`` and the duration are both infinite.
         """
+
+    def last_lap(self, until: float) -> float | None:
+        """Return when the point last was where it is at a time, or at the path's end before [s].
+
+        That is the time at which the last whole lap began. None for a path that does not close,
+        or has not by then.
+
+        Args:
+            until: The time [s].
+        """
+        if not self.closed:
+            return None
+        end = min(until, self.duration)
+        # A sequence of paths closes as a whole.
+        for begin in (end - self.traversal, 0.0):
+            if -_INSTANT <= begin < end:
+                away = self.position(max(begin, 0.0))[0] - self.position(end)[0]
+                if np.linalg.norm(away) < _SAME:
+                    return max(begin, 0.0)
+        return None
 
     def sample(self, count: int) -> Array:
         """Return positions that show the path passed once, shape (count, 3) [m]."""

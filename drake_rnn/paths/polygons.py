@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator
 
-from ..inputs.fields import Array, Positive, Vector, validated
+from ..inputs.fields import Array, Length, Positive, Vector, validated
 from .curve import TURN
 from .planar import Planar
 
@@ -29,7 +29,7 @@ class Square(Planar):
     """
 
     kind: Literal["square"] = "square"
-    size: Positive
+    size: Length
     corners: Literal["sharp", "rounded"] = "sharp"
     corner_radius: Positive | None = None
 

@@ -7,7 +7,7 @@ from cmath import exp
 from functools import cached_property
 from typing import Literal
 
-from ..inputs.fields import Finite, Positive, validated
+from ..inputs.fields import Finite, Length, validated
 from .planar import Planar
 
 Harmonics = tuple[tuple[int, complex], ...]
@@ -17,7 +17,7 @@ Harmonics = tuple[tuple[int, complex], ...]
 class Trigonometric(Planar):
     """A curve z(f) that is the sum of c exp(i k f) over its ``harmonics`` (k, c)."""
 
-    size: Positive
+    size: Length
 
     @property
     @abstractmethod

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import InvalidInputError
+from ..inputs.complaints import require_type
 from ..runs.result import Result
 from .page import make_page
 from .replay import replayed_motion
@@ -37,8 +38,11 @@ def write_playback(
 
     Raises:
         InvalidInputError: If the file cannot be written, the frame rate is not a positive
-            integer, or a run contains no posture.
+            integer, a run contains no posture, or ``result`` is none.
     """
+    require_type("result", result, Result)
+    for number, other in enumerate(beside):
+        require_type(f"beside[{number}]", other, Result)
     rate = frames_per_second
     if not isinstance(rate, int) or isinstance(rate, bool) or rate < 1:
         raise InvalidInputError(f"frames_per_second: must be a positive integer, not {rate!r}")

@@ -19,7 +19,7 @@ from pydrake.multibody.tree import (
 from pydrake.systems.framework import Context
 
 from ..errors import InvalidInputError
-from ..inputs.complaints import nearest
+from ..inputs.complaints import nearest, short
 from ..inputs.fields import Array
 
 _ORIGIN = np.zeros((3, 1))
@@ -64,7 +64,7 @@ class ArmKinematics:
             _scale_masses(plant, self._context, mass_scale)
 
     def _set(self, q: Array) -> None:
-        q = np.asarray(q, dtype=float)
+        q = _numbers("position", q)
         key = q.tobytes()
         if key == self._at_q:
             return
@@ -82,7 +82,7 @@ class ArmKinematics:
         self._X_WE = self._J_spatial = None
 
     def _set_velocity(self, v: Array) -> None:
-        v = np.asarray(v, dtype=float)
+        v = _numbers("velocity", v)
         if v.size != self._velocity_indices.size or not isfinite(sum(v.tolist())):
             raise InvalidInputError(
                 f"velocity: must be {self._velocity_indices.size} finite numbers, not {v.tolist()}"
@@ -186,6 +186,13 @@ class ArmKinematics:
         self._set(q)
         torques = self._plant.CalcGravityGeneralizedForces(self._context)
         return np.asarray(torques)[self._velocity_indices]
+
+
+def _numbers(name: str, values: Array) -> Array:
+    try:
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise InvalidInputError(f"{name}: must be finite numbers, not {short(values)}") from None
 
 
 def _chain(plant: MultibodyPlant, frame: Frame) -> list[Body]:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInputError
+from ..inputs.complaints import short
 from ..inputs.dataclass_fields import fields_of
 from ..inputs.fields import Array, Bounds, validated
 
@@ -69,7 +70,13 @@ class JointLimits:
 
     @classmethod
     def unlimited(cls, size: int) -> JointLimits:
-        """Return infinite limits for ``size`` joints."""
+        """Return infinite limits for ``size`` joints.
+
+        Raises:
+            InvalidInputError: If ``size`` is not a positive whole number.
+        """
+        if not isinstance(size, int) or isinstance(size, bool) or size < 1:
+            raise InvalidInputError(f"size: must be a positive whole number, not {short(size)}")
         infinite = np.full(size, np.inf)
         return cls(position_lower=-infinite, position_upper=infinite, velocity=infinite)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import InvalidInputError
+from ..inputs.complaints import require_type
 from ..inputs.fields import Array
 from .arm import Arm
 from .rotation import rotation_error
@@ -31,6 +32,7 @@ class SelfMotion:
     """
 
     def __init__(self, arm: Arm, start: Array, task: str = "xyz") -> None:
+        require_type("arm", arm, Arm)
         self._task = named_task(task)
         self._kinematics = arm.kinematics()
         self.arm = arm

@@ -30,7 +30,7 @@ from pydrake.multibody.tree import (
 
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest
-from ..inputs.fields import Array, NonNegative, Point, Positive, validated, zeros
+from ..inputs.fields import Array, Friction, NonNegative, Point, Positive, validated, zeros
 
 # Colours of the drawn parts.
 _BLACK = (0.18, 0.18, 0.2, 1.0)
@@ -83,7 +83,7 @@ class ToolDescription:
     offset: Point = Field(default_factory=zeros)
     centre_of_mass: Point | None = None
     inertia: Point | None = None
-    friction: NonNegative = 0.3
+    friction: Friction = 0.3
     hydroelastic_modulus: Positive = 1e6
     mesh_resolution: Positive | None = None
     dissipation: NonNegative = 1.5

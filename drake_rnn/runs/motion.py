@@ -137,6 +137,7 @@ def motion_of(
         orientation_error=turned,
         pressing=_pressing(experiment, recorder),
         returns=experiment.desired.closed,
+        lap_start=_lap_start(experiment, recorder.time, delay),
         position_commanded=commanded,
         p_WE_commanded=None if commanded is None else _placed(experiment, commanded),
         tick=_tick(experiment, loop),
@@ -187,6 +188,13 @@ def _desired(experiment: Experiment, times: Array) -> tuple[Array, Array]:
         p, v, _ = experiment.desired.position(t)
         p_WE[k], v_WE[k] = p[axes], v[axes]
     return p_WE, v_WE
+
+
+def _lap_start(experiment: Experiment, times: Array, delay: float) -> float | None:
+    """Return the time of the step at which the last whole lap began [s]; None without one."""
+    began = experiment.desired.last_lap(times[-1] - delay) if times.size else None
+    # The first lap begins with the run, whatever the delay.
+    return began + delay if began is not None and began > 0.0 else began
 
 
 def _pressing(experiment: Experiment, recorder: Recorder) -> Pressing | None:

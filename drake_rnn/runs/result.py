@@ -16,6 +16,7 @@ from pydrake.trajectories import Trajectory
 from ..errors import InvalidInputError
 from ..experiment import Experiment, expected_bounds, make_experiment
 from ..experiment.document import Acceptance
+from ..inputs.complaints import require_type
 from ..inputs.documents import parse_yaml
 from ..inputs.fields import Array
 from ..inputs.modules import Modules
@@ -175,6 +176,7 @@ class Result:
             InvalidInputError: If the folder does not hold a result, or an incomplete one, or the
                 run needs a class that is not known here, or that must not be imported.
         """
+        require_type("folder", folder, str, Path)
         folder = Path(folder)
         record = read_record(folder)
         try:

@@ -12,8 +12,15 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPo
 
 from ..diagrams import AddLoop, Loop
 from ..errors import InterruptedRunError, InvalidInputError, SimulationError
-from ..experiment import OUTSIDE, Experiment, ExperimentDocument, check_reach, forecasts
-from ..inputs.complaints import require_type
+from ..experiment import (
+    OUTSIDE,
+    Described,
+    Experiment,
+    ExperimentDocument,
+    check_reach,
+    forecasts,
+    load_experiment,
+)
 from ..laws import Law
 from ..measures import Recorder
 from ..systems import (
@@ -27,6 +34,7 @@ from ..systems import (
     SampledController,
     followed_path,
 )
+from .effort import check_effort
 from .evaluation import evaluate
 from .result import Result, Status
 
@@ -39,35 +47,48 @@ _LONGEST_STEP = 0.01
 _FORCES = ("contact_force", "normal_force")
 
 
-def check_experiment(experiment: Experiment) -> list[str]:
+def check_experiment(experiment: Experiment, anyway: bool = False) -> list[str]:
     """Return the warnings about an experiment that can be given before it runs.
 
+    Args:
+        experiment: The experiment.
+        anyway: Whether it may take as many steps as it likes.
+
     Raises:
-        InvalidInputError: If the path is out of reach, the diagram cannot be built, or the law
-            fails when it is tried at the start.
+        InvalidInputError: If the path is out of reach, the diagram cannot be built, the law fails
+            when it is tried at the start, or the run would take very many steps.
     """
+    if not anyway:
+        check_effort(experiment)
     warnings = check_reach(experiment)
     diagram, loop = build_diagram(experiment)
     _start(loop, diagram.CreateDefaultContext())
     return warnings
 
 
-def simulate(experiment: Experiment, progress: Progress | None = None) -> Result:
+def simulate(
+    experiment: Described, progress: Progress | None = None, *, anyway: bool = False
+) -> Result:
     """Run an experiment and return its result.
 
     The path is first checked against the arm's reach.
 
     Args:
-        experiment: Experiment to run.
+        experiment: Experiment to run, or what `load_experiment` takes: a shipped name, a YAML file
+            or a document.
         progress: Called with the simulated time [s] from time to time.
+        anyway: Whether it may take as many steps as it likes.
 
     Raises:
-        InvalidInputError: If the path is out of reach, or the law fails when it is tried at the
-            start.
+        InvalidInputError: If the experiment is none, the path is out of reach, the law fails when
+            it is tried at the start, or the run would take very many steps.
         SimulationError: If the run stops early; its ``result`` covers the time until then. Also if
             what the law says of a complete run is wrong.
     """
-    require_type("experiment", experiment, Experiment)
+    if not isinstance(experiment, Experiment):
+        experiment = load_experiment(experiment)
+    if not anyway:
+        check_effort(experiment)
     started = time.perf_counter()
     found = forecasts(experiment)
     simulator, loop = build_simulator(experiment)

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..errors import DrakeRnnError, InterruptedRunError, InvalidInputError, SimulationError
 from ..experiment import Described, load_experiment, read_document
+from ..inputs.complaints import require_type
 from ..inputs.documents import parse_yaml
 from ..inputs.fields import Array
 from .result import Result
@@ -75,6 +76,9 @@ def sweep(
         InvalidInputError: If a combination is not a valid experiment, a path is out of reach, a key
             is both swept and changed, or other processes do not know the classes that it names.
     """
+    require_type("over", over, Mapping)
+    for key, values in over.items():
+        require_type(f"over.{key}", values, list, tuple)
     if both := sorted(over.keys() & (changes or {}).keys()):
         raise InvalidInputError(f"--over: {both[0]!r} is also set; it cannot be both")
     if not isinstance(experiment, (str, Path)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import isfinite
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -228,8 +229,8 @@ class SampledController(Controller):
 
     def __init__(self, law: Law, period: float, seed: int = 0) -> None:
         require_type("law", law, Law)
-        if not (period > 0 and isfinite(period)):
-            raise InvalidInputError(f"period: must be positive, not {period}")
+        if not isinstance(period, Real) or not (period > 0 and isfinite(period)):
+            raise InvalidInputError(f"period: must be a positive time [s], not {short(period)}")
         reading = sampled_reading(law, period)
         if reading.integration_scheme not in GetIntegrationSchemes():
             raise InvalidInputError(

@@ -136,8 +136,8 @@ def test_changes_are_read_as_yaml():
     assert parse_change("law.kappa=1e1") == ("law.kappa", 10.0)
     assert parse_change(" a.b = [1, 2]") == ("a.b", [1, 2])
     assert parse_change("a=b=c") == ("a", "b=c")
-    assert parse_change("window=") == ("window", None)
-    for text in ("law.kappa", "=3", " = 3"):
+    assert parse_change("window=null") == ("window", None)
+    for text in ("law.kappa", "=3", " = 3", "window=", "window= "):
         with pytest.raises(InvalidInputError, match="--set: must be KEY=VALUE"):
             parse_change(text)
 
@@ -182,7 +182,7 @@ BAD = [
     ({"law.kind": [1]}, "law.kind: no law [1]; "),
     ({"law.kind": None}, f"law.kind: must be given; it may be {', '.join(LAWS)}"),
     ({"path.kind": "nefroid"}, "path.kind: no path 'nefroid'; nearest: nephroid"),
-    ({"path.size": -1}, "path.size: must be greater than 0, not -1"),
+    ({"path.size": -1}, "path.size: must be greater than or equal to 0.000001, not -1"),
     ({"path.plane": "zx"}, "path.plane: must be 'xy', 'xz' or 'yz', not 'zx'"),
     ({"path.offset": [1, 2]}, "path.offset: must have 3 entries, not 2"),
     ({"arm": "pandas"}, "arm: no arm 'pandas'; nearest: panda"),

@@ -161,7 +161,11 @@ def test_a_long_value_is_cut():
 
 def test_a_value_within_itself_is_refused():
     """A YAML alias may stand within what it stands for."""
-    assert refusal(parse_yaml("spare: &a {radius: *a}", "here")) == (
+    with pytest.raises(InvalidInputError, match=r"^here: refers to itself"):
+        parse_yaml("spare: &a {radius: *a}", "here")
+    inner = {}
+    inner["radius"] = inner
+    assert refusal({"spare": inner}) == (
         "cart.spare.radius: must be a number, not a dict that contains itself"
     )
 

@@ -281,6 +281,24 @@ class TestRoots:
             return  # too near the edge for rounded roots
         assert (growth(make(gains=[100.0, k2, k3, k4, k5])) < 0) == (margin > 0)
 
+    @pytest.mark.parametrize(("off", "settles"), [(4e-23, True), (4e-20, False)])
+    def test_the_squares_first_set_is_stable_in_next_to_nothing(self, off, settles):
+        """Nothing saturates while |x_1| < 0.5 / (k2 k3 k4 k5) = 4e-22 rad/s.
+
+        From a tenth of that it comes to rest, from a hundred times that the relays swing. The
+        samples are ten to a time constant of the fastest level, the signals those of a point at
+        rest.
+        """
+        law, u = make(shape="square"), on_its_path(np.random.default_rng(0))
+        k2, k3, k4, k5 = GAINS["square"][1:]
+        assert BOUNDS["square"][4] / (k2 * k3 * k4 * k5) == pytest.approx(4.4e-22, rel=0.02)
+        x, h = np.zeros(4 * N), 0.1 / k5
+        x[:N] = off
+        for k in range(8000):
+            x = law.step(k * h, x, u, h)
+        assert (np.abs(x[:N]).max() < off / 100) == settles
+        assert settles or np.abs(x[:N]).max() > 100 * off
+
 
 def test_from_a_millionth_of_a_radian_off_it_runs_away():
     """Regulation with all five levels: the speed is three times its bound within 30 s."""

@@ -98,6 +98,7 @@ def swing(**fields):
         "orientation_error": np.zeros(k),
         "position_commanded": velocity / 3,
         "p_WE_commanded": at_rest,
+        "lap_start": 0.0,
         "pressing": Pressing(normal=np.eye(3)[2], force=force, desired=np.full(k, 5.0)),
     }
     return Motion(time=time, **{**there, **fields})
@@ -116,7 +117,8 @@ def observed(k):
 
 def test_every_metric_that_is_taken_is_in_the_list_and_the_other_way_round():
     """Along a path, to a target at which the arm arrives, and of what a law tells."""
-    along, towards = swing(), swing(target=np.zeros(2), position=np.zeros((1000, 2)))
+    along = swing(velocity=4.0 * swing().velocity)
+    towards = swing(target=np.zeros(2), position=np.zeros((1000, 2)))
     taken = set()
     for motion in (along, towards):
         taken |= motion_metrics(motion, BOUNDED, None, 1e-3).keys()

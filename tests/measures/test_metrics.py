@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_rnn import JointLimits
-from drake_rnn.measures import Motion, motion_metrics, violation_metric
+from drake_rnn.measures import Motion, Pressing, motion_metrics, violation_metric
 
 TOLERANCE = 1e-3
 FREE = JointLimits.unlimited(2)
@@ -136,12 +136,44 @@ def test_drift_is_between_the_ends_of_the_window():
     assert found["joint_drift_mean_rad"] == 0.375
 
 
+def test_drift_of_a_lap_is_from_its_beginning_to_the_last_step_whatever_the_window():
+    time = np.arange(5.0)
+    position = columns([0.0, 1.0, 5.0, 1.25, 1.5], [0.0, 2.0, 5.0, 1.5, 1.0])
+    lap = motion(time, position=position, lap_start=1.0 + 1e-12)
+    for window in (None, (1, 3), (7, 8)):
+        assert metrics(lap, window=window)["lap_drift_max_rad"] == 1.0
+    assert "lap_drift_max_rad" not in metrics(motion(time, position=position))
+    seeking = motion(time, position=position, lap_start=1.0, target=np.zeros(2))
+    assert "lap_drift_max_rad" not in metrics(seeking)
+
+
 def test_end_effector_drift_is_from_its_start_over_the_whole_run():
     time = np.arange(4.0)
     found = metrics(motion(time, p_WE=columns([1.0, 4.0, 1.0, 2.0])), window=(1.5, 1.6))
     assert found["end_effector_drift_max_m"] == 3.0
     assert found["end_effector_drift_end_m"] == 1.0
     assert "joint_drift_max_rad" not in found
+
+
+# The force.
+
+
+def pressed(force, desired):
+    time = 0.5 * np.arange(len(force))
+    at_rest = np.zeros((time.size, 3))
+    fields = {name: at_rest for name in ("p_WE", "v_WE", "p_WE_desired", "v_WE_desired")}
+    J = np.broadcast_to(np.eye(3, 2), (time.size, 3, 2))
+    forces = (np.array(values, dtype=float) for values in (force, desired))
+    pressing = Pressing(np.array([0.0, 0.0, 1.0]), *forces)
+    return motion(time, **fields, J=J, pressing=pressing)
+
+
+def test_a_force_has_risen_at_95_percent_of_what_is_desired_in_the_end():
+    """However it is desired to rise, and whatever it does later."""
+    force = [0.0, 0.5, 1.8, 1.91, 1.0, 2.0]
+    for desired in ([2.0] * 6, [0.0, 0.4, 0.8, 1.2, 1.6, 2.0]):
+        assert metrics(pressed(force, desired))["force_rise_time_s"] == 1.5
+    assert "force_rise_time_s" not in metrics(pressed(force, [2.5] * 6))
 
 
 # Limits.
@@ -209,7 +241,20 @@ def test_a_bound_that_one_joint_has_is_that_joints_own():
 
 def test_without_limits_there_are_no_metrics_of_limits():
     found = metrics(motion([0, 1], velocity=columns([0.0, 1.0])))
-    assert not {name for name in found if "limit" in name}
+    assert not {name for name in found if "limit" in name or "bound" in name}
+
+
+def test_a_joint_is_at_its_bound_within_a_percent_of_it():
+    """Two joints at 0.5 and at 4 rad/s; the second one is there twice."""
+    velocity = columns([0.1, 0.496, 0.49, -0.1], [3.9, -3.97, 3.97, 0.0])
+    found = metrics(motion(np.arange(4.0), velocity=velocity), LIMITS)
+    assert found["velocity_bound_fraction"] == 0.5
+    assert found["velocity_bound_joint"] == 2
+    assert found["acceleration_bound_fraction"] == 1.0
+    assert found["acceleration_bound_joint"] == 2
+    slow = metrics(motion(np.arange(4.0), velocity=0.1 * velocity), LIMITS)
+    assert slow["velocity_bound_fraction"] == slow["acceleration_bound_fraction"] == 0.0
+    assert not {name for name in slow if name.endswith("bound_joint")}
 
 
 # Derivatives beyond the acceleration.
@@ -244,6 +289,15 @@ def test_a_sine_has_the_jerk_snap_and_crackle_of_differences_over_10_ms(period):
     assert beyond == pytest.approx(0.3 * 2**5 - 2.0, rel=1e-3)
 
 
+@pytest.mark.parametrize("limits", [FREE, bounded(), bounded(jerk=0.5)])
+def test_every_run_has_its_jerk(limits):
+    """Of two sines of amplitudes 0.3 and 0.15 and rate 2; 0.5 % for the steps at the ends."""
+    found = metrics(swing(), limits)
+    assert found["joint_jerk_max_rad_s3"] == pytest.approx(0.3 * 2**3, rel=1e-3)
+    rms = 0.3 * 2**3 / np.sqrt(2) * np.sqrt((1 + 0.25) / 2)
+    assert found["joint_jerk_rms_rad_s3"] == pytest.approx(rms, rel=5e-3)
+
+
 def test_each_joint_has_its_own_bound():
     found = metrics(swing(), bounded(jerk=[10.0, 0.1]))
     assert found["limit_ratio_3_max"] == pytest.approx(0.3 * 8 / 2 / 0.1, rel=1e-3)
@@ -263,6 +317,7 @@ def test_of_a_run_too_short_for_differences_there_is_none():
     found = metrics(swing(until=0.055), bounded(**HIGHER))
     assert "limit_ratio_1_max" in found
     assert not {f"limit_ratio_{k}_max" for k in (3, 4, 5)} & found.keys()
+    assert not {name for name in found if "jerk" in name}
 
 
 def test_a_polynomial_has_exactly_its_derivatives():

@@ -16,6 +16,7 @@ from drake_rnn import (
     PathSource,
     Points,
     RelativePath,
+    Sequence,
     Waypoints,
     load_arm,
     validated,
@@ -243,3 +244,29 @@ def test_a_right_path_of_ones_own_is_not():
 def test_an_orientation_is_a_rotation(R_WE):
     with pytest.raises(InvalidInputError, match=r"^R_WE: must be a rotation matrix, not "):
         Circle(size=0.1, period=1.0).placed(np.zeros(3), R_WE)
+
+
+@pytest.mark.parametrize(
+    ("fields", "until", "began"),
+    [
+        ({}, 3.9, None),
+        ({}, 4.0, 0.0),
+        # Without an end, a lap ends at any time.
+        ({}, 9.5, 5.5),
+        ({"laps": 1}, 3.9, None),
+        ({"laps": 1}, 9.5, 0.0),
+        ({"laps": 3}, 20.0, 8.0),
+        ({"laps": 2, "pause": 0.5, "timing": "quintic"}, 20.0, 4.5),
+    ],
+)
+def test_the_last_lap_began_where_the_point_is_again(fields, until, began):
+    placed = Circle(size=0.1, period=4.0, **fields).placed(P_WE, R_WE)
+    assert placed.last_lap(until) == (None if began is None else pytest.approx(began, abs=1e-12))
+
+
+def test_a_sequence_closes_as_a_whole_and_an_open_path_never():
+    fields = {"period": 2.0, "timing": "quintic"}
+    way, back = (Line(by=[by, 0.0, 0.0], **fields) for by in (0.1, -0.1))
+    there = Sequence(parts=[{"path": way}, {"path": back}]).placed(P_WE, R_WE)
+    assert [there.last_lap(t) for t in (2.0, 3.9, 4.0, 7.0)] == [None, None, 0.0, 0.0]
+    assert way.placed(P_WE, R_WE).last_lap(5.0) is None

@@ -47,6 +47,9 @@ def test_it_comes_to_what_its_document_expects(name):
     assert result.metrics["position_error_max_m"] == pytest.approx(
         ERRORS.get(name, result.metrics["position_error_max_m"]), rel=0.02
     )
+    # The paper's joints stay within 2 rad; the printed network's go round and round.
+    margin = result.metrics["joint_limit_margin_min_rad"]
+    assert margin < -5 if name.endswith("_printed") else margin > 0.7
     if name.endswith("_smooth") or name.startswith("stretched"):
         assert ratios(result).max() < 0.5
         assert broken(result.metrics) == {}
@@ -83,7 +86,7 @@ def test_with_filters_the_arm_does_what_the_conventional_network_does(shape):
 
 
 def test_all_of_them_are_shipped():
-    assert {*NAMES, *SAME} <= {*shipped_experiments()}
+    assert {*NAMES, *SAME, "recursive_regulation"} <= {*shipped_experiments()}
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -128,12 +131,56 @@ def test_printed_with_more_it_swings_and_breaks_what_is_below_its_top(shape, n, 
     assert ratios(found)[n - 1] <= 1 + 1e-4
 
 
+def test_at_1_khz_the_squares_second_third_gain_makes_the_same_run():
+    """k3 is printed twice, 1500 k1 and 2000 k1: at either each level is a relay."""
+    k1, k2, _, k4, k5 = load_experiment("recursive_square_printed").document.law["gains"]
+    runs = [
+        run("recursive_square_printed", duration=3.0, **{"law.gains": [k1, k2, k3, k4, k5]})
+        for k3 in (1.5e5, 2e5)
+    ]
+    for name in ("position", "velocity", "levels"):
+        np.testing.assert_array_equal(*(result.series[name] for result in runs))
+
+
 @pytest.mark.long
 def test_no_period_mends_the_printed_law():
     for period in (2e-3, 5e-4):
         found = run("recursive_circle_printed", duration=8.0, period=period)
         assert found.metrics["position_error_max_m"] > 0.5
         assert ratios(found)[0] > 3
+
+
+# What (42) to (61) prove of the end effector: one level, and a point at rest.
+
+
+def test_one_level_brings_it_to_a_point_at_rest():
+    """To 5e-15 m: what is left of the rounding of p."""
+    result = simulate(load_experiment("recursive_regulation"))
+    for metric, accepted in result.experiment.document.accept.items():
+        assert accepted.holds(result.metrics[metric]), (metric, result.metrics[metric])
+    # The Lyapunov function (44) falls from sample to sample, down to that rounding.
+    assert (np.diff(result.position_error) < 1e-14).all()
+
+
+def test_five_levels_do_not():
+    """10 s, the last two of which are looked at; it goes on like that."""
+    gains = load_experiment("recursive_circle_printed").document.law["gains"]
+    found = run("recursive_regulation", **{"law.gains": gains}).metrics
+    assert found["position_error_max_m"] > 0.5
+    assert found["limit_ratio_1_max"] > 5
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_behind_a_moving_point_it_stays_by_what_the_missing_feed_forward_costs(shape):
+    """e = -(J J^T)^-1 v_d / k1, once the start is forgotten; 3 %, as J goes on changing."""
+    result = run(f"rnn_{shape}", duration=3.0)
+    late = result.time > 1.0
+    J, v = result.series["J"][late], result.series["v_WE_desired"][late]
+    error = (result.series["p_WE"] - result.series["p_WE_desired"])[late]
+    lag = -np.linalg.solve(J @ J.transpose(0, 2, 1), v[..., np.newaxis])[..., 0] / 100.0
+    off = np.linalg.norm(error - lag, axis=1) / np.linalg.norm(lag, axis=1)
+    assert off.max() < 0.03
+    assert np.linalg.norm(lag, axis=1).min() > 1e-4
 
 
 # Raw and smooth timing.

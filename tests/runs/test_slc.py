@@ -10,8 +10,10 @@ import pytest
 from drake_rnn import load_experiment, simulate
 from limit_helpers import broken
 
-# Each takes half a minute; `make test` has ten.
-SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(1, 20))]
+# A whole run takes half a minute, and seed 0 has one. Seeds differ in how J_hat and the noise
+# begin, and all have settled within 2.6 s: the others are judged from 3 s on, as strictly.
+SEEDS = range(1, 20)
+SETTLED = {"duration": 8, "window": [3, 8]}
 
 
 def metrics(name, **changes):
@@ -62,25 +64,42 @@ def test_without_the_pull_home_the_joints_drift():
     assert metrics("slc_nephroid_known", **{"law.return_gain": 0})["joint_drift_max_rad"] > 0.05
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_it_tracks_while_it_learns_from_random(seed):
-    got = metrics("slc_nephroid", seed=seed)
+def assert_it_tracks_and_learns(got):
     assert got["position_error_max_m"] <= 1.0e-3
     assert got["position_error_rms_m"] <= 0.5e-3
     assert got["settling_time_s"] <= 2.6
     assert got["jacobian_error_median"] <= 3e-3
     assert got["jacobian_error_excited_median"] <= 3e-4
-    assert got["joint_drift_max_rad"] <= 1e-3
     # The law keeps its bound; the noise that the arm is moved with does not.
     assert got["network_acceleration_max_rad_s2"] <= 1 + 1e-9
     assert got["joint_acceleration_max_rad_s2"] > 1000
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_bounding_the_feedback_allows_a_larger_gain(seed):
-    got = metrics("slc_nephroid_fast", seed=seed)
+def assert_it_is_faster(got):
     assert got["position_error_max_m"] <= 0.35e-3
     assert got["settling_time_s"] <= 2.6
+
+
+def test_it_tracks_while_it_learns_from_random():
+    got = metrics("slc_nephroid")
+    assert_it_tracks_and_learns(got)
+    assert got["joint_drift_max_rad"] <= 1e-3
+
+
+def test_bounding_the_feedback_allows_a_larger_gain():
+    assert_it_is_faster(metrics("slc_nephroid_fast"))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", SEEDS)
+def test_it_learns_from_every_seed(seed):
+    assert_it_tracks_and_learns(metrics("slc_nephroid", seed=seed, accept={}, **SETTLED))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_larger_gain_learns_from_every_seed(seed):
+    assert_it_is_faster(metrics("slc_nephroid_fast", seed=seed, accept={}, **SETTLED))
 
 
 def test_with_virtual_noise_the_arm_keeps_the_acceleration_bound():

@@ -169,7 +169,7 @@ def test_an_input_that_is_not_finite_is_named_as_the_cause():
 
 @pytest.mark.parametrize("period", [0.0, -1.0, float("nan"), float("inf")])
 def test_a_period_must_be_positive(period):
-    with pytest.raises(InvalidInputError, match="period: must be positive"):
+    with pytest.raises(InvalidInputError, match="period: must be a positive time"):
         SampledController(LAW, period)
 
 

@@ -1,0 +1,78 @@
+"""What a run takes, estimated before it starts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..errors import InvalidInputError
+from ..experiment import Experiment
+from ..systems.plant_settings import PlantSettings
+
+#: Time that a run may be expected to take unless it is told to run anyway [s].
+LONGEST = 3 * 3600.0
+#: Samples that a run may store: some 1.5 kB each.
+MOST_SAMPLES = 1e7
+# What a step costs, roughly, by what makes it [s].
+_COSTS = {"period": 5e-5, "integrator.step": 1.5e-4, "dither.hold": 5e-5, "plant.time_step": 2e-4}
+
+
+@dataclass(frozen=True)
+class Effort:
+    """What a run is expected to take.
+
+    Attributes:
+        key: Key of the document that determines it; empty if an integrator chooses its steps.
+        step: Its value [s].
+        steps: Number of steps.
+        time: Time on a usual machine, within a factor of a few [s].
+    """
+
+    key: str = ""
+    step: float = 0.0
+    steps: float = 0.0
+    time: float = 0.0
+
+
+def expected_effort(experiment: Experiment) -> Effort:
+    """Return what a run is expected to take; nothing is known of an integrator's own steps.
+
+    Args:
+        experiment: The experiment.
+    """
+    document = experiment.document
+    held = {
+        "period": document.period,
+        "integrator.step": document.integrator and document.integrator.step,
+        "dither.hold": document.dither and document.dither.hold,
+    }
+    if experiment.level.has_motors:
+        held["plant.time_step"] = (document.plant or PlantSettings()).time_step
+    efforts = [
+        Effort(key, step, document.duration / step, document.duration / step * _COSTS[key])
+        for key, step in held.items()
+        if step
+    ]
+    return max(efforts, key=lambda effort: effort.time, default=Effort())
+
+
+def check_effort(experiment: Experiment) -> None:
+    """Raise an InvalidInputError if a run would take very long, or store very many samples.
+
+    Args:
+        experiment: The experiment.
+    """
+    document, effort = experiment.document, expected_effort(experiment)
+    if effort.time > LONGEST:
+        raise InvalidInputError(
+            f"{effort.key}: {effort.step:g} s makes {effort.steps:.2g} steps in "
+            f"{document.duration:g} s, which may take {effort.time / 3600:.2g} hours; a run that "
+            f"takes more than {LONGEST / 3600:g} must be told to run --anyway (in Python: "
+            "anyway=True)"
+        )
+    samples = document.duration / document.log_period
+    if samples > MOST_SAMPLES:
+        raise InvalidInputError(
+            f"log_period: {document.log_period:g} s stores {samples:.2g} samples in "
+            f"{document.duration:g} s; one that stores more than {MOST_SAMPLES:g} must be "
+            "told to run --anyway (in Python: anyway=True)"
+        )

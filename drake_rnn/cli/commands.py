@@ -131,7 +131,7 @@ def describe_arm(
 
 
 @app.command()
-def run(
+def run(  # noqa: PLR0913  one argument for each option
     experiments: Annotated[
         list[str],
         typer.Argument(

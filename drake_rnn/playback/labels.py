@@ -39,8 +39,8 @@ def with_labels(page: str, labels: Sequence[Label]) -> str:
 _SCRIPT = """
   <style>
     .label {
-      position: fixed; left: 0; top: 0; max-width: 26vw; text-align: center; color: #223;
-      font: clamp(11px, 2.5vw, 15px)/1.4 system-ui, sans-serif; pointer-events: none;
+      position: fixed; left: 0; top: 0; max-width: 24vw; text-align: center; color: #223;
+      font: clamp(10px, 2.1vw, 15px)/1.4 system-ui, sans-serif; pointer-events: none;
       background: rgba(255, 255, 255, 0.7); border-radius: 0.3em; padding: 0.1em 0.5em;
     }
   </style>

@@ -16,7 +16,7 @@ from .replay import ReplayedMotion, name_of
 
 # Radius of a traced path, the distance from one drawing to the next, and the room for a label below
 # a drawing, relative to the extent of a drawing.
-_RADIUS, _GAP, _LABEL = 0.006, 0.2, 0.3
+_RADIUS, _GAP, _LABEL = 0.006, 0.3, 0.3
 # Radius of the desired point over that of the traced path: the view is close.
 _DESIRED_POINT = 4.0
 # Smallest extent of a drawing that counts [m].

@@ -170,6 +170,20 @@ def test_run_writes_a_folder_with_everything(tmp_path, drawn):
         assert name in result.stdout
 
 
+def test_a_run_can_be_shown_beside_another(tmp_path, drawn):
+    """Both are run; the one asked for has the other in its playback."""
+    result = call("run", KNOWN, "--beside", LEARNED, "--out", tmp_path, *SHORT)
+    assert result.exit_code == 0
+    both, one = ((tmp_path / name / "playback.html").read_text() for name in (KNOWN, LEARNED))
+    assert f"<title>{KNOWN} beside {LEARNED}</title>" in both
+    assert f"<title>{LEARNED}</title>" in one
+
+
+def test_a_run_beside_itself_is_refused(tmp_path):
+    result = call("run", KNOWN, "--beside", KNOWN, "--out", tmp_path, *SHORT)
+    assert "two experiments are called" in sentence(result)
+
+
 def test_metrics_are_one_flat_object_of_finite_numbers(tmp_path):
     found = metrics(run(tmp_path, *SHORT))
     assert found["joint_velocity_max_rad_s"] > 0

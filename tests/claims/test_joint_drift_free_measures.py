@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from drake_rnn.claims import joint_drift_free as measures
+from drake_rnn.claims.papers import joint_drift_free as measures
 
 TIME = np.linspace(0.0, 10.0, 1001)
 

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from typing import Any, Literal, cast
 
 import numpy as np
 
-from ..experiment import load_experiment
-from ..inputs.fields import Array
-from ..laws import JointDriftFree
-from ..runs.result import Result
-
-_Run = Callable[[str, Mapping[str, Any] | None], Result]
+from ...experiment import load_experiment
+from ...inputs.fields import Array
+from ...laws import JointDriftFree
+from ..run import Run
 
 # The paper's Table I: MPE [m], MVE [m/s] and JD [rad], by scheme and lambda.
 _TABLE_1 = {
@@ -38,7 +35,7 @@ _OFFSET = 44e-6
 _SETTLED = 1.0
 
 
-def ratio_to_table_1(run: _Run, experiment: str) -> float:
+def ratio_to_table_1(run: Run, experiment: str) -> float:
     """Largest factor, either way, between Table I and an experiment, at lambda 1, 10 and 100.
 
     Args:
@@ -52,18 +49,18 @@ def ratio_to_table_1(run: _Run, experiment: str) -> float:
     return float(max(np.max(factors), 1.0 / np.min(factors)))
 
 
-def joint_speed_at_end(run: _Run, experiment: str) -> float:
+def joint_speed_at_end(run: Run, experiment: str) -> float:
     """Largest speed of a joint at the end of a run [rad/s]."""
     return float(np.abs(run(experiment, None).series["velocity"][-1]).max())
 
 
-def error_at_end(run: _Run, experiment: str) -> float:
+def error_at_end(run: Run, experiment: str) -> float:
     """Position error at the end of a run over the largest one; 1 if it never stops growing."""
     error = run(experiment, None).position_error
     return float(error[-1] / error.max())
 
 
-def sigma_misfit(run: _Run, experiment: str, return_weight: float | None = None) -> float:
+def sigma_misfit(run: Run, experiment: str, return_weight: float | None = None) -> float:
     """Difference of the velocity error from Theorem 1's, over that error, from 1 s on.
 
     Norms over all samples and axes.
@@ -83,7 +80,7 @@ def sigma_misfit(run: _Run, experiment: str, return_weight: float | None = None)
     return float(np.linalg.norm(error - sigma) / np.linalg.norm(error))
 
 
-def offset_left(run: _Run, experiment: str, laps: int = 1, composite_gain: float = 0.0) -> float:
+def offset_left(run: Run, experiment: str, laps: int = 1, composite_gain: float = 0.0) -> float:
     """Share of an error of the first position, of 44 um, that is left after laps of a path.
 
     Args:
@@ -98,7 +95,7 @@ def offset_left(run: _Run, experiment: str, laps: int = 1, composite_gain: float
     return float(error[-1] / error[0])
 
 
-def torque(run: _Run, experiment: str, which: Literal["smallest", "largest", "initial"]) -> float:
+def torque(run: Run, experiment: str, which: Literal["smallest", "largest", "initial"]) -> float:
     """Smallest or largest torque of a run, or the largest at its start [Nm]."""
     torques = run(experiment, None).series["torque"]
     if which == "initial":
@@ -106,14 +103,14 @@ def torque(run: _Run, experiment: str, which: Literal["smallest", "largest", "in
     return float(torques.max() if which == "largest" else torques.min())
 
 
-def velocity_error_left(run: _Run, experiment: str) -> float:
+def velocity_error_left(run: Run, experiment: str) -> float:
     """Largest velocity error from 1 s on over the largest in the first 0.1 s."""
     result = run(experiment, None)
     error = np.linalg.norm(result.series["v_WE"] - result.series["v_WE_desired"], axis=1)
     return float(error[result.time >= _SETTLED].max() / error[result.time <= 0.1].max())
 
 
-def root_mismatch(run: _Run, position_gain: float) -> float:
+def root_mismatch(run: Run, position_gain: float) -> float:
     """Largest distance of a root of the position error from -beta2 and -gamma2 [1/s].
 
     With omega at rest, e'' + delta ((beta2 + gamma2) e' + beta2 gamma2 e) = 0.
@@ -129,13 +126,13 @@ def root_mismatch(run: _Run, position_gain: float) -> float:
     return float(np.abs(found - named).max())
 
 
-def projection_residual(run: _Run) -> float:
+def projection_residual(run: Run) -> float:
     """Largest entry of J (I - J^+ J) at the start of the UR5's clover [m]."""
     J = _jacobian("naljdf_clover")
     return float(np.abs(J @ _projector(J)).max())
 
 
-def block_mismatch(run: _Run, basis: Literal["joints", "singular"]) -> float:
+def block_mismatch(run: Run, basis: Literal["joints", "singular"]) -> float:
     """Largest entry of I - J^+ J less diag(0, I), at the start of the UR5's clover.
 
     Args:
@@ -152,14 +149,14 @@ def block_mismatch(run: _Run, basis: Literal["joints", "singular"]) -> float:
     return float(np.abs(projector - np.diag([0.0] * m + [1.0] * (n - m))).max())
 
 
-def posture_apart(run: _Run, experiment: str, other: str) -> float:
+def posture_apart(run: Run, experiment: str, other: str) -> float:
     """Largest difference of the joint positions of two experiments, the first at lambda 0 [rad]."""
     without = run(experiment, {"law.return_weight": 0.0})
     apart = without.series["position"] - run(other, None).series["position"]
     return float(np.abs(apart).max())
 
 
-def optimality_gap(run: _Run, scheme: Literal["moaljdf", "moaljdf_printed"]) -> float:
+def optimality_gap(run: Run, scheme: Literal["moaljdf", "moaljdf_printed"]) -> float:
     """Distance of the accelerations from the optimum of (41), over the optimum.
 
     At the start of the parallelogram, with omega at rest; without the bounds.

@@ -8,16 +8,15 @@ fixed seed.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from ..inputs.fields import Array
-from ..laws import SimultaneousLearning
-from ..runs.result import Result
-
-Run = Callable[[str, Mapping[str, Any] | None], Result]
+from ...inputs.fields import Array
+from ...laws import SimultaneousLearning
+from ...runs.result import Result
+from ..run import Run
+from ..timing import time_ratio
 
 #: Signals that only a model of the arm can give.
 _STRUCTURE = {"J", "J_omega", "Jdot_v", "M", "bias", "gravity"}
@@ -74,18 +73,9 @@ def step_cost(run: Run, name: str) -> float:
     return run(name, None).timings["control_step_us"]
 
 
-def cost_ratio(run: Run, name: str, other: str, rounds: int = 200, steps: int = 20) -> float:
-    """Return the time of one sample of a run's law, per that of another run's [1].
-
-    Both are timed in turn, on the same recorded signals; the least of many times of each counts, as
-    the least disturbed one.
-    """
-    results = run(name, None), run(other, None)
-    least = [np.inf, np.inf]
-    for _ in range(rounds):
-        for k, result in enumerate(results):
-            least[k] = min(least[k], _time_of_steps(result, steps))
-    return least[0] / least[1]
+def cost_ratio(run: Run, name: str, other: str) -> float:
+    """Return the time of one sample of a run's law, per that of another run's [1]."""
+    return time_ratio(_sample(run(name, None)), _sample(run(other, None)))
 
 
 def printed_rho(run: Run, xi: float, tau: float) -> float:
@@ -150,18 +140,15 @@ def convexity(run: Run, samples: int = 2000) -> float:
     return least
 
 
-def _time_of_steps(result: Result, steps: int) -> float:
-    """Return the time that a law takes for some samples, from the middle of its run on [s]."""
+def _sample(result: Result) -> Callable[[], object]:
+    """Return the calculation of one sample of a law, with the signals of the middle of its run."""
     law = result.experiment.law
     assert isinstance(law, SimultaneousLearning)
     row = result.time.size // 2
     u = {name: result.series[name][row] for name in law.inputs.parts}
     v, multipliers = result.series["network_velocity"][row], result.series["multipliers"][row]
     x, period = law.state.join(v, multipliers), float(result.experiment.document.period or 0.0)
-    began = perf_counter()
-    for _ in range(steps):
-        law.step(0.0, x, u, period)
-    return perf_counter() - began
+    return lambda: law.step(0.0, x, u, period)
 
 
 def _outside(samples: int = 2000) -> list[tuple[Array, Array, Array]]:

@@ -42,14 +42,14 @@ from drake_rnn.runs.sweep import parse_axis
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 #: What stands for an experiment of the reader's own.
 PLACEHOLDER = re.compile(r"NAME|EXPERIMENT|\.\.\.|.*\.yaml")
-#: An experiment that is there to be refused, and commands that show a refusal.
+#: An experiment that is there to be refused.
 REFUSED = "state_adjustment_printed"
-SHOWN_REFUSED = {
+#: Commands of claims, some of which are refused; tests/claims looks at them.
+OF_CLAIMS = {
     criterion.command
     for scheme in SCHEMES
     for claim in read_claims(scheme).claims
     for criterion in claim.criteria
-    if criterion.refused is not None
 }
 
 
@@ -104,7 +104,7 @@ def shell_lines(page):
 def commands(page):
     """Command lines of `drake-rnn`, among them those of which only experiment and options stand."""
     for text in [*shell_lines(page), *spans(prose(page))]:
-        if text in SHOWN_REFUSED:
+        if text in OF_CLAIMS:
             continue
         if text.startswith("drake-rnn "):
             yield shlex.split(text)[1:]

@@ -16,7 +16,7 @@ from .claim import Claim, Criterion, Quantity
 from .reading import Claims
 
 
-class MissingValueError(DrakeRnnError):
+class _NoNumberError(DrakeRnnError):
     """A number that a run does not have."""
 
 
@@ -120,7 +120,7 @@ class Judge:
             value = self._value(criterion)
             if criterion.per is not None:
                 value = _ratio(value, self._value(criterion.per))
-        except MissingValueError as error:
+        except _NoNumberError as error:
             return Finding(criterion, False, failure=str(error))
         except InvalidInputError as error:
             if criterion.refused and criterion.refused in str(error):
@@ -134,11 +134,11 @@ class Judge:
         metrics, name = self.run(str(quantity.run), quantity.set).metrics, str(quantity.metric)
         if name not in metrics:
             # Such as a time of settling, of a run that did not settle.
-            raise MissingValueError(f"no {name} in this run")
+            raise _NoNumberError(f"no {name} in this run")
         return metrics[name]
 
 
 def _ratio(value: float, per: float) -> float:
     if per == 0.0:
-        raise MissingValueError("no ratio: divided by 0")
+        raise _NoNumberError("no ratio: divided by 0")
     return value / per

@@ -120,7 +120,7 @@ def _load_named(
     duration: float | None,
 ) -> Experiment:
     """Return an experiment; an error names it if there are others."""
-    with named(name, among=among):
+    with _named(name, among=among):
         return load(name, changes, seed, duration)
 
 
@@ -130,13 +130,13 @@ def _check_all(
     """Check everything before anything runs."""
     for experiment in experiments:
         _require_one_folder_each(experiment, experiments)
-        with named(experiment.name, among=names):
+        with _named(experiment.name, among=names):
             check_experiment(experiment, anyway)
         require_writable(out_folder / experiment.name)
 
 
 @contextmanager
-def named(name: str, among: list[str]) -> Iterator[None]:
+def _named(name: str, among: list[str]) -> Iterator[None]:
     """Add the experiment's name to errors if there are several experiments."""
     try:
         yield

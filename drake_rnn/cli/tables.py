@@ -22,8 +22,9 @@ from ..inputs.documents import construct
 from ..measures import shown_in
 from ..robot.limits import DERIVATIVE_UNITS
 from ..robot.report import ArmReport
-from ..runs.result import Result, Verdict
+from ..runs.result import Result
 from ..runs.sweep import Row
+from ..runs.verdict import Verdict
 
 #: Width of a console on which no table is squeezed [characters].
 WIDE = 10_000

@@ -1,6 +1,7 @@
 """An experiment: the document that describes it, and the objects made from it."""
 
 from .document import Acceptance, ExperimentDocument, IntegratorSettings
+from .expected_bounds import expected_bounds
 from .experiment import OUTSIDE, Experiment, make_experiment
 from .files import (
     Described,
@@ -11,7 +12,6 @@ from .files import (
     shipped_experiments,
 )
 from .reach import Forecast, Reach, check_reach, follow, forecasts
-from .verdicts import expected_bounds
 
 __all__ = [
     "OUTSIDE",

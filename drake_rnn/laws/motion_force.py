@@ -89,6 +89,7 @@ from .law import (
 )
 from .parts.constraint_rows import printed_orientation_rows, surface_split
 from .parts.contact_loss import LOST, ContactLoss
+from .parts.few_substeps import check_substeps
 from .parts.fixed_stiffness import FixedStiffness
 from .parts.kept_limits import kept_with_lag
 from .parts.learning import gradient, rank_one_update
@@ -97,6 +98,7 @@ from .parts.primal_dual import PrimalDual, substeps
 from .parts.sampling_rate import check_sampling_rate
 from .parts.surface_task import SurfaceTask
 
+# Fewer than of other networks: each takes four evaluations of longer equations.
 _MOST_SUBSTEPS = 1000
 
 
@@ -269,17 +271,12 @@ class MotionForce(SampledLaw, ContinuousLaw):
             "return_gain": self.return_gain,
         }
         check_sampling_rate(period, gains)
-        scale, key = 1.0, "time_constant"
+        scale, told = 1.0, f"time_constant: {self.time_constant:g} s"
         if self.form == "literal":
-            scale, key = max(1.0, self._task.stiffness), "form"
+            scale = max(1.0, self._task.stiffness)
+            told = f"form: literal with stiffness {scale:g} N/m"
         # Estimated for a Jacobian of norm 2.
-        count = substeps(period, 2.0 * scale, self.time_constant)
-        if count > _MOST_SUBSTEPS:
-            raise InvalidInputError(
-                f"law.{key}: the network would need about {count:.3g} substeps per period with "
-                f"stiffness {scale:g} and time_constant {self.time_constant:g}; it may take "
-                f"at most {_MOST_SUBSTEPS}"
-            )
+        check_substeps(substeps(period, 2.0 * scale, self.time_constant), told, _MOST_SUBSTEPS)
         return super().sampled(period)
 
     def derivatives(self, t: float, x: Array, u: Signals) -> Array:

@@ -1,9 +1,9 @@
 r"""The recursive network: bounds on the derivatives of the joints up to the fifth, by levels.
 
 Source:
-    "Recursive recurrent neural network: a novel model for manipulator control with different
-    levels of physical constraints", CAAI Transactions on Intelligence Technology (2022). The
-    conventional RNN is (2), the recursive one (8) with (10).
+    Li, Li, "Recursive recurrent neural network: a novel model for manipulator control with
+    different levels of physical constraints", CAAI Transactions on Intelligence Technology (2022).
+    The conventional RNN is (2), the recursive one (8) with (10).
 
 With the levels x_1 = v, x_2, ... and the targets
 

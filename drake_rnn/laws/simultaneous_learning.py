@@ -200,9 +200,9 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
             InvalidInputError: If the network would take too many substeps.
         """
         if self.substeps is None:
-            check_substeps(period, self.rate, f"rate: {self.rate:g} /s")
+            check_substeps(period * self.rate, f"rate: {self.rate:g} /s")
         else:
-            check_substeps(1.0, self.substeps, f"substeps: {self.substeps}")
+            check_substeps(self.substeps, f"substeps: {self.substeps}")
         return super().sampled(period)
 
     def derivatives(self, t: float, x: Array, u: Signals) -> Array:

@@ -131,7 +131,7 @@ class StateAdjustment(PostureLaw, ContinuousLaw):
             InvalidInputError: If the law would overshoot at this period, or its network would take
                 too many substeps.
         """
-        check_substeps(period, 1.0 / self.time_constant, f"time_constant: {self.time_constant:g} s")
+        check_substeps(period / self.time_constant, f"time_constant: {self.time_constant:g} s")
         return super().sampled(period)
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:

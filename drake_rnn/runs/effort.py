@@ -65,14 +65,14 @@ def check_effort(experiment: Experiment) -> None:
     if effort.time > LONGEST:
         raise InvalidInputError(
             f"{effort.key}: {effort.step:g} s makes {effort.steps:.2g} steps in "
-            f"{document.duration:g} s, which may take {effort.time / 3600:.2g} hours; a run that "
-            f"takes more than {LONGEST / 3600:g} must be told to run --anyway (in Python: "
-            "anyway=True)"
+            f"{document.duration:g} s, which may take {effort.time / 3600:.2g} hours; a run may "
+            f"take {LONGEST / 3600:g} hours; `drake-rnn run --anyway` (in Python: anyway=True) "
+            "makes it nevertheless"
         )
     samples = document.duration / document.log_period
     if samples > MOST_SAMPLES:
         raise InvalidInputError(
             f"log_period: {document.log_period:g} s stores {samples:.2g} samples in "
-            f"{document.duration:g} s; one that stores more than {MOST_SAMPLES:g} must be "
-            "told to run --anyway (in Python: anyway=True)"
+            f"{document.duration:g} s; a run may store {MOST_SAMPLES:g}; `drake-rnn run "
+            "--anyway` (in Python: anyway=True) makes it nevertheless"
         )

@@ -15,13 +15,13 @@ from pydrake.trajectories import Trajectory
 
 from ..errors import InvalidInputError
 from ..experiment import Experiment, expected_bounds, make_experiment
-from ..experiment.document import Acceptance
 from ..inputs.complaints import require_type
 from ..inputs.documents import parse_yaml
 from ..inputs.fields import Array
 from ..inputs.modules import Modules
 from ..paths import Path as MotionPath
 from .folder import filled, read_record
+from .verdict import Verdict
 
 #: Whether a run came to its end, and if not, what stopped it.
 Status = Literal["complete", "failed", "interrupted"]
@@ -29,26 +29,6 @@ Status = Literal["complete", "failed", "interrupted"]
 
 # What files that are cut short or are none of ours raise.
 _UNREADABLE = (OSError, EOFError, ValueError, KeyError, BadZipFile, zlib.error)
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """A metric beside the bound that it is expected to keep.
-
-    Attributes:
-        metric: Name of the metric.
-        bound: The bound.
-        value: Its value; None if the run does not have it, as when it did not settle.
-    """
-
-    metric: str
-    bound: Acceptance
-    value: float | None
-
-    @property
-    def met(self) -> bool:
-        """Whether the bound is kept."""
-        return self.value is not None and self.bound.holds(self.value)
 
 
 @dataclass(frozen=True)

@@ -99,12 +99,13 @@ class JointSensor(LeafSystem):
         position = self.DeclareVectorInputPort("position_true", arm.n)
         velocity = self.DeclareVectorInputPort("velocity_true", arm.n)
         self._read_q, self._read_v = position.Eval, velocity.Eval
-        # Past measurements, newest first; a robot's own velocity is only as late as positions are.
-        self._positions = self._late + self._secant
-        self._past = (self._positions + (0 if self._secant else self._late), arm.n)
-        if self._positions > 0:
-            rows = np.zeros(self._past)
-            rows[: self._positions] = self._stepped(np.asarray(start))
+        # Past measurements are rows of the state, newest first: positions, then velocities. A
+        # robot's own velocity is only as late as positions are.
+        self._position_rows = self._late + self._secant
+        self._past_shape = (self._position_rows + (0 if self._secant else self._late), arm.n)
+        if self._position_rows > 0:
+            rows = np.zeros(self._past_shape)
+            rows[: self._position_rows] = self._stepped(np.asarray(start))
             self.DeclareDiscreteState(rows.ravel())
             self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
         at_q, at_v = position.ticket(), velocity.ticket()
@@ -120,27 +121,27 @@ class JointSensor(LeafSystem):
         )
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
-        past = self._past_of(context)
+        past = self._past(context)
         newer = np.empty_like(past)
         newer[1:] = past[:-1]
         newer[0] = self._measured(context)
-        if self._positions < len(newer):
-            newer[self._positions] = self._read_v(context)
+        if self._position_rows < len(newer):
+            newer[self._position_rows] = self._read_v(context)
         state.set_value(newer.ravel())
 
-    def _past_of(self, context: Context) -> Array:
-        return context.get_discrete_state_vector().value().reshape(self._past)
+    def _past(self, context: Context) -> Array:
+        return context.get_discrete_state_vector().value().reshape(self._past_shape)
 
     def _position(self, context: Context) -> Array:
         if self._late == 0:
             return self._measured(context)
-        return self._past_of(context)[self._late - 1]
+        return self._past(context)[self._late - 1]
 
     def _velocity(self, context: Context) -> Array:
         if self._secant:
-            before = self._past_of(context)[self._positions - 1]
+            before = self._past(context)[self._position_rows - 1]
             return (self._position(context) - before) / (self._secant * self._period)
-        return self._past_of(context)[-1] if self._late else self._read_v(context)
+        return self._past(context)[-1] if self._late else self._read_v(context)
 
     def _measured(self, context: Context) -> Array:
         """Return the measurement of now, or of the next sample, shape (n,) [rad]."""

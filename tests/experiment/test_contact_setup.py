@@ -79,13 +79,13 @@ def load(name="contact_circle", **changes):
         (
             "motion_force_tricuspid_literal",
             {"law.stiffness": 8000},
-            r"law\.form: the network would need .* substeps per period with .*; "
-            "it may take at most 1000",
+            r"law\.form: literal with stiffness 8000 N/m: the network would need about .* "
+            "substeps per period; it may take at most 1000",
         ),
         (
             "motion_force_tricuspid",
             {"law.time_constant": 1e-9},
-            r"law\.time_constant: the network would need about",
+            r"law\.time_constant: 1e-09 s: the network would need about",
         ),
     ],
 )

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...laws.parts.primal_dual import PrimalDual
 from ..run import Run
+from ..structure import signals_of_structure
 
 # What is drawn of a network with a box of velocities: joints, rows, and the box [rad/s].
 _JOINTS, _ROWS, _BOX = 7, 6, 0.2
@@ -18,13 +19,11 @@ def true_jacobians(run: Run, name: str, position_only: bool = False) -> float:
     """True Jacobians among a law's inputs, a number; J of the position alone, or J_omega too.
 
     Args:
-        run: Makes a run.
+        run: Not needed.
         name: Experiment of the law.
         position_only: Whether J of the position alone counts.
     """
-    inputs = run(name, {"duration": 0.1, "window": None, "accept": None}).experiment.law.inputs
-    asked = ("J",) if position_only else ("J", "J_omega")
-    return float(sum(signal in inputs for signal in asked))
+    return signals_of_structure(name, {"J"} if position_only else {"J", "J_omega"})
 
 
 def effort(run: Run, name: str, changes: Mapping[str, Any] | None = None) -> float:
@@ -36,7 +35,8 @@ def effort(run: Run, name: str, changes: Mapping[str, Any] | None = None) -> flo
         changes: Its changes.
     """
     result = run(name, changes)
-    return float(np.trapezoid((result.series["velocity"] ** 2).sum(axis=1), result.time))
+    squares = (result.series["velocity"] ** 2).sum(axis=1)
+    return float((squares[1:] + squares[:-1]) @ np.diff(result.time) / 2.0)
 
 
 def tip_off_the_start(run: Run, name: str) -> float:
@@ -57,7 +57,7 @@ def residual_at_rest(run: Run, seconds: float) -> float:
     residual are at rest, its velocity is the program's optimum, which is convex.
 
     Args:
-        run: Not used.
+        run: Not needed.
         seconds: Time from zero multipliers, at a time constant of 1 ms [s].
     """
     worst = 0.0

@@ -16,10 +16,9 @@ from ...inputs.fields import Array
 from ...laws import SimultaneousLearning
 from ...runs.result import Result
 from ..run import Run
+from ..structure import signals_of_structure
 from ..timing import time_ratio
 
-#: Signals that only a model of the arm can give.
-_STRUCTURE = {"J", "J_omega", "Jdot_v", "M", "bias", "gravity"}
 _SEED = 0
 # Joints in the examples for algebra.
 _JOINTS = 7
@@ -29,10 +28,9 @@ _REACHED = 0.999
 _APART = 0.1
 
 
-def structure_inputs(run: Run, name: str, changes: Mapping[str, Any] | None = None) -> float:
-    """Return the number of signals that the run's law sees of the arm's structure [1]."""
-    law = run(name, changes).experiment.law
-    return float(len(_STRUCTURE & set(law.inputs.parts)))
+def structure_inputs(run: Run, name: str) -> float:
+    """Return the number of signals that an experiment's law sees of the arm's structure [1]."""
+    return signals_of_structure(name)
 
 
 def joint_speed(run: Run, name: str, joint: int) -> float:

@@ -47,11 +47,14 @@ def mean_speed(run: Run, name: str, begin: float, end: float) -> float:
 
 
 def time_until_slow(run: Run, name: str, share: float) -> float:
-    """Time after which no joint is faster than a share of the run's largest joint speed [s]."""
+    """Time after which no joint is faster than a share of the run's largest joint speed [s].
+
+    It is infinite if one is to the end.
+    """
     result = run(name, None)
     fastest = np.abs(result.series["velocity"]).max(axis=1)
     above = np.flatnonzero(fastest > share * result.metrics["joint_velocity_max_rad_s"])
-    return float(result.time[above[-1] + 1])
+    return float(np.append(result.time, np.inf)[above[-1] + 1])
 
 
 def joints_at_speed_limit(run: Run, name: str) -> float:

@@ -8,17 +8,16 @@ from ...errors import InvalidInputError
 MOST_SUBSTEPS = 10_000
 
 
-def check_substeps(period: float, rate: float, told: str) -> None:
+def check_substeps(count: float, told: str, most: int = MOST_SUBSTEPS) -> None:
     """Raise an InvalidInputError if a network is too fast for the sampling period.
 
     Args:
-        period: Sampling period [s].
-        rate: Rate of the network's fastest part [1/s]; a stable step is at most its inverse.
-        told: What the rate follows from, for the message: key and value.
+        count: Number of stable steps in a period.
+        told: What it follows from, for the message: key and value.
+        most: Number of steps that are allowed.
     """
-    count = period * rate
-    if count > MOST_SUBSTEPS:
+    if count > most:
         raise InvalidInputError(
-            f"law.{told}: the network would need about {count:.3g} substeps per period of "
-            f"{period:g} s; it may take at most {MOST_SUBSTEPS}"
+            f"law.{told}: the network would need about {count:.3g} substeps per period; it may "
+            f"take at most {most}"
         )

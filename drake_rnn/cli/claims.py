@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Annotated
 
+import typer
 from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
-from ..claims import SCHEMES, Claim, Claims, Finding, Judgement, read_claims
+from ..claims import SCHEMES, Claim, Claims, Finding, Judge, Judgement, read_claims
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest
+from .console import errors, out
 
 
 def chosen_claims(ids: Sequence[str]) -> Iterator[tuple[Claims, list[Claim]]]:
@@ -69,3 +72,23 @@ def judgement_table(judgement: Judgement) -> Table:
 def _cells(finding: Finding, note: str) -> tuple[str, str, str, str]:
     criterion = finding.criterion
     return f"{note}{criterion}", str(finding), criterion.expected, criterion.paper
+
+
+def show_claims(
+    ids: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[ID]...", help="Claims, e.g. slc-F2a, or schemes, e.g. slc."),
+    ] = None,
+    judge: Annotated[
+        bool, typer.Option("--judge", help="Make the runs and print the verdicts.")
+    ] = False,
+) -> None:
+    """List what the papers claim, or judge it."""
+    with errors():
+        for paper, claims in chosen_claims(ids or []):
+            if not judge:
+                out.print(claims_table(paper, claims))
+                continue
+            judging = Judge(paper)
+            for claim in claims:
+                out.print(judgement_table(judging.judge(claim)))

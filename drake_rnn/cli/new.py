@@ -8,8 +8,13 @@ from enum import StrEnum
 from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
 
 from ..errors import InvalidInputError
+from .console import errors, out
 
 _TEMPLATES = files("drake_rnn.cli") / "templates"
 
@@ -61,3 +66,14 @@ def _require_name(name: str) -> None:
         raise InvalidInputError(
             f"name: must be a module's name in lower case, e.g. my_law, not {name!r}"
         )
+
+
+def new(
+    what: Annotated[Own, typer.Argument(help="What it is to be.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the module, e.g. my_law.")],
+) -> None:
+    """Write a module of your own, a document that names it and a test, to the current folder."""
+    with errors():
+        for file in write_start(what, name, Path()):
+            out.print(escape(f"written  {file}"), soft_wrap=True)
+    out.print(f"next     drake-rnn run {name}.yaml; pytest test_{name}.py", soft_wrap=True)

@@ -18,9 +18,9 @@ SHORT = ("--duration", "0.5")
 
 # As the installed command: a script in a folder of its own, whose folder Python looks into first.
 SCRIPT = """
-from drake_rnn.cli import commands
+from drake_rnn.cli import commands, saving
 
-commands.write_figures = lambda result, folder: []
+saving.write_figures = lambda result, folder: []
 if __name__ == "__main__":
     commands.main()
 """

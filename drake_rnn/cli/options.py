@@ -1,0 +1,80 @@
+"""Options that several commands have, and what they mean for a document."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.markup import escape
+
+from ..errors import InvalidInputError
+from ..experiment import Experiment, load_experiment, parse_change, read_document
+from .console import out
+
+Set = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Change a key, e.g. law.kappa=8; repeatable."),
+]
+Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the result folders.")]
+Seed = Annotated[int | None, typer.Option(help="Seed of all random numbers.")]
+Check = Annotated[
+    bool, typer.Option("--check", help="Exit with status 3 if a bound of accept is not kept.")
+]
+Anyway = Annotated[
+    bool, typer.Option("--anyway", help="Run even if it takes more steps than are sensible.")
+]
+Duration = Annotated[
+    float | None,
+    typer.Option(help="Simulated time [s]; a window that ends later is dropped."),
+]
+
+
+def load(
+    name: str, changes: list[str] | None, seed: int | None, duration: float | None
+) -> Experiment:
+    """Return an experiment with the changes that options ask for."""
+    return load_experiment(name, changes_of(changes, seed, duration))
+
+
+def changes_of(
+    changes: list[str] | None, seed: int | None, duration: float | None
+) -> dict[str, object]:
+    """Return the changes that options ask for, by dotted key."""
+    new: dict[str, object] = {}
+    for change in changes or []:
+        key, value = parse_change(change)
+        if key in new:
+            raise InvalidInputError(f"--set: {key} is given twice, as {new[key]!r} and {value!r}")
+        new[key] = value
+    if seed is not None:
+        new["seed"] = seed
+    if duration is not None:
+        new["duration"] = duration
+    return new
+
+
+def tell_of_window(name: str, changes: dict[str, Any]) -> None:
+    """Print a note if the duration ends before the window and therefore drops it."""
+    kept = {key: value for key, value in changes.items() if key != "duration"}
+    before, now = read_document(name, kept), read_document(name, changes)
+    lost = [key for key in ("window", "accept") if key in before and key not in now]
+    if "window" not in lost:
+        return
+    what = "and the bounds of accept are" if "accept" in lost else "is"
+    out.print(
+        f"[yellow]note[/] {escape(str(now['name']))}: window {escape(str(before['window']))} s "
+        f"{what} dropped: the run ends at {now['duration']:g} s",
+        soft_wrap=True,
+    )
+
+
+def require_writable(folder: Path) -> None:
+    """Make a folder, or say why nothing can be written to it."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InvalidInputError(f"--out: {folder}: {error.strerror}") from None
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise InvalidInputError(f"--out: {folder}: not writable")

@@ -1,0 +1,52 @@
+"""The folder of a run: its result, figures and playback."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.markup import escape
+
+from ..figures import write_figures
+from ..playback import write_playback
+from ..runs.folder import filled
+from ..runs.result import Result
+from .console import err, out
+from .tables import joints_table, metrics_table
+
+
+def write_result(
+    result: Result, folder: Path, playback: bool, beside: Sequence[Result] = ()
+) -> None:
+    """Write a result with its pictures, and print what came out."""
+    for warning in result.warnings:
+        err.print(f"[yellow]warning[/] {escape(warning)}")
+    out.print(metrics_table(result))
+    if (joints := joints_table(result)) is not None:
+        out.print(joints)
+    cost = result.timings["wall_time_s"]
+    out.print(f"time      {result.record['until_s']:g} s simulated in {cost:.3g} s")
+    with filled(folder, result.record):
+        result.write(folder)
+        _draw_diagram(folder / "diagram.dot")
+        figures = write_figures(result, folder / "figures")
+        out.print(escape(f"results   {folder}"), soft_wrap=True)
+        out.print(escape(f"figures   {folder / 'figures'} ({len(figures)})"), soft_wrap=True)
+        if playback and result.time.size > 1:
+            others = [other for other in beside if other.time.size > 1]
+            file, rate = folder / "playback.html", _frames_per_second(result)
+            page = write_playback(result, file, rate, others)
+            out.print(escape(f"playback  {page}"), soft_wrap=True)
+
+
+def _frames_per_second(result: Result) -> int:
+    """Return the playback's frame rate, lower for long runs to keep the page small."""
+    return 64 if result.time[-1] <= 30.0 else 32
+
+
+def _draw_diagram(dot: Path) -> None:
+    if program := shutil.which("dot"):
+        command = [program, "-Tsvg", str(dot), "-o", str(dot.with_suffix(".svg"))]
+        subprocess.run(command, check=False, capture_output=True)

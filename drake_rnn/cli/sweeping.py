@@ -1,0 +1,88 @@
+"""Sweeps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from ..errors import InvalidInputError
+from ..experiment import load_experiment
+from ..figures.learning import learning_figure
+from ..figures.sweep import sweep_figure
+from ..runs.sweep import Row, parse_axis, write_csv
+from ..runs.sweep import sweep as run_sweep
+from .console import FAILED, NOT_MET, err, errors, out
+from .options import Check, Duration, Out, Seed, Set, changes_of, require_writable, tell_of_window
+from .tables import WIDE, sweep_tables, varying_metrics
+
+
+def sweep(
+    experiment: Annotated[
+        str, typer.Argument(help="Name of a shipped experiment, or a YAML file.")
+    ],
+    over: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--over",
+            metavar="KEY=v1,v2,...",
+            help="Values of a key; repeat for all combinations. Default: those in the document.",
+        ),
+    ] = None,
+    out_folder: Out = Path("out"),
+    changes: Set = None,
+    seed: Seed = None,
+    duration: Duration = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Number of runs at a time.")] = 1,
+    check: Check = False,
+) -> None:
+    """Run an experiment with several values; write a table, a CSV file and a figure."""
+    with errors():
+        changed = changes_of(changes, seed, duration)
+        axes = _axes(over) or load_experiment(experiment, changed).document.over
+        if not axes:
+            raise InvalidInputError(f"--over: must be given; {experiment} has no values of its own")
+        keys = list(axes)
+        folder = out_folder / f"sweep_{Path(experiment).stem}_{'_'.join(keys)}"
+        require_writable(folder)
+
+        def done(row: Row) -> None:
+            values = ", ".join(f"{key}={v}" for key, v in zip(keys, row.values, strict=True))
+            err.print(escape(f"{values}: {row.failure or 'done'}"))
+
+        rows = run_sweep(experiment, axes, changed, jobs, done)
+        write_csv(folder / "sweep.csv", keys, rows)
+        pictures = [
+            sweep_figure(keys, rows, varying_metrics(rows), folder / "sweep.png"),
+            learning_figure(keys, rows, folder / "learning.png"),
+        ]
+    for length in axes.get("duration", [None]):
+        swept = {} if length is None else {"duration": length}
+        tell_of_window(experiment, changed | swept)
+    _print_sweep(keys, rows)
+    out.print(escape(f"table    {folder / 'sweep.csv'}"), soft_wrap=True)
+    for picture in filter(None, pictures):
+        out.print(escape(f"picture  {picture}"), soft_wrap=True)
+    if any(row.failure for row in rows):
+        raise typer.Exit(FAILED)
+    if check and any(row.not_met for row in rows):
+        raise typer.Exit(NOT_MET)
+
+
+def _axes(over: list[str] | None) -> dict[str, list[Any]]:
+    """Return the values of all ``--over`` options, by key."""
+    named = [parse_axis(text) for text in over or []]
+    keys = [key for key, _ in named]
+    if twice := [key for key in keys if keys.count(key) > 1]:
+        raise InvalidInputError(f"--over: {twice[0]!r} is given twice; give all its values at once")
+    return dict(named)
+
+
+def _print_sweep(keys: list[str], rows: list[Row]) -> None:
+    # In a pipe or a file there is room for all columns in one table.
+    wide = Console(width=WIDE, highlight=False)
+    for table in sweep_tables(keys, rows, out.width if out.is_terminal else None):
+        wide.print(table)

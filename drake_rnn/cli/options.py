@@ -11,8 +11,25 @@ from rich.markup import escape
 
 from ..errors import InvalidInputError
 from ..experiment import Experiment, load_experiment, parse_change, read_document
+from .completing import complete_experiments
 from .console import out
 
+One = Annotated[
+    str,
+    typer.Argument(
+        metavar="EXPERIMENT",
+        help="Name of a shipped experiment, or a YAML file.",
+        autocompletion=complete_experiments,
+    ),
+]
+Several = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="EXPERIMENT...",
+        help="Names of shipped experiments, or YAML files.",
+        autocompletion=complete_experiments,
+    ),
+]
 Set = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Change a key, e.g. law.kappa=8; repeatable."),

@@ -20,9 +20,11 @@ from .options import (
     Anyway,
     Check,
     Duration,
+    One,
     Out,
     Seed,
     Set,
+    Several,
     changes_of,
     load,
     require_writable,
@@ -32,12 +34,7 @@ from .saving import write_result
 
 
 def run(  # noqa: PLR0913  one argument for each option
-    experiments: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="EXPERIMENT...", help="Names of shipped experiments, or YAML files."
-        ),
-    ],
+    experiments: Several,
     out_folder: Out = Path("out"),
     changes: Set = None,
     seed: Seed = None,
@@ -79,9 +76,7 @@ def run(  # noqa: PLR0913  one argument for each option
 
 
 def run_fastest(
-    experiment: Annotated[
-        str, typer.Argument(help="Name of a shipped experiment, or a YAML file.")
-    ],
+    experiment: One,
     out_folder: Out = Path("out"),
     changes: Set = None,
     playback: Annotated[bool, typer.Option(help="Write playback.html.")] = True,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from dataclasses import MISSING, dataclass
+from dataclasses import MISSING, dataclass, fields
 from typing import Any
 
 from pydantic.fields import FieldInfo
@@ -40,11 +40,11 @@ def keys_of(cls: type, without: tuple[str, ...] = ("kind",)) -> list[Key]:
         without: Fields to leave out.
     """
     meanings = _meanings(cls)
-    fields: dict[str, Any] = getattr(cls, "__dataclass_fields__", {})
+    described: Any = cls
     return [
-        Key(name, _default(field), meanings.get(name, ""))
-        for name, field in fields.items()
-        if name not in without
+        Key(field.name, _default(field), meanings.get(field.name, ""))
+        for field in fields(described)
+        if field.name not in without
     ]
 
 

@@ -10,8 +10,10 @@ from typing import Annotated
 import typer
 
 from ..runs.result import versions
+from .again import plot, replay
 from .catalogue import list_arms, list_experiments, list_laws, list_paths
 from .claims import show_claims
+from .comparing import compare
 from .describing import describe_arm
 from .new import new
 from .running import run, run_fastest
@@ -53,6 +55,9 @@ app.command("arm")(describe_arm)
 app.command()(run)
 app.command("fastest")(run_fastest)
 app.command()(sweep)
+app.command()(compare)
+app.command()(plot)
+app.command()(replay)
 app.command()(new)
 app.command("claims")(show_claims)
 

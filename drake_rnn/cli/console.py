@@ -39,9 +39,19 @@ def errors() -> Iterator[None]:
 
 
 @contextmanager
+def status(text: str) -> Iterator[None]:
+    """Show on a terminal what takes its time; nothing elsewhere."""
+    if not err.is_terminal or out.quiet:
+        yield
+        return
+    with err.status(escape(text)):
+        yield
+
+
+@contextmanager
 def progress_bar(experiment: Experiment) -> Iterator[ProgressCallback | None]:
     """Show a progress bar on a terminal, nothing elsewhere."""
-    if not err.is_terminal:
+    if not err.is_terminal or out.quiet:
         yield None
         return
     columns = (

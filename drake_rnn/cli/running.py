@@ -30,7 +30,7 @@ from .options import (
     require_writable,
     tell_of_window,
 )
-from .saving import write_result
+from .saving import Pictures, write_result
 
 
 def run(  # noqa: PLR0913  one argument for each option
@@ -63,7 +63,7 @@ def run(  # noqa: PLR0913  one argument for each option
             tell_of_window(name, changes_of(changes, seed, duration))
             result = _run(experiment, anyway)
             others = results[: len(first)] if len(results) >= len(first) else ()
-            write_result(result, out_folder / experiment.name, playback, others)
+            write_result(result, out_folder / experiment.name, Pictures(playback=playback), others)
             results.append(result)
         if result.status == "interrupted":
             break
@@ -87,7 +87,7 @@ def run_fastest(
         folder = out_folder / f"{loaded.name}_fastest"
         require_writable(folder)
         found = fastest(loaded, lambda text: err.print(escape(text)))
-        write_result(found.result, folder, playback)
+        write_result(found.result, folder, Pictures(playback=playback))
     out.print(
         f"shortest duration {found.result.metrics['shortest_duration_s']:.4g} s, "
         f"{found.stretch:.4g} times the one asked for; limited by the {found.binding}"

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import wraps
+from io import BytesIO
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -113,3 +115,16 @@ def write_figures(
     except OSError as error:
         raise InvalidInputError(f"figures folder {folder}: {error.strerror}") from None
     return files
+
+
+def _in_notebook(result: Result) -> str:
+    """Return the overview as HTML; nothing for a result that has none."""
+    if "overview" not in drawable(result):
+        return ""
+    picture = BytesIO()
+    save(figure(result, "overview"), picture)
+    code = b64encode(picture.getvalue()).decode()
+    return f'<img alt="overview" style="width: 100%" src="data:image/png;base64,{code}">'
+
+
+Result.views["overview"] = _in_notebook

@@ -21,7 +21,7 @@ from .experiment import (
     make_experiment,
     shipped_experiments,
 )
-from .figures import write_figures
+from .figures import figure, write_figures
 from .inputs.fields import Array, Finite, NonNegative, Positive, Vector, validated
 from .laws import (
     LAWS,
@@ -213,6 +213,7 @@ __all__ = [
     "check_experiment",
     "check_reach",
     "fastest",
+    "figure",
     "load_arm",
     "load_experiment",
     "make_experiment",

@@ -5,28 +5,59 @@ from __future__ import annotations
 import signal
 import sys
 from pathlib import Path
+from typing import Annotated
 
 import typer
 
+from ..runs.result import versions
+from .again import plot, replay
+from .catalogue import list_arms, list_experiments, list_laws, list_paths
 from .claims import show_claims
-from .describing import describe_arm, list_experiments
+from .comparing import compare
+from .describing import describe_arm
 from .new import new
 from .running import run, run_fastest
+from .showing import show
 from .sweeping import sweep
 
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        typer.echo("".join(f"{name} {number}\n" for name, number in versions().items()), nl=False)
+        raise typer.Exit
+
+
+def common(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", help="Print versions and exit.", callback=_print_version, is_eager=True
+        ),
+    ] = False,
+) -> None:
+    """Take the options that stand before a command."""
+
+
 app = typer.Typer(
-    add_completion=False,
     no_args_is_help=True,
     rich_markup_mode=None,  # it would read [s] as a style
     pretty_exceptions_enable=False,
     help="Recurrent-neural-network controllers for redundant manipulators, as Drake systems.",
 )
 
+app.callback()(common)
 app.command("list")(list_experiments)
+app.command()(show)
+app.command("arms")(list_arms)
+app.command("laws")(list_laws)
+app.command("paths")(list_paths)
 app.command("arm")(describe_arm)
 app.command()(run)
 app.command("fastest")(run_fastest)
 app.command()(sweep)
+app.command()(compare)
+app.command()(plot)
+app.command()(replay)
 app.command()(new)
 app.command("claims")(show_claims)
 

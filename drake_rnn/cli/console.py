@@ -39,9 +39,29 @@ def errors() -> Iterator[None]:
 
 
 @contextmanager
-def progress_bar(experiment: Experiment) -> Iterator[ProgressCallback | None]:
-    """Show a progress bar on a terminal, nothing elsewhere."""
-    if not err.is_terminal:
+def silenced(quiet: bool) -> Iterator[None]:
+    """Print nothing but warnings and errors, if that is asked for."""
+    before, out.quiet = out.quiet, quiet
+    try:
+        yield
+    finally:
+        out.quiet = before
+
+
+@contextmanager
+def status(text: str) -> Iterator[None]:
+    """Show on a terminal what takes its time; nothing elsewhere."""
+    if not err.is_terminal or out.quiet:
+        yield
+        return
+    with err.status(escape(text)):
+        yield
+
+
+@contextmanager
+def progress_bar(experiment: Experiment, shown: bool = True) -> Iterator[ProgressCallback | None]:
+    """Show a progress bar on a terminal if it is to be shown, nothing elsewhere."""
+    if not shown or not err.is_terminal or out.quiet:
         yield None
         return
     columns = (

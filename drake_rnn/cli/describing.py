@@ -1,4 +1,4 @@
-"""What there is: experiments and arms."""
+"""What is known of an arm."""
 
 from __future__ import annotations
 
@@ -15,13 +15,7 @@ from ..robot.load_arm import load_arm
 from ..robot.report import arm_report
 from .console import err, errors, out
 from .options import require_writable
-from .tables import arm_joints_table, arm_table, experiments_table
-
-
-def list_experiments() -> None:
-    """List the shipped experiments."""
-    with errors():
-        out.print(experiments_table())
+from .tables import arm_joints_table, arm_table
 
 
 def describe_arm(

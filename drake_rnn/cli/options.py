@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,8 +12,25 @@ from rich.markup import escape
 
 from ..errors import InvalidInputError
 from ..experiment import Experiment, load_experiment, parse_change, read_document
-from .console import out
+from .completing import complete_experiments
+from .console import err, out
 
+One = Annotated[
+    str,
+    typer.Argument(
+        metavar="EXPERIMENT",
+        help="Name of a shipped experiment, or a YAML file.",
+        autocompletion=complete_experiments,
+    ),
+]
+Several = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="EXPERIMENT...",
+        help="Names of shipped experiments, or YAML files.",
+        autocompletion=complete_experiments,
+    ),
+]
 Set = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Change a key, e.g. law.kappa=8; repeatable."),
@@ -29,6 +47,8 @@ Check = Annotated[
 Anyway = Annotated[
     bool, typer.Option("--anyway", help="Run even if it may take more than three hours.")
 ]
+Figures = Annotated[bool, typer.Option("--figures/--no-figures", help="Draw figures.")]
+Playback = Annotated[bool, typer.Option(help="Write playback.html.")]
 Duration = Annotated[
     float | None,
     typer.Option(help="Simulated time [s]; a window that ends later is dropped."),
@@ -59,7 +79,7 @@ def changes_of(
     return new
 
 
-def tell_of_window(name: str, changes: dict[str, Any]) -> None:
+def tell_of_window(name: str, changes: Mapping[str, Any]) -> None:
     """Print a note if the duration ends before the window and therefore drops it."""
     kept = {key: value for key, value in changes.items() if key != "duration"}
     before, now = read_document(name, kept), read_document(name, changes)
@@ -67,7 +87,8 @@ def tell_of_window(name: str, changes: dict[str, Any]) -> None:
     if "window" not in lost:
         return
     what = "and the bounds of accept are" if "accept" in lost else "is"
-    out.print(
+    # A change of what is measured is also told to those who want to hear of nothing else.
+    (err if out.quiet else out).print(
         f"[yellow]note[/] {escape(str(now['name']))}: window {escape(str(before['window']))} s "
         f"{what} dropped: the run ends at {now['duration']:g} s",
         soft_wrap=True,

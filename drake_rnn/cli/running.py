@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
@@ -10,39 +10,39 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from ..errors import InvalidInputError, SimulationError
-from ..experiment import Experiment
+from ..errors import InvalidInputError
+from ..experiment import Experiment, load_experiment
 from ..runs.fastest import fastest
-from ..runs.result import Result
-from ..runs.simulation import check_experiment, simulate
-from .console import FAILED, NOT_MET, err, errors, out, progress_bar
+from ..runs.simulation import check_experiment
+from .announcing import print_json, print_plan
+from .console import FAILED, NOT_MET, err, errors, out, silenced
 from .options import (
     Anyway,
     Check,
     Duration,
+    Figures,
+    One,
     Out,
+    Playback,
     Seed,
     Set,
+    Several,
     changes_of,
     load,
     require_writable,
-    tell_of_window,
 )
-from .saving import write_result
+from .queue import Outcome, Task, run_at_once, run_in_turn
+from .saving import Pictures, write_result
 
 
 def run(  # noqa: PLR0913  one argument for each option
-    experiments: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="EXPERIMENT...", help="Names of shipped experiments, or YAML files."
-        ),
-    ],
+    experiments: Several,
     out_folder: Out = Path("out"),
     changes: Set = None,
     seed: Seed = None,
     duration: Duration = None,
-    playback: Annotated[bool, typer.Option(help="Write playback.html.")] = True,
+    figures: Figures = True,
+    playback: Playback = True,
     beside: Annotated[
         list[str] | None,
         typer.Option(
@@ -51,42 +51,76 @@ def run(  # noqa: PLR0913  one argument for each option
             "repeatable.",
         ),
     ] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Number of runs at a time.")] = 1,
     check: Check = False,
     anyway: Anyway = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print only what went wrong.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print metrics and verdicts as JSON, nothing else.")
+    ] = False,
+    dry_run: Annotated[
+        bool,
+        typer.Option("--dry-run", help="Check all, warn, and estimate the time; run nothing."),
+    ] = False,
 ) -> None:
     """Run experiments; each gets a folder with metrics, figures and a playback."""
     first = beside or []
     names = [*first, *experiments]
-    with errors():
-        if first and not playback:
-            raise InvalidInputError("--beside: shows paths in a playback; leave out --no-playback")
-        loaded = [_load_named(name, names, changes, seed, duration) for name in names]
-        _check_all(loaded, names, out_folder, anyway)
-    results: list[Result] = []
-    for experiment, name in zip(loaded, names, strict=True):
+    with silenced(quiet or as_json):
         with errors():
-            tell_of_window(name, changes_of(changes, seed, duration))
-            result = _run(experiment, anyway)
-            others = results[: len(first)] if len(results) >= len(first) else ()
-            write_result(result, out_folder / experiment.name, playback, others)
-            results.append(result)
-        if result.status == "interrupted":
-            break
-    if skipped := [experiment.name for experiment in loaded[len(results) :]]:
+            if first:
+                _require_beside_is_possible(playback, jobs)
+            changed = changes_of(changes, seed, duration)
+            loaded = [_load_named(name, names, changed) for name in names]
+            warnings = _check_all(loaded, names, anyway)
+            tasks = [
+                Task(
+                    name,
+                    experiment.name,
+                    changed,
+                    out_folder / experiment.name,
+                    Pictures(figures, playback),
+                    anyway,
+                )
+                for name, experiment in zip(names, loaded, strict=True)
+            ]
+            if not dry_run:
+                for task in tasks:
+                    require_writable(task.folder)
+        if dry_run:
+            print_plan(tasks, loaded, warnings, as_json)
+            return
+        outcomes = run_at_once(tasks, jobs) if jobs > 1 else run_in_turn(tasks, loaded, len(first))
+    if as_json:
+        print_json(outcomes)
+    _exit(tasks, outcomes, check)
+
+
+def _require_beside_is_possible(playback: bool, jobs: int) -> None:
+    """Refuse --beside where no playback would show it, or no run could wait for it."""
+    if jobs > 1:
+        raise InvalidInputError("--jobs: cannot be combined with --beside")
+    if not playback:
+        raise InvalidInputError("--beside: shows paths in a playback; leave out --no-playback")
+
+
+def _exit(tasks: list[Task], outcomes: list[Outcome], check: bool) -> None:
+    """End with the status that fits, unless all is well; name what was not run."""
+    ran = {outcome.name for outcome in outcomes}
+    if skipped := [task.name for task in tasks if task.name not in ran]:
         err.print(f"[red]not run[/] {escape(', '.join(skipped))}")
-    if any(result.status != "complete" for result in results):
+    if skipped or not all(outcome.complete for outcome in outcomes):
         raise typer.Exit(FAILED)
-    if check and not all(verdict.met for result in results for verdict in result.verdicts):
+    if check and not all(outcome.met for outcome in outcomes):
         raise typer.Exit(NOT_MET)
 
 
 def run_fastest(
-    experiment: Annotated[
-        str, typer.Argument(help="Name of a shipped experiment, or a YAML file.")
-    ],
+    experiment: One,
     out_folder: Out = Path("out"),
     changes: Set = None,
-    playback: Annotated[bool, typer.Option(help="Write playback.html.")] = True,
+    figures: Figures = True,
+    playback: Playback = True,
 ) -> None:
     """Run a path as fast as the limits on all derivatives allow."""
     with errors():
@@ -94,49 +128,31 @@ def run_fastest(
         folder = out_folder / f"{loaded.name}_fastest"
         require_writable(folder)
         found = fastest(loaded, lambda text: err.print(escape(text)))
-        write_result(found.result, folder, playback)
+        write_result(found.result, folder, Pictures(figures, playback))
     out.print(
         f"shortest duration {found.result.metrics['shortest_duration_s']:.4g} s, "
         f"{found.stretch:.4g} times the one asked for; limited by the {found.binding}"
     )
 
 
-def _run(experiment: Experiment, anyway: bool) -> Result:
-    """Return the result of an experiment; up to its failure, which is printed, if it fails."""
-    try:
-        with progress_bar(experiment) as progress:
-            return simulate(experiment, progress, anyway=anyway)
-    except SimulationError as error:
-        err.print(f"[red]failed[/] {escape(str(error))}")
-        failed: Result = error.result
-        return failed
-
-
-def _load_named(
-    name: str,
-    among: list[str],
-    changes: list[str] | None,
-    seed: int | None,
-    duration: float | None,
-) -> Experiment:
+def _load_named(name: str, among: list[str], changes: Mapping[str, object]) -> Experiment:
     """Return an experiment; an error names it if there are others."""
-    with _named(name, among=among):
-        return load(name, changes, seed, duration)
+    with named(name, among=among):
+        return load_experiment(name, changes)
 
 
-def _check_all(
-    experiments: list[Experiment], names: list[str], out_folder: Path, anyway: bool
-) -> None:
-    """Check everything before anything runs."""
+def _check_all(experiments: list[Experiment], names: list[str], anyway: bool) -> list[list[str]]:
+    """Check everything before anything runs; return the warnings about each."""
+    warnings = []
     for experiment in experiments:
         _require_one_folder_each(experiment, experiments)
-        with _named(experiment.name, among=names):
-            check_experiment(experiment, anyway)
-        require_writable(out_folder / experiment.name)
+        with named(experiment.name, among=names):
+            warnings.append(check_experiment(experiment, anyway))
+    return warnings
 
 
 @contextmanager
-def _named(name: str, among: list[str]) -> Iterator[None]:
+def named(name: str, among: list[str]) -> Iterator[None]:
     """Add the experiment's name to errors if there are several experiments."""
     try:
         yield

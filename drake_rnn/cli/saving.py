@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import subprocess
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from rich.markup import escape
@@ -13,12 +14,25 @@ from ..figures import write_figures
 from ..playback import write_playback
 from ..runs.folder import filled
 from ..runs.result import Result
-from .console import err, out
+from .console import err, out, status
 from .tables import joints_table, metrics_table
 
 
+@dataclass(frozen=True)
+class Pictures:
+    """What is made of a result to look at.
+
+    Attributes:
+        figures: Whether figures are drawn.
+        playback: Whether a playback is written.
+    """
+
+    figures: bool = True
+    playback: bool = True
+
+
 def write_result(
-    result: Result, folder: Path, playback: bool, beside: Sequence[Result] = ()
+    result: Result, folder: Path, pictures: Pictures, beside: Sequence[Result] = ()
 ) -> None:
     """Write a result with its pictures, and print what came out."""
     for warning in result.warnings:
@@ -31,14 +45,22 @@ def write_result(
     with filled(folder, result.record):
         result.write(folder)
         _draw_diagram(folder / "diagram.dot")
-        figures = write_figures(result, folder / "figures")
         out.print(escape(f"results   {folder}"), soft_wrap=True)
-        out.print(escape(f"figures   {folder / 'figures'} ({len(figures)})"), soft_wrap=True)
-        if playback and result.time.size > 1:
-            others = [other for other in beside if other.time.size > 1]
-            file, rate = folder / "playback.html", _frames_per_second(result)
-            page = write_playback(result, file, rate, others)
-            out.print(escape(f"playback  {page}"), soft_wrap=True)
+        if pictures.figures:
+            with status(f"{result.experiment.name}: drawing figures"):
+                figures = write_figures(result, folder / "figures")
+            out.print(escape(f"figures   {folder / 'figures'} ({len(figures)})"), soft_wrap=True)
+        if pictures.playback and result.time.size > 1:
+            write_page(result, folder, beside)
+
+
+def write_page(result: Result, folder: Path, beside: Sequence[Result]) -> None:
+    """Write a result's playback to its folder."""
+    others = [other for other in beside if other.time.size > 1]
+    file, rate = folder / "playback.html", _frames_per_second(result)
+    with status(f"{result.experiment.name}: writing the playback"):
+        page = write_playback(result, file, rate, others)
+    out.print(escape(f"playback  {page}"), soft_wrap=True)
 
 
 def _frames_per_second(result: Result) -> int:

@@ -16,14 +16,22 @@ from ..figures.sweep import sweep_figure
 from ..runs.sweep import Row, parse_axis, write_csv
 from ..runs.sweep import sweep as run_sweep
 from .console import FAILED, NOT_MET, err, errors, out
-from .options import Check, Duration, Out, Seed, Set, changes_of, require_writable, tell_of_window
+from .options import (
+    Check,
+    Duration,
+    One,
+    Out,
+    Seed,
+    Set,
+    changes_of,
+    require_writable,
+    tell_of_window,
+)
 from .tables import WIDE, sweep_tables, varying_metrics
 
 
 def sweep(
-    experiment: Annotated[
-        str, typer.Argument(help="Name of a shipped experiment, or a YAML file.")
-    ],
+    experiment: One,
     over: Annotated[
         list[str] | None,
         typer.Option(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from itertools import groupby
 from typing import Literal
 
 import numpy as np
@@ -13,12 +12,6 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from ..experiment import (
-    ExperimentDocument,
-    read_document,
-    shipped_experiments,
-)
-from ..inputs.documents import construct
 from ..measures import shown_in
 from ..robot.limits import DERIVATIVE_UNITS
 from ..robot.report import ArmReport
@@ -30,31 +23,6 @@ from ..runs.verdict import Verdict
 WIDE = 10_000
 #: Widths of a sweep's metric columns, where their headers break, and value columns [characters].
 _HEADER, _VALUE = 13, 40
-
-
-def experiments_table() -> Table:
-    """Return a table of the shipped experiments, law by law."""
-    # Read as documents only, because one of the experiments is refused.
-    documents = [
-        construct(ExperimentDocument, read_document(name), name) for name in shipped_experiments()
-    ]
-    documents.sort(key=lambda document: (str(document.law["kind"]), document.name))
-    table = Table(box=SIMPLE_HEAD)
-    for column in ("law", "name", "paper", "arm", "level", "what to expect"):
-        table.add_column(column, overflow="fold", no_wrap=column in {"name", "arm", "law"})
-    for kind, group in groupby(documents, key=lambda document: str(document.law["kind"])):
-        for number, document in enumerate(group):
-            arm = document.arm
-            table.add_row(
-                kind if number == 0 else "",
-                document.name,
-                document.paper,
-                arm if isinstance(arm, str) else str(arm["model"]),
-                document.level,
-                document.expect,
-            )
-        table.add_section()
-    return table
 
 
 def arm_joints_table(report: ArmReport) -> Table:

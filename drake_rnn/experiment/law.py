@@ -14,8 +14,8 @@ from ..robot.limits import JointLimits
 from ..robot.task import TASKS
 from .document import ExperimentDocument
 
-# Where those fields of a law come from that a document must not give.
-_ORIGINS = {"limits": "arm and limits", "home": "start", "task_size": "task"}
+#: Where those fields of a law come from that a document must not give.
+ORIGINS = {"limits": "arm and limits", "home": "start", "task_size": "task"}
 
 
 def make_law(
@@ -38,7 +38,7 @@ def make_law(
     known = {"limits": limits, "home": start, "task_size": TASKS[task].size}
     filled = {name: value for name, value in known.items() if name in field_names(kind)}
     for name in filled.keys() & document.law.keys():
-        raise InvalidInputError(f"law.{name}: follows from {_ORIGINS[name]}; leave it out")
+        raise InvalidInputError(f"law.{name}: follows from {ORIGINS[name]}; leave it out")
     _require_size(task, kind)
     law: Law = construct(kind, {**filled, **without_kind(document.law)}, "law")
     check_declared(law)

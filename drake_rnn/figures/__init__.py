@@ -12,6 +12,6 @@ from . import (  # noqa: F401  These register figures.
     pressing,
     single,
 )
-from .registry import FIGURES, Drawing, drawable, write_figures
+from .registry import FIGURES, Drawing, drawable, figure, write_figures
 
-__all__ = ["FIGURES", "Drawing", "drawable", "write_figures"]
+__all__ = ["FIGURES", "Drawing", "drawable", "figure", "write_figures"]

@@ -21,11 +21,14 @@ from .style import BOUND, COLOURS, PAGE, largest, log_axis, save, styled, time_a
 #: Share of a bound, and error [m], below which curves are not shown.
 _LEAST, _LEAST_ERROR = 1e-3, 1e-10
 
+#: Room for the names in a line of the legend [characters].
+_LEGEND = 110
+
 _LOOKS: tuple[dict[str, Any], ...] = (
     {"color": COLOURS[1], "linewidth": 0.8},
     {"color": COLOURS[0], "linewidth": 0.8},
     {"color": COLOURS[2], "linewidth": 1.2},
-    {"color": COLOURS[3], "linewidth": 0.8},
+    *({"color": colour, "linewidth": 0.8} for colour in COLOURS[3:]),
 )
 
 
@@ -56,7 +59,8 @@ def comparison_figure(groups: Mapping[str, Mapping[str, Result]], file: Path) ->
         for ax, name in zip(axes[:, 0], names, strict=True):
             ax.set_ylabel(name)
         handles = axes[0, 0].get_legend_handles_labels()
-        figure.legend(*handles, loc="outside upper center", ncols=len(handles[1]))
+        columns = max(1, min(len(handles[1]), _LEGEND // max(map(len, handles[1]))))
+        figure.legend(*handles, loc="outside upper center", ncols=columns)
         figure.align_ylabels()
         save(figure, file)
     return file
@@ -107,7 +111,12 @@ def shares_of_bounds(result: Result) -> list[tuple[Array, Array]]:
 
 
 def _share_of_range(position: Array, limits: JointLimits) -> Array:
-    """Return how far the worst joint is from the middle of its range; 1 at either limit."""
-    middle = (limits.position_upper + limits.position_lower) / 2
-    half = (limits.position_upper - limits.position_lower) / 2
-    return np.asarray((np.abs(position - middle) / half).max(axis=1))
+    """Return how far the worst joint is from the middle of its range; 1 at either limit.
+
+    Joints without two limits have no middle; NaN if there are no others.
+    """
+    lower, upper = limits.position_lower, limits.position_upper
+    bounded = np.isfinite(lower) & np.isfinite(upper)
+    middle = np.add(upper, lower, out=np.full_like(upper, np.nan), where=bounded) / 2
+    half = np.subtract(upper, lower, out=np.full_like(upper, np.nan), where=bounded) / 2
+    return np.asarray(np.fmax.reduce(np.abs(position - middle) / half, axis=1))

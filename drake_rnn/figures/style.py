@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from contextlib import AbstractContextManager
 from functools import cache
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -79,7 +80,7 @@ def styled() -> AbstractContextManager[Any]:
     return matplotlib.style.context(["default", STYLE])
 
 
-def save(figure: Figure, file: Path) -> None:
+def save(figure: Figure, file: Path | BytesIO) -> None:
     """Write a figure as a PNG file with a palette, which makes it a third of the size."""
     canvas: Any = FigureCanvasAgg(figure)
     # Matplotlib looks fonts up only now.
@@ -94,7 +95,7 @@ def save(figure: Figure, file: Path) -> None:
     image = Image.fromarray(nearest.astype(np.uint8)[where].reshape(pixels.shape[:2]))
     image.putpalette(palette.ravel().tolist())
     dots = round(figure.dpi)
-    image.save(file, optimize=True, dpi=(dots, dots))
+    image.save(file, "PNG", optimize=True, dpi=(dots, dots))
 
 
 @cache

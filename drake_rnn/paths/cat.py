@@ -21,7 +21,11 @@ _BUMPS = (
 
 @validated
 class Cat(Planar):
-    """A cat's head of radius ``size`` [m], ears up along the plane's y."""
+    """A cat's head of radius ``size`` [m], ears up along the plane's y.
+
+    Args:
+        size: Radius of the head, without the ears [m].
+    """
 
     kind: Literal["cat"] = "cat"
     size: Length

@@ -97,7 +97,11 @@ Side = Annotated[Vector, AfterValidator(_pair)]
 
 @validated
 class Parallelogram(Planar):
-    """A parallelogram along the first of its two ``sides`` [m], then the second, and back."""
+    """A parallelogram along the first of its two ``sides`` [m], then the second, and back.
+
+    Args:
+        sides: The two sides as vectors in the plane, shape (2, 2) [m].
+    """
 
     kind: Literal["parallelogram"] = "parallelogram"
     sides: tuple[Side, Side]

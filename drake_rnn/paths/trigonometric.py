@@ -15,7 +15,11 @@ Harmonics = tuple[tuple[int, complex], ...]
 
 @validated
 class Trigonometric(Planar):
-    """A curve z(f) that is the sum of c exp(i k f) over its ``harmonics`` (k, c)."""
+    """A curve z(f) that is the sum of c exp(i k f) over its ``harmonics`` (k, c).
+
+    Args:
+        size: Scale of the curve; each class says what it is the length of [m].
+    """
 
     size: Length
 
@@ -69,7 +73,11 @@ class Nephroid(Trigonometric):
 
 @validated
 class FourRing(Trigonometric):
-    """Four rings around a centre: loops for ``ring`` > 1/3, four petals for ``ring`` = 1."""
+    """Four rings around a centre: loops for ``ring`` > 1/3, four petals for ``ring`` = 1.
+
+    Args:
+        ring: Size of the loops relative to the curve.
+    """
 
     kind: Literal["four_ring"] = "four_ring"
     ring: Finite = 0.7
@@ -82,7 +90,11 @@ class FourRing(Trigonometric):
 
 @validated
 class Clover(Trigonometric):
-    """A four-leaf clover (rose) with leaves of length ``size`` [m]; starts at ``begin``."""
+    """A four-leaf clover (rose) with leaves of length ``size`` [m]; starts at ``begin``.
+
+    Args:
+        begin: Where the curve begins: at a leaf's ``tip``, or in the ``centre``.
+    """
 
     kind: Literal["clover"] = "clover"
     begin: Literal["tip", "centre"] = "tip"

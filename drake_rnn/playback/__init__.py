@@ -7,6 +7,7 @@ network: it contains Drake's Meshcat viewer, the scene and its animation.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from html import escape
 from pathlib import Path
 
 from ..errors import InvalidInputError
@@ -16,6 +17,9 @@ from .page import make_page
 from .replay import replayed_motion
 
 __all__ = ["write_playback"]
+
+#: Frame rate in a notebook [1/s], which keeps its file small, and style of the frame.
+_NOTEBOOK_RATE, _FRAME = 32, "width: 100%; height: 480px; border: 0"
 
 
 def write_playback(
@@ -53,3 +57,14 @@ def write_playback(
     except OSError as error:
         raise InvalidInputError(f"playback file {file}: {error.strerror}") from None
     return file
+
+
+def _in_notebook(result: Result) -> str:
+    """Return the playback in a frame, as HTML; nothing for a result of a single instant."""
+    if result.time.size < 2:
+        return ""
+    page = make_page(replayed_motion(result), _NOTEBOOK_RATE)
+    return f'<iframe style="{_FRAME}" srcdoc="{escape(page)}"></iframe>'
+
+
+Result.views["playback"] = _in_notebook

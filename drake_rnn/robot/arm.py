@@ -25,11 +25,12 @@ from ..errors import InvalidInputError
 from ..inputs.complaints import nearest, require_type
 from ..inputs.documents import construct
 from ..inputs.fields import Array
+from ..inputs.html import html_table
 from .arm_description import ArmDescription
 from .drake_log import quiet_drake
 from .held_joints import poses_where_held, weld_joints
 from .kinematics import ArmKinematics
-from .limits import JointLimits
+from .limits import DERIVATIVE_UNITS, JointLimits
 from .limits_file import LimitsFile, read_limits
 from .model import read_model
 
@@ -85,6 +86,26 @@ class Arm:
         self._require_size("limits", self.limits.size)
         if self.home is not None:
             self._require_size("home", self.home.size)
+
+    def __repr__(self) -> str:
+        tool = "" if self.tool is None else f", with a ball of {self.tool.ball * 1e3:g} mm"
+        return f"<Arm {self.name}: {self.n} joints, task frame {self.frame}{tool}>"
+
+    def _repr_html_(self) -> str:
+        units = dict.fromkeys(("position_lower", "position_upper"), "rad") | DERIVATIVE_UNITS
+        bounds = {
+            f"{name} [{unit}]": bound
+            for name, unit in units.items()
+            if (bound := self.limits.bounds[name]) is not None
+        }
+        rows = [
+            (
+                joint if unit == "rad" else f"{joint} (in m)",
+                *(f"{bound[k]:.4g}" for bound in bounds.values()),
+            )
+            for k, (joint, unit) in enumerate(zip(self.joints, self.units, strict=True))
+        ]
+        return html_table(repr(self)[1:-1], ("joint", *bounds), rows)
 
     @property
     def n(self) -> int:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 from zipfile import BadZipFile
 
 import numpy as np
@@ -18,7 +19,9 @@ from ..experiment import Experiment, expected_bounds, make_experiment
 from ..inputs.complaints import require_type
 from ..inputs.documents import parse_yaml
 from ..inputs.fields import Array
+from ..inputs.html import html_table
 from ..inputs.modules import Modules
+from ..measures import METRICS
 from ..paths import Path as MotionPath
 from .folder import filled, read_record
 from .verdict import Verdict
@@ -31,9 +34,12 @@ Status = Literal["complete", "failed", "interrupted"]
 _UNREADABLE = (OSError, EOFError, ValueError, KeyError, BadZipFile, zlib.error)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Result:
     """Series and metrics of a run.
+
+    A notebook shows it as a table of its metrics, with what the rooms above make of it: the
+    overview figure and the playback.
 
     Attributes:
         experiment: Experiment that was run.
@@ -49,7 +55,10 @@ class Result:
             ``real_time_factor``, simulated time over wall time of the run, and, if a clock samples
             the law, ``control_step_us``, the median time of one of its steps alone. They differ
             from run to run.
+        views: What a notebook shows below the metrics, as functions from a result to HTML.
     """
+
+    views: ClassVar[dict[str, Callable[[Result], str]]] = {}
 
     experiment: Experiment
     time: Array
@@ -60,6 +69,29 @@ class Result:
     status: Status = "complete"
     failure: str = ""
     timings: dict[str, float] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        verdicts = self.verdicts
+        met = sum(verdict.met for verdict in verdicts)
+        return (
+            f"<Result {self.experiment.name or 'of an experiment'}: {self.status}, "
+            f"{self.record['until_s']:g} s, {len(self.metrics)} metrics, "
+            f"{met} of {len(verdicts)} bounds kept>"
+        )
+
+    def _repr_html_(self) -> str:
+        verdicts = {verdict.metric: verdict for verdict in self.verdicts}
+        rows = []
+        for metric in METRICS:
+            value, verdict = self.metrics.get(metric.name), verdicts.get(metric.name)
+            if value is None and verdict is None:
+                continue
+            bound = "" if verdict is None else f"{verdict.bound} {'ok' if verdict.met else 'no'}"
+            written = "not reached" if value is None else f"{value:.4g}"
+            unit = "" if metric.unit == "1" else metric.unit
+            rows.append((metric.name, written, unit, bound))
+        table = html_table(repr(self)[1:-1], ("metric", "value", "unit", "bound"), rows)
+        return table + "".join(view(self) for view in self.views.values())
 
     @property
     def position_error(self) -> Array:

@@ -6,9 +6,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from drake_rnn import JointLimits
 from drake_rnn.experiment import load_experiment
 from drake_rnn.figures import drawable
-from drake_rnn.figures.comparison import comparison_figure, shares_of_bounds
+from drake_rnn.figures.comparison import (
+    _share_of_range,
+    comparison_figure,
+    shares_of_bounds,
+)
 from drake_rnn.figures.derivative_panels import derivatives_of_motion
 from drake_rnn.figures.style import save
 from drake_rnn.runs.simulation import simulate
@@ -218,3 +223,12 @@ def test_the_comparison_is_a_page_wide(printed, smooth, tmp_path):
     with Image.open(file) as image:
         assert image.width == 1420
         assert image.height < 2000
+
+
+def test_joints_without_limits_have_no_share_of_their_range():
+    """Without a warning, and the others have theirs; with none at all there is no curve."""
+    q = np.array([[0.5, 3.0], [-0.5, 3.0]])
+    half = JointLimits(position_lower=[-1, -np.inf], position_upper=[1, np.inf], velocity=[1, 1])
+    np.testing.assert_allclose(_share_of_range(q, half), [0.5, 0.5])
+    none = JointLimits(position_lower=[-1] * 2, position_upper=[np.inf] * 2, velocity=[1, 1])
+    assert np.isnan(_share_of_range(q, none)).all()

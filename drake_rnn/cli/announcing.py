@@ -1,0 +1,70 @@
+"""What a command will do, and what it has done, for people and for scripts."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import typer
+from rich.markup import escape
+
+from ..experiment import Experiment
+from ..runs.effort import Effort, expected_effort
+from .console import err, out
+from .options import tell_of_window
+from .queue import Outcome, Task
+
+
+def print_json(outcomes: Sequence[Outcome]) -> None:
+    """Print the outcomes of runs as one JSON object, by name."""
+    contents = {
+        outcome.name: {
+            "folder": str(outcome.folder),
+            "metrics": outcome.metrics,
+            **outcome.record,
+        }
+        for outcome in outcomes
+    }
+    typer.echo(json.dumps(contents, indent=2))
+
+
+def print_plan(
+    tasks: Sequence[Task],
+    experiments: Sequence[Experiment],
+    warnings: Sequence[Sequence[str]],
+    as_json: bool,
+) -> None:
+    """Print what would be run, what it may take and what it warns of.
+
+    Args:
+        tasks: What would be run.
+        experiments: The experiments that the tasks name.
+        warnings: Warnings about each of them.
+        as_json: Whether to print one JSON object, by name.
+    """
+    plan: dict[str, Any] = {}
+    for task, experiment, complaints in zip(tasks, experiments, warnings, strict=True):
+        effort = expected_effort(experiment)
+        plan[task.name] = {
+            "folder": str(task.folder),
+            "duration_s": experiment.document.duration,
+            "steps": effort.steps if effort.key else None,
+            "expected_time_s": effort.time if effort.key else None,
+            "warnings": list(complaints),
+        }
+        tell_of_window(task.experiment, task.changes)
+        for complaint in complaints:
+            err.print(f"[yellow]warning[/] {escape(f'{task.name}: {complaint}')}")
+        out.print(escape(f"{task.name}: {_told(effort)}; {task.folder}"), soft_wrap=True)
+    if as_json:
+        typer.echo(json.dumps(plan, indent=2))
+
+
+def _told(effort: Effort) -> str:
+    if not effort.key:
+        return "an integrator chooses its steps, so there is no estimate"
+    return (
+        f"{effort.steps:.3g} steps of {effort.key} {effort.step:g} s, some {effort.time:.2g} s "
+        "without figures and playback"
+    )

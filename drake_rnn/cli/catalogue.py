@@ -1,0 +1,177 @@
+"""What there is to name in a document: experiments, arms, laws and paths."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+import typer
+from rich.box import SIMPLE_HEAD
+from rich.markup import escape
+from rich.table import Table
+
+from ..errors import InvalidInputError
+from ..experiment import ExperimentDocument, read_document, shipped_experiments
+from ..experiment.law import ORIGINS
+from ..inputs.complaints import nearest
+from ..inputs.documents import construct
+from ..inputs.explained import Key, first_sentence, keys_of
+from ..laws import LAWS
+from ..paths import PATHS
+from ..robot.arm_description import ArmDescription
+from ..robot.load_arm import load_arm, shipped_arms
+from ..systems import BODIES
+from .completing import complete_arms, complete_laws, complete_levels, complete_paths
+from .console import errors, out
+
+#: Width from which a table of experiments also has their papers [characters].
+_ROOM = 120
+
+
+def list_experiments(
+    word: Annotated[
+        str, typer.Argument(help="Only those with this word in name, paper or expectation.")
+    ] = "",
+    arm: Annotated[
+        str | None, typer.Option(help="Only those of this arm.", autocompletion=complete_arms)
+    ] = None,
+    law: Annotated[
+        str | None, typer.Option(help="Only those of this law.", autocompletion=complete_laws)
+    ] = None,
+    level: Annotated[
+        str | None, typer.Option(help="Only those of this level.", autocompletion=complete_levels)
+    ] = None,
+) -> None:
+    """List the shipped experiments."""
+    with errors():
+        for option, name, known in (
+            ("--arm", arm, shipped_arms()),
+            ("--law", law, list(LAWS)),
+            ("--level", level, list(BODIES)),
+        ):
+            if name is not None and name not in known:
+                raise InvalidInputError(f"{option}: no {name!r}; {nearest(name, known)}")
+        chosen = [
+            document
+            for document in shipped_documents()
+            if word.lower() in f"{document.name} {document.paper} {document.expect}".lower()
+            and arm in (None, arm_of(document))
+            and law in (None, document.law["kind"])
+            and level in (None, document.level)
+        ]
+        if not chosen:
+            raise InvalidInputError("there is no such experiment; drake-rnn list shows all")
+        out.print(experiments_table(chosen, out.width))
+
+
+def shipped_documents() -> list[ExperimentDocument]:
+    """Return the documents of the shipped experiments, law by law."""
+    # Read as documents only, because one of the experiments is refused.
+    documents = [
+        construct(ExperimentDocument, read_document(name), name) for name in shipped_experiments()
+    ]
+    return sorted(documents, key=lambda document: (str(document.law["kind"]), document.name))
+
+
+def arm_of(document: ExperimentDocument) -> str:
+    """Return the name of a document's arm, or its model file."""
+    return document.arm if isinstance(document.arm, str) else str(document.arm["model"])
+
+
+def experiments_table(documents: list[ExperimentDocument], width: int) -> Table:
+    """Return a table of experiments, in sections by law, that fits into 80 characters.
+
+    Args:
+        documents: The experiments, sorted by law.
+        width: Room for the table [characters]; papers are shown if there is enough.
+    """
+    wide = width >= _ROOM
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for column in ("law: name", "arm", "level", *(["paper"] if wide else []), "what to expect"):
+        narrow = column not in {"paper", "what to expect"}
+        table.add_column(column, overflow="fold", no_wrap=narrow)
+    before = ""
+    for document in documents:
+        kind = str(document.law["kind"])
+        if kind != before:
+            table.add_section()
+            table.add_row(f"[bold]{escape(kind)}[/]")
+            before = kind
+        paper = [document.paper] if wide else []
+        cells = (document.name, arm_of(document), document.level, *paper, document.expect)
+        table.add_row(*map(escape, cells))
+    return table
+
+
+def list_arms() -> None:
+    """List the shipped arms, and the keys that describe an arm."""
+    with errors():
+        table = Table(box=SIMPLE_HEAD)
+        for column in ("arm", "joints", "task frame E", "tool"):
+            table.add_column(column)
+        for name in shipped_arms():
+            arm = load_arm(name)
+            tool = f"ball of {arm.tool.ball * 1e3:g} mm" if arm.tool else "none"
+            table.add_row(*map(escape, (name, str(len(arm.joints)), arm.frame, tool)))
+        out.print(table)
+        out.print("drake-rnn arm NAME shows all that is known of one. Keys of arm in a document:")
+        out.print(keys_table(keys_of(ArmDescription)))
+
+
+def list_laws(
+    name: Annotated[
+        str | None,
+        typer.Argument(help="Explain the keys of this one.", autocompletion=complete_laws),
+    ] = None,
+) -> None:
+    """List the laws with their keys and defaults, or explain the keys of one."""
+    with errors():
+        lines = {kind: first_sentence(sys.modules[cls.__module__]) for kind, cls in LAWS.items()}
+        keys = {kind: keys_of(cls, ("kind", *ORIGINS)) for kind, cls in LAWS.items()}
+        _print_kinds("law", lines, keys, name)
+
+
+def list_paths(
+    name: Annotated[
+        str | None,
+        typer.Argument(help="Explain the keys of this one.", autocompletion=complete_paths),
+    ] = None,
+) -> None:
+    """List the paths with their keys and defaults, or explain the keys of one."""
+    with errors():
+        lines = {kind: first_sentence(cls) for kind, cls in PATHS.items()}
+        keys = {kind: keys_of(cls) for kind, cls in PATHS.items()}
+        _print_kinds("path", lines, keys, name)
+
+
+def _print_kinds(
+    section: str, lines: dict[str, str], keys: dict[str, list[Key]], name: str | None
+) -> None:
+    """Print one line and the keys for each kind, or a table of the keys of one."""
+    if name is not None:
+        if name not in keys:
+            raise InvalidInputError(f"{section}: no {name!r}; {nearest(name, list(keys))}")
+        out.print(f"[bold]{name}[/]  {escape(lines[name])}")
+        out.print(keys_table(keys[name]))
+        return
+    table = Table(box=SIMPLE_HEAD)
+    table.add_column(section, no_wrap=True)
+    table.add_column("what it is, and its keys (with their defaults)")
+    for kind, line in lines.items():
+        written = ", ".join(
+            key.name if key.default is None else f"{key.name} ({key.default})" for key in keys[kind]
+        )
+        table.add_row(kind, f"{escape(line)}\n[dim]{escape(written)}[/]")
+    out.print(table)
+
+
+def keys_table(keys: list[Key]) -> Table:
+    """Return a table of keys with defaults and meanings."""
+    table = Table(box=SIMPLE_HEAD)
+    table.add_column("key", no_wrap=True)
+    table.add_column("default", overflow="fold")
+    table.add_column("meaning", ratio=1)
+    for key in keys:
+        default = "must be given" if key.default is None else key.default
+        table.add_row(*map(escape, (key.name, default, key.meaning)))
+    return table

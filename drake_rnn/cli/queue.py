@@ -1,0 +1,204 @@
+"""Experiments that are run and written, one after another or several at a time."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from dataclasses import dataclass
+from itertools import takewhile
+from multiprocessing import active_children, get_context
+from pathlib import Path
+from typing import Any
+
+from rich.markup import escape
+
+from ..errors import DrakeRnnError, SimulationError
+from ..experiment import Experiment, load_experiment
+from ..runs.result import Result
+from ..runs.simulation import simulate
+from .console import err, errors, out, progress_bar
+from .options import tell_of_window
+from .saving import Pictures, write_result
+
+
+@dataclass(frozen=True)
+class Task:
+    """A run that is asked for, as plain data.
+
+    Attributes:
+        experiment: Name or file of the experiment.
+        name: Its name.
+        changes: Changes of its document, by dotted key.
+        folder: Folder for the result.
+        pictures: What is made of the result to look at.
+        anyway: Whether it may take as many steps as it likes.
+    """
+
+    experiment: str
+    name: str
+    changes: Mapping[str, Any]
+    folder: Path
+    pictures: Pictures
+    anyway: bool
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came out of a task.
+
+    Attributes:
+        name: Name of the experiment.
+        folder: Folder of the result.
+        record: What ``run.json`` holds.
+        metrics: Metrics of the run.
+    """
+
+    name: str
+    folder: Path
+    record: dict[str, Any]
+    metrics: dict[str, float]
+
+    @property
+    def complete(self) -> bool:
+        """Whether the run came to its end and was written."""
+        return bool(self.record["status"] == "complete")
+
+    @property
+    def met(self) -> bool:
+        """Whether all bounds that the run is expected to keep are kept."""
+        return all(verdict["met"] for verdict in self.record["accept"].values())
+
+
+#: A task in another process: its outcome, and what was said and complained of.
+_Apart = Future[tuple[Outcome, str, str]]
+# Time after which a process is interrupted again, in case it was not ready [s].
+_AGAIN = 0.5
+
+
+def run_in_turn(
+    tasks: Sequence[Task], experiments: Sequence[Experiment], ahead: int = 0
+) -> list[Outcome]:
+    """Run tasks one after another, until one is interrupted.
+
+    Args:
+        tasks: The tasks.
+        experiments: The experiments that they name.
+        ahead: Number of tasks whose paths are shown beside those of the others.
+    """
+    outcomes: list[Outcome] = []
+    shown: list[Result] = []
+    for task, experiment in zip(tasks, experiments, strict=True):
+        with errors():
+            beside = shown if len(outcomes) >= ahead else []
+            result = _perform(task, experiment, beside)
+        if len(outcomes) < ahead:
+            shown.append(result)
+        outcomes.append(Outcome(task.name, task.folder, result.record, result.metrics))
+        if result.status == "interrupted":
+            break
+    return outcomes
+
+
+def run_at_once(tasks: Sequence[Task], jobs: int) -> list[Outcome]:
+    """Run tasks in processes of their own, until one is interrupted; print each when it is due.
+
+    Args:
+        tasks: The tasks.
+        jobs: Number of processes.
+    """
+    # Drake has started threads, which a forked process would not inherit.
+    context = get_context("spawn")
+    outcomes: list[Outcome] = []
+    futures: list[_Apart] = []
+    with ProcessPoolExecutor(jobs, mp_context=context, initializer=_wait_quietly) as pool:
+        try:
+            for task in tasks:
+                # What is handed over cannot be taken back, so only what can begin is.
+                if len(running := [each for each in futures if not each.done()]) >= jobs:
+                    wait(running, return_when=FIRST_COMPLETED)
+                outcomes += _due(futures[len(outcomes) :])
+                futures.append(pool.submit(_perform_apart, task, out.width, out.quiet))
+            for future in futures[len(outcomes) :]:
+                wait([future])
+                outcomes += _due([future])
+        except KeyboardInterrupt:
+            _interrupt(futures)
+            outcomes += map(_told, futures[len(outcomes) :])
+    return outcomes
+
+
+def _due(futures: Sequence[_Apart]) -> list[Outcome]:
+    """Return and tell of the first tasks as far as they are done, if none was interrupted."""
+    done = list(takewhile(Future.done, futures))
+    if any(future.result()[0].record["status"] == "interrupted" for future in done):
+        raise KeyboardInterrupt
+    return list(map(_told, done))
+
+
+def _interrupt(futures: Sequence[_Apart]) -> None:
+    """Interrupt the tasks that are being run, and wait until they have written what they had."""
+    while wait(futures, timeout=_AGAIN).not_done:
+        for child in active_children():
+            if child.pid is not None:
+                os.kill(child.pid, signal.SIGINT)
+
+
+def _told(future: _Apart) -> Outcome:
+    outcome, said, complained = future.result()
+    sys.stdout.write(said)
+    sys.stderr.write(complained)
+    return outcome
+
+
+def _wait_quietly() -> None:
+    # A process without a task has nothing to keep, and nothing to say when it is stopped.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _interrupt_once(number: int, frame: Any) -> None:
+    # A second signal must not cut the writing of what the first one has left.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    raise KeyboardInterrupt
+
+
+def _perform_apart(task: Task, width: int, quiet: bool) -> tuple[Outcome, str, str]:
+    """Perform a task in this process; return what came out, and what was said meanwhile."""
+    out.width, out.quiet = width, quiet
+    signal.signal(signal.SIGINT, _interrupt_once)
+    outcome = Outcome(task.name, task.folder, {"status": "interrupted", "accept": {}}, {})
+    with out.capture() as said, err.capture() as complained:
+        try:
+            result = _perform(task, load_experiment(task.experiment, task.changes), (), bar=False)
+            outcome = Outcome(task.name, task.folder, result.record, result.metrics)
+        except KeyboardInterrupt:
+            err.print(f"[red]failed[/] {escape(task.name)}: interrupted")
+        except (DrakeRnnError, OSError) as error:
+            err.print(f"[red]error[/] {escape(f'{task.name}: {error}')}")
+            record = {"status": "failed", "failure": str(error), "accept": {}}
+            outcome = Outcome(task.name, task.folder, record, {})
+        finally:
+            _wait_quietly()
+    return outcome, said.get(), complained.get()
+
+
+def _perform(
+    task: Task, experiment: Experiment, beside: Sequence[Result], bar: bool = True
+) -> Result:
+    tell_of_window(task.experiment, task.changes)
+    result = _simulated(experiment, task.anyway, bar)
+    write_result(result, task.folder, task.pictures, beside)
+    return result
+
+
+def _simulated(experiment: Experiment, anyway: bool, bar: bool) -> Result:
+    """Return the result of an experiment; up to its failure, which is printed, if it fails."""
+    try:
+        with progress_bar(experiment, bar) as progress:
+            return simulate(experiment, progress, anyway=anyway)
+    except SimulationError as error:
+        err.print(f"[red]failed[/] {escape(str(error))}")
+        failed: Result = error.result
+        return failed

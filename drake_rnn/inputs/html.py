@@ -1,0 +1,27 @@
+"""Tables as a notebook shows them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+
+
+def html_table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table as HTML; all but the first column to the right.
+
+    Args:
+        title: What stands above it.
+        head: Names of the columns.
+        rows: Texts of the cells.
+    """
+    lines = [_row("th", head), *(_row("td", row) for row in rows)]
+    return f"<table><caption>{escape(title)}</caption>{''.join(lines)}</table>"
+
+
+def _row(cell: str, texts: Sequence[str]) -> str:
+    sides = ("left", *("right" for _ in texts[1:]))
+    cells = (
+        f'<{cell} style="text-align: {side}">{escape(text)}</{cell}>'
+        for side, text in zip(sides, texts, strict=True)
+    )
+    return f"<tr>{''.join(cells)}</tr>"

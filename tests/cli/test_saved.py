@@ -1,0 +1,109 @@
+"""Commands about results that are there already, alone and side by side."""
+
+import csv
+
+import pytest
+from typer.testing import CliRunner
+
+from drake_rnn import Result, simulate
+from drake_rnn.cli import app
+from drake_rnn.experiment import load_experiment
+
+SHORT = {"duration": 0.05, "window": [0, 0.05], "accept": None}
+KNOWN, LINE = "slc_nephroid_known", "pinv_line"
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def sentence(result):
+    assert result.exit_code == 2, (result.stdout, result.stderr, result.exception)
+    (line,) = result.stderr.splitlines()
+    return line.removeprefix("error ")
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    """Saved results of two short runs."""
+    place = tmp_path_factory.mktemp("saved")
+    for name in (KNOWN, LINE):
+        simulate(load_experiment(name, SHORT)).save(place / name)
+    return place
+
+
+# Side by side.
+
+
+def test_folders_are_compared(folders, tmp_path):
+    result = call("compare", folders / KNOWN, folders / LINE, "--out", tmp_path)
+    assert result.exit_code == 0, (result.stderr, result.exception)
+    (folder,) = tmp_path.iterdir()
+    assert folder.name == f"compare_{KNOWN}_{LINE}"
+    assert {file.name for file in folder.iterdir()} == {"comparison.csv", "comparison.png"}
+    with (folder / "comparison.csv").open() as stream:
+        rows = {row["run"]: row for row in csv.DictReader(stream)}
+    for name in (KNOWN, LINE):
+        saved = Result.load(folders / name).metrics
+        assert float(rows[name]["position_error_max_m"]) == saved["position_error_max_m"]
+        (line,) = [line for line in result.stdout.splitlines() if "position_error_max_m" in line]
+        assert f"{saved['position_error_max_m']:.4g}" in line
+    # A law that keeps a limit by construction has its bound beside the figure.
+    assert "(<= 1)" in result.stdout
+
+
+def test_an_experiment_is_run_and_compared_with_a_folder(folders, tmp_path):
+    """Its own document with another gain; both are called alike, so they are named as given."""
+    arguments = (KNOWN, folders / KNOWN, "--out", tmp_path)
+    file = tmp_path / "slow.yaml"
+    text = (folders / KNOWN / "experiment.yaml").read_text()
+    file.write_text(text.replace("kappa: 4", "kappa: 1"))
+    result = call("compare", file, *arguments[1:])
+    assert result.exit_code == 0, (result.stderr, result.exception)
+    (table,) = tmp_path.rglob("comparison.csv")
+    with table.open() as stream:
+        assert {row["run"] for row in csv.DictReader(stream)} == {str(file), str(folders / KNOWN)}
+
+
+@pytest.mark.parametrize(("bound", "code"), [(1.0, 0), (1e-15, 3)])
+def test_check_looks_at_all_that_are_compared(folders, tmp_path, bound, code):
+    text = (folders / LINE / "experiment.yaml").read_text()
+    file = tmp_path / "strict.yaml"
+    accept = f"accept: {{position_error_max_m: {{at_most: {bound}}}}}\n"
+    file.write_text(text.replace(f"name: {LINE}", "name: strict") + accept)
+    arguments = ("compare", file, folders / KNOWN, "--out", tmp_path / "out")
+    result = call(*arguments, "--check")
+    assert result.exit_code == code
+    assert ("(not <= 1e-15)" in result.stdout) is (code == 3)
+    assert call(*arguments).exit_code == 0
+
+
+def test_what_cannot_be_compared_is_one_sentence(folders, tmp_path):
+    out = ("--out", tmp_path / "out")
+    assert "needs two runs" in sentence(call("compare", LINE, *out))
+    assert "pinv_line is given twice" in sentence(call("compare", LINE, LINE, *out))
+    changed = call("compare", folders / LINE, KNOWN, "--set", "law.damping=1", *out)
+    assert sentence(changed).startswith("law.damping: ")
+    assert "no experiment 'pinv_lime'" in sentence(call("compare", LINE, "pinv_lime", *out))
+    assert not (tmp_path / "out").exists()
+
+
+# Again.
+
+
+def test_figures_are_drawn_again(folders):
+    result = call("plot", folders / LINE, "--only", "overview")
+    assert result.exit_code == 0, (result.stderr, result.exception)
+    (file,) = (folders / LINE / "figures").iterdir()
+    assert file.name == "overview.png"
+    assert str(file) in result.stdout
+    wrong = sentence(call("plot", folders / LINE, "--only", "overwiew"))
+    assert wrong == "--only: no figure 'overwiew'; nearest: overview"
+    assert "holds no result" in sentence(call("plot", folders))
+
+
+def test_a_playback_is_written_again(folders):
+    result = call("replay", folders / LINE, "--beside", folders / KNOWN)
+    assert result.exit_code == 0, (result.stderr, result.exception)
+    page = (folders / LINE / "playback.html").read_text()
+    assert f"<title>{LINE} beside {KNOWN}</title>" in page

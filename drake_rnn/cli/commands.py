@@ -34,6 +34,7 @@ from ..runs.folder import filled
 from ..runs.result import Result
 from ..runs.simulation import Progress as ProgressCallback
 from ..runs.simulation import check_experiment, simulate
+from ..runs.stored import Series
 from ..runs.sweep import Row, parse_axis, write_csv
 from ..runs.sweep import sweep as run_sweep
 from .claims import chosen_claims, claims_table, judgement_table
@@ -75,6 +76,13 @@ Check = Annotated[
 ]
 Anyway = Annotated[
     bool, typer.Option("--anyway", help="Run even if it takes more steps than are sensible.")
+]
+StoredSeries = Annotated[
+    Series,
+    typer.Option(
+        "--series",
+        help="Samples to store: one for each log_period, at most 2000 of them, or the last alone.",
+    ),
 ]
 Duration = Annotated[
     float | None,
@@ -131,7 +139,7 @@ def describe_arm(
 
 
 @app.command()
-def run(
+def run(  # noqa: PLR0913  an argument for each option
     experiments: Annotated[
         list[str],
         typer.Argument(
@@ -145,6 +153,7 @@ def run(
     playback: Annotated[bool, typer.Option(help="Write playback.html.")] = True,
     check: Check = False,
     anyway: Anyway = False,
+    series: StoredSeries = "full",
 ) -> None:
     """Run experiments; each gets a folder with metrics, figures and a playback."""
     with _errors():
@@ -156,13 +165,13 @@ def run(
         for experiment in loaded:
             _require_one_folder_each(experiment, loaded)
             with _named(experiment.name, among=experiments):
-                check_experiment(experiment, anyway)
+                check_experiment(experiment, anyway, series)
             _require_writable(out_folder / experiment.name)
     results = []
     for experiment, name in zip(loaded, experiments, strict=True):
         with _errors():
             _tell_of_window(name, _changes(changes, seed, duration))
-            result = _run(experiment, anyway)
+            result = _run(experiment, anyway, series)
             results.append(result)
             _write(result, out_folder / experiment.name, playback)
         if result.status == "interrupted":
@@ -175,11 +184,11 @@ def run(
         raise typer.Exit(NOT_MET)
 
 
-def _run(experiment: Experiment, anyway: bool) -> Result:
+def _run(experiment: Experiment, anyway: bool, series: Series) -> Result:
     """Return the result of an experiment; up to its failure, which is printed, if it fails."""
     try:
         with _progress(experiment) as progress:
-            return simulate(experiment, progress, anyway=anyway)
+            return simulate(experiment, progress, anyway=anyway, series=series)
     except SimulationError as error:
         err.print(f"[red]failed[/] {escape(str(error))}")
         failed: Result = error.result

@@ -98,7 +98,7 @@ class Motion:
     @property
     def fresh(self) -> slice:
         """The steps that the part of the run before this one does not have."""
-        return slice(None if self.origin is None else 1, None)
+        return slice(0 if self.origin is None else 1, None)
 
     def within(self, window: tuple[float, float] | None) -> NDArray[np.bool_]:
         """Return which steps are fresh and in the window, shape (k,); None for the whole run."""
@@ -111,6 +111,6 @@ class Motion:
 
     @property
     def _origin(self) -> float:
-        return (
-            float(self.time[0] if self.time.size else 0.0) if self.origin is None else self.origin
-        )
+        if self.origin is not None:
+            return self.origin
+        return float(self.time[0]) if self.time.size else 0.0

@@ -26,7 +26,8 @@ class DriftMetrics:
         self._lap: tuple[float, Array] | None = None
         self._lap_drift: float | None = None
         self._start: Array | None = None
-        self._moved, self._moved_in_the_end = Largest(), 0.0
+        self._moved = Largest()
+        self._moved_in_the_end: float | None = None
 
     def add(self, motion: Motion) -> None:
         """Add the next part of the run."""

@@ -45,7 +45,7 @@ class JointMetrics:
         self._speed.add(speed)
         self._margin.add(margin)
         self._bounded |= bool(np.isfinite(margin).any())
-        self._singular.add(np.linalg.eigvalsh(gram)[:, 0])
+        self._singular.add(np.linalg.eigvalsh(gram)[:, 0].astype(float, copy=False))
         self._bounds["velocity"].add(speed[motion.fresh])
         if motion.time.size > 1:
             acceleration = np.abs(motion.joint_acceleration)

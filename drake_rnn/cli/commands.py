@@ -383,7 +383,8 @@ def _write(result: Result, folder: Path, playback: bool) -> None:
         _draw_diagram(folder / "diagram.dot")
         figures = write_figures(result, folder / "figures")
         out.print(escape(f"results   {folder}"), soft_wrap=True)
-        out.print(escape(f"figures   {folder / 'figures'} ({len(figures)})"), soft_wrap=True)
+        drawn = f"{folder / 'figures'} ({len(figures)})" if figures else "none"
+        out.print(escape(f"figures   {drawn}"), soft_wrap=True)
         if playback and result.time.size > 1:
             page = write_playback(result, folder / "playback.html", _frames_per_second(result))
             out.print(escape(f"playback  {page}"), soft_wrap=True)

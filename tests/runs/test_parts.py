@@ -195,7 +195,7 @@ def grown(duration):
 
 
 def test_memory_does_not_grow_with_the_duration(monkeypatch):
-    """Four times as many steps; all of them would take 1 kB each, the 1800 that are more 2 MB."""
+    """Four times as many steps; all of them would take 1 kB each, the 1200 that are more 1.2 MB."""
     monkeypatch.setattr(simulation, "PART", FEW)
     grown(0.1)
-    assert grown(2.4) < grown(0.6) + 0.3e6
+    assert grown(1.6) < grown(0.4) + 0.3e6

@@ -15,7 +15,9 @@ KINEMATIC = (
     "motion_force_tricuspid_w",
     "motion_force_tricuspid_learned",
     "motion_force_tricuspid_printed",
+    "motion_force_tricuspid_wholly_printed",
     "motion_force_cat",
+    "motion_force_cat_return",
 )
 CONTACT = (
     "contact_circle",
@@ -27,9 +29,36 @@ CONTACT = (
     "contact_panda_light",
     "contact_soft_pad",
     "contact_cat",
+    "contact_cat_learned",
+    "contact_cat_learned_pen",
     "contact_noisy",
     "contact_wrong_normal",
     "contact_open_loop",
+)
+# Runs of a whole lap, to see how the joints return.
+LAPS = (
+    "motion_force_tricuspid",
+    "motion_force_tricuspid_w",
+    "motion_force_tricuspid_learned",
+    "motion_force_tricuspid_printed",
+    "motion_force_cat",
+    "motion_force_cat_return",
+    "contact_cat",
+    "contact_cat_learned",
+    "contact_cat_learned_pen",
+)
+# The paper's physical experiment: what is compared, the metric, and the paper's figure.
+PHYSICAL = (
+    ("aside, largest [m]", "lateral_error_max_m", "2e-3"),
+    ("force error, largest [N]", "force_error_max_N", "1e-2"),
+    ("force error, rms [N]", "force_error_rms_N", ""),
+    ("force, largest at the start [N]", "normal_force_peak_N", ""),
+    ("95 % of the force after [s]", "force_rise_time_s", ""),
+    ("turned, largest [rad]", "orientation_error_max_rad", "unchanged"),
+    ("joints off their start after the lap [rad]", "lap_drift_max_rad", ""),
+    ("J_hat: error, median", "jacobian_error_median", ""),
+    ("joint acceleration, largest [rad/s^2]", "joint_acceleration_max_rad_s2", "smooth"),
+    ("joint jerk over 10 ms, rms [rad/s^3]", "joint_jerk_rms_rad_s3", "smooth"),
 )
 ELSEWHERE = ("slc_nephroid", "null_space_adjustment", "naljdf_clover")
 FORCES, GAPS = (1.0, 5.0, 20.0), (0.0, 5e-3)
@@ -103,13 +132,29 @@ def start_up(changes: dict[str, object], force: float) -> str:
     return f"{result.metrics['normal_force_peak_N'] / force:.2f} ({reached})"
 
 
-def learning_rates_table() -> None:
+def learning_rates_table(experiment: str) -> None:
     """Print the numbers of the paper's Fig. 2."""
     head("rho", "J_hat: error, largest", "median", "along the motion", "force, largest [N]")
-    for rho in load_experiment("motion_force_learning_rates").document.over["law.rho"]:
-        result = simulate(load_experiment("motion_force_learning_rates", {"law.rho": rho}))
+    for rho in load_experiment(experiment).document.over["law.rho"]:
+        result = simulate(load_experiment(experiment, {"law.rho": rho}))
         names = ("jacobian_error_max", "jacobian_error_median", "jacobian_error_excited_median")
         row(f"{rho:g}", *(figure(result, name) for name in (*names, "force_error_max_N")))
+
+
+def physical_table() -> None:
+    """Print the figures of the paper's physical experiment beside those of two runs."""
+    names = ("contact_cat_learned", "contact_cat_learned_pen")
+    results = [simulate(load_experiment(name)) for name in names]
+    head("", "paper", *(f"`{name}`" for name in names))
+    for label, metric, said in PHYSICAL:
+        row(label, said, *(figure(result, metric) for result in results))
+
+
+def laps_table() -> None:
+    """Print how far the joints are from their start after a lap."""
+    head("`drake-rnn run ...`", "joints off their start [rad]")
+    for name in LAPS:
+        row(f"`{name}`", figure(simulate(load_experiment(name)), "lap_drift_max_rad"))
 
 
 def features_table() -> None:
@@ -134,6 +179,8 @@ def features_table() -> None:
         )
     row("[9], [18], [19] in the paper", "yes", "yes", "no", "", "", "")
     row("[8] in the paper", "yes", "", "yes", "", "", "dynamic")
+    row("[4], [17] in the paper", "no", "", "", "", "", "")
+    row("[10] in the paper", "no", "no", "yes", "", "", "")
 
 
 def elsewhere_table() -> None:
@@ -149,8 +196,11 @@ def elsewhere_table() -> None:
 
 if __name__ == "__main__":
     runs_table(KINEMATIC)
-    learning_rates_table()
+    learning_rates_table("motion_force_learning_rates")
+    learning_rates_table("motion_force_learning_rates_paper")
     runs_table(CONTACT)
+    physical_table()
+    laps_table()
     start_up_table()
     elsewhere_table()
     features_table()

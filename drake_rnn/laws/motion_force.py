@@ -60,6 +60,10 @@ Not in the paper:
     as a gain: integral control of the force, with the rate k K / eta for a contact of
     stiffness K. `OnlineStiffness` learns eta, ``approach_speed`` bounds the speed along the
     normal, and `ContactLoss` defines the reaction to a lost contact.
+
+    The least-norm v has no term that brings the joints back after a lap. With ``return_gain`` kappa
+    the network minimises |v - kappa (q_0 - q)|^2 / 2 instead: the joints return to the start
+    posture q_0 as far as the tasks leave them free.
 """
 
 from __future__ import annotations
@@ -71,7 +75,7 @@ from typing import Literal
 import numpy as np
 
 from ..errors import InvalidInputError
-from ..inputs.fields import Array, NonNegative, Positive, validated
+from ..inputs.fields import Array, NonNegative, Positive, Vector, validated
 from ..robot.limits import JointLimits
 from ..robot.rotation import rotation_error
 from .law import (
@@ -91,6 +95,7 @@ from .parts.learning import gradient, rank_one_update
 from .parts.online_stiffness import OnlineStiffness
 from .parts.primal_dual import PrimalDual, substeps
 from .parts.sampling_rate import check_sampling_rate
+from .parts.surface_task import SurfaceTask
 
 _MOST_SUBSTEPS = 1000
 
@@ -104,6 +109,8 @@ class MotionForce(SampledLaw, ContinuousLaw):
         stiffness: Stiffness of the surface [N/m], or an `OnlineStiffness` that learns it.
         jacobian: ``known``; ``learned``; or ``printed``, learned except for J^T in (22a).
         J_hat_initial: Initial value of a learned Jacobian: ``zero``, or ``exact``, the true one.
+        multipliers_initial: Upper end of the uniform draw, from zero, of all initial multipliers;
+            the paper's is 0.1.
         rho: Time constant of the learning [rad^2/s].
         gain: Gain of the position and force feedback [1/s].
         orientation: ``rotation``, or the paper's ``printed``.
@@ -112,6 +119,9 @@ class MotionForce(SampledLaw, ContinuousLaw):
         force_feedback: ``measured``, or the paper's ``assumed``.
         approach_speed: Largest commanded speed along the normal [m/s]; None for no bound.
         contact_loss: Reaction to a lost contact; None to ignore it.
+        return_gain: Rate of return to the start posture [1/s], where the tasks leave the joints
+            free; the paper has none.
+        home: Posture to return to, shape (n,) [rad]; needed with ``return_gain`` only.
         time_constant: Time constant of the network [s].
         limit_stiffness: Velocity allowed per radian left to a position limit [1/s].
     """
@@ -121,6 +131,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
     stiffness: Positive | OnlineStiffness
     jacobian: Literal["known", "learned", "printed"] = "known"
     J_hat_initial: Literal["zero", "exact"] = "zero"
+    multipliers_initial: NonNegative = 0.0
     rho: Positive = 1e-6
     gain: Positive = 10.0
     orientation: Literal["rotation", "printed"] = "rotation"
@@ -129,13 +140,16 @@ class MotionForce(SampledLaw, ContinuousLaw):
     force_feedback: Literal["measured", "assumed"] = "measured"
     approach_speed: Positive | None = None
     contact_loss: ContactLoss | None = None
+    return_gain: NonNegative = 0.0
+    home: Vector | None = None
     time_constant: Positive = 1e-3
     limit_stiffness: Positive = 10.0
 
     def __post_init__(self) -> None:
+        learned = isinstance(self.stiffness, OnlineStiffness)
         if self.force_feedback == "assumed":
             for name, given in (
-                ("stiffness", self._learns_stiffness),
+                ("stiffness", learned),
                 ("contact_loss", self.contact_loss is not None),
             ):
                 if given:
@@ -143,29 +157,27 @@ class MotionForce(SampledLaw, ContinuousLaw):
                         f"{name}: needs force_feedback: measured; with assumed there is no force "
                         "signal"
                     )
-        if self.form == "literal" and self._learns_stiffness:
+        if self.form == "literal" and learned:
             raise ValueError(
                 "stiffness: must be a number with form: literal, which scales its rows by it"
             )
+        if self.home is not None and self.home.size != self.limits.size:
+            raise ValueError(
+                f"home: must have {self.limits.size} entries, one per joint, not {self.home.size}"
+            )
+        if self.return_gain > 0.0 and self.home is None:
+            raise ValueError("return_gain: needs home, the posture to return to")
 
     @property
     def _learns(self) -> bool:
         return self.jacobian != "known"
 
     @cached_property
-    def _surface(self) -> FixedStiffness | OnlineStiffness:
+    def _task(self) -> SurfaceTask:
         given = self.stiffness
-        return given if isinstance(given, OnlineStiffness) else FixedStiffness(given)
-
-    @property
-    def _learns_stiffness(self) -> bool:
-        return self._surface.size > 0
-
-    @cached_property
-    def _assumed_stiffness(self) -> float:
-        """The given stiffness [N/m], for options with which it cannot be learned."""
-        assert isinstance(self._surface, FixedStiffness)
-        return self._surface.value
+        surface = given if isinstance(given, OnlineStiffness) else FixedStiffness(given)
+        measured = self.force_feedback == "measured"
+        return SurfaceTask(self.gain, surface, measured, self.approach_speed, self.contact_loss)
 
     @cached_property
     def state(self) -> Layout:
@@ -177,11 +189,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
         }
         if self._learns:
             parts["J_hat"] = (3, n)
-        if self._learns_stiffness:
-            parts["stiffness"] = (self._surface.size,)
-        if self.contact_loss is not None:
-            parts["contact"] = (ContactLoss.size,)
-        return Layout(**parts)
+        return Layout(**parts, **self._task.parts())
 
     @cached_property
     def inputs(self) -> Layout:
@@ -225,10 +233,10 @@ class MotionForce(SampledLaw, ContinuousLaw):
                     "set the initial state yourself"
                 )
             parts["J_hat"] = np.asarray(u["J"])
-        if self._learns_stiffness:
-            parts["stiffness"] = self._surface.start()
-        if self.contact_loss is not None:
-            parts["contact"] = self.contact_loss.start()
+        if self.multipliers_initial > 0.0:
+            for name in ("multipliers", "orientation_multipliers"):
+                parts[name] = rng.uniform(0.0, self.multipliers_initial, parts[name].shape)
+        parts |= self._task.start()
         return self.state.join(*parts.values())
 
     def continuous(self) -> ContinuousReading:
@@ -239,7 +247,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
                 updated sample by sample.
         """
         for what, given in (
-            ("stiffness: learning it", self._learns_stiffness),
+            ("stiffness: learning it", self._task.learns_stiffness),
             ("contact_loss:", self.contact_loss is not None),
         ):
             if given:
@@ -255,11 +263,15 @@ class MotionForce(SampledLaw, ContinuousLaw):
             InvalidInputError: If the feedback would overshoot at this period, or the network
                 would take too many substeps.
         """
-        gains = {"gain": self.gain, "orientation_gain": self.orientation_gain}
+        gains = {
+            "gain": self.gain,
+            "orientation_gain": self.orientation_gain,
+            "return_gain": self.return_gain,
+        }
         check_sampling_rate(period, gains)
         scale, key = 1.0, "time_constant"
         if self.form == "literal":
-            scale, key = max(1.0, self._assumed_stiffness), "form"
+            scale, key = max(1.0, self._task.stiffness), "form"
         # Estimated for a Jacobian of norm 2.
         count = substeps(period, 2.0 * scale, self.time_constant)
         if count > _MOST_SUBSTEPS:
@@ -294,6 +306,8 @@ class MotionForce(SampledLaw, ContinuousLaw):
         dual = x[..., self.limits.size : self._dual_end]
         _, columns = self._rows(J, J, u)
         sought = -np.einsum("...m,...mn->...n", dual, columns)
+        if self.return_gain > 0.0:
+            sought += self._preferred(u)
         lower, upper = self.limits.velocity_box(u["position"], self.limit_stiffness)
         outside = ((sought < lower) | (sought > upper)).any(axis=-1, keepdims=True)
         told = {
@@ -348,17 +362,12 @@ class MotionForce(SampledLaw, ContinuousLaw):
         return found
 
     @cached_property
-    def _known(self) -> slice:
-        """Place of the learned stiffness in the state; empty if it is not learned."""
-        return self.state.parts["stiffness"][0] if self._learns_stiffness else slice(0, 0)
-
-    @cached_property
     def _dual_end(self) -> int:
         return self.state.parts["orientation_multipliers"][0].stop
 
     def _learn(self, x: Array, u: Signals, period: float) -> Array:
         """Return the state with Jacobian, stiffness and contact updated from one sample."""
-        feels = "stiffness" in self.state or "contact" in self.state
+        feels = bool(self._task.parts())
         if not (self._learns or feels):
             return x
         x = x.copy()
@@ -366,34 +375,29 @@ class MotionForce(SampledLaw, ContinuousLaw):
             J_hat = self.state.part(x, "J_hat")
             J_hat[:] = rank_one_update(J_hat, u["velocity"], u["v_WE"], self.rho, period)
         if feels:
-            self._feel(x, u, period)
+            self._task.feel(self.state, x, u, period)
         return x
-
-    def _feel(self, x: Array, u: Signals, period: float) -> None:
-        """Update stiffness and contact from the measured force, in place."""
-        force, desired = float(u["normal_force"][0]), float(u["normal_force_desired"][0])
-        if self._learns_stiffness:
-            known = self.state.part(x, "stiffness")
-            depth = -float(u["normal_WE"].dot(u["p_WE"]))
-            known[:] = self._surface.update(known, force, desired, depth)
-        if self.contact_loss is not None:
-            contact = self.state.part(x, "contact")
-            contact[:] = self.contact_loss.update(contact, force, desired, period)
 
     def _network(self, x: Array, u: Signals, J_hat: Array) -> PrimalDual:
         """Return the network with its inputs held for one sample."""
         J_drive = J_hat if self.jacobian == "learned" else u["J"]
         rows, drive = self._rows(J_hat, J_drive, u)
-        wanted = self._tip_velocity(x, u)
+        wanted = self._task.tip_velocity(self.state, x, u)
         if self.form == "literal":
-            wanted = surface_split(u["normal_WE"], self._assumed_stiffness) @ wanted
+            wanted = surface_split(u["normal_WE"], self._task.stiffness) @ wanted
         turn = np.zeros(4)
         if self.orientation == "rotation":
             back = self.orientation_gain * rotation_error(u["R_WE"], u["R_WE_desired"])
             turn = u["w_WE_desired"] + back
         lower, upper = self.limits.velocity_box(u["position"], self.limit_stiffness)
         aims = np.concatenate((wanted, turn))
-        return PrimalDual(drive, rows, aims, lower, upper, self.time_constant)
+        preferred = self._preferred(u) if self.return_gain > 0.0 else None
+        return PrimalDual(drive, rows, aims, lower, upper, self.time_constant, preferred)
+
+    def _preferred(self, u: Signals) -> Array:
+        """Return the joint velocities towards the start posture, shape (..., n) [rad/s]."""
+        assert self.home is not None
+        return self.return_gain * (self.home - u["position"])
 
     def _rows(self, J_sense: Array, J_drive: Array, u: Signals) -> tuple[Array, Array]:
         """Return [A J; H] for the constraints, with J_sense, and for the drive, with J_drive.
@@ -406,7 +410,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
         H = self._orientation_rows(u)
         A = None
         if self.form == "literal":
-            A = surface_split(u["normal_WE"], self._assumed_stiffness)
+            A = surface_split(u["normal_WE"], self._task.stiffness)
 
         def stacked(J: Array) -> Array:
             return np.concatenate((J if A is None else A @ J, H), axis=-2)
@@ -418,21 +422,3 @@ class MotionForce(SampledLaw, ContinuousLaw):
         if self.orientation == "rotation":
             return u["J_omega"]
         return printed_orientation_rows(u["J_omega"], u["R_WE"])
-
-    def _tip_velocity(self, x: Array, u: Signals) -> Array:
-        """Return the desired velocity of the tip, shape (3,) [m/s]."""
-        n = u["normal_WE"]
-        if self.contact_loss is not None:
-            contact = self.state.part(x, "contact")
-            if contact[0] == LOST:
-                return self.contact_loss.retreat(contact) * n
-        along = u["v_WE_desired"] + self.gain * (u["p_WE_desired"] - u["p_WE"])
-        desired = float(u["normal_force_desired"][0])
-        if self.force_feedback == "assumed":
-            rise = float(n.dot(along)) - self.gain * desired / self._assumed_stiffness
-        else:
-            force = float(u["normal_force"][0])
-            rise = self._surface.retreat_speed(x[self._known], force, desired, self.gain)
-        if self.approach_speed is not None:
-            rise = min(max(rise, -self.approach_speed), self.approach_speed)
-        return along + (rise - float(n.dot(along))) * n

@@ -68,6 +68,10 @@ LAWS = {
     ),
     "pseudoinverse": (Pseudoinverse(limits=LIMITS), 1e-3),
     "motion_force": (MotionForce(limits=LIMITS, stiffness=8000.0), 1e-3),
+    "motion_force_return": (
+        MotionForce(limits=LIMITS, stiffness=8000.0, return_gain=0.5, home=np.zeros(N)),
+        1e-3,
+    ),
     "horizon": (RecedingHorizon(limits=LIMITS, horizon=40), 1e-2),
 }
 #: What the laws break here that a reader might think they keep.

@@ -168,11 +168,11 @@ def test_six_multipliers_come_to_rest_where_three_do():
     np.testing.assert_allclose(ends[0], ends[1], atol=1e-6)
 
 
-def optimum(J, J_omega, wanted, turn, lower, upper):
-    """Of min v'v / 2 subject to J v = wanted, J_omega v = turn, lower <= v <= upper."""
+def optimum(J, J_omega, wanted, turn, lower, upper, preferred=0.0):
+    """Of min |v - g|^2 / 2 subject to J v = wanted, J_omega v = turn, lower <= v <= upper."""
     program = MathematicalProgram()
     v = program.NewContinuousVariables(7)
-    program.AddQuadraticCost(np.eye(7), np.zeros(7), v)
+    program.AddQuadraticCost(np.eye(7), -preferred * np.ones(7), v)
     program.AddLinearEqualityConstraint(np.vstack((J, J_omega)), np.hstack((wanted, turn)), v)
     program.AddBoundingBoxConstraint(lower, upper, v)
     result = ClarabelSolver().Solve(program)
@@ -216,6 +216,22 @@ def test_at_rest_it_is_where_the_quadratic_program_is(seed):
         if np.abs(network.derivatives(0.0, x, u)).max() * DELTA < 1e-9:
             break
     np.testing.assert_allclose(x[:7], expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("form", ["normalised", "literal"])
+def test_with_a_return_gain_it_is_as_near_to_the_way_home_as_its_tasks_allow(form):
+    """At rest the optimum of |v - g|^2, within Clarabel's tolerance; the tip moves no less well."""
+    home = Q + np.linspace(-0.02, 0.03, 7)
+    u = signals(v_WE_desired=np.zeros(3), p_WE_desired=signals()["p_WE"])
+    u["R_WE_desired"], u["normal_force"] = u["R_WE"], u["normal_force_desired"]
+    network = law(form=form, stiffness=3.0, return_gain=0.5, home=home)
+    v = run(network, np.zeros(network.state.size), u, 2.0, 1e-2)[-1, :7]
+    lower, upper = LIMITS.velocity_box(Q, network.limit_stiffness)
+    J, still = u["J"], np.zeros(3)
+    expected = optimum(J, u["J_omega"], still, still, lower, upper, 0.5 * (home - Q))
+    np.testing.assert_allclose(v, expected, atol=1e-6)
+    np.testing.assert_allclose(J @ v, 0.0, atol=1e-6)
+    assert v @ (home - Q) > 0.0
 
 
 def test_some_of_these_programs_have_active_bounds_and_some_have_none():
@@ -293,7 +309,7 @@ def closed_loop(network, samples=200):
 
 
 def test_without_excitation_a_jacobian_learned_from_nothing_stays_dead():
-    """(22) with its own J_hat from 0: no drive, so no motion, so nothing to learn, exactly."""
+    """(21) with J_hat^T, all multipliers zero: no drive, no motion, nothing to learn, exactly."""
     network = law(jacobian="learned")
     commands, x = closed_loop(network)
     assert (commands == 0.0).all()
@@ -301,13 +317,36 @@ def test_without_excitation_a_jacobian_learned_from_nothing_stays_dead():
 
 
 def test_what_moves_the_papers_network_is_the_jacobian_it_is_not_to_know():
-    """As printed, with the true J^T: the same start moves, and learns."""
+    """(21) as printed, with the true J^T: the same start moves, and learns, without noise."""
     network = law(jacobian="printed")
     commands, x = closed_loop(network)
     assert np.abs(commands).max() > 1e-2
     assert np.linalg.norm(network.state.part(x, "J_hat")) > 0.1
     assert "J" in network.inputs
     assert "J" not in law(jacobian="learned").inputs
+
+
+def test_a_draw_of_the_multipliers_wakes_what_would_stay_dead():
+    """The paper's U(0, 0.1): the rows of the orientation, which are not learned, move the arm."""
+    network = law(jacobian="learned", multipliers_initial=0.1)
+    commands, x = closed_loop(network)
+    assert np.abs(commands).max() > 1e-2
+    assert np.linalg.norm(network.state.part(x, "J_hat")) > 0.1
+
+
+@pytest.mark.parametrize("form", ["normalised", "literal"])
+def test_multipliers_start_within_their_draw_and_by_default_at_nothing(form):
+    drawn = law(form=form, multipliers_initial=0.1)
+    v, *duals = drawn.state.split(drawn.initial_state(np.random.default_rng(3), {}))
+    assert not v.any()
+    for dual in duals:
+        assert (dual > 0.0).all()
+        assert (dual < 0.1).all()
+    again = drawn.initial_state(np.random.default_rng(3), {})
+    np.testing.assert_array_equal(again, drawn.state.join(v, *duals))
+    rng = np.random.default_rng(3)
+    assert not law(form=form).initial_state(rng, {}).any()
+    assert rng.uniform() == np.random.default_rng(3).uniform()
 
 
 @pytest.mark.parametrize(
@@ -489,6 +528,9 @@ def test_a_learned_jacobian_starts_at_nothing_or_as_the_true_one():
             "contact_loss: needs force_feedback: measured",
         ),
         ({"form": "literal", "stiffness": OnlineStiffness()}, "stiffness: must be a number"),
+        ({"multipliers_initial": -0.1}, "multipliers_initial"),
+        ({"return_gain": 0.5}, "return_gain: needs home"),
+        ({"home": np.zeros(6)}, "home: must have 7 entries, one per joint, not 6"),
     ],
 )
 def test_what_it_cannot_be_is_refused_by_name(fields, message):

@@ -104,11 +104,25 @@ class TestKinematic:
         assert any("rank 1" in warning for warning in printed.warnings)
 
     def test_without_excitation_nothing_is_learned_and_nothing_moves(self):
-        """RNN (21), the paper's dilemma: from J_hat = 0, at rest, it stays there."""
+        """RNN (21) with the learned J^T, the paper's dilemma: from J_hat = 0 it stays at rest."""
         dead = run("motion_force_tricuspid_learned", duration=1, dither=None, period=1e-3)
         assert not dead.series["velocity"].any()
         assert not dead.series["J_hat"].any()
         assert any("never touched the surface" in warning for warning in dead.warnings)
+
+    def test_as_printed_it_needs_no_excitation_to_move(self):
+        """RNN (21) with the true J^T: the force that is missing moves it at once."""
+        moved = run("motion_force_tricuspid_printed", duration=0.5, dither=None, period=1e-3)
+        assert moved.metrics["joint_velocity_max_rad_s"] > 1e-2
+        assert moved.series["normal_force"][-1] > 0.09
+
+    def test_the_panda_of_the_paper_has_a_joint_too_many(self):
+        """Its start has eight entries; the first seven are the Panda's usual posture."""
+        usual = [0, -np.pi / 4, 0, -3 * np.pi / 4, 0, np.pi / 2, np.pi / 4]
+        home = load_experiment("contact_cat_learned").start
+        np.testing.assert_allclose(home, usual, atol=1e-3)
+        with pytest.raises(InvalidInputError, match="start: has 8 entries for 7 joints"):
+            load_experiment("contact_cat_learned", {"start": [*usual, np.pi / 4]})
 
     def test_joint_4_of_the_papers_posture_is_beyond_what_an_iiwa_can(self):
         with pytest.raises(InvalidInputError, match=r"start: iiwa_joint_4 is at 2\.5 rad"):
@@ -118,22 +132,21 @@ class TestKinematic:
     def test_theorem_1_holds_down_to_a_floor_that_rho_sets(self):
         """J moves, so J_hat lags: about ten times less a decade of rho, and never zero.
 
-        The paper's Fig. 2 has a factor of 100 from 1e-5 to 1e-6. Measured, of the largest error:
-        38 (at 1e-4 it is still on its way at 2 s) and 7.3; of the median: 10.6 and 9.1.
+        The paper's Fig. 2 has a factor of 100 from 1e-5 to 1e-6. Measured over the first 8 s, of
+        the largest error: 54 (at 1e-4 it is still on its way at 2 s) and 7.2; of the median: 12.7
+        and 9.1. Small task errors do not prove the learning: the tracking is the same.
         """
-        runs = [metrics("motion_force_learning_rates", law__rho=r) for r in (1e-4, 1e-5, 1e-6)]
+        short = {"duration": 8, "window": [2, 8]}
+        runs = [
+            metrics("motion_force_learning_rates", law__rho=r, **short) for r in (1e-4, 1e-5, 1e-6)
+        ]
         for slow, fast in pairwise(runs):
             assert slow["jacobian_error_max"] > 4 * fast["jacobian_error_max"]
             ratio = slow["jacobian_error_median"] / fast["jacobian_error_median"]
-            assert ratio == pytest.approx(10.0, rel=0.15)
-        assert runs[1]["jacobian_error_max"] < 10 * runs[2]["jacobian_error_max"]
-        assert 1.2e-4 < runs[2]["jacobian_error_median"] < runs[2]["jacobian_error_max"] < 7e-4
-
-    @pytest.mark.long
-    def test_small_task_errors_do_not_prove_the_learning(self):
-        """With rho = 1e-4 J_hat is two orders worse, the tracking the same."""
-        slow = metrics("motion_force_learning_rates", law__rho=1e-4, duration=8, window=[2, 8])
-        fast = metrics("motion_force_learning_rates", law__rho=1e-6, duration=8, window=[2, 8])
+            assert ratio == pytest.approx(10.0, rel=0.35)
+        slow, middle, fast = runs
+        assert middle["jacobian_error_max"] < 10 * fast["jacobian_error_max"]
+        assert 1.2e-4 < fast["jacobian_error_median"] < fast["jacobian_error_max"] < 7e-4
         assert slow["jacobian_error_max"] > 30 * fast["jacobian_error_max"]
         assert slow["lateral_error_max_m"] < 1.2 * fast["lateral_error_max_m"]
 

@@ -1,10 +1,10 @@
 r"""A projected primal-dual network, which converges to the optimum of a quadratic program.
 
 .. math::
-    \delta \dot v = -v + P(-D^T y), \qquad \delta \dot y = R v - b
+    \delta \dot v = -v + P(g - D^T y), \qquad \delta \dot y = R v - b
 
-where P clips to the bounds of v. If D = R, its equilibrium is the v of least norm with R v = b that
-lies within the bounds.
+where P clips to the bounds of v. If D = R, its equilibrium is the v nearest to g with R v = b that
+lies within the bounds; the one of least norm if g is left out.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ class PrimalDual(NamedTuple):
         aims: Right-hand side b of the constraints, shape (m,).
         lower, upper: Bounds of v, shape (n,).
         time_constant: Time constant delta [s].
+        preferred: Preferred value g of v, shape (n,); None for zero.
     """
 
     drive: Array
@@ -39,14 +40,18 @@ class PrimalDual(NamedTuple):
     lower: Array
     upper: Array
     time_constant: float
+    preferred: Array | None = None
 
     def rate(self, z: Array) -> Array:
         """Return the time derivative of the state, shape (n + m,)."""
-        drive, rows, aims, lower, upper, time_constant = self
+        drive, rows, aims, lower, upper, time_constant, preferred = self
         n = lower.size
         rate = np.empty(z.size)
         # np.clip costs three times as much for arrays of this size.
-        np.minimum(np.maximum(-z[n:].dot(drive), lower), upper, out=rate[:n])
+        sought = -z[n:].dot(drive)
+        if preferred is not None:
+            sought += preferred
+        np.minimum(np.maximum(sought, lower), upper, out=rate[:n])
         rate[:n] -= z[:n]
         np.subtract(rows.dot(z[:n]), aims, out=rate[n:])
         rate /= time_constant

@@ -1,0 +1,72 @@
+"""Numbers that judge the claims on motion-force control and that no metric says."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ...laws.parts.primal_dual import PrimalDual
+from ..run import Run
+
+# What is drawn of a network with a box of velocities: joints, rows, and the box [rad/s].
+_JOINTS, _ROWS, _BOX = 7, 6, 0.2
+
+
+def true_jacobians(run: Run, name: str, position_only: bool = False) -> float:
+    """True Jacobians among a law's inputs, a number; J of the position alone, or J_omega too.
+
+    Args:
+        run: Makes a run.
+        name: Experiment of the law.
+        position_only: Whether J of the position alone counts.
+    """
+    inputs = run(name, {"duration": 0.1, "window": None, "accept": None}).experiment.law.inputs
+    asked = ("J",) if position_only else ("J", "J_omega")
+    return float(sum(signal in inputs for signal in asked))
+
+
+def effort(run: Run, name: str, changes: Mapping[str, Any] | None = None) -> float:
+    """Integral over the run of the squared norm of the joint velocities [rad^2/s].
+
+    Args:
+        run: Makes a run.
+        name: Experiment.
+        changes: Its changes.
+    """
+    result = run(name, changes)
+    return float(np.trapezoid((result.series["velocity"] ** 2).sum(axis=1), result.time))
+
+
+def tip_off_the_start(run: Run, name: str) -> float:
+    """Distance of the tip along the surface, at the end of the run, from its start [m].
+
+    Args:
+        run: Makes a run.
+        name: Experiment, on a horizontal surface.
+    """
+    p_WE = run(name, None).series["p_WE"]
+    return float(np.linalg.norm(p_WE[-1, :2] - p_WE[0, :2]))
+
+
+def residual_at_rest(run: Run, seconds: float) -> float:
+    """Largest residual of the constraints, network held for a time, of three programs [m/s].
+
+    The programs are drawn, have a solution, and most have active bounds. Where both network and
+    residual are at rest, its velocity is the program's optimum, which is convex.
+
+    Args:
+        run: Not used.
+        seconds: Time from zero multipliers, at a time constant of 1 ms [s].
+    """
+    worst = 0.0
+    box = np.full(_JOINTS, _BOX)
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        rows = 0.6 * rng.normal(size=(_ROWS, _JOINTS))
+        aims = rows @ (_BOX * rng.choice([-0.98, 0.5, 0.98], _JOINTS))
+        network = PrimalDual(rows, rows, aims, -box, box, 1e-3)
+        z = network.after(np.zeros(_JOINTS + _ROWS), seconds)
+        worst = max(worst, float(np.abs(rows @ z[:_JOINTS] - aims).max()))
+    return worst

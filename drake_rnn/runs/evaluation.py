@@ -43,7 +43,7 @@ class Evaluation:
         self._metrics = RunMetrics(
             experiment.limits, document.window, document.settling_tolerance_m
         )
-        self._series = StoredSeries(period)
+        self._series = StoredSeries(period, document.duration)
         # An error in the law's observables, of which nothing is told then.
         self._fault: InvalidInputError | None = None
 

@@ -21,6 +21,9 @@ Series = Literal["full", "thin", "none"]
 # Samples that are stored where few are wanted.
 _FEW = 2000
 
+# Samples that room is made for at first, however many there will be.
+_MOST_ROOM = 2**20
+
 
 def stored_period(experiment: Experiment, series: Series) -> float:
     """Return the time between two stored samples [s]; infinite if the last step alone is stored.
@@ -59,12 +62,14 @@ class StoredSeries:
 
     Args:
         period: Time between two samples [s]; infinite to store the last step alone.
+        duration: Duration of the run [s].
     """
 
-    def __init__(self, period: float) -> None:
+    def __init__(self, period: float, duration: float) -> None:
         self._samples = _Samples(period)
-        self._times: list[Array] = []
-        self._parts: dict[str, list[Array]] = {}
+        # For the first sample and for the last.
+        self._room = min(ceil(duration / period) + 2, _MOST_ROOM)
+        self._kept: dict[str, _Column] = {}
         self._peaks: dict[str, float] = {}
 
     def add(
@@ -94,12 +99,13 @@ class StoredSeries:
             self._keep(f"{name}_peak", self._peaks_at(name, np.abs(values), at))
 
     def taken(self) -> dict[str, Array]:
-        """Return the series, ``time`` included, by name, and forget them here."""
-        # One after the other, so that only one of them is in memory twice.
-        return {name: np.concatenate(self._parts.pop(name)) for name in list(self._parts)}
+        """Return the series, ``time`` included, by name."""
+        return {name: column.values for name, column in self._kept.items()}
 
     def _keep(self, name: str, values: Array) -> None:
-        self._parts.setdefault(name, []).append(values)
+        if name not in self._kept:
+            self._kept[name] = _Column(self._room, values)
+        self._kept[name].add(values)
 
     def _peaks_at(self, name: str, values: Array, at: NDArray[np.intp]) -> Array:
         """Return the largest entry of the rows since the sample before, shape (len(at),)."""
@@ -109,6 +115,33 @@ class StoredSeries:
             begin, peak = end, 0.0
         self._peaks[name] = values[begin:].max(initial=peak)
         return peaks
+
+
+class _Column:
+    """The samples of one series, in a single array: parts to be joined would take twice the memory.
+
+    Args:
+        room: Number of samples to make room for. Memory that is not written to is not taken.
+        like: Samples of the same shape and kind.
+    """
+
+    def __init__(self, room: int, like: Array) -> None:
+        self._values = np.empty((room, *like.shape[1:]), like.dtype)
+        self._count = 0
+
+    def add(self, values: Array) -> None:
+        """Add samples."""
+        begin, self._count = self._count, self._count + len(values)
+        if self._count > len(self._values):
+            kept = self._values[:begin]
+            self._values = np.empty((2 * self._count, *kept.shape[1:]), kept.dtype)
+            self._values[:begin] = kept
+        self._values[begin : self._count] = values
+
+    @property
+    def values(self) -> Array:
+        """All samples, shape (k, ...)."""
+        return self._values[: self._count]
 
 
 class _Samples:

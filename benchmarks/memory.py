@@ -44,7 +44,7 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("experiment", nargs="?", default="slc_nephroid_known")
-    parser.add_argument("--durations", type=float, nargs="+", default=[60.0, 120.0, 240.0])
+    parser.add_argument("--durations", type=float, nargs="+", default=[60.0, 300.0])
     parser.add_argument("--series", nargs="+", default=["full", "none"])
     given = parser.parse_args()
     table = Table(title=f"memory of {given.experiment} [MB]")

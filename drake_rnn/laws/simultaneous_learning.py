@@ -72,6 +72,11 @@ from .parts.kept_limits import kept_with_lag
 from .parts.learning import gradient, rank_one_update
 from .parts.warm_up import WarmUp
 
+# Distance from the path that counts as none [m].
+_NEAR = 1e-6
+# Ratio of the deceleration asked for to that possible, from which on some arms cycled for ever.
+_CYCLES = 8.0
+
 
 @validated
 class SimultaneousLearning(SampledLaw, ContinuousLaw):
@@ -149,6 +154,32 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
         return {"kappa": self.kappa}
 
     def doubts(self, circumstances: Circumstances) -> list[str]:
+        return [*self._doubts_of_delay(circumstances), *self._doubts_of_start(circumstances)]
+
+    def _doubts_of_start(self, circumstances: Circumstances) -> list[str]:
+        """Return a warning if the arm may be asked to turn round faster than it can."""
+        offset, J = circumstances.start_offset, circumstances.J
+        if offset is None or J is None or self._bound is None:
+            return []
+        away = float(np.linalg.norm(offset))
+        if away < _NEAR:
+            return []
+        # Acceleration of the tip towards the path at which the first joint reaches its bound.
+        moves = np.abs(np.linalg.pinv(J) @ (offset / away))
+        most = 1.0 / float((moves / self._bound).max())
+        asked = self.kappa * away
+        if self.feedback_limit is not None:
+            asked = min(asked, self.feedback_limit)
+        if self.kappa * asked <= _CYCLES * most:
+            return []
+        return [
+            f"law.kappa: the arm starts {away:.3g} m off its path, so {self.kappa:g} /s asks for "
+            f"{asked:.2g} m/s and, to stop again, {self.kappa * asked:.2g} m/s^2; "
+            f"limits.acceleration allows about {most:.2g} there, and the arm may cycle for ever; "
+            f"consider law.feedback_limit: {4.0 * most / self.kappa:.1g}"
+        ]
+
+    def _doubts_of_delay(self, circumstances: Circumstances) -> list[str]:
         in_doubt = circumstances.loop_delay > 0.0 and not circumstances.reference_is_delayed
         if self.acceleration_bound == "none" or not in_doubt:
             return []
@@ -180,21 +211,26 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
         )
 
     @cached_property
-    def _inverse_bound(self) -> Array | None:
-        """Inverse of the acceleration bounds, shape (n,) [s^2/rad]; multiplying is cheaper."""
+    def _bound(self) -> Array | None:
+        """Largest acceleration of each joint, shape (n,) [rad/s^2]; None if it is not bounded."""
         if self.acceleration_bound == "none":
             return None
         bound = self.limits.require("acceleration", "the acceleration bound")
         if self.acceleration_bound == "scalar":
             bound = np.full(bound.size, bound.min())
-        return 1.0 / bound
+        return bound
+
+    @cached_property
+    def _inverse_bound(self) -> Array | None:
+        """Inverse of the acceleration bounds, shape (n,) [s^2/rad]; multiplying is cheaper."""
+        return None if self._bound is None else 1.0 / self._bound
 
     @cached_property
     def _braking(self) -> Braking | None:
         """What keeps the position limits; None where the acceleration is not bounded."""
-        if self._inverse_bound is None or self.position_bound == "printed":
+        if self._bound is None or self.position_bound == "printed":
             return None
-        return Braking(self.limits, 1.0 / self._inverse_bound, self.limit_stiffness)
+        return Braking(self.limits, self._bound, self.limit_stiffness)
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
         n, m = self.home.size, self.task_size

@@ -47,6 +47,11 @@ class Braking:
             q: Joint positions at the beginning of the period, shape (n,) [rad].
             period: Time for which the velocity is held [s].
         """
+        # Far enough from its limits for any way of sampling, a joint needs no closer look.
+        room = np.minimum(q - self._inner.position_lower, self._inner.position_upper - q)
+        fast = np.abs(v) + self.acceleration * (period / 2.0)
+        if (fast * fast < 2.0 * self.acceleration * room).all():
+            return v
         lower, upper = self._inner.stopping_box(q, period, self.acceleration)
         cut = np.minimum(np.maximum(v, lower), upper)
         if (cut == v).all():
@@ -92,12 +97,11 @@ class Braking:
         """Return the largest acceleration towards a limit, ``room`` [rad] ahead."""
         most = self.acceleration
         last = most / k**2
-        allowed = np.where(
-            room < last, k * room, np.sqrt(2.0 * most * np.maximum(room - last / 2.0, last / 2.0))
-        )
-        # How fast what is allowed changes as the joint moves on.
-        slope = np.where(room < last, k, most / np.maximum(allowed, most / k))
         with np.errstate(invalid="ignore"):
+            braked = np.sqrt(2.0 * most * np.maximum(room - last / 2.0, last / 2.0))
+            allowed = np.where(room < last, k * room, braked)
+            # How fast what is allowed changes as the joint moves on.
+            slope = np.where(room < last, k, most / np.maximum(allowed, most / k))
             steepest = k * (allowed - v) - slope * v
         return np.where(np.isfinite(room), steepest, np.inf)
 

@@ -254,12 +254,20 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
         """Return the law itself.
 
         Raises:
-            InvalidInputError: If the network would take too many substeps.
+            InvalidInputError: If the network would take too many substeps, or, with ``substeps``,
+                so few that it would overshoot the velocity limits.
         """
         if self.substeps is None:
             check_substeps(period, self.rate, f"rate: {self.rate:g} /s")
         else:
             check_substeps(1.0, self.substeps, f"substeps: {self.substeps}")
+            fewest = ceil(self.rate * period - 1e-9)
+            if self.substeps < fewest:
+                raise InvalidInputError(
+                    f"law.substeps: must be at least {fewest} at rate {self.rate:g} /s and a "
+                    f"period of {period:g} s, not {self.substeps}; the network would overshoot "
+                    "the velocity limits"
+                )
         return super().sampled(period)
 
     def derivatives(self, t: float, x: Array, u: Signals) -> Array:

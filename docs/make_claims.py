@@ -11,8 +11,8 @@ _HEAD = """\
 <!-- Made by `make claims`; a long test compares the verdicts. -->
 
 Every numbered table, figure, theorem and remark of the five papers, and what their text states in
-numbers, row by row. The rows are data, a file for each paper in `drake_rnn/claims/`. Numbers and
-verdicts are computed from them: `drake-rnn claims ID --judge` does so for one of them.
+numbers, row by row. The rows are data, a file for each paper in `drake_rnn/claims/papers/`. Numbers
+and verdicts are computed from them: `drake-rnn claims ID --judge` does so for one of them.
 
 A claim *holds* if all that is asked of it as stated is measured. It *holds with correction* if that
 fails, but holds with the correction that the last column names. Otherwise it *does not hold*. A

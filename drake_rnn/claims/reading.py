@@ -17,7 +17,7 @@ from ..inputs.fields import validated
 from ..measures import METRIC_NAMES
 from .claim import Claim, Paper, Quantity
 
-_FOLDER = Path(__file__).parent
+_FOLDER = Path(__file__).parent / "papers"
 #: The papers' schemes; each has a claims file and a module with its measures.
 SCHEMES = tuple(sorted(file.stem for file in _FOLDER.glob("*.yaml")))
 
@@ -67,7 +67,7 @@ def read_claims(scheme: str) -> Claims:
         construct(Claim, claim, f"{file.name}: {claim.get('id', f'claim {number}')}")
         for number, claim in enumerate(content.claims, start=1)
     )
-    module = import_module(f"{__package__}.{scheme}")
+    module = import_module(f"{__package__}.papers.{scheme}")
     measures = {
         name: function
         for name, function in inspect.getmembers(module, inspect.isfunction)

@@ -7,7 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from time import perf_counter
@@ -131,7 +131,7 @@ def describe_arm(
 
 
 @app.command()
-def run(
+def run(  # noqa: PLR0913  one argument for each option
     experiments: Annotated[
         list[str],
         typer.Argument(
@@ -143,28 +143,31 @@ def run(
     seed: Seed = None,
     duration: Duration = None,
     playback: Annotated[bool, typer.Option(help="Write playback.html.")] = True,
+    beside: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="EXPERIMENT",
+            help="Run this one first, and show its path beside the others' in their playbacks; "
+            "repeatable.",
+        ),
+    ] = None,
     check: Check = False,
     anyway: Anyway = False,
 ) -> None:
     """Run experiments; each gets a folder with metrics, figures and a playback."""
+    first = beside or []
+    names = [*first, *experiments]
     with _errors():
-        # Everything is checked before anything runs.
-        loaded = []
-        for name in experiments:
-            with _named(name, among=experiments):
-                loaded.append(_load(name, changes, seed, duration))
-        for experiment in loaded:
-            _require_one_folder_each(experiment, loaded)
-            with _named(experiment.name, among=experiments):
-                check_experiment(experiment, anyway)
-            _require_writable(out_folder / experiment.name)
-    results = []
-    for experiment, name in zip(loaded, experiments, strict=True):
+        loaded = [_load_named(name, names, changes, seed, duration) for name in names]
+        _check_all(loaded, names, out_folder, anyway)
+    results: list[Result] = []
+    for experiment, name in zip(loaded, names, strict=True):
         with _errors():
             _tell_of_window(name, _changes(changes, seed, duration))
             result = _run(experiment, anyway)
+            others = results[: len(first)] if len(results) >= len(first) else ()
+            _write(result, out_folder / experiment.name, playback, others)
             results.append(result)
-            _write(result, out_folder / experiment.name, playback)
         if result.status == "interrupted":
             break
     if skipped := [experiment.name for experiment in loaded[len(results) :]]:
@@ -323,6 +326,29 @@ def main() -> None:
     app()
 
 
+def _load_named(
+    name: str,
+    among: list[str],
+    changes: list[str] | None,
+    seed: int | None,
+    duration: float | None,
+) -> Experiment:
+    """Return an experiment; an error names it if there are others."""
+    with _named(name, among=among):
+        return _load(name, changes, seed, duration)
+
+
+def _check_all(
+    experiments: list[Experiment], names: list[str], out_folder: Path, anyway: bool
+) -> None:
+    """Check everything before anything runs."""
+    for experiment in experiments:
+        _require_one_folder_each(experiment, experiments)
+        with _named(experiment.name, among=names):
+            check_experiment(experiment, anyway)
+        _require_writable(out_folder / experiment.name)
+
+
 def _load(
     name: str, changes: list[str] | None, seed: int | None, duration: float | None
 ) -> Experiment:
@@ -360,7 +386,7 @@ def _tell_of_window(name: str, changes: dict[str, Any]) -> None:
     )
 
 
-def _write(result: Result, folder: Path, playback: bool) -> None:
+def _write(result: Result, folder: Path, playback: bool, beside: Sequence[Result] = ()) -> None:
     """Write a result with its pictures, and print what came out."""
     for warning in result.warnings:
         err.print(f"[yellow]warning[/] {escape(warning)}")
@@ -376,7 +402,9 @@ def _write(result: Result, folder: Path, playback: bool) -> None:
         out.print(escape(f"results   {folder}"), soft_wrap=True)
         out.print(escape(f"figures   {folder / 'figures'} ({len(figures)})"), soft_wrap=True)
         if playback and result.time.size > 1:
-            page = write_playback(result, folder / "playback.html", _frames_per_second(result))
+            others = [other for other in beside if other.time.size > 1]
+            file, rate = folder / "playback.html", _frames_per_second(result)
+            page = write_playback(result, file, rate, others)
             out.print(escape(f"playback  {page}"), soft_wrap=True)
 
 

@@ -51,6 +51,8 @@ The text calls alpha the weight of dynamics and zeta that of kinematics; it is t
 The roots of the errors are negative: e'' + delta ((beta2 + gamma2) e' + beta2 gamma2 e) = 0.
 
 Not in the paper:
+    The velocity in the equations is the law's own. The paper's physical experiment measures it;
+    ``velocity: measured`` does so, and any delay makes the stiff term chatter.
     ``composite_gain`` k_p adds the position error to the velocity error,
     -varrho J^T (e_dot + k_p e): without it, contrary to Theorem 2, a position error decays only
     with 1/varrho, over minutes. The bound P is a plain clip that does not act on omega: while it
@@ -104,6 +106,8 @@ class JointDriftFree(ContinuousLaw):
         damping: Damping mu of the pseudoinverse [m].
         bounds: ``acceleration``, clipped as in the paper; or ``all``, which a sampled law
             keeps by braking in time.
+        velocity: Joint velocity in the equations: the law's ``own``, which it commands; or the
+            arm's, ``measured``, with the paper's physical experiment, for a sampled law.
     """
 
     kind: Literal["joint_drift_free"] = "joint_drift_free"
@@ -123,6 +127,7 @@ class JointDriftFree(ContinuousLaw):
     alpha: Annotated[float, Field(strict=True, gt=0, le=1)] | None = None
     damping: Positive = 1e-4
     bounds: Literal["acceleration", "all"] = "acceleration"
+    velocity: Literal["own", "measured"] = "own"
 
     stays_on_path = True
 
@@ -142,8 +147,14 @@ class JointDriftFree(ContinuousLaw):
         """Return the law itself.
 
         Raises:
-            InvalidInputError: If ``bounds`` is ``all``, which only a sampled law can keep.
+            InvalidInputError: If ``bounds`` is ``all``, which only a sampled law can keep, or
+                ``velocity`` is ``measured``.
         """
+        if self.velocity == "measured":
+            raise InvalidInputError(
+                "law.velocity: measured needs a sampled law; give a period instead of an "
+                "integrator, or velocity: own"
+            )
         if self.bounds == "all":
             raise InvalidInputError(
                 "law.bounds: all needs a sampled law; give a period instead of an integrator, or "
@@ -180,6 +191,8 @@ class JointDriftFree(ContinuousLaw):
         n, m = self.home.size, self.task_size
         shapes: dict[str, tuple[int, ...]] = {"position": (n,), "p_WE": (m,)}
         shapes |= {"J": (m, n), "Jdot_v": (m,)}
+        if self.velocity == "measured":
+            shapes |= {"velocity": (n,)}
         if self.weighs_torque:
             shapes |= {"M": (n, n), "bias": (n,), "gravity": (n,)}
         return shapes

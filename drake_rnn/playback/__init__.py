@@ -6,6 +6,7 @@ network: it contains Drake's Meshcat viewer, the scene and its animation.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import InvalidInputError
@@ -17,27 +18,36 @@ from .replay import replayed_motion
 __all__ = ["write_playback"]
 
 
-def write_playback(result: Result, file: str | Path, frames_per_second: int = 64) -> Path:
+def write_playback(
+    result: Result,
+    file: str | Path,
+    frames_per_second: int = 64,
+    beside: Sequence[Result] = (),
+) -> Path:
     """Write a run as an HTML page that plays by itself, without a network.
 
     Args:
         result: The run.
         file: File to write; an existing one is replaced.
         frames_per_second: Frame rate of the animation [1/s].
+        beside: Other runs whose paths are drawn beside those of ``result``, each with its name and
+            its error, in a close view. Of the arms that of ``result`` is shown.
 
     Returns:
         The file.
 
     Raises:
         InvalidInputError: If the file cannot be written, the frame rate is not a positive
-            integer, the run contains no posture, or ``result`` is none.
+            integer, a run contains no posture, or ``result`` is none.
     """
     require_type("result", result, Result)
+    for number, other in enumerate(beside):
+        require_type(f"beside[{number}]", other, Result)
     rate = frames_per_second
     if not isinstance(rate, int) or isinstance(rate, bool) or rate < 1:
         raise InvalidInputError(f"frames_per_second: must be a positive integer, not {rate!r}")
     file = Path(file)
-    page = make_page(replayed_motion(result), rate)
+    page = make_page(replayed_motion(result), rate, [replayed_motion(each) for each in beside])
     try:
         file.write_text(page, encoding="utf-8")
     except OSError as error:

@@ -32,13 +32,15 @@ class Trace:
     """Lines that grow, cut into pieces: an animation can show a mesh but not change it.
 
     Args:
-        meshcat: Meshcat with the scene; the pieces are below "/traced/path".
+        meshcat: Meshcat with the scene.
         duration: Duration of the run [s].
+        place: Scene path that the pieces are below.
     """
 
-    def __init__(self, meshcat: Meshcat, duration: float) -> None:
+    def __init__(self, meshcat: Meshcat, duration: float, place: str = "/traced/path") -> None:
         self._meshcat = meshcat
         self._duration = duration
+        self._place = place
         self._appears: dict[str, float] = {}
 
     def add(self, line: LineMesh, time: Array) -> None:
@@ -50,7 +52,7 @@ class Trace:
         """
         vertices, faces, reached = line
         for begin, end in self._pieces(time):
-            path = f"/traced/path/{len(self._appears):03d}"
+            path = f"{self._place}/{len(self._appears):03d}"
             piece = faces[:, reached[begin] : reached[end]]
             first, last = piece.min(), piece.max()
             self._meshcat.SetTriangleMesh(

@@ -7,15 +7,14 @@ from typing import Any
 
 import numpy as np
 from pydrake.geometry import Meshcat
+from pydrake.math import RotationMatrix
 
 from ..inputs.fields import Array
 from .boxes import Boxes
 from .replay import ReplayedContact, ReplayedMotion
+from .stage import ASPECT, FIELD_OF_VIEW
 
-# Vertical field of view [rad], width of the view over its height, and how much larger than what it
-# should show the view is.
-_FIELD_OF_VIEW = math.radians(30.0)
-_ASPECT = 1.5
+# How much larger than what it should show the view is.
 _MARGIN = 1.08
 # Number of points of a path whose visibility is checked.
 _CHECKED = 50
@@ -57,20 +56,30 @@ def view_of_paths(motion: ReplayedMotion, boxes: Boxes) -> Array:
 
 
 def view_of_surface(contact: ReplayedContact, boxes: Boxes) -> Array:
-    """Return the direction from which to look at a drawing on a surface: steep enough to read it.
+    """Return the direction from which to look at a drawing on a surface, as `view_of_drawing`."""
+    return view_of_drawing(contact.course, contact.normal, boxes)
+
+
+def view_of_drawing(course: Array, normal: Array, boxes: Boxes) -> Array:
+    """Return the direction from which to look at a drawing in a plane: steep enough to read it.
 
     The arm may hide some of the drawing, but least at the end, when it is complete.
+
+    Args:
+        course: Points of the drawing, shape (k, 3) [m].
+        normal: Unit normal of its plane, shape (3,).
+        boxes: Boxes round the arm.
 
     Returns:
         A unit vector from the scene to the camera, shape (3,).
     """
-    drawing = _some(contact.course)
+    drawing = _some(course)
     centre = drawing.mean(axis=0)
     ahead = math.atan2(centre[1], centre[0])
     last = boxes.posture(-1)
 
     def cost(direction: Array) -> float:
-        to_surface = abs(float(direction @ contact.normal) - _STEEPNESS)
+        to_surface = abs(float(direction @ normal) - _STEEPNESS)
         to_horizontal = abs(float(direction[2]) - _STEEPNESS)
         hidden = 2.0 * boxes.hidden(drawing, direction) + last.hidden(drawing, direction)
         return hidden + to_surface + 0.5 * to_horizontal
@@ -83,18 +92,22 @@ def view_of_surface(contact: ReplayedContact, boxes: Boxes) -> Array:
     return min(directions, key=cost)
 
 
-def points_round_drawing(contact: ReplayedContact) -> Array:
-    """Return points round a drawing, shape (k, 3) [m].
+def points_round(drawing: Array, normal: Array) -> Array:
+    """Return points round a drawing in a plane, shape (k, 3) [m].
 
     A camera that shows them is close enough to read the drawing; of the arm it shows the tool and
     what is next to it.
+
+    Args:
+        drawing: Points of the drawing, shape (j, 3) [m].
+        normal: Unit normal of its plane, to the side of the tool, shape (3,).
     """
-    drawing = _some(contact.course)
+    drawing = _some(drawing)
     middle = (drawing.min(axis=0) + drawing.max(axis=0)) / 2.0
     extent = 2.0 * float(np.linalg.norm(drawing - middle, axis=1).max())
-    axes = contact.R_WS.matrix().T
+    axes = RotationMatrix.MakeFromOneVector(normal, 2).matrix().T
     aside = (extent / 2.0 + _ROOM_BESIDE) * np.array([axes[0], axes[1], -axes[0], -axes[1]])
-    above = max(_ROOM_ABOVE, extent) * contact.normal
+    above = max(_ROOM_ABOVE, extent) * normal
     return np.concatenate((middle + aside, middle + above + aside))
 
 
@@ -111,10 +124,10 @@ def aim_camera(meshcat: Meshcat, points: Array, path: Array, direction: Array) -
     right /= np.linalg.norm(right)
     up = np.cross(direction, right)
     depth = points @ direction
-    half_height = math.tan(_FIELD_OF_VIEW / 2.0) / _MARGIN
+    half_height = math.tan(FIELD_OF_VIEW / 2.0) / _MARGIN
     camera: Any = np.zeros(3)
     distance = -math.inf
-    for axis, slope in ((right, half_height * _ASPECT), (up, half_height)):
+    for axis, slope in ((right, half_height * ASPECT), (up, half_height)):
         # Both edges of the view touch the outermost points.
         above = float((points @ axis + slope * depth).max())
         below = float((-points @ axis + slope * depth).max())
@@ -122,7 +135,7 @@ def aim_camera(meshcat: Meshcat, points: Array, path: Array, direction: Array) -
         distance = max(distance, (above + below) / (2.0 * slope))
     camera += distance * direction
     target: Any = camera - (distance - float((path @ direction).mean())) * direction
-    meshcat.SetProperty("/Cameras/default/rotated/<object>", "fov", math.degrees(_FIELD_OF_VIEW))
+    meshcat.SetProperty("/Cameras/default/rotated/<object>", "fov", math.degrees(FIELD_OF_VIEW))
     meshcat.SetCameraPose(camera, target)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatAnimation, Rgba
@@ -10,8 +11,9 @@ from pydrake.geometry import Meshcat, MeshcatAnimation, Rgba
 from ..inputs.fields import Array
 from .animation import Trace, move
 from .boxes import Boxes
-from .camera import aim_camera, points_round_drawing, view_of_surface
+from .camera import aim_camera, points_round, view_of_surface
 from .force_arrow import arrow_legend, draw_arrow, record_arrow
+from .labels import Label
 from .lines import ribbon, thinned
 from .replay import ReplayedContact, ReplayedMotion
 from .stage import DESIRED_COLOUR
@@ -35,6 +37,8 @@ class PathsOnSurface:
         contact: Its contact.
         boxes: Boxes round the arm.
     """
+
+    labels: Sequence[Label] = ()
 
     def __init__(
         self, meshcat: Meshcat, motion: ReplayedMotion, contact: ReplayedContact, boxes: Boxes
@@ -60,7 +64,9 @@ class PathsOnSurface:
         """Aim the camera at the drawing and the tool above it."""
         contact = self._contact
         direction = view_of_surface(contact, self._boxes)
-        aim_camera(self._meshcat, points_round_drawing(contact), contact.course, direction)
+        aim_camera(
+            self._meshcat, points_round(contact.course, contact.normal), contact.course, direction
+        )
 
     def draw(self) -> None:
         """Draw the desired path, a ring round the desired point, the traced path and the force."""

@@ -110,6 +110,11 @@ class ReplayedContact:
         yield from map(slice, begins.tolist(), ends.tolist())
 
 
+def name_of(result: Result) -> str:
+    """Return the name of a run; without one, that of its arm."""
+    return result.experiment.name or result.experiment.arm.name
+
+
 def replayed_motion(result: Result) -> ReplayedMotion:
     """Return the motion of a run, up to its last finite posture.
 

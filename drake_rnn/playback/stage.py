@@ -12,6 +12,9 @@ DESIRED_COLOUR = (0.0, 0.447, 0.698)
 TRACED_COLOUR = (0.835, 0.369, 0.0)
 FORCE_COLOUR = (0.0, 0.62, 0.451)
 TARGET_OPACITY = 0.5
+# Vertical field of view [rad], and width of the view over its height.
+FIELD_OF_VIEW = math.radians(30.0)
+ASPECT = 1.5
 
 
 def set_stage(meshcat: Meshcat, floor: float, size: float) -> None:
@@ -45,7 +48,12 @@ def set_stage(meshcat: Meshcat, floor: float, size: float) -> None:
 
 
 def with_caption(
-    page: str, title: str, with_target: bool, force: str | None = None, with_end: bool = False
+    page: str,
+    title: str,
+    with_target: bool,
+    force: str | None = None,
+    with_end: bool = False,
+    close: bool = False,
 ) -> str:
     """Return a page with a title, a legend of the colours, and a clock.
 
@@ -55,6 +63,7 @@ def with_caption(
         with_target: Whether the legend explains the target posture.
         force: Legend of the force arrow; None without one.
         with_end: Whether the legend explains the end of an open path.
+        close: Whether the camera is close, so that the arm may be behind the text.
     """
     page = page.replace("<title>Drake MeshCat</title>", f"<title>{escape(title)}</title>")
     body, end = page.rsplit("</body>", 1)
@@ -63,8 +72,11 @@ def with_caption(
         target=_TARGET if with_target else "",
         end=_END if with_end else "",
         force="" if force is None else _FORCE.format(escape(force)),
+        backdrop=_BACKDROP if close else "",
         desired=_css(DESIRED_COLOUR),
         traced=_css(TRACED_COLOUR),
+        aspect=ASPECT,
+        slope=math.tan(FIELD_OF_VIEW / 2.0),
     )
     return f"{body}{caption}</body>{end}"
 
@@ -78,15 +90,15 @@ _TARGET = f"""
     <span style="color: {_css(DESIRED_COLOUR)}; opacity: {TARGET_OPACITY}">&#9679;</span> target"""
 _END = f"""
     <span style="color: {_css(DESIRED_COLOUR)}">&#9632;</span> end"""
-# The camera is close: the arm may be behind the text.
+_BACKDROP = """
+    <style>#caption { background: rgba(255, 255, 255, 0.8); padding: 0.1em 0.6em; }</style>"""
 _FORCE = f"""
-    <style>#caption {{{{ background: rgba(255, 255, 255, 0.8); padding: 0.1em 0.6em; }}}}</style>
     <span style="color: {_css(FORCE_COLOUR)}">&#8593;</span> {{}}"""
 _CAPTION = """
   <div id="caption">
     <b>{title}</b>
     <span style="color: {desired}">&#9679;</span> desired{end}{target}
-    <span style="color: {traced}">&#9679;</span> traced{force}
+    <span style="color: {traced}">&#9679;</span> traced{force}{backdrop}
     <span id="clock"></span>
   </div>
   <style>
@@ -97,12 +109,15 @@ _CAPTION = """
     #caption span[style] {{ margin-left: 1em; font-size: 1.2em; }}
     .dg.main {{ opacity: 0.4; }}
     .dg.main:hover {{ opacity: 1; }}
-    #clock {{ margin-left: 1em; font-variant-numeric: tabular-nums; }}
+    #clock {{ margin-left: 1em; white-space: nowrap; font-variant-numeric: tabular-nums; }}
   </style>
   <script>
     (function tick() {{
       const seconds = viewer.animator.time.toFixed(1);
       document.getElementById("clock").textContent = seconds + " s";
+      // A window that is narrower than the view shows its whole width.
+      const narrow = Math.max(1, {aspect} / viewer.camera.aspect);
+      viewer.camera.fov = 2 * Math.atan({slope} * narrow) * 180 / Math.PI;
       requestAnimationFrame(tick);
     }})();
   </script>

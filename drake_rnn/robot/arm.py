@@ -202,6 +202,12 @@ class Arm:
         scale = self.description.mass_scale
         return ArmKinematics(self.plant(), self.frame, self.joints, scale)
 
+    def believed_dynamics(self) -> ArmKinematics:
+        """Return the arm's dynamics as a law is told of them, with masses that may be wrong."""
+        believed = self.description.believed_mass_scale
+        scale = self.description.mass_scale if believed is None else believed
+        return ArmKinematics(self.plant(), self.frame, self.joints, scale)
+
     @cached_property
     def _floating_bases(self) -> list[tuple[int, RigidTransform]]:
         """Free bodies of the model, numbered from its first one, and their default poses."""

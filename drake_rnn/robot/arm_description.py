@@ -36,6 +36,8 @@ class ArmDescription:
         home: Home posture, from which the arm starts by default, shape (n,) [rad].
         gravity: Gravitational acceleration in the base frame, shape (3,) [m/s^2].
         mass_scale: Factor on all masses and inertias of the model and the tool.
+        believed_mass_scale: The same factor in the dynamics that a law is told of, for a law that
+            is told wrong masses; by default ``mass_scale``.
         limits: File of joint limits, see `drake_rnn.robot.limits_file`; what it does not state, the
             model does.
     """
@@ -50,6 +52,7 @@ class ArmDescription:
     home: Vector | None = None
     gravity: Point = Field(default_factory=lambda: np.array(_EARTH))
     mass_scale: Positive = 1.0
+    believed_mass_scale: Positive | None = None
     limits: str | None = None
 
     def mounted(self) -> ArmDescription:

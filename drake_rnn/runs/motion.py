@@ -54,14 +54,14 @@ def _read_only(values: Array) -> Array:
 
 def _further(experiment: Experiment, motion: Motion, names: Iterable[str]) -> Signals:
     """Return those of the signals that follow from posture, velocity and time, at every step."""
-    arm = experiment.arm.kinematics()
+    arm, believed = experiment.arm.kinematics(), experiment.arm.believed_dynamics()
     axes = list(experiment.task.axes)
     of_step: dict[str, Callable[[float, Array, Array], Array]] = {
         "a_WE_desired": lambda t, q, v: experiment.desired.position(t)[2][axes],
         "Jdot_v": lambda t, q, v: arm.Jdot_v(q, v)[axes],
-        "M": lambda t, q, v: arm.M(q),
-        "bias": lambda t, q, v: arm.bias(q, v),
-        "gravity": lambda t, q, v: arm.gravity(q),
+        "M": lambda t, q, v: believed.M(q),
+        "bias": lambda t, q, v: believed.bias(q, v),
+        "gravity": lambda t, q, v: believed.gravity(q),
         "R_WE": lambda t, q, v: arm.R_WE(q),
         "R_WE_desired": lambda t, q, v: experiment.desired.orientation(t)[0],
         "w_WE_desired": lambda t, q, v: experiment.desired.orientation(t)[1],

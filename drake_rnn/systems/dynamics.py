@@ -16,6 +16,8 @@ DYNAMICS_SIGNALS = ("M", "bias", "gravity")
 class Dynamics(LeafSystem):
     """Inertia, Coriolis terms and gravity of the arm: torque = M v_dot + bias - gravity.
 
+    They are those that the arm's description has a law believe, if it says so.
+
     Inputs are ``position`` and ``velocity`` of the joints, shape (n,) [rad, rad/s]. Outputs are
     ``M``, shape (n, n) flattened [kg m^2], ``bias`` and ``gravity``, shape (n,) [Nm].
 
@@ -29,7 +31,7 @@ class Dynamics(LeafSystem):
     def __init__(self, arm: Arm) -> None:
         super().__init__()
         require_type("arm", arm, Arm)
-        n, arm_dynamics = arm.n, arm.kinematics()
+        n, arm_dynamics = arm.n, arm.believed_dynamics()
         position = self.DeclareVectorInputPort("position", n)
         velocity = self.DeclareVectorInputPort("velocity", n)
 

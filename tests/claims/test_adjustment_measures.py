@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import JointLimits, StateAdjustment
-from drake_rnn.claims import state_adjustment as measures
+from drake_rnn.claims.papers import state_adjustment as measures
 
 TIME = np.linspace(0.0, 3.0, 301)
 

@@ -7,7 +7,7 @@ import pytest
 
 from drake_rnn import InvalidInputError
 from drake_rnn.claims import Judge, read_claims
-from drake_rnn.claims.motion_force import effort, residual_at_rest, tip_off_the_start
+from drake_rnn.claims.papers.motion_force import effort, residual_at_rest, tip_off_the_start
 
 TIME = np.linspace(0.0, 2.0, 201)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import load_experiment
-from drake_rnn.claims import recursive as measures
+from drake_rnn.claims.papers import recursive as measures
 
 
 @pytest.mark.parametrize(

@@ -129,7 +129,10 @@ def test_arm_proposes_a_home_that_runs(tmp_path):
         (("panda", "--tool", "{ball: "), "--tool: not a YAML document: line 1"),
         (("panda", "--frame", "hand"), "arm.frame: no frame 'hand' in panda.urdf"),
         (("panda", "--set", "hom=[0]"), "arm.hom: no such key; nearest: home"),
-        (("panda", "--set", "home"), "--set: must be KEY=VALUE, not 'home'"),
+        (
+            ("panda", "--set", "home"),
+            "--set: must be KEY=VALUE, or KEY=null to remove a key, not 'home'",
+        ),
         (("panda", "--set", "limits=no.yaml"), "arm.limits: no file 'no.yaml'"),
         ((MODELS / "ur5" / "ur5.urdf",), "arm.frame: must be given"),
     ],
@@ -165,6 +168,20 @@ def test_run_writes_a_folder_with_everything(tmp_path, drawn):
         assert name in result.stdout
     for name in ("playback.html", "figures", KNOWN):
         assert name in result.stdout
+
+
+def test_a_run_can_be_shown_beside_another(tmp_path, drawn):
+    """Both are run; the one asked for has the other in its playback."""
+    result = call("run", KNOWN, "--beside", LEARNED, "--out", tmp_path, *SHORT)
+    assert result.exit_code == 0
+    both, one = ((tmp_path / name / "playback.html").read_text() for name in (KNOWN, LEARNED))
+    assert f"<title>{KNOWN} beside {LEARNED}</title>" in both
+    assert f"<title>{LEARNED}</title>" in one
+
+
+def test_a_run_beside_itself_is_refused(tmp_path):
+    result = call("run", KNOWN, "--beside", KNOWN, "--out", tmp_path, *SHORT)
+    assert "two experiments are called" in sentence(result)
 
 
 def test_metrics_are_one_flat_object_of_finite_numbers(tmp_path):
@@ -289,7 +306,10 @@ def simulated(monkeypatch):
         (("slc_nefroid",), "experiment: no experiment 'slc_nefroid'; nearest: slc_nephroid"),
         (("nowhere.yaml",), "nowhere.yaml: No such file or directory"),
         ((KNOWN, "--set", "law.kapa=1"), "law.kapa: no such key; nearest: kappa"),
-        ((KNOWN, "--set", "law.kappa"), "--set: must be KEY=VALUE, not 'law.kappa'"),
+        (
+            (KNOWN, "--set", "law.kappa"),
+            "--set: must be KEY=VALUE, or KEY=null to remove a key, not 'law.kappa'",
+        ),
         ((KNOWN, "--set", "law.kappa=[1"), "--set law.kappa: not a YAML document: line 1"),
         ((KNOWN, "--set", "law.kappa=-1"), "law.kappa: must be greater than 0, not -1"),
         ((KNOWN, "--set", "law.kappa=[nan, 1]"), "law.kappa: must be a number, not ['nan', 1]"),

@@ -203,6 +203,43 @@ class TestEquations:
         assert left(greedy) == pytest.approx(3 * np.linalg.norm(u["J"] @ c), rel=1e-9)
 
 
+class TestProjector:
+    """I - J^+ J, of which the paper says that it is diag(0, I)."""
+
+    @given(seed=seeds)
+    def test_it_is_diagonal_in_the_basis_of_the_singular_vectors_alone(self, seed):
+        """In that of the joints it drives the first of them as well as the last."""
+        J = world(np.random.default_rng(seed))["J"]
+        projector = np.eye(N) - np.linalg.pinv(J) @ J
+        block = np.diag([0.0] * M + [1.0] * (N - M))
+        right = np.linalg.svd(J)[2]
+        np.testing.assert_allclose(right @ projector @ right.T, block, atol=1e-9)
+        assert np.abs(projector - block).max() > 1e-3
+        assert np.abs(projector[:M]).max() > 1e-3
+
+
+class TestMeasuredVelocity:
+    def test_it_is_an_input_only_if_asked_for(self):
+        assert "velocity" not in make().sampled(1e-3).inputs
+        assert "velocity" in make(velocity="measured").sampled(1e-3).inputs
+
+    def test_it_cannot_be_integrated(self):
+        with pytest.raises(InvalidInputError, match=r"law\.velocity: measured needs a sampled law"):
+            ContinuousController(make(velocity="measured"))
+
+    def test_where_it_is_the_own_one_the_first_step_is_the_same(self):
+        """Only later steps differ, by the order of the formula."""
+        rng = np.random.default_rng(5)
+        u, steps = world(rng), []
+        u |= {f"{name}_preview": u[f"{name}_WE_desired"] for name in "pva"}
+        for velocity in ("own", "measured"):
+            reading = make(velocity=velocity).sampled(1e-3)
+            x = reading.initial_state(rng, u)
+            seen = {**u, "velocity": np.zeros(N)} if velocity == "measured" else u
+            steps.append(reading.step(0.0, x, seen, 1e-3))
+        np.testing.assert_array_equal(*steps)
+
+
 class TestOptimality:
     """Of (41): least alpha (a'a / 2 + lambda c'P a) + zeta / 2 tau'tau where J a is prescribed."""
 

@@ -134,6 +134,59 @@ def test_substeps_keep_a_long_period_stable():
     assert np.abs(x).max() > 1e3
 
 
+boxes = arrays(float, 7, elements=st.floats(0.01, 1.0))
+points = arrays(float, 7, elements=st.floats(-3, 3))
+shares = arrays(float, 7, elements=st.floats(-1, 1))
+
+
+class TestLemma1:
+    """Projection P onto a box, as the law clips: what holds of the lemma, and what does not."""
+
+    @given(points, boxes, shares)
+    def test_the_inequality_holds(self, m, upper, share):
+        """(m - P(m))^T (P(m) - w) >= 0 for every w in the box; and (24), which is stronger."""
+        P_m, w = np.clip(m, -upper, upper), share * upper
+        assert (m - P_m) @ (P_m - w) >= 0.0
+        assert (m - P_m) @ (m - w) >= (1 - 1e-12) * (m - P_m) @ (m - P_m)
+
+    def test_it_is_an_equality_outside_of_the_set_too(self):
+        """Against the lemma's last clause: at w = P(m), and at any w of the same face."""
+        m, upper = np.array([2.0, 0.0, 0.0]), np.ones(3)
+        P_m = np.clip(m, -upper, upper)
+        assert (P_m != m).any()
+        for w in (P_m, np.array([1.0, 0.7, -0.3])):
+            assert (m - P_m) @ (P_m - w) == 0.0
+
+
+def test_its_network_never_comes_to_rest_while_the_path_it_is_to_join_is_too_far():
+    """Against Theorem 2's convergence: the proof holds the posture still, and here it moves.
+
+    One joint that slides, 1 m/s^2 and kappa 15, from 0.1 m off. With the speed of the feedback
+    bounded it comes to rest; without, the loop is never settled in 20 s, though it has no path to
+    follow. Steps of 1 ms.
+    """
+    limits = JointLimits(
+        position_lower=[-10.0], position_upper=[10.0], velocity=[0.5], acceleration=[1.0]
+    )
+    still = {"p_WE_desired": np.zeros(2), "v_WE_desired": np.zeros(2)}
+    arm = np.array([[1.0], [0.0]])
+
+    def late_errors(**gains):
+        network = SimultaneousLearning(
+            limits=limits, home=np.zeros(1), task_size=2, jacobian="known", return_gain=0.0, **gains
+        )
+        x, q, errors = np.zeros(3), 0.1, []
+        for _ in range(20_000):
+            u = {"position": np.array([q]), "p_WE": np.array([q, 0.0]), "J": arm, **still}
+            x = network.step(0.0, x, u, 1e-3)
+            q += 1e-3 * x[0]
+            errors.append(abs(q))
+        return errors[-5_000:]
+
+    assert max(late_errors(kappa=15.0, feedback_limit=0.1)) < 1e-3
+    assert max(late_errors(kappa=15.0)) > 0.05
+
+
 def test_it_sees_the_jacobian_only_if_it_is_known():
     assert "J" in law(jacobian="known").inputs
     assert "J" not in law(jacobian="learned").inputs

@@ -132,3 +132,39 @@ def test_the_ghost_stands_still_while_the_arm_comes_to_it(browser: Any, tmp_path
     np.testing.assert_array_equal(poses("target", result.time[-1]), ghost)
     # The viewer knows every property of the ghost.
     assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
+
+
+@pytest.mark.parametrize("size", [(900, 600), (500, 800)])
+def test_labels_are_below_their_drawings_in_any_window(
+    browser: Any, tmp_path: Path, size: tuple[int, int]
+) -> None:
+    """A narrow window, such as a telephone's, shows the whole width."""
+    changes = {"period": 5e-3, "accept": None}
+    naljdf, galjdf = (
+        simulate(load_experiment(f"{scheme}_clover_iiwa", changes | {"name": scheme}))
+        for scheme in ("naljdf", "galjdf")
+    )
+    browser.set_window_size(*size)
+    page = write_playback(naljdf, tmp_path / "playback.html", 8, beside=[galjdf])
+    browser.get(page.as_uri())
+    width, height = browser.execute_script("return [innerWidth, innerHeight]")
+
+    def places() -> list[dict[str, float]]:
+        script = """return [...document.querySelectorAll(".label")].map(label => {
+            const {left, right, top} = label.getBoundingClientRect();
+            return {left, right, top};
+        })"""
+        found: list[dict[str, float]] = browser.execute_script(script)
+        return found
+
+    def seen() -> bool:
+        inside = all(
+            label["left"] > 0 and label["right"] < width and height / 3 < label["top"] < height
+            for label in places()
+        )
+        one, other = sorted(places(), key=lambda label: label["left"])
+        return inside and one["right"] < other["left"]
+
+    assert wait_for(lambda: browser.execute_script("return viewer.animator.actions.length") > 0)
+    assert wait_for(seen), places()
+    assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []

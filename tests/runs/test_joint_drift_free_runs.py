@@ -4,6 +4,7 @@ The figures are those of a plain-array implementation of the same equations, int
 Runge-Kutta steps of 1e-5 s; see docs/joint_drift_free.md.
 """
 
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -16,7 +17,13 @@ from drake_rnn.laws.parts.two_step import TwoStep
 from drake_rnn.runs.simulation import build_simulator
 from limit_helpers import broken
 
-NAMES = [name for name in shipped_experiments() if "jdf" in name or name == "man_clover"]
+NAMES = [
+    name
+    for name in shipped_experiments()
+    if ("jdf" in name or name == "man_clover") and not name.endswith("_pen")
+]
+# Runs that are there to be cut to their bound.
+CUT = ("galjdf_clover_bound",)
 # Largest position error [m] and velocity error [m/s], mean joint drift [rad], by lambda.
 GALJDF = {
     1: (4.68e-5, 2.43e-5, 3.72e-4),
@@ -33,8 +40,14 @@ NALJDF = {
 ERRORS = ("position_error_max_m", "velocity_error_max_m_s", "joint_drift_mean_rad")
 
 
+@cache
+def as_it_is(name):
+    """Several tests look at the same run."""
+    return simulate(load_experiment(name))
+
+
 def run(name, **changes):
-    return simulate(load_experiment(name, changes))
+    return simulate(load_experiment(name, changes)) if changes else as_it_is(name)
 
 
 @pytest.fixture(scope="module")
@@ -56,10 +69,11 @@ def test_it_comes_to_what_its_document_expects(name):
     result = run(name)
     for metric, accepted in result.experiment.document.accept.items():
         assert accepted.holds(result.metrics[metric]), (metric, result.metrics[metric])
-    assert broken(result.metrics) == {}
+    # A clip that acts adds up to its bound but for rounding.
+    assert broken(result.metrics, 1e-11 if name in CUT else 0.0) == {}
     assert {"saturated_fraction", "singular_value_min"} <= result.metrics.keys()
     assert "joint_acceleration_demand_max_rad_s2" in result.metrics
-    assert result.warnings == []
+    assert (result.warnings == []) == (name not in CUT)
 
 
 @pytest.mark.parametrize("weight", GALJDF)
@@ -103,6 +117,44 @@ class TestTrends:
         """The paper's text says it does; its Table I, from lambda 10 on, does not either."""
         drifts = [clover("naljdf", w).metrics["joint_drift_mean_rad"] for w in (1, 10, 100)]
         assert drifts[0] < drifts[1] < drifts[2]
+
+    def test_a_larger_position_gain_makes_the_errors_smaller(self, clover):
+        """The paper asks for a small delta. But d holds the errors, and acts against them."""
+        large = run("galjdf_clover", accept=None, **{"law.position_gain": 2500.0}).metrics
+        small = run("galjdf_clover", accept=None, **{"law.position_gain": 25.0}).metrics
+        usual = clover("galjdf", 3).metrics
+        for error in ERRORS[:2]:
+            assert large[error] < 0.5 * usual[error]
+            assert usual[error] < 0.9 * small[error]
+
+
+class TestTheBoundOfFigure2:
+    """Of 2.5 rad/s^2, at the figure's gains, on paths whose size the paper does not give."""
+
+    def test_it_is_reached_on_large_leaves_alone(self):
+        """By demands in a hundredth of the steps; a clip keeps it to rounding, 1e-9."""
+        large = run("galjdf_clover_bound")
+        assert large.metrics["limit_ratio_2_max"] == pytest.approx(1.0, abs=1e-9)
+        assert 0.0 < large.metrics["saturated_fraction"] < 0.05
+        assert run("galjdf_clover_fig2").metrics["limit_ratio_2_max"] < 0.4
+
+    def test_the_position_error_rises_and_falls(self):
+        """The paper has it sustain increasing: here it is past its peak well before the end."""
+        large = run("galjdf_clover_bound")
+        error = large.position_error
+        assert error[-1] < 0.5 * error.max()
+        assert large.time[error.argmax()] < 8.0
+
+
+def test_theorem_1_predicts_the_velocity_error_of_figure_2():
+    """At its own gains, lambda 3 and varrho 2e4; 5 %: the lag, 1 / (varrho sigma_min^2) = 3 ms."""
+    result = run("galjdf_clover_fig2")
+    late = result.time > 1.0
+    error = (result.series["v_WE"] - result.series["v_WE_desired"])[late]
+    sigma = result.series["velocity_error_predicted"][late]
+    for axis in range(3):
+        assert np.corrcoef(error[:, axis], sigma[:, axis])[0, 1] > 0.998
+    assert np.linalg.norm(error - sigma) < 0.06 * np.linalg.norm(error)
 
 
 def test_theorem_1_predicts_the_velocity_error(clover):
@@ -165,6 +217,18 @@ class TestMoaljdf:
         assert printed == pytest.approx(9.5e-3, rel=0.02)
         assert corrected < printed / 100
 
+    def test_the_velocity_error_of_the_start_decays_with_the_correction_alone(self):
+        """Gravity enters at once. As printed, the law stays as far off as it begins."""
+        left = {}
+        for name in ("moaljdf_parallelogram", "moaljdf_parallelogram_printed"):
+            result = run(name)
+            slip = result.series["v_WE"] - result.series["v_WE_desired"]
+            error, begun = np.linalg.norm(slip, axis=1), result.time <= 0.1
+            assert 1e-3 < error[begun].max() < 1.6e-3
+            left[name] = error[~begun].max() / error[begun].max()
+        assert left["moaljdf_parallelogram"] < 0.05
+        assert left["moaljdf_parallelogram_printed"] > 0.7
+
     def test_weighing_torque_does_not_lower_it_along_the_path(self):
         """It is least at every instant, where the arm then is: greed that does not pay."""
         effort, drift = {}, {}
@@ -176,6 +240,58 @@ class TestMoaljdf:
         assert effort == pytest.approx({1.0: 134.4, 0.995: 135.7, 0.9: 138.3}, rel=2e-3)
         # And it costs the return of the joints.
         assert drift[0.995] > 10 * drift[1.0]
+
+
+class TestWrongMasses:
+    """The paper: MOALJDF's error grows with the uncertainty of the dynamics."""
+
+    @staticmethod
+    def errors(name, *believed, **changes):
+        arms = [{"model": "planar6", "believed_mass_scale": scale} for scale in believed]
+        return [
+            run(name, arm=arm, accept=None, **changes).metrics["velocity_error_max_m_s"]
+            for arm in arms
+        ]
+
+    def test_the_printed_laws_error_is_that_of_the_masses_it_is_told_right_or_wrong(self):
+        """Half the true masses: a third of the error with the true ones; twice: four times it."""
+        light, right, heavy = self.errors("moaljdf_parallelogram_printed", 0.5, 1.0, 2.0)
+        assert light < 0.35 * right
+        assert heavy > 3.5 * right
+
+    @pytest.mark.long
+    def test_with_full_dynamics_it_is_the_same(self):
+        """Motors carry the true masses, whatever the law believes of them."""
+        light, right = self.errors("moaljdf_parallelogram_printed", 0.5, 1.0, level="dynamic")
+        assert light < 0.4 * right
+
+
+class TestPens:
+    """The paper's physical experiment, with motors, encoders and a pen."""
+
+    @pytest.mark.long
+    def test_naljdf_draws_well_and_galjdf_visibly_off(self):
+        """A pen's line is half a millimetre wide."""
+        pens = [run(f"{scheme}_pen") for scheme in ("naljdf", "galjdf")]
+        assert all(verdict.met for pen in pens for verdict in pen.verdicts)
+        assert not any(pen.metrics["saturated_fraction"] for pen in pens)
+        good, off = (pen.metrics["position_error_max_m"] for pen in pens)
+        assert good < 5e-4
+        assert off > 20 * good
+        assert off > 0.1 * load_experiment("galjdf_pen").document.path["size"]
+
+    def test_a_velocity_measured_late_makes_the_law_chatter(self):
+        """As the paper has it; the law's own velocity is right whatever is measured."""
+        short = {"duration": 1.5, "accept": None}
+        late = {"law.velocity": "measured", **short}
+        own, exact, delayed = (
+            run("naljdf_pen", **changes).metrics
+            for changes in (short, {**late, "sensing": None}, late)
+        )
+        assert own["saturated_fraction"] == exact["saturated_fraction"] == 0.0
+        assert exact["velocity_error_max_m_s"] < 2e-4
+        assert delayed["saturated_fraction"] > 0.5
+        assert delayed["velocity_error_max_m_s"] > 100 * own["velocity_error_max_m_s"]
 
 
 class TestReference:

@@ -7,7 +7,7 @@ for seeds and for the discretisation: see docs/simultaneous_learning.md.
 import numpy as np
 import pytest
 
-from drake_rnn import load_experiment, simulate
+from drake_rnn import InvalidInputError, load_experiment, simulate
 from limit_helpers import broken
 
 # A whole run takes half a minute, and seed 0 has one. Seeds differ in how J_hat and the noise
@@ -21,8 +21,13 @@ def metrics(name, **changes):
 
 
 @pytest.fixture(scope="module")
-def known():
-    return metrics("slc_nephroid_known")
+def known_run():
+    return simulate(load_experiment("slc_nephroid_known"))
+
+
+@pytest.fixture(scope="module")
+def known(known_run):
+    return known_run.metrics
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +46,24 @@ def test_every_declared_bound_holds(known):
     assert known["joint_acceleration_max_rad_s2"] <= 1 + 1e-9
     assert broken(known, 1e-9) == {}
     assert known["joint_limit_margin_min_rad"] > 0.3
+
+
+def test_joint_2_alone_reaches_the_speed_bound(known_run):
+    """The joint that the paper's Fig. 2(c) names; the others stay a sixth below it."""
+    largest = np.abs(known_run.series["velocity"]).max(axis=0)
+    assert largest[1] == pytest.approx(0.5, abs=1e-6)
+    assert np.delete(largest, 1).max() < 0.5 * 5 / 6
+
+
+def test_the_acceleration_bound_is_met_only_on_the_way_to_the_path(known_run):
+    """Fig. 2(d) with J known: 7 % of the steps, in the first 1.5 s; the path itself asks for less.
+
+    What J_hat changes by from sample to sample brings the law with a learned J there later too.
+    """
+    assert 0.05 < known_run.metrics["saturated_fraction"] < 0.10
+    largest = np.abs(known_run.series["acceleration"]).max(axis=1)
+    assert largest[known_run.time < 1.5].max() == pytest.approx(1.0, abs=1e-6)
+    assert largest[known_run.time > 4.0].max() < 0.9
 
 
 def test_the_joints_return_after_a_lap(known):
@@ -70,6 +93,7 @@ def assert_it_tracks_and_learns(got):
     assert got["settling_time_s"] <= 2.6
     assert got["jacobian_error_median"] <= 3e-3
     assert got["jacobian_error_excited_median"] <= 3e-4
+    assert got["joint_limit_margin_min_rad"] > 0.3
     # The law keeps its bound; the noise that the arm is moved with does not.
     assert got["network_acceleration_max_rad_s2"] <= 1 + 1e-9
     assert got["joint_acceleration_max_rad_s2"] > 1000
@@ -125,6 +149,47 @@ def test_the_four_ring_returns_to_its_start(name):
     assert result.metrics["position_error_max_m"] <= 0.5e-3
     assert result.metrics["joint_drift_max_rad"] <= 5e-4
     assert result.metrics["network_acceleration_max_rad_s2"] <= 1.1 + 1e-9
+
+
+def test_the_error_of_what_it_learns_falls_at_once():
+    """Fig. 2(i): each entry of J to 1e-3 m within 0.05 s of the noise; 0.9 m at the start."""
+    changes = {"duration": 0.1, "window": None, "log_period": 1e-3}
+    series = simulate(load_experiment("slc_nephroid", {**changes, "accept": None})).series
+    error = np.abs(series["J"] - series["J_hat"]).max(axis=(1, 2))
+    assert error[0] > 0.5
+    assert error[50:].max() < 2e-3
+    assert error[50:].min() < 1e-3
+
+
+class TestOnAnArmWithMotors:
+    """The paper's physical experiment, with mass, motors and encoders."""
+
+    @pytest.mark.long
+    @pytest.mark.parametrize(
+        ("name", "changes"),
+        [
+            ("slc_four_ring_dynamic", {}),
+            # One lap of its two.
+            ("slc_four_ring_fast", {"path.laps": 1, "duration": 7.5}),
+        ],
+    )
+    def test_the_rings_keep_what_is_expected_of_them(self, name, changes):
+        """Both claims of the figure in one: on the path to 1 mm, and within 1.1 rad/s^2."""
+        verdicts = simulate(load_experiment(name, changes)).verdicts
+        assert [verdict for verdict in verdicts if not verdict.met] == []
+
+    def test_noise_that_only_the_law_sees_is_refused(self):
+        """An arm that measures itself shows the law how it moved, and nothing else."""
+        for model in ("virtual", "printed"):
+            with pytest.raises(InvalidInputError, match=r"dither\.model: must be actuated"):
+                metrics("slc_four_ring_noise_dynamic", **{"dither.model": model})
+
+    @pytest.mark.long
+    def test_too_little_noise_does_not_teach_it(self):
+        """A noise that this arm's maker would allow, 5 rad/s^2, loses the path by a centimetre."""
+        got = metrics("slc_four_ring_noise_dynamic", sensing=None, **{"dither.sigma": 1e-3})
+        assert got["joint_acceleration_max_rad_s2"] < 7.5
+        assert got["position_error_max_m"] > 5e-3
 
 
 class TestAsPrinted:

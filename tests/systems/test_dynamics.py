@@ -82,6 +82,17 @@ def test_a_lighter_arm_has_less_of_everything(scale):
             np.testing.assert_allclose(scaled[name], scale * value, rtol=0, atol=atol)
 
 
+def test_wrong_masses_are_told_and_not_carried():
+    """What a law is told of the dynamics follows them; the arm itself does not."""
+    arm = load_arm("planar6", believed_mass_scale=0.4)
+    told, light = Dynamics(arm), Dynamics(load_arm("planar6", mass_scale=0.4))
+    true = load_arm("planar6").kinematics()
+    for q, v in motions(arm):
+        for name, value in ports(light, q, v).items():
+            np.testing.assert_array_equal(ports(told, q, v)[name], value)
+        np.testing.assert_array_equal(arm.kinematics().M(q), true.M(q))
+
+
 def test_what_depends_on_posture_alone_does_not_feed_velocity_through(arm):
     system = Dynamics(arm)
     velocity = system.GetInputPort("velocity").get_index()

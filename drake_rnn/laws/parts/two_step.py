@@ -84,7 +84,8 @@ class TwoStep(SampledReading):
 
     It reads the desired signals one period ahead. The state holds v at the end of the present
     ramp and omega; the ramp's start ``v_from`` at time ``since``, its ``slope``, and the ``demand``
-    before clipping; and signals of the previous sample.
+    before clipping; and signals of the previous sample. A law that measures the joint
+    velocity ramps its own by what the measured one demands.
 
     Args:
         law: The law to run.
@@ -131,7 +132,9 @@ class TwoStep(SampledReading):
         at = self._places
         v, omega = x[at["v"]], x[at["omega"]]
         q, J, Jdot_v = u["position"], u["J"], u["Jdot_v"]
-        if x[at["since"].start] != _NEVER:
+        # With a measured velocity only the one-step formula: its previous one is no longer known.
+        present = u.get("velocity", v)
+        if x[at["since"].start] != _NEVER and present is v:
             J_next = 2.0 * J - x[at["J_before"]].reshape(J.shape)
             Jdot_v_next = 2.0 * Jdot_v - x[at["Jdot_v_before"]]
             lead = 1.5 / h
@@ -140,12 +143,13 @@ class TwoStep(SampledReading):
         else:
             # At the first sample there is no previous one: use the one-step formula.
             J_next, Jdot_v_next = J, Jdot_v
-            lead, known_v, known_omega = 1.0 / h, v / h, omega / h
+            lead, known_v, known_omega = 1.0 / h, present / h, omega / h
         next_u = {**u, "J": J_next, "Jdot_v": Jdot_v_next}
         for preview, desired in _AHEAD.items():
             next_u[desired] = u[preview]
         half = h / 2.0
-        form = law.linear_form(next_u, q + half * v, u["p_WE"] + half * J.dot(v), half)
+        p_WE = u["p_WE"] + half * J.dot(present)
+        form = law.linear_form(next_u, q + half * present, p_WE, half)
 
         size = n + law.task_size
         A = np.empty((size, size))
@@ -154,7 +158,7 @@ class TwoStep(SampledReading):
         A.flat[:: size + 1] -= lead
         known = np.concatenate((form.a_0 + known_v, form.b_0 + known_omega))
         sought = np.linalg.solve(A, -known)
-        demand = (sought[:n] - v) / h
+        demand = (sought[:n] - present) / h
         slope = law.bounded(demand, q, v, h)
         ramp = (v + h * slope, sought[n:], v, slope, demand, (t,))
         return np.concatenate((*ramp, omega, J.ravel(), Jdot_v))

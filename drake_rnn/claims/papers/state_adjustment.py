@@ -5,27 +5,25 @@ Each takes ``run(name, changes)``, which returns the result of a shipped experim
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from pydrake.solvers import MathematicalProgram, Solve
 
-from ..experiment import load_experiment
-from ..inputs.fields import Array
-from ..laws.state_adjustment import StateAdjustment
-from ..robot.self_motion import SelfMotion
-from ..runs.result import Result
+from ...experiment import load_experiment
+from ...inputs.fields import Array
+from ...laws.state_adjustment import StateAdjustment
+from ...robot.self_motion import SelfMotion
+from ...runs.result import Result
+from ..run import Run
 
-_Run = Callable[..., Result]
 
-
-def joint_error(run: _Run, name: str, joint: int) -> float:
+def joint_error(run: Run, name: str, joint: int) -> float:
     """Distance of a joint, counted from 1, from its target at the end of the run [rad]."""
     return float(abs(run(name, None).series["joint_error"][-1, joint - 1]))
 
 
-def exponential_curve_error(run: _Run, name: str) -> float:
+def exponential_curve_error(run: Run, name: str) -> float:
     """Largest distance of the errors from e(0) exp(-r t) over the whole run, per |e(0)| [1]."""
     result = run(name, None)
     error = result.series["joint_error"]
@@ -33,7 +31,7 @@ def exponential_curve_error(run: _Run, name: str) -> float:
     return float(np.linalg.norm(error - curve, axis=1).max() / np.linalg.norm(error[0]))
 
 
-def rate_of_decay(run: _Run, name: str, begin: float, end: float) -> float:
+def rate_of_decay(run: Run, name: str, begin: float, end: float) -> float:
     """Rate at which the norm of the joints' errors falls between two times [1/s]."""
     result = run(name, None)
     first, last = np.searchsorted(result.time, [begin - 1e-9, end - 1e-9])
@@ -41,14 +39,14 @@ def rate_of_decay(run: _Run, name: str, begin: float, end: float) -> float:
     return float(np.log(error[first] / error[last]) / (result.time[last] - result.time[first]))
 
 
-def mean_speed(run: _Run, name: str, begin: float, end: float) -> float:
+def mean_speed(run: Run, name: str, begin: float, end: float) -> float:
     """Mean norm of the joint velocities between two times [rad/s]."""
     result = run(name, None)
     during = (result.time >= begin) & (result.time <= end)
     return float(np.linalg.norm(result.series["velocity"][during], axis=1).mean())
 
 
-def time_until_slow(run: _Run, name: str, share: float) -> float:
+def time_until_slow(run: Run, name: str, share: float) -> float:
     """Time after which no joint is faster than a share of the run's largest joint speed [s]."""
     result = run(name, None)
     fastest = np.abs(result.series["velocity"]).max(axis=1)
@@ -56,7 +54,7 @@ def time_until_slow(run: _Run, name: str, share: float) -> float:
     return float(result.time[above[-1] + 1])
 
 
-def joints_at_speed_limit(run: _Run, name: str) -> float:
+def joints_at_speed_limit(run: Run, name: str) -> float:
     """Number of joints that are at their speed limit at some time, to within a thousandth [1]."""
     result = run(name, None)
     limit = result.experiment.limits.require("velocity", "the claim")
@@ -64,12 +62,12 @@ def joints_at_speed_limit(run: _Run, name: str) -> float:
     return float(at_limit.any(axis=0).sum())
 
 
-def printed_opening(run: _Run, rise_times: float) -> float:
+def printed_opening(run: Run, rise_times: float) -> float:
     """The printed factor sin(pi t / 2 T) of the velocity bounds, after so many rise times T [1]."""
     return float(np.sin(np.pi * rise_times / 2))
 
 
-def off_the_optimum(run: _Run, name: str) -> float:
+def off_the_optimum(run: Run, name: str) -> float:
     """Largest distance of a joint's velocity from the optimum of the run's instants [rad/s].
 
     From 0.1 s on, every tenth of a second; the optimum is that of a solver of quadratic programs.
@@ -79,7 +77,7 @@ def off_the_optimum(run: _Run, name: str) -> float:
     return max(float(np.abs(v - _optimum(law, t, q, J)).max()) for t, q, J, v in _instants(result))
 
 
-def off_the_optimum_at_rest(run: _Run, name: str) -> float:
+def off_the_optimum_at_rest(run: Run, name: str) -> float:
     """The same once the network has settled, posture and time standing still [rad/s].
 
     At five of these instants, after two thousand time constants.
@@ -92,7 +90,7 @@ def off_the_optimum_at_rest(run: _Run, name: str) -> float:
     )
 
 
-def beyond_target(run: _Run, limited: bool) -> float:
+def beyond_target(run: Run, limited: bool) -> float:
     """How far a UR5's fourth joint goes beyond its target on the way [rad].
 
     The target is somewhere on the start's self-motion where that joint goes farther and returns.

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from ..laws.parts.primal_dual import PrimalDual
-from ..runs.result import Result
-
-Run = Callable[[str, Mapping[str, Any] | None], Result]
+from ...laws.parts.primal_dual import PrimalDual
+from ..run import Run
 
 # What is drawn of a network with a box of velocities: joints, rows, and the box [rad/s].
 _JOINTS, _ROWS, _BOX = 7, 6, 0.2

@@ -5,23 +5,23 @@ Each takes ``run(name, changes)``, which returns the result of a shipped experim
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from ..experiment import load_experiment
-from ..inputs.fields import Array
-from ..robot.limits import DERIVATIVE_UNITS
-from ..runs.result import Result
+from ...experiment import load_experiment
+from ...inputs.fields import Array
+from ...robot.limits import DERIVATIVE_UNITS
+from ...runs.result import Result
+from ..run import Run
+from ..timing import time_ratio
 
-_Run = Callable[..., Result]
 _ORDERS = (1, 2, 3, 4, 5)
 
 
 def largest_ratio(
-    run: _Run,
+    run: Run,
     name: str,
     orders: Sequence[int] = _ORDERS,
     changes: Mapping[str, Any] | None = None,
@@ -30,12 +30,12 @@ def largest_ratio(
     return max(_ratios(run(name, changes), orders))
 
 
-def smallest_ratio(run: _Run, name: str, orders: Sequence[int] = _ORDERS) -> float:
+def smallest_ratio(run: Run, name: str, orders: Sequence[int] = _ORDERS) -> float:
     """Of the orders' largest ratios of derivatives to their bounds, the smallest [1]."""
     return min(_ratios(run(name, None), orders))
 
 
-def displayed_ratio(run: _Run, name: str, changes: Mapping[str, Any] | None = None) -> float:
+def displayed_ratio(run: Run, name: str, changes: Mapping[str, Any] | None = None) -> float:
     """Largest ratio of the filters' signals, which stand for derivatives 2 to n, to the bounds [1].
 
     They are filtered from clipped targets, and are no derivatives of the joint angles.
@@ -47,7 +47,7 @@ def displayed_ratio(run: _Run, name: str, changes: Mapping[str, Any] | None = No
     return float((shown / np.array(bounds[: len(shown)])).max())
 
 
-def growth_rate(run: _Run, name: str, third_gain: float | None = None) -> float:
+def growth_rate(run: Run, name: str, third_gain: float | None = None) -> float:
     """Largest real part of the roots of the printed chain while nothing saturates [1/s].
 
     The chain of five levels is linear there, with the polynomial
@@ -62,20 +62,14 @@ def growth_rate(run: _Run, name: str, third_gain: float | None = None) -> float:
     return float(scale * np.roots(coefficients).real.max())
 
 
-def cost_of_levels(run: _Run, name: str) -> float:
-    """Time that a sample of the law takes with all its levels, per time with one level [1].
-
-    Samples of both are timed in turn, and the quickest counts, as the least disturbed.
-    """
+def cost_of_levels(run: Run, name: str) -> float:
+    """Time that a sample of the law takes with all its levels, per time with one level [1]."""
     all_levels = len(load_experiment(name).document.law["gains"])
-    laws = [_at_rest(name, levels) for levels in (all_levels, 1)]
-    times = [[_step_time(law, u) for law, u in laws] for _ in range(2000)]
-    five, one = np.min(times, axis=0)
-    return float(five / one)
+    return time_ratio(_sample(name, all_levels), _sample(name, 1))
 
 
 def first_level_off_target(
-    run: _Run, name: str, levels: int, period: float, duration: float
+    run: Run, name: str, levels: int, period: float, duration: float
 ) -> float:
     """Distance |x_1 - w_1| late, in units of rho / (4 k_2) of (41), posture and path at rest [1].
 
@@ -104,11 +98,10 @@ def _at_rest(name: str, levels: int) -> tuple[Any, dict[str, Array]]:
     return experiment.law, u
 
 
-def _step_time(law: Any, u: dict[str, Array]) -> float:
+def _sample(name: str, levels: int) -> Callable[[], object]:
+    law, u = _at_rest(name, levels)
     x = np.zeros(law.state.size)
-    began = time.perf_counter()
-    law.step(0.0, x, u, 1e-3)
-    return time.perf_counter() - began
+    return lambda: law.step(0.0, x, u, 1e-3)
 
 
 def _ratios(result: Result, orders: Sequence[int]) -> list[float]:

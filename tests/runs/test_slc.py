@@ -273,13 +273,11 @@ def test_with_bounded_feedback_the_same_arm_follows():
     assert got["position_error_max_m"] < 1e-3
 
 
-def test_with_motors_the_limits_hold_for_the_command():
-    """The law sees what it commands; the arm itself may be 1e-6 rad off, its motors' error."""
-    changes = FAR | {"level": "dynamic", "feedback": "commanded"}
-    result = simulate(load_experiment("slc_nephroid_known", changes))
-    violation = result.experiment.limits.violation(result.series["position_commanded"])
-    assert violation.max() <= 1e-9
-    assert -1e-6 < result.metrics["joint_limit_margin_min_rad"] < 1e-3
+def test_with_motors_the_arm_is_off_its_limits_by_no_more_than_off_its_command():
+    """What holds is the command's limit; 1e-6 rad: motors that settle."""
+    got = metrics("slc_nephroid_known", **FAR, level="dynamic", feedback="commanded")
+    assert got["position_error_max_m"] > 0.1, "it is meant to cycle"
+    assert -1e-6 < got["joint_limit_margin_min_rad"] < 1e-3
 
 
 class TestContinuousAndSampled:

@@ -63,8 +63,8 @@ def test_no_shipped_experiment_is_in_doubt():
 
 @pytest.mark.parametrize("changes", [{"law.kappa": 15}, {"path.offset": [0.25, 0, 0]}])
 def test_an_experiment_that_cycles_for_ever_is(changes):
-    warnings = load_experiment("slc_nephroid_known", changes | {"limits.acceleration": 0.7}).warnings
-    assert any("cycle for ever" in said for said in warnings)
+    experiment = load_experiment("slc_nephroid_known", changes | {"limits.acceleration": 0.7})
+    assert any("cycle for ever" in said for said in experiment.warnings)
 
 
 def test_substeps_that_overshoot_are_refused():

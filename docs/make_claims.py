@@ -14,24 +14,24 @@ Every numbered table, figure, theorem and remark of the five papers, and what th
 numbers, row by row. The rows are data, a file for each paper in `drake_rnn/claims/papers/`. Numbers
 and verdicts are computed from them: `drake-rnn claims ID --judge` does so for one of them.
 
-A claim *holds* if all that is asked of it as stated is measured. It *holds with correction* if that
-fails, but holds with the correction that the last column names. Otherwise it *does not hold*. A
-claim *cannot be checked* if the text does not say enough. A name is made of the scheme and the
-place: T is a table, F a figure, Th a theorem, L a lemma, R a remark, S a section, C a claim in the
-text. Photographs and schematics state nothing to check.
+A claim *holds* if all that is asked of it as stated is measured. As stated is what is printed;
+where the text leaves a choice, and for a physical experiment, which is simulated, it is the reading
+that the last column names. A claim *holds with correction* if that fails, but holds with the change
+of what is printed that the last column names. Otherwise it *does not hold*. A claim *cannot be
+checked* if the text does not say enough. A name is made of the scheme and the place: T is a table,
+F a figure, Th a theorem, L a lemma, R a remark, S a section, C a claim in the text. Photographs and
+schematics state nothing to check.
 """
 
 
 def _line(finding: Finding) -> str:
     criterion = finding.criterion
-    name = criterion.measure or criterion.metric or "refused"
-    call = str(criterion) if criterion.measure else criterion.command
-    expected = "refused" if criterion.refused is not None else criterion.expected
-    value = "refused" if criterion.refused is not None and finding.holds else str(finding)
-    per = f", per `{criterion.per}`" if criterion.per is not None else ""
-    what = f"`{call}`" if criterion.measure else f"`{call}`: {name}"
+    what = f"`{criterion}`"
+    if criterion.measure is None:
+        per = f", per `{criterion.per}`" if criterion.per is not None else ""
+        what = f"`{criterion.command}`: {criterion.metric}{per}"
     paper = f" (paper: {criterion.paper})" if criterion.paper else ""
-    return f"{what}{per}: **{value}**, asked {expected}{paper}"
+    return f"{what}: **{finding}**, asked {criterion.bounds}{paper}"
 
 
 def _cell(text: str) -> str:

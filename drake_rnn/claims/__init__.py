@@ -1,12 +1,13 @@
 """What the papers claim, and whether it holds: verdicts computed from runs."""
 
 from .claim import Claim, Criterion, Paper, Quantity
-from .judging import Finding, Judge, Judgement, Verdict
+from .judging import ClaimVerdict, Finding, Judge, Judgement
 from .reading import SCHEMES, Claims, read_claims
 
 __all__ = [
     "SCHEMES",
     "Claim",
+    "ClaimVerdict",
     "Claims",
     "Criterion",
     "Finding",
@@ -14,6 +15,5 @@ __all__ = [
     "Judgement",
     "Paper",
     "Quantity",
-    "Verdict",
     "read_claims",
 ]

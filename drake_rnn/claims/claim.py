@@ -7,6 +7,7 @@ from typing import Any
 
 from pydantic import Field
 
+from ..errors import InvalidInputError
 from ..experiment.document import Acceptance
 from ..inputs.fields import Finite, validated
 
@@ -39,9 +40,6 @@ class Quantity:
             raise ValueError("set and metric belong to a run")
         if self.measure is None and self.given:
             raise ValueError("given belongs to a measure")
-        self._check_number()
-
-    def _check_number(self) -> None:
         if self.run is not None and self.metric is None:
             raise ValueError("metric: must be given with run")
 
@@ -60,13 +58,13 @@ class Quantity:
 
 @validated
 class Criterion(Quantity):
-    """A number and its bounds, or a run that must be refused.
+    """A number and its bounds.
 
     Args:
         per: What the number is divided by; None for nothing.
         at_least, at_most: Bounds of the number, in its own unit.
-        refused: Part of the message with which the run is refused or fails; in place of a metric
-            and bounds.
+        refused: Part of the message with which the run is refused, if it is known to be; empty if
+            it is expected to run. The criterion is then not met.
         paper: The paper's own figure, for a reader.
         timed: Whether the number is a ratio of times, which a busy machine disturbs.
     """
@@ -74,44 +72,42 @@ class Criterion(Quantity):
     per: Quantity | None = None
     at_least: Finite | None = None
     at_most: Finite | None = None
-    refused: str | None = None
+    refused: str = ""
     paper: str = ""
     timed: bool = False
 
-    def _check_number(self) -> None:
-        if self.refused is None:
-            super()._check_number()
-            Acceptance(at_least=self.at_least, at_most=self.at_most)
-        elif self.run is None or self.metric or self.per or self.at_least or self.at_most:
-            raise ValueError("refused: belongs to a run, without a metric and bounds")
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.refused and self.run is None:
+            raise ValueError("refused: belongs to a run")
+        try:
+            self.bounds  # noqa: B018  it checks them
+        except InvalidInputError as error:
+            raise ValueError(str(error).removeprefix("Acceptance: ")) from None
 
     @property
-    def expected(self) -> str:
-        """What is expected of the number, as text."""
-        if self.refused is not None:
-            return f"refused: {self.refused}"
-        return str(Acceptance(at_least=self.at_least, at_most=self.at_most))
+    def bounds(self) -> Acceptance:
+        """The bounds of the number."""
+        return Acceptance(at_least=self.at_least, at_most=self.at_most)
 
     def __str__(self) -> str:
-        if self.refused is not None:
-            return self.command
         return super().__str__() + (f", per {self.per}" if self.per is not None else "")
-
-    def holds(self, value: float) -> bool:
-        """Return whether ``value`` is as expected; NaN is not."""
-        return Acceptance(at_least=self.at_least, at_most=self.at_most).holds(value)
 
 
 @validated
 class Claim:
     """One statement of a paper, and how it is judged.
 
+    As stated is what is printed: equations and settings. Where the text leaves a choice, and for a
+    physical experiment, which is simulated, it is the reading that ``because`` names. A correction
+    changes what is printed.
+
     Args:
         id: Scheme and place in the paper, e.g. ``slc-F2a`` for Fig. 2(a): T table, F figure,
             Th theorem, L lemma, R remark, S section, C claim in the text.
         where: Place in the paper, in words.
         says: What the paper says, in our words.
-        as_stated: What must be so for the claim to hold, at the paper's own settings.
+        as_stated: What must be so for the claim to hold.
         corrected: What must be so for it to hold with the correction that ``because`` names.
         unchecked: Why it cannot be checked; in place of criteria.
         because: Why it does not hold as stated, what is corrected, or what was chosen where the
@@ -148,9 +144,9 @@ class Paper:
 
     Args:
         title: Its title.
-        authors: Its authors; none if the text at hand does not name them.
-        journal: Where it appeared; none if the text does not say so.
-        year: When it appeared; None if the text does not say so.
+        authors: Its authors; none if they are not known here.
+        journal: Where it appeared; none if it is not known here.
+        year: When it appeared; None if it is not known here.
     """
 
     title: str

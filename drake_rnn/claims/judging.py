@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from math import nan
 from typing import Any, Literal
 
-from ..errors import DrakeRnnError, InterruptedRunError
+from ..errors import DrakeRnnError, InterruptedRunError, InvalidInputError
 from ..experiment import load_experiment
 from ..runs.result import Result
 from ..runs.simulation import simulate
@@ -20,7 +20,7 @@ class MissingValueError(DrakeRnnError):
     """A number that a run does not have."""
 
 
-Verdict = Literal["holds", "holds with correction", "does not hold", "cannot be checked"]
+ClaimVerdict = Literal["holds", "holds with correction", "does not hold", "cannot be checked"]
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Finding:
         criterion: The criterion.
         holds: Whether it is met.
         value: The number; NaN if there is none.
-        failure: Why there is no number, or the message of the run that was to be refused.
+        failure: Why there is no number: the run does not have it, or is refused as expected.
     """
 
     criterion: Criterion
@@ -60,7 +60,7 @@ class Judgement:
     corrected: tuple[Finding, ...] = ()
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> ClaimVerdict:
         """The verdict."""
         if self.claim.unchecked:
             return "cannot be checked"
@@ -83,7 +83,12 @@ class Judge:
     _runs: dict[str, Result | DrakeRnnError] = field(default_factory=dict, repr=False)
 
     def judge(self, claim: Claim) -> Judgement:
-        """Return what is found of a claim. A run or measure that fails fails its criterion."""
+        """Return what is found of a claim.
+
+        Raises:
+            DrakeRnnError: If a run is refused or fails that was expected to run: the claim says
+                nothing then.
+        """
         return Judgement(
             claim,
             tuple(map(self._find, claim.as_stated)),
@@ -111,24 +116,17 @@ class Judge:
         return found
 
     def _find(self, criterion: Criterion) -> Finding:
-        if criterion.refused is not None:
-            return self._find_refusal(criterion, criterion.refused)
         try:
             value = self._value(criterion)
             if criterion.per is not None:
                 value = _ratio(value, self._value(criterion.per))
-        except InterruptedRunError:
-            raise
-        except DrakeRnnError as error:
+        except MissingValueError as error:
             return Finding(criterion, False, failure=str(error))
-        return Finding(criterion, criterion.holds(value), value)
-
-    def _find_refusal(self, criterion: Criterion, text: str) -> Finding:
-        try:
-            self.run(str(criterion.run), criterion.set)
-        except DrakeRnnError as error:
-            return Finding(criterion, text in str(error), failure=str(error))
-        return Finding(criterion, False, failure="it runs")
+        except InvalidInputError as error:
+            if criterion.refused and criterion.refused in str(error):
+                return Finding(criterion, False, failure=f"refused: {error}")
+            raise
+        return Finding(criterion, criterion.bounds.holds(value), value)
 
     def _value(self, quantity: Quantity) -> float:
         if quantity.measure is not None:

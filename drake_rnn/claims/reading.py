@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InvalidInputError
+from ..experiment import shipped_experiments
 from ..inputs.complaints import nearest
 from ..inputs.documents import construct, read_yaml
 from ..inputs.fields import validated
@@ -24,6 +25,7 @@ SCHEMES = tuple(sorted(file.stem for file in _FOLDER.glob("*.yaml")))
 
 @validated
 class _File:
+    prefix: str
     paper: dict[str, Any]
     page: str
     claims: list[dict[str, Any]]
@@ -76,6 +78,8 @@ def read_claims(scheme: str) -> Claims:
     for claim in claims:
         for quantity in _quantities(claim):
             _check_known(f"{file.name}: {claim.id}", quantity, measures)
+        if not claim.id.startswith(f"{content.prefix}-"):
+            raise InvalidInputError(f"{file.name}: {claim.id}: must begin with {content.prefix}-")
     names = [claim.id for claim in claims]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise InvalidInputError(f"{file.name}: {twice[0]} is there twice")
@@ -90,6 +94,7 @@ def _quantities(claim: Claim) -> list[Quantity]:
 
 def _check_known(place: str, quantity: Quantity, measures: Mapping[str, Any]) -> None:
     for name, known, what in (
+        (quantity.run, shipped_experiments(), "experiment"),
         (quantity.metric, METRIC_NAMES, "metric"),
         (quantity.measure, measures, "measure"),
     ):
@@ -97,3 +102,8 @@ def _check_known(place: str, quantity: Quantity, measures: Mapping[str, Any]) ->
             raise InvalidInputError(
                 f"{place}: no {what} {name!r}; {nearest(name, list(known)) if known else 'none'}"
             )
+    if quantity.measure is not None:
+        try:
+            inspect.signature(measures[quantity.measure]).bind(None, **quantity.given)
+        except TypeError as error:
+            raise InvalidInputError(f"{place}: {quantity.measure}: given: {error}") from None

@@ -44,7 +44,8 @@ def claims_table(paper: Claims, claims: Sequence[Claim]) -> Table:
     for column in ("claim", "place", "the paper says", "judged by"):
         table.add_column(column, overflow="fold", no_wrap=column == "claim")
     for claim in claims:
-        judged = [f"{criterion}: {criterion.expected}" for criterion in claim.criteria]
+        judged = [f"{criterion}: {criterion.bounds}" for criterion in claim.as_stated]
+        judged += [f"corrected: {criterion}: {criterion.bounds}" for criterion in claim.corrected]
         table.add_row(
             *map(escape, (claim.id, claim.where, claim.says, "\n".join(judged) or claim.unchecked))
         )
@@ -68,4 +69,4 @@ def judgement_table(judgement: Judgement) -> Table:
 
 def _cells(finding: Finding, note: str) -> tuple[str, str, str, str]:
     criterion = finding.criterion
-    return f"{note}{criterion}", str(finding), criterion.expected, criterion.paper
+    return f"{note}{criterion}", str(finding), str(criterion.bounds), criterion.paper

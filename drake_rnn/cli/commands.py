@@ -71,10 +71,14 @@ Set = Annotated[
 Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the result folders.")]
 Seed = Annotated[int | None, typer.Option(help="Seed of all random numbers.")]
 Check = Annotated[
-    bool, typer.Option("--check", help="Exit with status 3 if a bound of accept is not kept.")
+    bool,
+    typer.Option(
+        "--check",
+        help="Exit with status 3 if a bound is not kept: of accept, or a limit that the law keeps.",
+    ),
 ]
 Anyway = Annotated[
-    bool, typer.Option("--anyway", help="Run even if it takes more steps than are sensible.")
+    bool, typer.Option("--anyway", help="Run even if it may take more than three hours.")
 ]
 Duration = Annotated[
     float | None,
@@ -158,6 +162,8 @@ def run(  # noqa: PLR0913  one argument for each option
     first = beside or []
     names = [*first, *experiments]
     with _errors():
+        if first and not playback:
+            raise InvalidInputError("--beside: shows paths in a playback; leave out --no-playback")
         loaded = [_load_named(name, names, changes, seed, duration) for name in names]
         _check_all(loaded, names, out_folder, anyway)
     results: list[Result] = []

@@ -44,10 +44,23 @@ def load_experiment(experiment: Described, changes: Mapping[str, Any] | None = N
         InvalidInputError: If a key is wrong; the message names it, its value and what it may be.
     """
     made = make_experiment(read_document(experiment, changes))
-    for key, value in (changes or {}).items():
-        if value is None:
-            _require_known(made, key)
+    removed = [key for key, value in (changes or {}).items() if value is None]
+    if removed:
+        before, _ = _contents(experiment)
+        for key in removed:
+            # With another kind, a key of the former one may be removed.
+            if not _holds(before, key):
+                _require_known(made, key)
     return made
+
+
+def _holds(document: Mapping[str, Any], key: str) -> bool:
+    place: Any = document
+    for name in key.split("."):
+        if not isinstance(place, Mapping) or name not in place:
+            return False
+        place = place[name]
+    return True
 
 
 def _require_known(experiment: Experiment, key: str) -> None:

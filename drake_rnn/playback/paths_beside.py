@@ -138,9 +138,16 @@ def _points(motion: ReplayedMotion) -> Array:
     return np.concatenate((motion.course, motion.traced))
 
 
+# Units in which a length is told, each from its least length on.
+_UNITS = ((1.0, 1.0, "m"), (1e-4, 1e3, "mm"), (1e-7, 1e6, "µm"), (0.0, 1e9, "nm"))
+
+
 def _told(motion: ReplayedMotion) -> tuple[str, str]:
     """Return the name of a run and, if it is known, how far it is off its path."""
     name = name_of(motion.result)
     if (error := motion.result.metrics.get("position_error_max_m")) is None:
         return name, ""
-    return name, f"{1e3 * error:.2g} mm off at most"
+    scale, unit = next(
+        (scale, unit) for least, scale, unit in _UNITS if error >= least or unit == "nm"
+    )
+    return name, f"{scale * error:.3g} {unit} off at most"

@@ -33,7 +33,7 @@ def filled(folder: str | Path, record: Mapping[str, Any]) -> Iterator[Path]:
     the block has ended.
 
     Args:
-        folder: The folder, which is created if missing. Files that are not of a run stay.
+        folder: The folder, which is created if missing. Files of other names than a run's stay.
         record: What the record says of the run.
 
     Raises:
@@ -68,6 +68,8 @@ def read_record(folder: Path) -> dict[str, Any]:
         raise InvalidInputError(
             f"{folder}: is incomplete; what wrote the results was stopped before it had ended"
         )
+    if not isinstance(record, dict):
+        raise InvalidInputError(f"{folder}: {RECORD} is no record of a run")
     return record
 
 

@@ -6,11 +6,8 @@ from pathlib import Path
 import pytest
 from doc_pages import ROOT, tables
 
-from drake_rnn import InvalidInputError, shipped_experiments
-from drake_rnn.claims import SCHEMES, Judge, read_claims
-from drake_rnn.experiment import read_document
-from drake_rnn.experiment.document import ExperimentDocument
-from drake_rnn.inputs.documents import construct
+from drake_rnn import InvalidInputError, load_experiment, shipped_experiments
+from drake_rnn.claims import SCHEMES, Judge, read_claims, reading
 
 ALL = [(scheme, claim) for scheme in SCHEMES for claim in read_claims(scheme).claims]
 every_claim = pytest.mark.parametrize(("scheme", "claim"), ALL, ids=[claim.id for _, claim in ALL])
@@ -39,13 +36,34 @@ def test_what_a_claim_names_exists(scheme, claim):
         for quantity in filter(None, (criterion, criterion.per)):
             if quantity.run is not None:
                 assert quantity.run in shipped_experiments()
-                changed = read_document(quantity.run, quantity.set)
-                if criterion.refused is None:
-                    construct(ExperimentDocument, changed, quantity.run)
+                if not criterion.refused:
+                    load_experiment(quantity.run, quantity.set)
     for test in claim.tests:
         file, _, name = test.partition("::")
         assert Path(file).parts[0] == "tests"
         assert name in set(named_tests(file)), test
+
+
+#: Claims that cannot be judged: what is written in place of what, and what is said.
+BROKEN = {
+    "an experiment that is none": ("naljdf_clover,", "naljdf_clovr,", "no experiment"),
+    "a metric that is none": ("joint_drift_mean_rad", "joint_drift_men_rad", "no metric"),
+    "a measure that is none": ("sigma_misfit", "sigma_misft", "no measure"),
+    "an argument that is none": ("basis:", "bases:", "block_mismatch: given"),
+    "a claim of another paper": ("id: jdf-C6", "id: slc-C6", "must begin with jdf-"),
+    "a claim that is there twice": ("id: jdf-C6", "id: jdf-C5", "is there twice"),
+}
+
+
+@pytest.mark.parametrize(("old", "new", "message"), BROKEN.values(), ids=BROKEN)
+def test_a_file_that_cannot_be_judged_is_refused(monkeypatch, tmp_path, old, new, message):
+    text = (reading._FOLDER / "joint_drift_free.yaml").read_text()
+    assert old in text
+    (tmp_path / "joint_drift_free.yaml").write_text(text.replace(old, new, 1))
+    monkeypatch.setattr(reading, "_FOLDER", tmp_path)
+    with pytest.raises(InvalidInputError, match=message) as caught:
+        reading.read_claims.__wrapped__("joint_drift_free")
+    assert str(caught.value).startswith("joint_drift_free.yaml: ")
 
 
 def test_an_unknown_scheme_is_refused():

@@ -80,22 +80,22 @@ def test_a_measure_may_look_at_a_whole_run():
     assert found.value == 0.1
 
 
-def test_a_run_that_must_be_refused():
-    fields = {"run": "pinv_line", "set": {"law.damping": -1.0}}
-    (found,) = judge_of(as_stated=[fields | {"refused": "law.damping"}]).as_stated
-    assert found.holds
-    assert "-1" in str(found)
-    (found,) = judge_of(as_stated=[fields | {"refused": "law.gain"}]).as_stated
+def test_a_run_that_is_known_to_be_refused_does_not_meet_its_criterion():
+    fields = error_below(1.0) | {"set": {"law.damping": -1.0}}
+    (found,) = judge_of(as_stated=[fields | {"refused": "law.damping: must be"}]).as_stated
     assert not found.holds
-    (found,) = judge_of(as_stated=[run_it(refused="law.damping")]).as_stated
-    assert not found.holds
+    assert str(found).startswith("refused: law.damping: must be")
 
 
-def test_a_criterion_whose_run_fails_or_lacks_the_number_is_not_met():
-    refused = run_it(metric="position_error_max_m", at_most=1.0) | {"set": {"law.damping": -1.0}}
-    (found,) = judge_of(as_stated=[refused]).as_stated
-    assert not found.holds
-    assert "law.damping" in found.failure
+@pytest.mark.parametrize("refused", ["", "law.gain"])
+def test_a_run_that_is_refused_otherwise_is_no_verdict(refused):
+    """A claim that names what is not there must not pass for one that does not hold."""
+    fields = error_below(1.0) | {"set": {"law.damping": -1.0}, "refused": refused}
+    with pytest.raises(InvalidInputError, match="damping"):
+        judge_of(as_stated=[fields])
+
+
+def test_a_criterion_whose_run_lacks_the_number_is_not_met():
     (found,) = judge_of(as_stated=[run_it(metric="force_error_rms_N", at_most=1.0)]).as_stated
     assert not found.holds
     assert found.failure == "no force_error_rms_N in this run"
@@ -116,7 +116,11 @@ def test_a_run_is_made_once(monkeypatch):
         ({"as_stated": [{"metric": "x", "at_most": 1.0}]}, "give either run or measure"),
         ({"as_stated": [run_it(metric="x")]}, "must give at_least, at_most or both"),
         ({"as_stated": [{"measure": "x", "set": SHORT, "at_most": 1.0}]}, "belong to a run"),
-        ({"as_stated": [run_it(metric="x", refused="no")]}, "refused: belongs to a run"),
+        (
+            {"as_stated": [{"measure": "x", "at_most": 1.0, "refused": "no"}]},
+            "refused: belongs to a run",
+        ),
+        ({"as_stated": [run_it(metric="x", at_most=1.0, at_least=2.0)]}, "must not exceed at_most"),
         ({"as_stated": [error_below(1.0)], "corrected": [error_below(1.0)]}, "needs .*because"),
     ],
 )

@@ -184,6 +184,11 @@ def test_a_run_beside_itself_is_refused(tmp_path):
     assert "two experiments are called" in sentence(result)
 
 
+def test_beside_without_a_playback_is_refused(tmp_path):
+    result = call("run", KNOWN, "--beside", LEARNED, "--no-playback", "--out", tmp_path, *SHORT)
+    assert sentence(result).startswith("--beside: shows paths in a playback")
+
+
 def test_metrics_are_one_flat_object_of_finite_numbers(tmp_path):
     found = metrics(run(tmp_path, *SHORT))
     assert found["joint_velocity_max_rad_s"] > 0

@@ -230,7 +230,7 @@ def test_axes_lie_in_the_surface_and_are_seen_from_above(level, normal, names):
     turned = changed(
         level,
         environment=document.environment | {"normal": normal},
-        path=document.path | {"size": 1e-9},
+        path=document.path | {"size": 1e-6},
     )
     axes, found = surface_axes(turned)
     n = np.array(normal) / np.linalg.norm(normal)

@@ -470,7 +470,7 @@ def test_bad_points_are_refused(fields: dict[str, object], message: str) -> None
 @pytest.mark.parametrize(
     ("name", "fields", "message"),
     [
-        ("circle", {"size": -0.1}, "size: .*greater than 0"),
+        ("circle", {"size": -0.1}, "size: .*greater than or equal to"),
         ("circle", {"size": math.inf}, "size: .*finite"),
         ("circle", {"period": math.nan}, "period: .*"),
         ("circle", {"period": 0}, "period: .*greater than or equal to 0.001"),

@@ -92,8 +92,9 @@ def test_each_is_labelled_with_its_name_and_error(runs: tuple[Result, Result], p
     labels = re.findall(r'<div class="label"><b>(.*?)</b><br>(.*?)</div>', page.text)
     assert [name for name, _ in labels] == [run.experiment.name for run in runs]
     for run, (_, told) in zip(runs, labels, strict=True):
-        told_error = float(told.split(" mm off")[0]) / 1e3
-        assert told_error == pytest.approx(run.metrics["position_error_max_m"], rel=0.06)
+        number, unit = told.split(" off")[0].split()
+        told_error = float(number) * {"m": 1.0, "mm": 1e-3, "µm": 1e-6, "nm": 1e-9}[unit]
+        assert told_error == pytest.approx(run.metrics["position_error_max_m"], rel=0.01)
     assert "<title>naljdf_clover_iiwa beside galjdf_clover_iiwa</title>" in page.text
 
 

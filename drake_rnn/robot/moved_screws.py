@@ -1,43 +1,33 @@
 """Pose and Jacobians of an arm whose joints have moved, in arrays of NumPy or of JAX.
 
-Inside, a vector is an array of shape (3, ...) and robots are last, see
-`drake_rnn.arrays.namespace.robots_last`. All is written in elementwise operations: a matrix product
-over robots would add up in an order that depends on their number.
+Inside, robots are last, see `drake_rnn.arrays.namespace.robots_last`, and vectors are in
+coordinates, see `drake_rnn.robot.triples`. All is written in elementwise operations: a matrix
+product over robots would add up in an order that depends on their number.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property, reduce
-from operator import add
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..arrays.namespace import AnyArray, namespace, robots_first, robots_last
 from ..errors import InvalidInputError
-
-#: The three coordinates of a constant vector: numbers, or arrays with an entry for each robot.
-Weights = tuple[Any, Any, Any]
-
-
-def weights(vector: AnyArray) -> Weights:
-    """Return the coordinates of a constant vector, shape (3, ...).
-
-    What is the same for all robots becomes a number. Most coordinates of an axis or an offset are
-    0 or 1, and those need no arithmetic; the sums keep their bits without it.
-    """
-    x, y, z = (_alike(coordinate) for coordinate in vector)
-    return x, y, z
-
-
-def _alike(coordinate: AnyArray) -> Any:
-    if isinstance(coordinate, (float, np.ndarray)):
-        first = np.ravel(coordinate)[:1]
-        if np.all(coordinate == first):
-            return float(first[0])
-    return coordinate
+from .triples import (
+    IDENTITY,
+    ZERO,
+    Matrix,
+    Triple,
+    added,
+    cross,
+    matrix,
+    product,
+    rotation,
+    scaled,
+    subtracted,
+)
 
 
 class Link(NamedTuple):
@@ -50,8 +40,8 @@ class Link(NamedTuple):
         column: Entry of the joint positions that moves it.
     """
 
-    offset: Weights
-    axis: Weights
+    offset: Triple
+    axis: Triple
     slides: bool
     column: int
 
@@ -62,25 +52,25 @@ class Home(NamedTuple):
     Attributes:
         links: Its joints, from the base on.
         offset: From a point of the last axis to E's origin [m].
-        R_WE: Columns of E's orientation.
+        R_WE: Orientation of E.
         n: Number of joint positions.
-        robots: Shape of the axes of robots, which arrays in the weights broadcast to.
+        robots: Shape of the axes of robots.
     """
 
     links: Sequence[Link]
-    offset: Weights
-    R_WE: tuple[Weights, Weights, Weights]
+    offset: Triple
+    R_WE: Matrix
     n: int
     robots: tuple[int, ...]
 
 
 class _Chain(NamedTuple):
-    """What follows from the positions of the joints; the moved links' columns are those of R."""
+    """The moved axes, a point on each, how the last link has turned, and the origin of E."""
 
-    axes: list[AnyArray]
-    points: list[AnyArray]
-    columns: list[AnyArray]
-    end: AnyArray
+    axes: list[Triple]
+    points: list[Triple]
+    R: Matrix
+    end: Triple
 
 
 class MovedScrews:
@@ -102,6 +92,93 @@ class MovedScrews:
         self._q = self._of_joints("position", q)
         self._robots: tuple[int, ...] = self._q.shape[1:]
 
+    @cached_property
+    def p_WE(self) -> AnyArray:
+        """Position of E's origin, shape (..., 3) [m]."""
+        return self._array((self._chain.end,))[..., 0]
+
+    @cached_property
+    def R_WE(self) -> AnyArray:
+        """Orientation of E, shape (..., 3, 3)."""
+        R = self._chain.R
+        return self._array([product(R, column) for column in self._home.R_WE])
+
+    @cached_property
+    def J(self) -> AnyArray:
+        """Jacobian of E's origin, shape (..., 3, n) [m, or 1 of a joint that slides]."""
+        return self._array(self._of_every_joint(self._J_columns))
+
+    @cached_property
+    def J_omega(self) -> AnyArray:
+        """Jacobian of E's angular velocity, shape (..., 3, n)."""
+        return self._array(self._of_every_joint(self._J_omega_columns))
+
+    def Jdot_v(self, v: AnyArray) -> AnyArray:
+        """Return the part of E's acceleration not due to joint accelerations, (..., 3) [m/s^2].
+
+        Args:
+            v: Joint velocities, shape (..., n) [rad/s, or m/s], for each of the robots.
+
+        Raises:
+            InvalidInputError: If ``v`` is no array of float64 of that shape.
+        """
+        namespace("velocity", v)
+        rates = self._of_joints("velocity", v)
+        if rates.shape[1:] != self._robots:
+            raise InvalidInputError(
+                f"velocity: must be given for each posture, {(*self._robots, self._home.n)}, not "
+                f"{tuple(v.shape)}"
+            )
+        # Column i of J changes with joint k by the cross product of column k of J_omega with it,
+        # for k up to i, and as much as column k with joint i.
+        bias, twice_before = ZERO, ZERO
+        for link, turning, column in zip(
+            self._home.links, self._J_omega_columns, self._J_columns, strict=True
+        ):
+            rate = rates[link.column]
+            turned = scaled(rate, turning)
+            bias = added(bias, cross(added(twice_before, turned), scaled(rate, column)))
+            twice_before = added(twice_before, scaled(2.0, turned))
+        return self._array((bias,))[..., 0]
+
+    @cached_property
+    def _chain(self) -> _Chain:
+        sines, cosines = self._xp.sin(self._q), self._xp.cos(self._q)
+        R, end = IDENTITY, ZERO
+        axes, points = [], []
+        for offset, axis, slides, column in self._home.links:
+            end = added(end, product(R, offset))
+            points.append(end)
+            axes.append(product(R, axis))
+            if slides:
+                end = added(end, scaled(self._q[column], axes[-1]))
+            else:
+                x, y, z = rotation(axis, sines[column], cosines[column])
+                R = product(R, x), product(R, y), product(R, z)
+        return _Chain(axes, points, R, added(end, product(R, self._home.offset)))
+
+    @cached_property
+    def _J_columns(self) -> list[Triple]:
+        """Columns of J for the joints between base and E."""
+        chain = self._chain
+        return [
+            axis if link.slides else cross(axis, subtracted(chain.end, point))
+            for link, axis, point in zip(self._home.links, chain.axes, chain.points, strict=True)
+        ]
+
+    @property
+    def _J_omega_columns(self) -> list[Triple]:
+        """Columns of J_omega for the joints between base and E."""
+        links, axes = self._home.links, self._chain.axes
+        return [ZERO if link.slides else axis for link, axis in zip(links, axes, strict=True)]
+
+    def _of_every_joint(self, columns: Sequence[Triple]) -> Sequence[Triple]:
+        """Return columns for all joint positions from those of the joints between base and E."""
+        every = [ZERO] * self._home.n
+        for link, column in zip(self._home.links, columns, strict=True):
+            every[link.column] = column
+        return every
+
     def _of_joints(self, name: str, values: AnyArray) -> AnyArray:
         """Return values of all joints with robots last, shape (n, ...)."""
         n, robots = self._home.n, self._home.robots
@@ -110,153 +187,19 @@ class MovedScrews:
                 f"{name}: must have shape (..., {n}), not {tuple(values.shape)}"
             )
         if robots:
-            lead = np.broadcast_shapes(values.shape[:-1], robots)
-            if lead != values.shape[:-1]:
-                values = self._xp.broadcast_to(values, (*lead, n))
+            values = self._xp.broadcast_to(values, (*self._all_robots(name, values), n))
         return robots_last(values, 1)
 
-    @cached_property
-    def p_WE(self) -> AnyArray:
-        """Position of E's origin, shape (..., 3) [m]."""
-        return robots_first(self._chain.end, 1)
+    def _all_robots(self, name: str, values: AnyArray) -> tuple[int, ...]:
+        lead, robots = values.shape[:-1], self._home.robots
+        try:
+            return np.broadcast_shapes(lead, robots)
+        except ValueError:
+            raise InvalidInputError(
+                f"{name}: is for robots of shape {tuple(lead)}, but the arms are of {robots}"
+            ) from None
 
-    @cached_property
-    def R_WE(self) -> AnyArray:
-        """Orientation of E, shape (..., 3, 3)."""
-        columns = [_mix(self._chain.columns, column) for column in self._home.R_WE]
-        return robots_first(self._xp.stack(columns, axis=1), 2)
-
-    @cached_property
-    def J(self) -> AnyArray:
-        """Jacobian of E's origin, shape (..., 3, n) [m, or 1 of a joint that slides]."""
-        return self._matrix(self._J_columns)
-
-    @cached_property
-    def J_omega(self) -> AnyArray:
-        """Jacobian of E's angular velocity, shape (..., 3, n)."""
-        links, axes = self._home.links, self._chain.axes
-        turning = [
-            None if link.slides else axis for link, axis in zip(links, axes, strict=True)
-        ]
-        return self._matrix(turning)
-
-    def Jdot_v(self, v: AnyArray) -> AnyArray:
-        """Return the part of E's acceleration not due to joint accelerations, (..., 3) [m/s^2].
-
-        The derivative of column i of J with respect to joint k is the k-th column of J_omega times
-        the i-th of J (cross product), for k up to i; it is symmetric in i and k.
-
-        Args:
-            v: Joint velocities, shape (..., n) [rad/s, or m/s].
-        """
-        namespace("velocity", v)
-        rates = self._of_joints("velocity", v)
-        twice_before: AnyArray = None
-        terms = []
-        for link, axis, column in zip(
-            self._home.links, self._chain.axes, self._J_columns, strict=True
-        ):
-            rate = rates[link.column]
-            moved = rate * column
-            omega = twice_before
-            if not link.slides:
-                turned = rate * axis
-                omega = turned if omega is None else omega + turned
-                twice_before = turned * 2.0 if twice_before is None else twice_before + turned * 2.0
-            if omega is not None:
-                terms.append(self._cross(omega, moved))
-        return robots_first(_total(terms) if terms else self._zeros((3,)), 1)
-
-    @cached_property
-    def _chain(self) -> _Chain:
-        xp = self._xp
-        sines, cosines = xp.sin(self._q), xp.cos(self._q)
-        columns = self._identity()
-        end = self._zeros((3,))
-        axes, points = [], []
-        for link in self._home.links:
-            end = _plus(end, _mix(columns, link.offset))
-            axis = _mix(columns, link.axis)
-            axes.append(axis)
-            points.append(end)
-            if link.slides:
-                end = end + self._q[link.column] * axis
-            else:
-                R = _rotation(link.axis, sines[link.column], cosines[link.column])
-                columns = [_mix(columns, column) for column in R]
-        return _Chain(axes, points, columns, _plus(end, _mix(columns, self._home.offset)))
-
-    @cached_property
-    def _J_columns(self) -> list[AnyArray]:
-        """Columns of J for the joints between base and E."""
-        chain = self._chain
-        return [
-            axis if link.slides else self._cross(axis, chain.end - point)
-            for link, axis, point in zip(self._home.links, chain.axes, chain.points, strict=True)
-        ]
-
-    def _matrix(self, columns: Sequence[AnyArray]) -> AnyArray:
-        """Return a matrix for all joint positions from the columns of those that move E."""
-        every: list[AnyArray] = [None] * self._home.n
-        for link, column in zip(self._home.links, columns, strict=True):
-            every[link.column] = column
-        still = self._zeros((3,)) if any(column is None for column in every) else None
-        filled = [still if column is None else column for column in every]
-        return robots_first(self._xp.stack(filled, axis=1), 2)
-
-    def _zeros(self, shape: tuple[int, ...]) -> AnyArray:
-        return self._xp.zeros((*shape, *self._robots))
-
-    def _identity(self) -> list[AnyArray]:
-        identity = np.eye(3).reshape(3, 3, *(1 for _ in self._robots))
-        return [self._xp.broadcast_to(column, (3, *self._robots)) for column in identity]
-
-    def _cross(self, a: AnyArray, b: AnyArray) -> AnyArray:
-        return self._xp.stack(
-            (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-        )
-
-
-def _rotation(axis: Weights, sine: AnyArray, cosine: AnyArray) -> list[Weights]:
-    """Return the columns of the rotation about a unit axis (O. Rodrigues)."""
-    versine = 1.0 - cosine
-    x, y, z = axis
-    diagonal = [_plus(1.0, _times(-(b * b + c * c), versine)) for b, c in ((y, z), (x, z), (x, y))]
-
-    def beside(a: Any, b: Any, c: Any) -> AnyArray:
-        return _plus(_times(a * b, versine), _times(c, sine))
-
-    return [
-        (diagonal[0], beside(x, y, z), beside(x, z, -y)),
-        (beside(x, y, -z), diagonal[1], beside(y, z, x)),
-        (beside(x, z, y), beside(y, z, -x), diagonal[2]),
-    ]
-
-
-def _mix(columns: Sequence[AnyArray], coordinates: Weights) -> AnyArray:
-    """Return the sum of columns, each times its coordinate, or 0.0."""
-    products = [_times(weight, c) for weight, c in zip(coordinates, columns, strict=True)]
-    return reduce(_plus, products)
-
-
-def _times(weight: Any, array: AnyArray) -> AnyArray:
-    if isinstance(weight, float):
-        if weight == 0.0:
-            return 0.0
-        if weight == 1.0:
-            return array
-        if weight == -1.0:
-            return -array
-    return weight * array
-
-
-def _plus(a: AnyArray, b: AnyArray) -> AnyArray:
-    if isinstance(a, float) and a == 0.0:
-        return b
-    if isinstance(b, float) and b == 0.0:
-        return a
-    return a + b
-
-
-def _total(terms: Sequence[AnyArray]) -> AnyArray:
-    return reduce(add, terms)
+    def _array(self, columns: Sequence[Triple]) -> AnyArray:
+        """Return a matrix of these columns, shape (..., 3, k)."""
+        rows = list(zip(*columns, strict=True))
+        return robots_first(matrix(self._xp, rows, self._robots), 2)

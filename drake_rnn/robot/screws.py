@@ -8,7 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from ..arrays.namespace import AnyArray, in_front, robots_last
-from .moved_screws import Home, Link, MovedScrews, weights
+from .moved_screws import Home, Link, MovedScrews
+from .triples import constant
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,9 +85,9 @@ class Screws:
         x, y, z = in_front(self.R_WE.swapaxes(-1, -2), 2)
         links = zip(offsets, axes, self.slides, self.columns, strict=False)
         return Home(
-            [Link(weights(d), weights(a), slides, column) for d, a, slides, column in links],
-            weights(offsets[-1]),
-            (weights(x), weights(y), weights(z)),
+            [Link(constant(d), constant(a), slides, column) for d, a, slides, column in links],
+            constant(offsets[-1]),
+            (constant(x), constant(y), constant(z)),
             self.n,
             self.robots,
         )

@@ -25,7 +25,7 @@ def screws_of(arm: Arm) -> Screws:
         arm: The arm, of revolute and prismatic joints.
 
     Raises:
-        InvalidInputError: If ``arm`` is no `Arm`, or a joint that moves E is of another kind.
+        InvalidInputError: If ``arm`` is no `Arm`, no joint moves E, or one of another kind does.
     """
     require_type("arm", arm, Arm)
     plant = arm.plant()
@@ -33,6 +33,8 @@ def screws_of(arm: Arm) -> Screws:
     plant.SetPositions(context, np.zeros(plant.num_positions()))
     E = plant.GetFrameByName(arm.frame)
     joints = _joints_to(plant, E.body().index())
+    if not joints:
+        raise InvalidInputError(f"arm.frame: no joint moves {arm.frame!r}")
     axes, points, frames = [], [np.zeros(3)], []
     for joint in joints:
         X_WF = joint.frame_on_parent().CalcPoseInWorld(context)

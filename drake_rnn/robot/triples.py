@@ -1,8 +1,8 @@
 """Vectors of three coordinates, each a number or an array with an entry for each robot.
 
 The coordinates of an arm at rest are mostly 0 and 1. What is exactly 0 or 1 as a number costs no
-arithmetic, which leaves every sum its bits. A compiler makes one loop of coordinates that are apart,
-where it would compute vectors stacked in an array several times over.
+arithmetic, which leaves every sum its bits. JAX's compiler makes short loops of coordinates that
+are apart; what is taken from vectors stacked in an array, it computes several times over.
 """
 
 from __future__ import annotations

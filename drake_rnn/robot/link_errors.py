@@ -9,6 +9,7 @@ import numpy as np
 from ..errors import InvalidInputError
 from ..inputs.complaints import require_type
 from ..inputs.fields import Array
+from .rotations import product, rotation_by, times
 from .screws import Screws
 
 
@@ -92,12 +93,12 @@ def with_link_errors(screws: Screws, errors: LinkErrors) -> Screws:
     for i in range(k + 1):
         last = i == k
         frame = screws.R_WE if last else screws.R_WF[..., i, :, :]
-        shift = screws.offsets[..., i, :] + _times(frame, translation[..., i, :])
-        offsets.append(_times(R, shift))
-        R = _product(R, _rotation(_times(frame, turn[..., i, :])))
-        frames.append(_product(R, frame))
+        shift = screws.offsets[..., i, :] + times(frame, translation[..., i, :])
+        offsets.append(times(R, shift))
+        R = product(R, rotation_by(times(frame, turn[..., i, :])))
+        frames.append(product(R, frame))
         if not last:
-            axes.append(_times(R, screws.axes[..., i, :]))
+            axes.append(times(R, screws.axes[..., i, :]))
     *R_WF, R_WE = np.broadcast_arrays(*frames)
     return replace(
         screws,
@@ -106,25 +107,3 @@ def with_link_errors(screws: Screws, errors: LinkErrors) -> Screws:
         R_WE=R_WE,
         R_WF=np.stack(R_WF, axis=-3),
     )
-
-
-# Sums of three products in a fixed order: a robot's arm does not depend on the others'.
-
-
-def _times(R: Array, a: Array) -> Array:
-    return np.asarray((R * a[..., None, :]).sum(axis=-1))
-
-
-def _product(A: Array, B: Array) -> Array:
-    return np.asarray((A[..., :, :, None] * B[..., None, :, :]).sum(axis=-2))
-
-
-def _rotation(vector: Array) -> Array:
-    """Return the rotations by rotation vectors, shape (..., 3, 3) (O. Rodrigues)."""
-    x, y, z = np.moveaxis(vector, -1, 0)
-    none = np.zeros_like(x)
-    K = np.stack((none, -z, y, z, none, -x, -y, x, none), axis=-1).reshape(*x.shape, 3, 3)
-    angle = np.sqrt(x * x + y * y + z * z)[..., None, None]
-    # NumPy's sinc is sin(pi x) / (pi x), and 1 at 0.
-    half = np.sinc(0.5 * angle / np.pi)
-    return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * K + 0.5 * half * half * _product(K, K))

@@ -24,48 +24,50 @@ from .triples import (
     cross,
     matrix,
     product,
-    rotation,
     scaled,
     subtracted,
+    turned,
 )
 
 
 class Link(NamedTuple):
-    """A joint and what leads to it, where all joints are at zero, in W.
+    """A joint and what leads to it: constants in the frame of the joint before, or in W.
+
+    A joint's frame moves with it; its z axis is that of the joint.
 
     Attributes:
-        offset: From a point on the axis before, or W's origin, to one on this axis [m].
-        axis: Direction of the axis.
+        offset: To the origin of the joint's frame [m].
+        turn: Orientation of the joint's frame where the joint is at zero.
         slides: Whether it is prismatic.
         column: Entry of the joint positions that moves it.
     """
 
     offset: Triple
-    axis: Triple
+    turn: Matrix
     slides: bool
     column: int
 
 
 class Home(NamedTuple):
-    """An arm where all joints are at zero.
+    """An arm: its joints and its task frame E.
 
     Attributes:
-        links: Its joints, from the base on.
-        offset: From a point of the last axis to E's origin [m].
-        R_WE: Orientation of E.
+        links: The joints, from the base on.
+        offset: From the origin of the last joint's frame to that of E, in that frame [m].
+        turn: Orientation of E in that frame.
         n: Number of joint positions.
         robots: Shape of the axes of robots.
     """
 
     links: Sequence[Link]
     offset: Triple
-    R_WE: Matrix
+    turn: Matrix
     n: int
     robots: tuple[int, ...]
 
 
 class _Chain(NamedTuple):
-    """The moved axes, a point on each, how the last link has turned, and the origin of E."""
+    """The moved axes, a point on each, the last joint's orientation, and the origin of E."""
 
     axes: list[Triple]
     points: list[Triple]
@@ -100,8 +102,7 @@ class MovedScrews:
     @cached_property
     def R_WE(self) -> AnyArray:
         """Orientation of E, shape (..., 3, 3)."""
-        R = self._chain.R
-        return self._array([product(R, column) for column in self._home.R_WE])
+        return self._array(turned(self._chain.R, self._home.turn))
 
     @cached_property
     def J(self) -> AnyArray:
@@ -136,9 +137,9 @@ class MovedScrews:
             self._home.links, self._J_omega_columns, self._J_columns, strict=True
         ):
             rate = rates[link.column]
-            turned = scaled(rate, turning)
-            bias = added(bias, cross(added(twice_before, turned), scaled(rate, column)))
-            twice_before = added(twice_before, scaled(2.0, turned))
+            spin = scaled(rate, turning)
+            bias = added(bias, cross(added(twice_before, spin), scaled(rate, column)))
+            twice_before = added(twice_before, scaled(2.0, spin))
         return self._array((bias,))[..., 0]
 
     @cached_property
@@ -146,15 +147,21 @@ class MovedScrews:
         sines, cosines = self._xp.sin(self._q), self._xp.cos(self._q)
         R, end = IDENTITY, ZERO
         axes, points = [], []
-        for offset, axis, slides, column in self._home.links:
+        for offset, turn, slides, column in self._home.links:
             end = added(end, product(R, offset))
             points.append(end)
-            axes.append(product(R, axis))
+            x, y, z = turned(R, turn)
+            axes.append(z)
             if slides:
-                end = added(end, scaled(self._q[column], axes[-1]))
+                end = added(end, scaled(self._q[column], z))
+                R = x, y, z
             else:
-                x, y, z = rotation(axis, sines[column], cosines[column])
-                R = product(R, x), product(R, y), product(R, z)
+                sine, cosine = sines[column], cosines[column]
+                R = (
+                    added(scaled(cosine, x), scaled(sine, y)),
+                    subtracted(scaled(cosine, y), scaled(sine, x)),
+                    z,
+                )
         return _Chain(axes, points, R, added(end, product(R, self._home.offset)))
 
     @cached_property

@@ -13,7 +13,8 @@ from ..arrays.namespace import AnyArray, robots_last
 from ..errors import InvalidInputError
 from ..inputs.complaints import require_type
 from .moved_screws import Home, Link, MovedScrews
-from .triples import constant
+from .rotations import frame_about, product, times
+from .triples import Matrix, Triple, constant, constant_matrix
 
 # How many axes of an array are the arm's; those before them are robots.
 _ARRAYS = {"axes": 2, "offsets": 2, "R_WE": 2, "R_WF": 3}
@@ -121,16 +122,24 @@ class Screws:
 
     @cached_property
     def _home(self) -> Home:
-        axes, offsets = robots_last(self.axes, 2), robots_last(self.offsets, 2)
-        x, y, z = robots_last(self.R_WE.swapaxes(-1, -2), 2)
-        links = zip(offsets, axes, self.slides, self.columns, strict=False)
-        return Home(
-            [Link(constant(d), constant(a), slides, column) for d, a, slides, column in links],
-            constant(offsets[-1]),
-            (constant(x), constant(y), constant(z)),
-            self.n,
-            self.robots,
-        )
+        """The same in frames whose z axes are those of the joints: to turn about z costs least."""
+        links = []
+        # The frame of the joint before, seen from W, where all joints are at zero.
+        Q = np.eye(3)
+        for i, (slides, column) in enumerate(zip(self.slides, self.columns, strict=True)):
+            offset, frame = self.offsets[..., i, :], frame_about(self.axes[..., i, :])
+            links.append(Link(_seen(Q, offset), _turn(Q, frame), slides, column))
+            Q = frame
+        offset = _seen(Q, self.offsets[..., -1, :])
+        return Home(links, offset, _turn(Q, self.R_WE), self.n, self.robots)
+
+
+def _seen(Q: AnyArray, offset: AnyArray) -> Triple:
+    return constant(robots_last(times(Q.swapaxes(-1, -2), offset), 1))
+
+
+def _turn(Q: AnyArray, frame: AnyArray) -> Matrix:
+    return constant_matrix(robots_last(product(Q.swapaxes(-1, -2), frame), 2))
 
 
 def side_by_side(arms: Sequence[Screws]) -> Screws:

@@ -35,6 +35,12 @@ def _number(coordinate: AnyArray) -> Any:
     return first if np.all(coordinate == first) else coordinate
 
 
+def constant_matrix(array: AnyArray) -> Matrix:
+    """Return the entries of a constant matrix, shape (3, 3, ...)."""
+    x, y, z = (constant(column) for column in array.swapaxes(0, 1))
+    return x, y, z
+
+
 def times(a: Any, b: Any) -> Any:
     """Return the product of two coordinates."""
     if isinstance(a, float):
@@ -95,22 +101,10 @@ def product(R: Matrix, a: Triple) -> Triple:
     return added(added(scaled(a[0], x), scaled(a[1], y)), scaled(a[2], z))
 
 
-def rotation(axis: Triple, sine: Any, cosine: Any) -> Matrix:
-    """Return the rotation about a unit axis by an angle of this sine and cosine (O. Rodrigues)."""
-    x, y, z = axis
-    versine = 1.0 - cosine
-
-    def along(b: Any, c: Any) -> Any:
-        return minus(1.0, times(plus(times(b, b), times(c, c)), versine))
-
-    def across(a: Any, b: Any, c: Any) -> Any:
-        return plus(times(times(a, b), versine), times(c, sine))
-
-    return (
-        (along(y, z), across(x, y, z), across(x, z, -y)),
-        (across(x, y, -z), along(x, z), across(y, z, x)),
-        (across(x, z, y), across(y, z, -x), along(x, y)),
-    )
+def turned(R: Matrix, columns: Matrix) -> Matrix:
+    """Return a matrix times another one."""
+    x, y, z = columns
+    return product(R, x), product(R, y), product(R, z)
 
 
 def matrix(xp: Any, rows: Sequence[Sequence[Any]], robots: tuple[int, ...]) -> AnyArray:

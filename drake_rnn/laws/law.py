@@ -1,5 +1,13 @@
 """The base classes of all laws: neural dynamics as functions of arrays, without Drake.
 
+A law that `takes_many` robots is written once for one and for any number of them: states, signals,
+gains and results may have leading axes, the same or such as broadcast, in arrays of NumPy or of
+JAX, all of one kind. The functions in `drake_rnn.arrays.algebra` take either. For one robot in
+NumPy they are the plain ones. Where its numbers would decide which way the program goes, those of
+many choose between results: `drake_rnn.arrays.algebra.is_one`. `drake_rnn.laws.stacked` makes one
+law of many that differ in their numbers. A robot's result has the same bits in any company, and
+those that it has alone but for rounding.
+
 Each scheme is a `Law`. A controller runs one of its readings: the sampled one at a fixed period, or
 the continuous one with a Drake integrator. Most laws are their own readings and extend
 `SampledLaw`, `ContinuousLaw`, or both.
@@ -15,6 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..arrays.algebra import functions_of
 from ..errors import InvalidInputError
 from ..inputs.complaints import short
 from ..inputs.fields import Array
@@ -61,8 +70,21 @@ class Layout:
         return x[..., at].reshape(x.shape[:-1] + shape)
 
     def join(self, *values: Array) -> Array:
-        """Return the flat vector of the given parts, shape (size,)."""
-        return np.concatenate([value.ravel() for value in values])
+        """Return the flat vector of the given parts, shape (..., size).
+
+        Their leading axes are broadcast against each other.
+        """
+        if values[0].ndim == len(self._places[0][1]) and isinstance(values[0], np.ndarray):
+            return np.concatenate([value.ravel() for value in values])
+        xp = functions_of(*values)
+        shapes = [shape for _, shape in self._places]
+        leads = [v.shape[: v.ndim - len(s)] for v, s in zip(values, shapes, strict=True)]
+        lead = np.broadcast_shapes(*leads)
+        whole = (
+            xp.broadcast_to(v, lead + s).reshape((*lead, -1))
+            for v, s in zip(values, shapes, strict=True)
+        )
+        return xp.concatenate(list(whole), axis=-1)
 
 
 def _check_shape(name: str, shape: object) -> None:
@@ -80,6 +102,10 @@ class Reading(ABC):
     A reading holds the gains and never changes. The state, a flat vector, is kept by the
     controller.
     """
+
+    #: Whether `step`, `derivatives`, `commanded_velocity` and `diagnostics` take leading axes of
+    #: robots, as the top of this file says. Else they take one robot at a time.
+    takes_many = False
 
     @property
     @abstractmethod
@@ -122,8 +148,8 @@ class Reading(ABC):
         return np.zeros(self.state.size)
 
     def commanded_velocity(self, t: float, x: Array) -> Array:
-        """Return the commanded joint velocities, shape (n,) [rad/s], from time and state alone."""
-        return x[self._v]
+        """Return the commanded joint velocities, of time and state, shape (..., n) [rad/s]."""
+        return x[self._v] if x.ndim == 1 else x[..., self._v]
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         """Return the observables, by name; they are recorded, and nothing in the loop may use them.
@@ -142,17 +168,29 @@ class Reading(ABC):
         return self.state.parts["v"][0]
 
 
+def require_many(reading: Reading) -> None:
+    """Raise an InvalidInputError if a law runs one robot at a time.
+
+    Args:
+        reading: Reading of the law.
+    """
+    if not reading.takes_many:
+        raise InvalidInputError(
+            f"law: {type(reading).__name__} runs one robot at a time; it has no algebra for many"
+        )
+
+
 class SampledReading(Reading):
     """A reading that runs at a fixed sampling period."""
 
     @abstractmethod
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
-        """Return the state one period later, shape (state.size,).
+        """Return the state one period later, shape (..., state.size).
 
         Args:
             t: Time of the sample [s].
-            x: State, shape (state.size,); must not be modified.
-            u: Signals at the sample.
+            x: State, shape (..., state.size); must not be modified.
+            u: Signals at the sample, by name, of the shape in `inputs` after any leading axes.
             period: Time until the next sample [s].
         """
 
@@ -162,7 +200,7 @@ class ContinuousReading(Reading):
 
     @abstractmethod
     def derivatives(self, t: float, x: Array, u: Signals) -> Array:
-        """Return the time derivative of the state, shape (state.size,)."""
+        """Return the time derivative of the state, shape (..., state.size)."""
 
 
 @dataclass(frozen=True)

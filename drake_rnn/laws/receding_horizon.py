@@ -40,7 +40,7 @@ from pydantic import Field
 from ..errors import InvalidInputError, SimulationError
 from ..inputs.fields import Array, Positive, validated
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
-from .law import JointPreview, Layout, SampledLaw, SampledReading, Signals
+from .law import JointPreview, Layout, SampledLaw, SampledReading, Signals, require_many
 from .parts.horizon_program import HorizonProgram
 from .parts.quintic_spline import EXPONENTS, FACTORS, ORDER, PIECE
 
@@ -148,6 +148,8 @@ class RecedingHorizon(SampledLaw):
         return x
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
+        if x.ndim != 1:
+            require_many(self)
         _, _, plan, since, fallbacks = self.state.split(x)
         began = float(since[0])
         if began == _NEVER or t - began > self.interval - 0.5 * period:

@@ -34,7 +34,7 @@ ASKED = {
     "and Jdot_v": ("p_WE", "R_WE", "J", "J_omega", "Jdot_v"),
 }
 #: Steps of a loop in JAX, as many as take a while.
-STEPS = 20
+STEPS = 200
 
 
 def results(screws: Screws, q, v, asked):

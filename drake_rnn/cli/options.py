@@ -12,6 +12,7 @@ from rich.markup import escape
 
 from ..errors import InvalidInputError
 from ..experiment import Experiment, load_experiment, parse_change, read_document
+from ..runs.stored import Series
 from .completing import complete_experiments
 from .console import err, out
 
@@ -46,6 +47,13 @@ Check = Annotated[
 ]
 Anyway = Annotated[
     bool, typer.Option("--anyway", help="Run even if it may take more than three hours.")
+]
+StoredSeries = Annotated[
+    Series,
+    typer.Option(
+        "--series",
+        help="Samples to store: one for each log_period, at most 2000 of them, or the last alone.",
+    ),
 ]
 Figures = Annotated[bool, typer.Option("--figures/--no-figures", help="Draw figures.")]
 Playback = Annotated[bool, typer.Option(help="Write playback.html.")]

@@ -49,7 +49,8 @@ def write_result(
         if pictures.figures:
             with status(f"{result.experiment.name}: drawing figures"):
                 figures = write_figures(result, folder / "figures")
-            out.print(escape(f"figures   {folder / 'figures'} ({len(figures)})"), soft_wrap=True)
+            drawn = f"{folder / 'figures'} ({len(figures)})" if figures else "none"
+            out.print(escape(f"figures   {drawn}"), soft_wrap=True)
         if pictures.playback and result.time.size > 1:
             write_page(result, folder, beside)
 

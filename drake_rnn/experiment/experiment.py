@@ -149,13 +149,16 @@ def make_experiment(
     desired = path.placed_on(arm, start)
     _require_orientation_seen(law, desired)
     contact, doubts = make_contact(document, law, desired, arm, start, modules)
+    kinematics, task = arm.kinematics(), named_task(document.task)
+    p_WE = kinematics.p_WE(start)
     circumstances = Circumstances(
         loop_delay=delay.loop,
         reference_is_delayed=delay.path > 0.0,
         pressing_force=None if contact is None else contact.force.value,
         path_turns=desired.turns,
+        start_offset=None if seeks_posture else task.position(desired.position(0.0)[0] - p_WE),
+        J=None if seeks_posture else task.position(kinematics.J(start)),
     )
-    kinematics = arm.kinematics()
     return Experiment(
         document=document,
         arm=arm,
@@ -163,7 +166,7 @@ def make_experiment(
         path=path,
         desired=desired,
         start=start,
-        p_WE_start=kinematics.p_WE(start),
+        p_WE_start=p_WE,
         R_WE_start=kinematics.R_WE(start),
         contact=contact,
         feedback=feedback,

@@ -30,11 +30,11 @@ EXPERIMENTS = (
     "contact_circle",
     "contact_cat_learned",
 )
-#: Commands of a row; the cost of each is told beyond that of the one before it.
+#: Commands of a row.
 STAGES = (
-    ("+ run", ("--no-figures", "--no-playback")),
-    ("+ playback", ("--no-figures",)),
-    ("+ figures", ()),
+    ("without pictures", ("--no-figures", "--no-playback")),
+    ("with playback", ("--no-figures",)),
+    ("with figures, too", ()),
 )
 
 
@@ -58,19 +58,16 @@ def least(rounds: int, *arguments: str) -> tuple[float, float]:
 def run_table(names: list[str], rounds: int) -> Table:
     """Return a table with one row per experiment."""
     table = Table(title="processor time of drake-rnn run ... --duration 1 [s]")
-    columns = ("start", *(title for title, _ in STAGES), "whole", "wall time", "target")
+    columns = ("start alone", *(title for title, _ in STAGES), "wall time", "at most")
     for column in ("experiment", *columns):
         table.add_column(column, justify="right")
     start, _ = least(rounds, "--version")
     for name in names:
-        whole, wall, parts = start, 0.0, [start]
         with TemporaryDirectory() as folder:
             run = ("run", name, "--duration", "1", "--set", "window=null", "--out", folder)
-            for _, options in STAGES:
-                before = whole
-                whole, wall = least(rounds, *run, *options)
-                parts.append(whole - before)
-        figures = (*parts, whole, wall, TARGET)
+            costs = [least(rounds, *run, *options) for _, options in STAGES]
+        _, wall = costs[-1]
+        figures = (start, *(processor for processor, _ in costs), wall, TARGET)
         table.add_row(name, *(f"{figure:.2f}" for figure in figures))
     return table
 

@@ -86,7 +86,13 @@ class Experiment:
 
     @property
     def kept_limits(self) -> tuple[str, ...]:
-        """Names of the limits that the law, or the filter behind it, keeps by construction."""
+        """Names of the limits of the arm that the law or a filter behind it keeps by construction.
+
+        None of an arm that does not move as it is told, because of its motors or of a noise.
+        """
+        dither = self.document.dither
+        if self.level.has_motors or (dither is not None and dither.model == "actuated"):
+            return ()
         return kept_limits(self.document, self.feedback, self.limits, self.law)
 
     @property

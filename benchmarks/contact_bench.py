@@ -50,10 +50,10 @@ def commands(experiment: Experiment) -> tuple[np.ndarray, np.ndarray, np.ndarray
     simulator.set_monitor(recorder)
     simulator.AdvanceTo(experiment.document.duration)
     kinematics = experiment.arm.kinematics()
-    torque = np.array([-kinematics.gravity(q) for q in recorder.series("position")])
-    state = np.hstack((recorder.series("q"), recorder.series("v")))
-    once = np.flatnonzero(np.diff(recorder.time, prepend=-1.0) > 1e-9)
-    return recorder.time[once], state[once], torque[once]
+    torque = np.array([-kinematics.gravity(q) for q in recorder.steps.series("position")])
+    state = np.hstack((recorder.steps.series("q"), recorder.steps.series("v")))
+    once = np.flatnonzero(np.diff(recorder.steps.time, prepend=-1.0) > 1e-9)
+    return recorder.steps.time[once], state[once], torque[once]
 
 
 def bare(

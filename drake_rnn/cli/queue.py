@@ -19,6 +19,7 @@ from ..errors import DrakeRnnError, SimulationError
 from ..experiment import Experiment, load_experiment
 from ..runs.result import Result
 from ..runs.simulation import simulate
+from ..runs.stored import Series
 from .console import err, errors, out, progress_bar
 from .options import tell_of_window
 from .saving import Pictures, write_result
@@ -35,6 +36,7 @@ class Task:
         folder: Folder for the result.
         pictures: What is made of the result to look at.
         anyway: Whether it may take as many steps as it likes.
+        series: What of the series is stored.
     """
 
     experiment: str
@@ -43,6 +45,7 @@ class Task:
     folder: Path
     pictures: Pictures
     anyway: bool
+    series: Series
 
 
 @dataclass(frozen=True)
@@ -188,16 +191,16 @@ def _perform(
     task: Task, experiment: Experiment, beside: Sequence[Result], bar: bool = True
 ) -> Result:
     tell_of_window(task.experiment, task.changes)
-    result = _simulated(experiment, task.anyway, bar)
+    result = _simulated(task, experiment, bar)
     write_result(result, task.folder, task.pictures, beside)
     return result
 
 
-def _simulated(experiment: Experiment, anyway: bool, bar: bool) -> Result:
+def _simulated(task: Task, experiment: Experiment, bar: bool) -> Result:
     """Return the result of an experiment; up to its failure, which is printed, if it fails."""
     try:
         with progress_bar(experiment, bar) as progress:
-            return simulate(experiment, progress, anyway=anyway)
+            return simulate(experiment, progress, anyway=task.anyway, series=task.series)
     except SimulationError as error:
         err.print(f"[red]failed[/] {escape(str(error))}")
         failed: Result = error.result

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
 
 import typer
 from rich.markup import escape
@@ -14,19 +13,26 @@ from ..errors import InvalidInputError
 from ..experiment import Experiment, load_experiment
 from ..runs.fastest import fastest
 from ..runs.simulation import check_experiment
+from ..runs.stored import Series
 from .announcing import print_json, print_plan
 from .console import FAILED, NOT_MET, err, errors, out, silenced
 from .options import (
     Anyway,
+    AsJson,
+    Beside,
     Check,
+    DryRun,
     Duration,
     Figures,
+    Jobs,
     One,
     Out,
     Playback,
+    Quiet,
     Seed,
     Set,
     Several,
+    StoredSeries,
     changes_of,
     load,
     require_writable,
@@ -43,25 +49,14 @@ def run(  # noqa: PLR0913  one argument for each option
     duration: Duration = None,
     figures: Figures = True,
     playback: Playback = True,
-    beside: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="EXPERIMENT",
-            help="Run this one first, and show its path beside the others' in their playbacks; "
-            "repeatable.",
-        ),
-    ] = None,
-    jobs: Annotated[int, typer.Option(min=1, help="Number of runs at a time.")] = 1,
+    beside: Beside = None,
+    jobs: Jobs = 1,
     check: Check = False,
     anyway: Anyway = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print only what went wrong.")] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print metrics and verdicts as JSON, nothing else.")
-    ] = False,
-    dry_run: Annotated[
-        bool,
-        typer.Option("--dry-run", help="Check all, warn, and estimate the time; run nothing."),
-    ] = False,
+    series: StoredSeries = "full",
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+    dry_run: DryRun = False,
 ) -> None:
     """Run experiments; each gets a folder with metrics, figures and a playback."""
     first = beside or []
@@ -69,10 +64,10 @@ def run(  # noqa: PLR0913  one argument for each option
     with silenced(quiet or as_json):
         with errors():
             if first:
-                _require_beside_is_possible(playback, jobs)
+                _require_beside_is_possible(playback, jobs, series)
             changed = changes_of(changes, seed, duration)
             loaded = [_load_named(name, names, changed) for name in names]
-            warnings = _check_all(loaded, names, anyway)
+            warnings = _check_all(loaded, names, anyway, series)
             tasks = [
                 Task(
                     name,
@@ -81,6 +76,7 @@ def run(  # noqa: PLR0913  one argument for each option
                     out_folder / experiment.name,
                     Pictures(figures, playback),
                     anyway,
+                    series,
                 )
                 for name, experiment in zip(names, loaded, strict=True)
             ]
@@ -96,12 +92,14 @@ def run(  # noqa: PLR0913  one argument for each option
     _exit(tasks, outcomes, check)
 
 
-def _require_beside_is_possible(playback: bool, jobs: int) -> None:
+def _require_beside_is_possible(playback: bool, jobs: int, series: Series) -> None:
     """Refuse --beside where no playback would show it, or no run could wait for it."""
     if jobs > 1:
         raise InvalidInputError("--jobs: cannot be combined with --beside")
     if not playback:
         raise InvalidInputError("--beside: shows paths in a playback; leave out --no-playback")
+    if series == "none":
+        raise InvalidInputError("--beside: shows paths, and --series none stores none")
 
 
 def _exit(tasks: list[Task], outcomes: list[Outcome], check: bool) -> None:
@@ -141,13 +139,15 @@ def _load_named(name: str, among: list[str], changes: Mapping[str, object]) -> E
         return load_experiment(name, changes)
 
 
-def _check_all(experiments: list[Experiment], names: list[str], anyway: bool) -> list[list[str]]:
+def _check_all(
+    experiments: list[Experiment], names: list[str], anyway: bool, series: Series
+) -> list[list[str]]:
     """Check everything before anything runs; return the warnings about each."""
     warnings = []
     for experiment in experiments:
         _require_one_folder_each(experiment, experiments)
         with named(experiment.name, among=names):
-            warnings.append(check_experiment(experiment, anyway))
+            warnings.append(check_experiment(experiment, anyway, series))
     return warnings
 
 

@@ -186,12 +186,18 @@ class Circumstances(NamedTuple):
         reference_is_delayed: Whether the desired position is delayed by the same time.
         pressing_force: Desired pressing force of the tool [N]; None without a contact.
         path_turns: Whether the desired orientation changes along the path.
+        start_offset: Way from the end effector to the path at the start, in the task's axes,
+            shape (m,) [m]; None without a path.
+        J: Jacobian of the arm in these axes at the start, shape (m, n), for an estimate of what it
+            can do; None without a path.
     """
 
     loop_delay: float = 0.0
     reference_is_delayed: bool = False
     pressing_force: float | None = None
     path_turns: bool = False
+    start_offset: Array | None = None
+    J: Array | None = None
 
 
 class Law(Reading):

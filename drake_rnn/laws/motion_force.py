@@ -87,6 +87,7 @@ from .law import (
     SampledReading,
     Signals,
 )
+from .parts.bounded_multipliers import not_outward, within
 from .parts.constraint_rows import printed_orientation_rows, surface_split
 from .parts.contact_loss import LOST, ContactLoss
 from .parts.few_substeps import check_substeps
@@ -125,6 +126,9 @@ class MotionForce(SampledLaw, ContinuousLaw):
             free; the paper has none.
         home: Posture to return to, shape (n,) [rad]; needed with ``return_gain`` only.
         time_constant: Time constant of the network [s].
+        multiplier_limit: Largest norm of what the position rows' multipliers, and of what those of
+            the orientation, ask of the tool [rad^2/(s m), rad/s]; ``none`` for no bound, as in the
+            paper. On a path that an arm can follow they reach about 1.
         limit_stiffness: Velocity allowed per radian left to a position limit [1/s].
     """
 
@@ -145,6 +149,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
     return_gain: NonNegative = 0.0
     home: Vector | None = None
     time_constant: Positive = 1e-3
+    multiplier_limit: Positive | Literal["none"] = 10.0
     limit_stiffness: Positive = 10.0
 
     def __post_init__(self) -> None:
@@ -283,7 +288,8 @@ class MotionForce(SampledLaw, ContinuousLaw):
         """Return the right-hand side of (19), (21) or (22)."""
         self.continuous()  # refuses a law that is not
         J_hat = self.state.part(x, "J_hat") if self._learns else u["J"]
-        z_dot = self._network(x, u, J_hat).rate(x[: self._dual_end])
+        z = x[: self._dual_end]
+        z_dot = self._bounded_rate(self._network(x, u, J_hat).rate(z), z, u)
         if not self._learns:
             return z_dot
         rate = gradient(J_hat, u["velocity"], u["v_WE"], self.rho)
@@ -294,6 +300,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
         x = self._learn(x, u, period)
         J_hat = self.state.part(x, "J_hat") if self._learns else u["J"]
         z = self._network(x, u, J_hat).after(x[: self._dual_end], period)
+        z = self._bounded(z, u)
         if z.size == x.size:
             return np.asarray(z)
         return np.concatenate((z, x[z.size :]))
@@ -362,6 +369,36 @@ class MotionForce(SampledLaw, ContinuousLaw):
     def _dual_end(self) -> int:
         return self.state.parts["orientation_multipliers"][0].stop
 
+    def _bounded(self, z: Array, u: Signals) -> Array:
+        """Return the network's state with its multipliers bounded."""
+        if self.multiplier_limit == "none":
+            return z
+        limit = self.multiplier_limit
+        v, multipliers, turning = np.split(z, self._dual_starts)
+        pushing = within(multipliers, limit, self._split(u))
+        return np.concatenate((v, pushing, within(turning, limit)))
+
+    def _bounded_rate(self, rate: Array, z: Array, u: Signals) -> Array:
+        """Return the network's rate, which does not lead beyond the bound of the multipliers."""
+        if self.multiplier_limit == "none":
+            return rate
+        limit = self.multiplier_limit
+        _, multipliers, turning = np.split(z, self._dual_starts)
+        v_dot, pushing, turning_rate = np.split(rate, self._dual_starts)
+        pushing = not_outward(pushing, multipliers, limit, self._split(u))
+        return np.concatenate((v_dot, pushing, not_outward(turning_rate, turning, limit)))
+
+    @cached_property
+    def _dual_starts(self) -> list[int]:
+        names = ("multipliers", "orientation_multipliers")
+        return [self.state.parts[name][0].start for name in names]
+
+    def _split(self, u: Signals) -> Array | None:
+        """Return the rows A of the literal form, by which its multipliers act on the tip."""
+        if self.form != "literal":
+            return None
+        return surface_split(u["normal_WE"], self._task.stiffness)
+
     def _learn(self, x: Array, u: Signals, period: float) -> Array:
         """Return the state with Jacobian, stiffness and contact updated from one sample."""
         feels = bool(self._task.parts())
@@ -380,8 +417,9 @@ class MotionForce(SampledLaw, ContinuousLaw):
         J_drive = J_hat if self.jacobian == "learned" else u["J"]
         rows, drive = self._rows(J_hat, J_drive, u)
         wanted = self._task.tip_velocity(self.state, x, u)
-        if self.form == "literal":
-            wanted = surface_split(u["normal_WE"], self._task.stiffness) @ wanted
+        split = self._split(u)
+        if split is not None:
+            wanted = split @ wanted
         turn = np.zeros(4)
         if self.orientation == "rotation":
             back = self.orientation_gain * rotation_error(u["R_WE"], u["R_WE_desired"])
@@ -405,9 +443,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
             u: Signals at the sample.
         """
         H = self._orientation_rows(u)
-        A = None
-        if self.form == "literal":
-            A = surface_split(u["normal_WE"], self._task.stiffness)
+        A = self._split(u)
 
         def stacked(J: Array) -> Array:
             return np.concatenate((J if A is None else A @ J, H), axis=-2)

@@ -46,7 +46,10 @@ Not in the paper:
     succeeds if ``v_WE`` is the velocity that ``velocity`` causes. v and the multipliers must
     share one eta, or the multipliers wind up. eta slows the feedback as well: if kappa times
     the position error is more than the arm can accelerate to, the loop enters a limit cycle.
-    ``feedback_limit`` bounds that speed.
+    ``feedback_limit`` bounds that speed. Where the arm cannot do what is asked, the multipliers
+    grow without end, and the arm does not come back when it could: ``multiplier_limit`` bounds
+    them. An arm that follows its box with a bounded acceleration may be too fast to brake before
+    a position limit: ``position_bound: braking`` cuts its velocity in time, and touches no other.
 """
 
 from __future__ import annotations
@@ -62,10 +65,17 @@ from ..errors import InvalidInputError
 from ..inputs.fields import Array, Count, NonNegative, Positive, Vector, validated
 from ..robot.limits import JointLimits
 from .law import Circumstances, ContinuousLaw, Layout, SampledLaw, SampledReading, Signals
+from .parts.bounded_multipliers import not_outward, within
+from .parts.braking import Braking
 from .parts.few_substeps import check_substeps
 from .parts.kept_limits import kept_with_lag
 from .parts.learning import gradient, rank_one_update
 from .parts.warm_up import WarmUp
+
+# Distance from the path that counts as none [m].
+_NEAR = 1e-6
+# Ratio of the deceleration asked for to that possible, from which on some arms cycled for ever.
+_CYCLES = 8.0
 
 
 @validated
@@ -80,9 +90,14 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
         kappa: Gain of the position feedback [1/s].
         rate: Rate of the network [1/s].
         return_gain: Pull towards ``home`` [1/s].
-        limit_stiffness: Velocity allowed per radian left to a position limit [1/s]. A joint
-            can brake in time if this is at most acceleration / velocity.
+        limit_stiffness: Velocity allowed per radian left to a position limit [1/s]. The network
+            itself brakes in time if this is at most acceleration / velocity.
         feedback_limit: Largest speed commanded by the feedback [m/s]; None for no bound.
+        multiplier_limit: Largest norm of the multipliers [rad^2/(s m)]; ``none`` for no
+            bound, as in the paper. On a path that an arm can follow they reach 1 to 4, and more
+            close to a singular posture.
+        position_bound: ``braking`` keeps each joint slow enough to stop within its position limits
+            at its largest acceleration; ``printed`` has the paper's box alone.
         acceleration_bound: ``scalar`` limits all joints to the smallest of their bounds, as in
             the paper; ``per_joint`` limits each joint to its own; ``none`` is RNN (16).
         jacobian: ``known`` reads J; ``learned`` reads ``velocity`` and ``v_WE`` instead.
@@ -102,6 +117,8 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
     return_gain: NonNegative = 1.0
     limit_stiffness: Positive = 2.0
     feedback_limit: Positive | None = None
+    multiplier_limit: Positive | Literal["none"] = 10.0
+    position_bound: Literal["braking", "printed"] = "braking"
     acceleration_bound: Literal["scalar", "per_joint", "none"] = "scalar"
     jacobian: Literal["known", "learned"] = "learned"
     rho: Positive = 1e-6
@@ -125,16 +142,44 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
 
     @property
     def keeps(self) -> tuple[str, ...]:
-        """See `Law.keeps`; a bounded acceleration may be too small to brake at a position limit."""
+        """See `Law.keeps`; as printed, a joint may be too fast to brake at a position limit."""
         if self.acceleration_bound == "none":
             return kept_with_lag(self.limit_stiffness, 1.0 / self.rate)
-        return ("velocity", "acceleration")
+        if self.position_bound == "printed":
+            return ("velocity", "acceleration")
+        return ("position", "velocity", "acceleration")
 
     @property
     def loop_gains(self) -> Mapping[str, float]:
         return {"kappa": self.kappa}
 
     def doubts(self, circumstances: Circumstances) -> list[str]:
+        return [*self._doubts_of_delay(circumstances), *self._doubts_of_start(circumstances)]
+
+    def _doubts_of_start(self, circumstances: Circumstances) -> list[str]:
+        """Return a warning if the arm may be asked to turn round faster than it can."""
+        offset, J = circumstances.start_offset, circumstances.J
+        if offset is None or J is None or self._bound is None:
+            return []
+        away = float(np.linalg.norm(offset))
+        if away < _NEAR:
+            return []
+        # Acceleration of the tip towards the path at which the first joint reaches its bound.
+        moves = np.abs(np.linalg.pinv(J) @ (offset / away))
+        most = 1.0 / float((moves / self._bound).max())
+        asked = self.kappa * away
+        if self.feedback_limit is not None:
+            asked = min(asked, self.feedback_limit)
+        if self.kappa * asked <= _CYCLES * most:
+            return []
+        return [
+            f"law.kappa: the arm starts {away:.3g} m off its path, so {self.kappa:g} /s asks for "
+            f"{asked:.2g} m/s and, to stop again, {self.kappa * asked:.2g} m/s^2; "
+            f"limits.acceleration allows about {most:.2g} there, and the arm may cycle for ever; "
+            f"consider law.feedback_limit: {4.0 * most / self.kappa:.1g}"
+        ]
+
+    def _doubts_of_delay(self, circumstances: Circumstances) -> list[str]:
         in_doubt = circumstances.loop_delay > 0.0 and not circumstances.reference_is_delayed
         if self.acceleration_bound == "none" or not in_doubt:
             return []
@@ -166,14 +211,26 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
         )
 
     @cached_property
-    def _inverse_bound(self) -> Array | None:
-        """Inverse of the acceleration bounds, shape (n,) [s^2/rad]; multiplying is cheaper."""
+    def _bound(self) -> Array | None:
+        """Largest acceleration of each joint, shape (n,) [rad/s^2]; None if it is not bounded."""
         if self.acceleration_bound == "none":
             return None
         bound = self.limits.require("acceleration", "the acceleration bound")
         if self.acceleration_bound == "scalar":
             bound = np.full(bound.size, bound.min())
-        return 1.0 / bound
+        return bound
+
+    @cached_property
+    def _inverse_bound(self) -> Array | None:
+        """Inverse of the acceleration bounds, shape (n,) [s^2/rad]; multiplying is cheaper."""
+        return None if self._bound is None else 1.0 / self._bound
+
+    @cached_property
+    def _braking(self) -> Braking | None:
+        """What keeps the position limits; None where the acceleration is not bounded."""
+        if self._bound is None or self.position_bound == "printed":
+            return None
+        return Braking(self.limits, self._bound, self.limit_stiffness)
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
         n, m = self.home.size, self.task_size
@@ -197,29 +254,44 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
         """Return the law itself.
 
         Raises:
-            InvalidInputError: If the network would take too many substeps.
+            InvalidInputError: If the network would take too many substeps, or, with ``substeps``,
+                so few that it would overshoot the velocity limits.
         """
         if self.substeps is None:
             check_substeps(period * self.rate, f"rate: {self.rate:g} /s")
         else:
             check_substeps(self.substeps, f"substeps: {self.substeps}")
+            fewest = ceil(self.rate * period - 1e-9)
+            if self.substeps < fewest:
+                raise InvalidInputError(
+                    f"law.substeps: must be at least {fewest} at rate {self.rate:g} /s and a "
+                    f"period of {period:g} s, not {self.substeps}; the network would overshoot "
+                    "the velocity limits"
+                )
         return super().sampled(period)
 
     def derivatives(self, t: float, x: Array, u: Signals) -> Array:
         """Return the right-hand side of (16), (19) or (20)."""
         if self.warm_up is not None and t < self.warm_up.duration(self.home.size):
             return self._warm_up_derivatives(self.warm_up, t, x, u)
-        if self.jacobian == "known":
-            v, multipliers = self.state.split(x)
-            return self.state.join(*self._network(v, multipliers, u["J"], *self._terms(u)))
-        v, multipliers, J_hat = self.state.split(x)
-        return self.state.join(
-            *self._network(v, multipliers, J_hat, *self._terms(u)),
-            gradient(J_hat, u["velocity"], u["v_WE"], self.rho),
-        )
+        v, multipliers, *learned = self.state.split(x)
+        J = learned[0] if learned else u["J"]
+        v_dot, multipliers_dot = self._network(v, multipliers, J, *self._terms(u))
+        if self._braking is not None:
+            v_dot = self._braking.rate(v_dot, v, u["position"])
+        if self.multiplier_limit != "none":
+            multipliers_dot = not_outward(multipliers_dot, multipliers, self.multiplier_limit)
+        if not learned:
+            return self.state.join(v_dot, multipliers_dot)
+        rate = gradient(J, u["velocity"], u["v_WE"], self.rho)
+        return self.state.join(v_dot, multipliers_dot, rate)
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
-        """Integrate the learning exactly, with its inputs held; then the network by Euler steps."""
+        """Integrate the learning exactly, with its inputs held; then the network by Euler steps.
+
+        The velocity that is then cut to brake in time is also the network's own, and its
+        multipliers are bounded, so that neither winds up.
+        """
         if self.warm_up is not None and t + period <= self.warm_up.duration(self.home.size):
             return self._warm_up_step(self.warm_up, t, x, u, period)
         if self.jacobian == "known":
@@ -239,6 +311,11 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
             v_dot, multipliers_dot = self._network(v, multipliers, J, *terms)
             v = v + h * v_dot
             multipliers = multipliers + h * multipliers_dot
+        braking = self._braking
+        if braking is not None and not braking.is_idle(terms[1], terms[2], period):
+            v = braking.held(v, x[: v.size], u["position"], period)
+        if self.multiplier_limit != "none":
+            multipliers = within(multipliers, self.multiplier_limit)
         if self.jacobian == "known":
             return np.concatenate((v, multipliers))
         return np.concatenate((v, multipliers, J.ravel()))

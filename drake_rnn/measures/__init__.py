@@ -1,22 +1,29 @@
-"""Recording of a run, and the metrics computed from it."""
+"""Recording of a run, and the metrics taken from it."""
 
+from .groups import ARRIVED, ContactMetrics, FollowingMetrics
 from .metrics import METRIC_NAMES, METRICS, Metric, shown_in, violation_metric
 from .motion import Motion, Pressing
-from .motion_metrics import ARRIVED, law_metrics, motion_metrics
-from .recorder import Recorder
+from .recorder import PART, Recorder, Steps, Take
+from .run_metrics import RunMetrics
 from .series import UNITS
+from .ticks import last_end
 
 __all__ = [
     "ARRIVED",
     "METRICS",
     "METRIC_NAMES",
+    "PART",
     "UNITS",
+    "ContactMetrics",
+    "FollowingMetrics",
     "Metric",
     "Motion",
     "Pressing",
     "Recorder",
-    "law_metrics",
-    "motion_metrics",
+    "RunMetrics",
+    "Steps",
+    "Take",
+    "last_end",
     "shown_in",
     "violation_metric",
 ]

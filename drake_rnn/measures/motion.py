@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..inputs.fields import Array
+from .ticks import secant
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,9 @@ class Pressing:
 class Motion:
     """The motion of an arm with n joints and of its law over k steps, for m position axes.
 
+    The steps are those of a run, or of a part of it. A part that does not begin the run begins with
+    the last step of the part before, at which ticks of the arm and of the law end.
+
     Attributes:
         time: Time of each step, shape (k,) [s].
         position, velocity: Joint positions and velocities of the arm, shape (k, n) [rad, rad/s].
@@ -42,8 +48,8 @@ class Motion:
         pressing: Contact with a surface; None without one. With a contact, position errors are
             those along the surface.
         returns: Whether the desired path ends where it began, so that the joints should as well.
-        lap_start: Time at which the lap began that the last step ends, or the last whole one after
-            which the arm has stood still [s]; None without one.
+        lap_start: Time at which the lap began that the run's last step ends, or the last whole one
+            after which the arm has stood still [s]; None without one.
         position_commanded: Joint positions that motors are told to follow, shape (k, n) [rad];
             None for an arm that is where it is commanded to be.
         p_WE_commanded: Position of the end effector at these, shape (k, m) [m]; None as well.
@@ -70,6 +76,7 @@ class Motion:
     p_WE_commanded: Array | None = None
     tick: float | None = None
     network_tick: float | None = None
+    origin: float | None = None
 
     def aside(self, vectors: Array) -> Array:
         """Return ``vectors``, shape (k, m); in contact, only their part along the surface."""
@@ -78,37 +85,32 @@ class Motion:
         n = self.pressing.normal
         return vectors - np.outer(vectors @ n, n)
 
+    @cached_property
     def joint_acceleration(self) -> Array:
-        """Return the secant of the arm's velocity over each step's tick, (k - 1, n) [rad/s^2]."""
-        return _secant(self.time, self.velocity, self.tick)
+        """Secant of the arm's velocity over each step's tick, shape (k - 1, n) [rad/s^2]."""
+        return secant(self.time, self.velocity, self.tick, self._origin)
 
+    @cached_property
     def network_acceleration(self) -> Array:
-        """Return the secant of the law's velocity over each step's tick, (k - 1, n) [rad/s^2]."""
-        return _secant(self.time, self.network_velocity, self.network_tick)
+        """Secant of the law's velocity over each step's tick, shape (k - 1, n) [rad/s^2]."""
+        return secant(self.time, self.network_velocity, self.network_tick, self._origin)
 
+    @property
+    def fresh(self) -> slice:
+        """The steps that the part of the run before this one does not have."""
+        return slice(0 if self.origin is None else 1, None)
 
-def _secant(time: Array, values: Array, tick: float | None) -> Array:
-    """Return difference quotients over ticks, shape (k - 1, n), for the tick each step ends in.
+    def within(self, window: tuple[float, float] | None) -> NDArray[np.bool_]:
+        """Return which steps are fresh and in the window, shape (k,); None for the whole run."""
+        within = np.ones(self.time.size, dtype=bool)
+        if window is not None:
+            # Step times carry rounding errors.
+            within = (self.time >= window[0] - 1e-9) & (self.time <= window[1] + 1e-9)
+        within[: self.fresh.start] = False
+        return within
 
-    Without a tick they are taken over the steps themselves; steps that events split a rounding
-    error apart are merged.
-    """
-    if time.size < 2:
-        return np.zeros((0, values.shape[1]))
-    if tick is None:
-        step = np.diff(time)
-        apart = step >= 1e-9 * step.max()
-        # A change at the start counts as one over the first step.
-        apart[: np.argmax(apart) + 1] = False
-        number = np.concatenate(([0], 1 + np.cumsum(apart)))
-    else:
-        # A tick includes its end, where its value still holds; a step that ends a rounding error
-        # later belongs to the next tick.
-        ticks = (time - time[0]) / tick
-        number = np.ceil(ticks - 1e-6).astype(int)
-        ended = number - ticks < 1e-6
-        number[1:] += ended[:-1] & (number[1:] == number[:-1])
-    last = np.flatnonzero(np.diff(number, append=number[-1] + 1))
-    ends = time[last] if tick is None else number[last] * tick
-    secant = np.diff(values[last], axis=0) / np.diff(ends)[:, np.newaxis]
-    return np.asarray(secant[np.searchsorted(last, np.arange(1, time.size)) - 1])
+    @property
+    def _origin(self) -> float:
+        if self.origin is not None:
+            return self.origin
+        return float(self.time[0]) if self.time.size else 0.0

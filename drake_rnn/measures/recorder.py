@@ -2,13 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from pydrake.systems.framework import Context, OutputPort
 
 from ..inputs.fields import Array
 from ..laws.law import Layout
+from .signals_held import signals_held
+
+#: Steps that are recorded before they are evaluated, unless a tick needs more: some 100 MB then.
+PART = 2**16
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Recorded steps; they do not outlast the recorder's next step.
+
+    Attributes:
+        time: Times of all steps, shape (k,) [s].
+        rows: What was recorded, shape (k, layout.size).
+        layout: Where each port is in a row.
+        origin: Time of the run's first step [s]; None if it is the first of these.
+    """
+
+    time: Array
+    rows: Array
+    layout: Layout
+    origin: float | None = None
+
+    def series(self, name: str) -> Array:
+        """Return the values of one port at every step, shape (k, size)."""
+        return self.layout.part(self.rows, name)
+
+    def until(self, last: int) -> Steps:
+        """Return the steps up to the one of that number, which is included."""
+        return Steps(self.time[: last + 1], self.rows[: last + 1], self.layout, self.origin)
+
+
+#: What is done with steps when there are many: it returns the number of the step that the next ones
+#: begin with; 0 if nothing can be done with these alone.
+Take = Callable[[Steps], int]
 
 
 class Recorder:
@@ -21,24 +56,33 @@ class Recorder:
     Args:
         root: Context of the simulated diagram.
         ports: Output ports to record, by name.
+        take: Called with the steps whenever there are many; without it, all are kept.
+        part: How many are many.
     """
 
-    def __init__(self, root: Context, ports: Mapping[str, OutputPort]) -> None:
+    def __init__(
+        self,
+        root: Context,
+        ports: Mapping[str, OutputPort],
+        take: Take | None = None,
+        part: int = PART,
+    ) -> None:
         self._layout = Layout(**{name: (port.size(),) for name, port in ports.items()})
         self._sources = [
             (port.Eval, port.get_system().GetMyContextFromRoot(root), self._layout.parts[name][0])
             for name, port in ports.items()
         ]
-        self._times = np.empty(1024)
-        self._rows = np.empty((1024, self._layout.size))
+        self._take, self._part = take, part
+        self._origin: float | None = None
+        self._times = np.empty(min(1024, part))
+        self._rows = np.empty((self._times.size, self._layout.size))
         self._count = 0
 
     def __call__(self, context: Context) -> None:
         """Record the ports at the present time."""
+        if self._count == self._times.size:
+            self._make_room()
         count = self._count
-        if count == self._times.size:
-            self._times = np.concatenate((self._times, np.empty_like(self._times)))
-            self._rows = np.concatenate((self._rows, np.empty_like(self._rows)))
         self._times[count] = context.get_time()
         row = self._rows[count]
         for read, place, at in self._sources:
@@ -46,10 +90,28 @@ class Recorder:
         self._count = count + 1
 
     @property
-    def time(self) -> Array:
-        """Times of all steps, shape (k,) [s]."""
-        return self._times[: self._count]
+    def steps(self) -> Steps:
+        """The steps that were not taken yet; the first of them ended those that were."""
+        count = self._count
+        return Steps(self._times[:count], self._rows[:count], self._layout, self._origin)
 
-    def series(self, name: str) -> Array:
-        """Return the values of one port at every step, shape (k, size)."""
-        return self._layout.part(self._rows[: self._count], name)
+    def _make_room(self) -> None:
+        # Interrupted on the way, steps would be taken twice or not at all.
+        with signals_held():
+            taken = 0
+            if self._take is not None and self._count >= self._part:
+                taken = self._take(self.steps)
+            if taken:
+                self._drop(taken)
+            else:
+                self._times = np.concatenate((self._times, np.empty_like(self._times)))
+                self._rows = np.concatenate((self._rows, np.empty_like(self._rows)))
+
+    def _drop(self, first: int) -> None:
+        """Drop the steps before the one of that number."""
+        if self._origin is None:
+            self._origin = float(self._times[0])
+        kept = self._count - first
+        self._times[:kept] = self._times[first : self._count]
+        self._rows[:kept] = self._rows[first : self._count]
+        self._count = kept

@@ -178,6 +178,66 @@ class JointLimits:
         upper = np.clip((fastest - v) / period, -most, most)
         return lower, upper
 
+    def stopping_box(
+        self, q: Array, period: float, acceleration: Array | None = None
+    ) -> tuple[Array, Array]:
+        """Return the velocities from which a joint can stop within its position limits.
+
+        The velocity is held for a period; after it the joint brakes as hard as it may, in samples
+        of ``period``. These are the fastest such velocities, to the last digit: the limits of
+        velocity and acceleration do not cut them. From beyond a position limit they lead back, to
+        rest at that limit.
+
+        Args:
+            q: Joint positions, shape (n,) [rad].
+            period: Time for which a velocity is held [s].
+            acceleration: Deceleration of each joint, shape (n,) [rad/s^2], may be infinite; by
+                default its acceleration limit.
+
+        Returns:
+            Lower and upper velocities, shape (n,) [rad/s]; infinite where nothing limits them.
+
+        Raises:
+            InvalidInputError: If no acceleration is given, and the limits are not known.
+        """
+        brakes = acceleration
+        if brakes is None:
+            brakes = self.require("acceleration", "braking in time")
+        room = self._position - q
+        # A joint that has w now, then w - a h, w - 2 a h ... down to zero, stops in m + 1 samples,
+        # after (m + 1) w h - m (m + 1) / 2 a h^2. That is solved for w, with the m that fits.
+        distance = np.abs(room)
+        with np.errstate(invalid="ignore"):
+            more = np.floor((np.sqrt(1.0 + 8.0 * distance / (brakes * period**2)) - 1.0) / 2.0)
+            slower = np.where(more > 0.0, brakes * period * more / 2.0, 0.0)
+            fastest = distance / ((more + 1.0) * period) + slower
+        ends = np.where(np.isfinite(room), np.copysign(fastest, room), room)
+        return ends[0], ends[1]
+
+    def held_velocity_box(self, q: Array, v: Array, period: float) -> tuple[Array, Array]:
+        """Return bounds on the velocity held for a period, after which all limits can be kept.
+
+        That is: it is within its limit, the change from ``v`` within that of the acceleration, and
+        the joint can still stop within its position limits, see `stopping_box`. From a state in
+        which it could stop, as from rest, the box is never empty, so limits once kept are always
+        kept. From any other, the acceleration limit comes first, and then the velocity's.
+
+        Args:
+            q: Joint positions, shape (n,) [rad].
+            v: Velocities held until now, shape (n,) [rad/s].
+            period: Time for which the velocity is held [s].
+
+        Returns:
+            Lower and upper velocities, shape (n,) [rad/s].
+
+        Raises:
+            InvalidInputError: If the acceleration limits are not known.
+        """
+        reach = self.require("acceleration", "braking in time") * period
+        ends = np.clip(np.stack(self.stopping_box(q, period)), self._velocity_lower, self.velocity)
+        lower, upper = np.clip(ends, v - reach, v + reach)
+        return lower, upper
+
     def violation(self, q: Array) -> Array:
         """Return how far ``q``, shape (..., n), is outside the position limits [rad]; 0 inside."""
         return np.maximum(np.maximum(self.position_lower - q, q - self.position_upper), 0.0)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..experiment import Experiment, Forecast
-from ..measures import Motion, violation_metric
+from ..measures import ContactMetrics, FollowingMetrics, violation_metric
 from ..robot.limits import LIMIT_UNITS
 from ..systems import Body
 
@@ -36,7 +36,7 @@ def standing(found: Sequence[Forecast], metrics: Mapping[str, float]) -> list[st
 def limit_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[str]:
     """Return warnings about limits of position and velocity that an arm cannot exceed, and did.
 
-    Those that the law or a filter keeps by construction have a verdict of their own. Of what the
+    Those that are kept by construction have a verdict of their own. Of what the
     path itself asks for too much there was a warning before the run.
     """
     caveats = []
@@ -45,22 +45,31 @@ def limit_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[
         if excess > _BEYOND and name not in experiment.kept_limits:
             caveats.append(
                 f"limits: the arm exceeds a limit of {name} by {excess:.3g} {unit}; "
-                "this law does not keep it"
+                f"{_why(name, experiment)}"
             )
     return caveats
 
 
-def contact_caveats(motion: Motion, metrics: Mapping[str, float]) -> list[str]:
+def _why(name: str, experiment: Experiment) -> str:
+    """Return why a limit is not kept."""
+    if name not in experiment.law.keeps:
+        return "this law does not keep it"
+    if experiment.level.has_motors:
+        return "the law keeps it of the command, and motors follow that with errors"
+    return "noise, a filter or errors of measurement lie between this law and the arm"
+
+
+def contact_caveats(contact: ContactMetrics, metrics: Mapping[str, float]) -> list[str]:
     """Return warnings about a contact that was never made, or lost."""
     caveats = []
-    if motion.pressing is not None and not motion.pressing.force.any():
+    if contact.force_seen is False:
         caveats.append("contact: the tool never touched the surface")
     if "contact_lost_time_s" in metrics:
         caveats.append(f"contact: lost at t = {metrics['contact_lost_time_s']:.4g} s")
     return caveats
 
 
-def motor_caveats(arm: Body, motion: Motion) -> list[str]:
+def motor_caveats(arm: Body, following: FollowingMetrics) -> list[str]:
     """Return a warning if the arm is far from what its motors are told: 5 mm, or 0.02 rad.
 
     The measure is the distance from the command, not from the path: where motors are too weak for
@@ -69,17 +78,17 @@ def motor_caveats(arm: Body, motion: Motion) -> list[str]:
 
     Args:
         arm: Body that was moved.
-        motion: Motion of the arm.
+        following: What was found of how it follows its command.
     """
-    if motion.position_commanded is None or motion.p_WE_commanded is None or motion.time.size == 0:
+    found = following.found()
+    off, away = found["command_error_max_rad"], found["command_error_max_m"]
+    if following.worst is None or off is None or away is None:
         return []
-    off = np.abs(motion.position - motion.position_commanded)
-    away = np.linalg.norm(motion.p_WE - motion.p_WE_commanded, axis=1)
-    if not (away.max() > _FAR or off.max() > _FAR_JOINT):
+    if not (away > _FAR or off > _FAR_JOINT):
         return []
-    k, joint = np.unravel_index(int(np.argmax(off)), off.shape)
+    off, joint, time = following.worst
     return [
         f"plant: the arm is far from its command: {arm.arm.joints[joint]} by up to "
-        f"{off[k, joint]:.3g} rad, at t = {motion.time[k]:.4g} s, and the end effector by up to "
-        f"{away.max():.3g} m; {arm.remedy(int(joint), float(off[k, joint]))}"
+        f"{off:.3g} rad, at t = {time:.4g} s, and the end effector by up to "
+        f"{away:.3g} m; {arm.remedy(joint, off)}"
     ]

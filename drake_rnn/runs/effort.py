@@ -55,11 +55,12 @@ def expected_effort(experiment: Experiment) -> Effort:
     return max(efforts, key=lambda effort: effort.time, default=Effort())
 
 
-def check_effort(experiment: Experiment) -> None:
+def check_effort(experiment: Experiment, stored_period: float) -> None:
     """Raise an InvalidInputError if a run would take very long, or store very many samples.
 
     Args:
         experiment: The experiment.
+        stored_period: Time between two stored samples [s].
     """
     document, effort = experiment.document, expected_effort(experiment)
     if effort.time > LONGEST:
@@ -69,7 +70,7 @@ def check_effort(experiment: Experiment) -> None:
             f"take {LONGEST / 3600:g} hours; `drake-rnn run --anyway` (in Python: anyway=True) "
             "makes it nevertheless"
         )
-    samples = document.duration / document.log_period
+    samples = document.duration / stored_period
     if samples > MOST_SAMPLES:
         raise InvalidInputError(
             f"log_period: {document.log_period:g} s stores {samples:.2g} samples in "

@@ -1,11 +1,10 @@
-"""Evaluation of a run: from recorded steps to series and metrics."""
+"""Evaluation of a run, part by part while it runs: from recorded steps to series and metrics."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram
 
 from ..diagrams import Loop
@@ -14,122 +13,151 @@ from ..experiment import Experiment, Forecast
 from ..inputs.fields import Array
 from ..laws import Reading, Signals
 from ..laws.checks import caveats_of
-from ..measures import Motion, Recorder, law_metrics, motion_metrics
+from ..measures import Motion, RunMetrics, Steps, last_end
 from .caveats import contact_caveats, limit_caveats, motor_caveats, standing
-from .motion import motion_of, observed_signals, seen_motion, sensed_motion
+from .motion import motion_of, observed_signals, seen_motion, sensed_motion, ticks_of
 from .result import Result
+from .stored import StoredSeries
 
 
-def evaluate(
-    experiment: Experiment,
-    recorder: Recorder,
-    found: Sequence[Forecast],
-    diagram: Diagram,
-    loop: Loop,
-) -> tuple[Result, InvalidInputError | None]:
-    """Return the result of a run, complete or not, and an error in what the law says of it.
+class Evaluation:
+    """What a run comes to, taken from its steps as they come.
 
-    With such an error the result lacks the law's observables or caveats.
+    What is kept of steps that were taken are the stored samples, and two numbers for each step in
+    the window if the law learns a Jacobian, which has medians.
 
     Args:
-        experiment: Experiment that was run.
-        recorder: Recorder of the run.
-        found: Warnings about the path from before the run.
-        diagram: Simulated diagram.
+        experiment: Experiment that runs.
         loop: Systems of the loop.
+        period: Time between two stored samples [s]; infinite to store the last step alone.
+
+    Attributes:
+        wall_time: Time that `take` has taken [s].
     """
-    reading = loop.controller.reading
-    motion = motion_of(experiment, recorder, loop)
-    seen = seen_motion(experiment, recorder, loop, motion)
-    fault: InvalidInputError | None = None
-    observed: Signals = {}
-    caveats: list[str] = []
-    try:
-        sensed = sensed_motion(experiment, recorder, loop, seen)
-        observed = observed_signals(experiment, sensed, recorder.series("state"), reading)
-    except InvalidInputError as error:
-        fault = error
-    metrics = _metrics(experiment, motion, seen, observed)
-    try:
-        caveats = caveats_of(reading, metrics)
-    except InvalidInputError as error:
-        fault = fault or error
-    at = _samples(motion.time, experiment.document.log_period)
-    series = _series(motion, at) | _contact_series(motion, recorder, at)
-    if loop.joint_sensor is not None:
-        for name in ("position", "velocity"):
-            series[f"{name}_measured"] = recorder.series(f"measured_{name}")[at]
-    series |= _state_series(recorder.series("state")[at], reading)
-    result = Result(
-        experiment=experiment,
-        time=motion.time[at],
-        series=series | {name: values[at] for name, values in observed.items()},
-        metrics=metrics,
-        warnings=[
-            *experiment.warnings,
-            *standing(found, metrics),
-            *limit_caveats(experiment, metrics),
-            *caveats,
-            *contact_caveats(motion, metrics),
-            *motor_caveats(loop.arm, motion),
-        ],
-        graphviz=diagram.GetGraphvizString(max_depth=1),
-    )
-    return result, fault
 
+    wall_time: float = 0.0
 
-def _metrics(
-    experiment: Experiment, motion: Motion, seen: Motion, observed: Signals
-) -> dict[str, float]:
-    document = experiment.document
-    evaluation = (experiment.limits, document.window, document.settling_tolerance_m)
-    metrics = motion_metrics(motion, *evaluation)
-    if experiment.path_delay > 0.0:
-        metrics["path_delay_s"] = experiment.path_delay
-    if experiment.feedback == "unfiltered" and seen.J_hat is not None:
+    def __init__(self, experiment: Experiment, loop: Loop, period: float) -> None:
+        document = experiment.document
+        self._experiment, self._loop = experiment, loop
+        self._metrics = RunMetrics(
+            experiment.limits, document.window, document.settling_tolerance_m
+        )
+        self._series = StoredSeries(period, document.duration)
+        # An error in the law's observables, of which nothing is told then.
+        self._fault: InvalidInputError | None = None
+
+    def take(self, steps: Steps) -> int:
+        """Evaluate steps up to the last at which ticks end; return its number, 0 without one."""
+        began = time.perf_counter()
+        origin = float(steps.time[0]) if steps.origin is None else steps.origin
+        end = last_end(steps.time, ticks_of(self._experiment, self._loop), origin)
+        if end:
+            self._add(steps.until(end), until=self._experiment.document.duration)
+        self.wall_time += time.perf_counter() - began
+        return end
+
+    def finish(
+        self, steps: Steps, found: Sequence[Forecast], diagram: Diagram
+    ) -> tuple[Result, InvalidInputError | None]:
+        """Return the result of a run, complete or not, and an error in what the law says of it.
+
+        With such an error the result lacks the law's observables or caveats.
+
+        Args:
+            steps: The last steps of the run.
+            found: Warnings about the path from before the run.
+            diagram: Simulated diagram.
+        """
+        self._add(steps)
+        reading, fault = self._loop.controller.reading, self._fault
+        metrics = self._metrics.found(of_law=fault is None)
+        if (delay := self._experiment.path_delay) > 0.0:
+            metrics["path_delay_s"] = delay
+        series = self._series.taken()
+        if fault is not None:
+            series = {name: series[name] for name in series if name not in reading.observables}
+        caveats: list[str] = []
+        try:
+            caveats = caveats_of(reading, metrics)
+        except InvalidInputError as error:
+            fault = fault or error
+        result = Result(
+            experiment=self._experiment,
+            time=series.pop("time"),
+            series=series,
+            metrics=metrics,
+            warnings=[
+                *self._experiment.warnings,
+                *standing(found, metrics),
+                *limit_caveats(self._experiment, metrics),
+                *caveats,
+                *contact_caveats(self._metrics.contact, metrics),
+                *motor_caveats(self._loop.arm, self._metrics.following),
+            ],
+            graphviz=diagram.GetGraphvizString(max_depth=1),
+        )
+        return result, fault
+
+    def _add(self, steps: Steps, until: float | None = None) -> None:
+        """Add a part of the run; ``until`` is given if more are to come."""
+        experiment, loop = self._experiment, self._loop
+        motion = motion_of(experiment, steps, loop, until=until)
+        seen = seen_motion(experiment, steps, loop, motion)
+        observed = self._observed(steps, seen)
         # The law learns the Jacobian of the arm that it sees.
-        metrics |= {
-            name: value
-            for name, value in motion_metrics(seen, *evaluation).items()
-            if name.startswith("jacobian_")
+        learned = seen if experiment.feedback == "unfiltered" else motion
+        self._metrics.add(motion, seen, learned, observed)
+        series = _series(motion) | _contact_series(motion, steps)
+        if loop.joint_sensor is not None:
+            for name in ("position", "velocity"):
+                series[f"{name}_measured"] = steps.series(f"measured_{name}")
+        series |= _state_series(steps.series("state"), loop.controller.reading)
+        changes = {
+            "acceleration": motion.joint_acceleration,
+            "network_acceleration": motion.network_acceleration,
         }
-    return metrics | law_metrics(seen, observed)
+        self._series.add(steps.time, {**series, **observed}, changes, last=until is None)
+
+    def _observed(self, steps: Steps, seen: Motion) -> Signals:
+        """Return the law's observables at every step; none after an error in them."""
+        if self._fault is not None:
+            return {}
+        try:
+            sensed = sensed_motion(self._experiment, steps, self._loop, seen)
+            reading = self._loop.controller.reading
+            return observed_signals(self._experiment, sensed, steps.series("state"), reading)
+        except InvalidInputError as error:
+            self._fault = error
+            return {}
 
 
-def _series(motion: Motion, at: NDArray[np.intp]) -> dict[str, Array]:
-    """Return the series that every run has, at the steps to keep."""
-    series = {
-        "position": motion.position[at],
-        "velocity": motion.velocity[at],
-        "network_velocity": motion.network_velocity[at],
-        "p_WE": motion.p_WE[at],
-        "v_WE": motion.v_WE[at],
-        "p_WE_desired": motion.p_WE_desired[at],
-        "v_WE_desired": motion.v_WE_desired[at],
-        "J": motion.J[at],
+def _series(motion: Motion) -> dict[str, Array]:
+    """Return the series that every run has, at every step."""
+    return {
+        "position": motion.position,
+        "velocity": motion.velocity,
+        "network_velocity": motion.network_velocity,
+        "p_WE": motion.p_WE,
+        "v_WE": motion.v_WE,
+        "p_WE_desired": motion.p_WE_desired,
+        "v_WE_desired": motion.v_WE_desired,
+        "J": motion.J,
     }
-    for name, values in (
-        ("acceleration", motion.joint_acceleration()),
-        ("network_acceleration", motion.network_acceleration()),
-    ):
-        # Value of the step that ends at each sample; no step ends at the first one.
-        series[name] = np.concatenate((np.zeros((1, values.shape[1])), values))[at]
-        series[f"{name}_peak"] = _peaks(np.abs(values), at)
-    return series
 
 
-def _contact_series(motion: Motion, recorder: Recorder, at: NDArray[np.intp]) -> dict[str, Array]:
+def _contact_series(motion: Motion, steps: Steps) -> dict[str, Array]:
     """Return the series of a target posture, an orientation to hold and a contact, if any."""
     series = {}
     if motion.target is not None:
-        series["joint_error"] = (motion.position - motion.target)[at]
+        series["joint_error"] = motion.position - motion.target
     if motion.pressing is not None:
-        series["normal_force"] = motion.pressing.force[at]
-        series["normal_force_desired"] = motion.pressing.desired[at]
-        series["normal_force_measured"] = recorder.series("normal_force")[at, 0]
-        series["contact_force"] = recorder.series("contact_force")[at]
+        series["normal_force"] = motion.pressing.force
+        series["normal_force_desired"] = motion.pressing.desired
+        series["normal_force_measured"] = steps.series("normal_force")[:, 0]
+        series["contact_force"] = steps.series("contact_force")
     if motion.orientation_error is not None:
-        series["orientation_error"] = motion.orientation_error[at]
+        series["orientation_error"] = motion.orientation_error
     return series
 
 
@@ -137,21 +165,3 @@ def _state_series(states: Array, reading: Reading) -> dict[str, Array]:
     """Return the parts of the law's state, except its velocity, which has its own series."""
     names = [name for name in reading.state.parts if name != "v"]
     return {name: reading.state.part(states, name) for name in names}
-
-
-def _samples(time: Array, period: float) -> NDArray[np.intp]:
-    """Return the numbers of the steps to keep, shape (j,): each period's first, and the last."""
-    number = np.floor(time / period + 1e-6)
-    kept = np.diff(number, prepend=-1.0) != 0
-    # A last step that is only a rounding error past a kept one is not kept again.
-    if time.size and time[-1] - time[kept][-1] > 1e-6 * period:
-        kept[-1] = True
-    return np.flatnonzero(kept)
-
-
-def _peaks(values: Array, at: NDArray[np.intp]) -> Array:
-    """Return the largest entry of the rows between successive ``at``, shape (len(at),)."""
-    peaks = np.zeros(at.size)
-    for k in range(1, at.size):
-        peaks[k] = values[at[k - 1] : at[k]].max(initial=0.0)
-    return peaks

@@ -1,4 +1,4 @@
-"""The motion of a run at every step, computed from the recorded joints."""
+"""The motion of a run, or of a part of it, computed from the recorded joints."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from ..experiment import Experiment
 from ..inputs.fields import Array
 from ..laws import Reading, Signals
 from ..laws.checks import observables_of
-from ..measures import Motion, Pressing, Recorder
+from ..measures import Motion, Pressing, Steps
 from ..robot.rotation import rotation_error
 
 
 def observed_signals(
     experiment: Experiment, motion: Motion, states: Array, reading: Reading
 ) -> Signals:
-    """Return the law's observables at every step, computed after the run.
+    """Return the law's observables at every step, computed when the steps were made.
 
     Args:
         experiment: Experiment that was run.
@@ -79,30 +79,35 @@ def _further(experiment: Experiment, motion: Motion, names: Iterable[str]) -> Si
     }
 
 
-def seen_motion(experiment: Experiment, recorder: Recorder, loop: Loop, motion: Motion) -> Motion:
+def seen_motion(experiment: Experiment, steps: Steps, loop: Loop, motion: Motion) -> Motion:
     """Return the motion as the law saw it, which differs if the path is followed with a delay."""
     if experiment.path_delay == 0.0:
         return motion
     if experiment.feedback == "unfiltered":
-        return motion_of(experiment, recorder, loop, virtual=True)
+        return motion_of(experiment, steps, loop, virtual=True)
     axes = list(experiment.task.axes)
     desired = experiment.desired.position
-    v_WE_desired = np.array([desired(t)[1][axes] for t in recorder.time.tolist()])
+    v_WE_desired = np.array([desired(t)[1][axes] for t in steps.time.tolist()])
     return replace(motion, v_WE_desired=v_WE_desired)
 
 
-def sensed_motion(experiment: Experiment, recorder: Recorder, loop: Loop, motion: Motion) -> Motion:
+def sensed_motion(experiment: Experiment, steps: Steps, loop: Loop, motion: Motion) -> Motion:
     """Return a motion with the joints as sensors measured them; the same without sensors."""
     if loop.joint_sensor is None:
         return motion
-    position, velocity = (recorder.series(f"measured_{name}") for name in ("position", "velocity"))
-    p_WE, J, _ = _task_motion(experiment, position, recorder.time)
+    position, velocity = (steps.series(f"measured_{name}") for name in ("position", "velocity"))
+    p_WE, J, _ = _task_motion(experiment, position, steps.time)
     v_WE = _end_effector_velocity(J, velocity, p_WE)
     return replace(motion, position=position, velocity=velocity, p_WE=p_WE, v_WE=v_WE, J=J)
 
 
 def motion_of(
-    experiment: Experiment, recorder: Recorder, loop: Loop, *, virtual: bool = False
+    experiment: Experiment,
+    steps: Steps,
+    loop: Loop,
+    *,
+    until: float | None = None,
+    virtual: bool = False,
 ) -> Motion:
     """Return the motion, with path and kinematics evaluated for the recorded steps.
 
@@ -110,20 +115,24 @@ def motion_of(
 
     Args:
         experiment: Experiment that was run.
-        recorder: Recorder of the run.
+        steps: Recorded steps.
         loop: Systems of the loop.
+        until: Time at which the run is going to end [s]; None if these steps end it.
         virtual: Whether to return the virtual arm's motion, which has no delay to the path.
     """
     prefix, delay = ("virtual_", 0.0) if virtual else ("", experiment.path_delay)
-    position, velocity = (recorder.series(prefix + name) for name in ("position", "velocity"))
-    state, layout = recorder.series("state"), loop.controller.reading.state
-    p_WE, J, turned = _task_motion(experiment, position, recorder.time - delay)
-    p_WE_desired, v_WE_desired = _desired(experiment, recorder.time - delay)
+    position, velocity = (steps.series(prefix + name) for name in ("position", "velocity"))
+    state, layout = steps.series("state"), loop.controller.reading.state
+    p_WE, J, turned = _task_motion(experiment, position, steps.time - delay)
+    p_WE_desired, v_WE_desired = _desired(experiment, steps.time - delay)
+    if until is None and steps.time.size:
+        until = float(steps.time[-1])
+    tick, network_tick = ticks_of(experiment, loop)
     commanded = None
     if loop.arm.has_motors and not virtual:
-        commanded = recorder.series("position_commanded")
+        commanded = steps.series("position_commanded")
     return Motion(
-        time=recorder.time,
+        time=steps.time,
         position=position,
         velocity=velocity,
         network_velocity=layout.part(state, "v"),
@@ -135,13 +144,14 @@ def motion_of(
         J_hat=layout.part(state, "J_hat") if "J_hat" in layout else None,
         target=experiment.target,
         orientation_error=turned,
-        pressing=_pressing(experiment, recorder),
+        pressing=_pressing(experiment, steps),
         returns=experiment.desired.closed,
-        lap_start=_lap_start(experiment, recorder.time, delay),
+        lap_start=_lap_start(experiment, until, delay),
         position_commanded=commanded,
         p_WE_commanded=None if commanded is None else _placed(experiment, commanded),
-        tick=_tick(experiment, loop),
-        network_tick=experiment.document.period,
+        tick=tick,
+        network_tick=network_tick,
+        origin=steps.origin,
     )
 
 
@@ -190,14 +200,14 @@ def _desired(experiment: Experiment, times: Array) -> tuple[Array, Array]:
     return p_WE, v_WE
 
 
-def _lap_start(experiment: Experiment, times: Array, delay: float) -> float | None:
-    """Return the time of the step at which the last whole lap began [s]; None without one."""
-    began = experiment.desired.last_lap(times[-1] - delay) if times.size else None
+def _lap_start(experiment: Experiment, until: float | None, delay: float) -> float | None:
+    """Return the time at which the last whole lap of a run until then began; None without one."""
+    began = None if until is None else experiment.desired.last_lap(until - delay)
     # The first lap begins with the run, whatever the delay.
     return began + delay if began is not None and began > 0.0 else began
 
 
-def _pressing(experiment: Experiment, recorder: Recorder) -> Pressing | None:
+def _pressing(experiment: Experiment, steps: Steps) -> Pressing | None:
     """Return the true contact force along the surface's true normal; None without a contact."""
     contact = experiment.contact
     if contact is None:
@@ -205,9 +215,14 @@ def _pressing(experiment: Experiment, recorder: Recorder) -> Pressing | None:
     n = contact.surface.normal_W
     return Pressing(
         normal=n,
-        force=recorder.series("contact_force") @ n,
-        desired=np.array([contact.force.at(t) for t in recorder.time.tolist()]),
+        force=steps.series("contact_force") @ n,
+        desired=np.array([contact.force.at(t) for t in steps.time.tolist()]),
     )
+
+
+def ticks_of(experiment: Experiment, loop: Loop) -> tuple[float | None, float | None]:
+    """Return the times for which arm and law hold their velocities [s]; None if not held."""
+    return _tick(experiment, loop), experiment.document.period
 
 
 def _tick(experiment: Experiment, loop: Loop) -> float | None:

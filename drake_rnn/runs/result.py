@@ -43,7 +43,8 @@ class Result:
 
     Attributes:
         experiment: Experiment that was run.
-        time: Times of the stored samples, one per ``log_period`` of the document, shape (k,) [s].
+        time: Times of the stored samples, one per ``log_period`` of the document, or of the last
+            step alone, shape (k,) [s].
         series: Arrays with k rows, by name; `drake_rnn.measures.UNITS` holds their units. A series
             ``*_peak`` is the largest magnitude over all steps since the previous sample.
         metrics: Metrics, taken over every step, by name.

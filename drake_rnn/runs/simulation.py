@@ -22,7 +22,7 @@ from ..experiment import (
     load_experiment,
 )
 from ..laws import Law
-from ..measures import Recorder
+from ..measures import PART, Recorder, Take
 from ..systems import (
     Body,
     ContinuousController,
@@ -35,8 +35,9 @@ from ..systems import (
     followed_path,
 )
 from .effort import check_effort
-from .evaluation import evaluate
+from .evaluation import Evaluation
 from .result import Result, Status
+from .stored import Series, stored_period, thinned
 
 #: Callback for the simulated time [s], called from time to time.
 Progress = Callable[[float], None]
@@ -47,19 +48,22 @@ _LONGEST_STEP = 0.01
 _FORCES = ("contact_force", "normal_force")
 
 
-def check_experiment(experiment: Experiment, anyway: bool = False) -> list[str]:
+def check_experiment(
+    experiment: Experiment, anyway: bool = False, series: Series = "full"
+) -> list[str]:
     """Return the warnings about an experiment that can be given before it runs.
 
     Args:
         experiment: The experiment.
         anyway: Whether it may take as many steps as it likes.
+        series: What of the series is to be stored.
 
     Raises:
         InvalidInputError: If the path is out of reach, the diagram cannot be built, the law fails
             when it is tried at the start, or the run would take very many steps.
     """
     if not anyway:
-        check_effort(experiment)
+        check_effort(experiment, stored_period(experiment, series))
     warnings = check_reach(experiment)
     diagram, loop = build_diagram(experiment)
     _start(loop, diagram.CreateDefaultContext())
@@ -67,17 +71,25 @@ def check_experiment(experiment: Experiment, anyway: bool = False) -> list[str]:
 
 
 def simulate(
-    experiment: Described, progress: Progress | None = None, *, anyway: bool = False
+    experiment: Described,
+    progress: Progress | None = None,
+    *,
+    anyway: bool = False,
+    series: Series = "full",
 ) -> Result:
     """Run an experiment and return its result.
 
-    The path is first checked against the arm's reach.
+    The path is first checked against the arm's reach. Steps are evaluated while it runs, in parts:
+    apart from the stored series, memory does not grow with the duration.
 
     Args:
         experiment: Experiment to run, or what `load_experiment` takes: a shipped name, a YAML file
             or a document.
         progress: Called with the simulated time [s] from time to time.
         anyway: Whether it may take as many steps as it likes.
+        series: What of the series is stored: "full", a sample for each ``log_period``; "thin", some
+            of these, at most 2000, whose period is then the ``log_period`` of the result; or
+            "none", the last step alone. Metrics are the same.
 
     Raises:
         InvalidInputError: If the experiment is none, the path is out of reach, the law fails when
@@ -87,23 +99,26 @@ def simulate(
     """
     if not isinstance(experiment, Experiment):
         experiment = load_experiment(experiment)
+    period = stored_period(experiment, series)
+    experiment = thinned(experiment, period)
     if not anyway:
-        check_effort(experiment)
+        check_effort(experiment, period)
     started = time.perf_counter()
     found = forecasts(experiment)
     simulator, loop = build_simulator(experiment)
     root = simulator.get_mutable_context()
     _start(loop, root)
-    recorder = add_recorder(simulator, loop)
+    evaluation = Evaluation(experiment, loop, period)
+    recorder = add_recorder(simulator, loop, evaluation.take)
     if progress is not None:
         simulator.set_monitor(_with_progress(recorder, progress))
 
     run_time, failure = _advance(simulator, experiment)
-    result, fault = evaluate(experiment, recorder, found, simulator.get_system(), loop)
+    result, fault = evaluation.finish(recorder.steps, found, simulator.get_system())
     if failure is None and fault is not None:
         failure = SimulationError(str(fault), root.get_time())
         failure.__cause__ = fault
-    result.timings["real_time_factor"] = root.get_time() / run_time
+    result.timings["real_time_factor"] = root.get_time() / (run_time - evaluation.wall_time)
     result.timings["wall_time_s"] = time.perf_counter() - started
     if failure is not None:
         status: Status = "interrupted" if isinstance(failure, InterruptedRunError) else "failed"
@@ -235,8 +250,14 @@ def build_simulator(experiment: Experiment, law: Law | None = None) -> tuple[Sim
     return simulator, loop
 
 
-def add_recorder(simulator: Simulator, loop: Loop) -> Recorder:
-    """Set a recorder of the loop as the simulator's monitor and return it."""
+def add_recorder(simulator: Simulator, loop: Loop, take: Take | None = None) -> Recorder:
+    """Set a recorder of the loop as the simulator's monitor and return it.
+
+    Args:
+        simulator: Simulator of the diagram.
+        loop: Systems of the loop.
+        take: What is done with steps when there are many; without it, all are kept.
+    """
     ports = {
         "position": loop.arm.GetOutputPort("position"),
         "velocity": loop.arm.GetOutputPort("velocity"),
@@ -251,7 +272,7 @@ def add_recorder(simulator: Simulator, loop: Loop) -> Recorder:
     if loop.joint_sensor is not None:
         for name in ("position", "velocity"):
             ports[f"measured_{name}"] = loop.joint_sensor.GetOutputPort(name)
-    recorder = Recorder(simulator.get_context(), ports)
+    recorder = Recorder(simulator.get_context(), ports, take, PART)
     simulator.set_monitor(recorder)
     return recorder
 

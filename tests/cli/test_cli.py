@@ -187,6 +187,8 @@ def test_a_run_beside_itself_is_refused(tmp_path):
 def test_beside_without_a_playback_is_refused(tmp_path):
     result = call("run", KNOWN, "--beside", LEARNED, "--no-playback", "--out", tmp_path, *SHORT)
     assert sentence(result).startswith("--beside: shows paths in a playback")
+    result = call("run", KNOWN, "--beside", LEARNED, "--series", "none", "--out", tmp_path)
+    assert sentence(result) == "--beside: shows paths, and --series none stores none"
 
 
 def test_metrics_are_one_flat_object_of_finite_numbers(tmp_path):
@@ -506,3 +508,14 @@ def test_a_terminated_run_keeps_what_it_had(tmp_path):
     assert record["status"] == "interrupted"
     assert 0.0 < record["until_s"] < 3000.0
     assert Result.load(tmp_path / KNOWN).time[-1] == record["until_s"]
+
+
+def test_a_run_without_series_has_its_metrics_and_neither_figures_nor_playback(tmp_path):
+    full = run(tmp_path / "full", *SHORT)
+    result = call("run", KNOWN, *SHORT, "--series", "none", "--out", tmp_path)
+    assert result.exit_code == 0
+    assert "figures   none" in result.stdout
+    assert metrics(tmp_path / KNOWN) == metrics(full)
+    files = {file.name for file in (tmp_path / KNOWN).rglob("*") if file.is_file()}
+    assert not {name for name in files if name.endswith((".png", ".html"))}
+    assert Result.load(tmp_path / KNOWN).time.size == 1

@@ -43,6 +43,7 @@ def drift_free(**changes):
 #: Laws, and the periods that they are sampled at [s].
 LAWS = {
     "slc": (learning(jacobian="known"), 1e-3),
+    "slc_printed": (learning(jacobian="known", position_bound="printed"), 1e-3),
     "slc_per_joint": (learning(jacobian="known", acceleration_bound="per_joint"), 1e-3),
     "slc_16": (learning(jacobian="known", acceleration_bound="none"), 1e-3),
     "slc_learned": (learning(warm_up=WarmUp()), 1e-3),
@@ -76,7 +77,7 @@ LAWS = {
 }
 #: What the laws break here that a reader might think they keep.
 BROKEN = {
-    "slc": "position",
+    "slc_printed": "position",
     "naljdf": "velocity",
     "printed": "velocity",
     "filters": "acceleration",

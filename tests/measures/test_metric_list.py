@@ -11,8 +11,7 @@ from drake_rnn.measures import (
     METRIC_NAMES,
     Motion,
     Pressing,
-    law_metrics,
-    motion_metrics,
+    RunMetrics,
     shown_in,
 )
 from drake_rnn.measures.metrics import Over, Shown
@@ -121,7 +120,8 @@ def test_every_metric_that_is_taken_is_in_the_list_and_the_other_way_round():
     towards = swing(target=np.zeros(2), position=np.zeros((1000, 2)))
     taken = set()
     for motion in (along, towards):
-        taken |= motion_metrics(motion, BOUNDED, None, 1e-3).keys()
-        taken |= law_metrics(motion, observed(motion.time.size)).keys()
+        metrics = RunMetrics(BOUNDED, None, 1e-3)
+        metrics.add(motion, motion, motion, observed(motion.time.size))
+        taken |= metrics.found().keys()
     assert taken <= {*METRIC_NAMES}
     assert {*METRIC_NAMES} - taken == OF_THE_RUN

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_rnn import JointLimits
-from drake_rnn.measures import Motion, Pressing, motion_metrics, violation_metric
+from drake_rnn.measures import Motion, Pressing, RunMetrics, violation_metric
 
 TOLERANCE = 1e-3
 FREE = JointLimits.unlimited(2)
@@ -29,7 +29,9 @@ def motion(time, **fields):
 
 
 def metrics(motion, limits=FREE, window=None):
-    found = motion_metrics(motion, limits, window, TOLERANCE)
+    taken = RunMetrics(limits, window, TOLERANCE)
+    taken.add(motion, motion, motion, {})
+    found = taken.found()
     assert np.isfinite(list(found.values())).all()
     assert all(type(value) is float for value in found.values())
     return found

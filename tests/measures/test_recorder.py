@@ -38,10 +38,10 @@ def steps(simulator):
 
 def test_every_step_is_seen_and_the_start():
     simulator, recorder = run()
-    assert recorder.time.size == simulator.get_num_steps_taken() + 1
-    assert recorder.time[0] == 0
-    assert recorder.time[-1] == 4
-    assert (np.diff(recorder.time) > 0).all()
+    assert recorder.steps.time.size == simulator.get_num_steps_taken() + 1
+    assert recorder.steps.time[0] == 0
+    assert recorder.steps.time[-1] == 4
+    assert (np.diff(recorder.steps.time) > 0).all()
 
 
 def test_watching_changes_neither_steps_nor_numbers():
@@ -50,24 +50,24 @@ def test_watching_changes_neither_steps_nor_numbers():
     alone, _ = run(watched=False)
     assert steps(watched) == steps(alone)
     end = alone.get_context().get_continuous_state_vector().CopyToVector()
-    np.testing.assert_array_equal(recorder.series("integral")[-1], end)
+    np.testing.assert_array_equal(recorder.steps.series("integral")[-1], end)
 
 
 def test_what_is_recorded_is_what_the_ports_said():
     """1e-5: the integrator's accuracy."""
     _, recorder = run()
-    expected = (1 - np.cos(2 * recorder.time)) / 2
-    np.testing.assert_allclose(recorder.series("integral")[:, 1], expected, atol=1e-5)
-    held = recorder.series("held")[:, 0]
-    sampled = np.floor((recorder.time - 1e-9) / 0.3) * 0.3
+    expected = (1 - np.cos(2 * recorder.steps.time)) / 2
+    np.testing.assert_allclose(recorder.steps.series("integral")[:, 1], expected, atol=1e-5)
+    held = recorder.steps.series("held")[:, 0]
+    sampled = np.floor((recorder.steps.time - 1e-9) / 0.3) * 0.3
     np.testing.assert_allclose(held, (1 - np.cos(2 * np.maximum(sampled, 0))) / 2, atol=1e-5)
 
 
 def test_many_steps_are_kept():
     """More than the room made at first."""
     simulator, recorder = run(accuracy=1e-13, duration=20.0)
-    assert recorder.time.size == simulator.get_num_steps_taken() + 1 > 1024
-    assert np.isfinite(recorder.series("integral")).all()
+    assert recorder.steps.time.size == simulator.get_num_steps_taken() + 1 > 1024
+    assert np.isfinite(recorder.steps.series("integral")).all()
 
 
 def test_metrics_do_not_depend_on_what_is_stored():

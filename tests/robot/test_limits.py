@@ -320,3 +320,83 @@ def test_without_an_acceleration_bound_a_joint_may_stop_at_once():
 def test_to_brake_in_time_an_acceleration_must_be_known():
     with pytest.raises(InvalidInputError, match=r"^limits\.acceleration: not known .* braking"):
         simple().acceleration_box(np.zeros(2), np.zeros(2), 1e-3)
+
+
+def held(limits, period, q, v, wishes):
+    """Positions and velocities of joints that hold what is wished for, cut to the box."""
+    positions, velocities = [q], [v]
+    for wish in wishes:
+        lower, upper = limits.held_velocity_box(q, v, period)
+        assert (lower <= upper).all()
+        v = np.clip(wish, lower, upper)
+        q = q + period * v
+        positions.append(q)
+        velocities.append(v)
+    return np.array(positions), np.array(velocities)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    braking(),
+    st.sampled_from(["random", "bang-bang", "outward"]),
+    st.integers(0, 2**32 - 1),
+)
+def test_whatever_velocity_is_asked_for_no_bound_is_ever_broken(start, kind, seed):
+    """From rest; 1e-9 rad, rad/s and, as a share, of the acceleration: rounding."""
+    limits, period, q, _ = start
+    wishes = adversary(kind, limits, np.random.default_rng(seed), 600)
+    positions, velocities = held(limits, period, q, np.zeros(q.size), wishes)
+    slopes = np.abs(np.diff(velocities, axis=0)) / period
+    assert limits.violation(positions).max() <= 1e-9
+    assert (np.abs(velocities) <= limits.velocity + 1e-9).all()
+    assert (slopes <= limits.acceleration * (1 + 1e-9) + 1e-9).all()
+
+
+@pytest.mark.parametrize("period", [1e-3, 1e-2, 0.1])
+def test_a_held_velocity_stops_at_the_limit_itself_and_could_not_be_larger(period):
+    """Braked from it in whole samples: at the limit to 1e-12 rad, and beyond it if faster."""
+    for room in (1e-6, 0.0123, 0.5, 1.9):
+        _, upper = BRAKING.stopping_box(np.array([1.0 - room]), period)
+        assert stopped(1.0 - room, upper[0], period) == pytest.approx(1.0, abs=1e-12)
+        assert stopped(1.0 - room, upper[0] + 1e-6, period) > 1.0 + 0.9e-6 * period
+
+
+def stopped(q, v, period):
+    """The position of a joint that brakes at 2 rad/s^2 in whole samples."""
+    while v > 0.0:
+        q, v = q + period * v, v - 2.0 * period
+    return q
+
+
+def test_a_joint_that_is_asked_to_pass_its_limit_stops_there():
+    positions, velocities = held(BRAKING, 1e-2, np.zeros(1), np.zeros(1), np.full((1000, 1), 5.0))
+    assert velocities.max() == pytest.approx(0.8)
+    assert abs(1.0 - positions[-1, 0]) < 1e-12
+
+
+@given(st.floats(1e-9, 2.0), st.sampled_from([4e-3, 2e-2, 0.1]), st.booleans())
+@settings(max_examples=20)
+def test_a_joint_outside_is_led_back_by_held_velocities(excess, period, above):
+    way = 1.0 if above else -1.0
+    wishes = np.full((round(8 / period), 1), way * 5.0)
+    positions, velocities = held(
+        BRAKING, period, np.array([way * (1.0 + excess)]), np.zeros(1), wishes
+    )
+    assert (np.abs(np.diff(velocities, axis=0)) <= 2.0 * period * (1 + 1e-9)).all()
+    assert (np.diff(BRAKING.violation(positions), axis=0) <= 1e-12).all()
+    assert BRAKING.violation(positions[-1]) < 1e-6
+
+
+def test_without_limits_every_velocity_may_be_held():
+    limits = JointLimits.unlimited(N).replace(acceleration=inf)
+    lower, upper = limits.held_velocity_box(np.array([0.0, 1e3, -1e3]), np.ones(N), 1e-3)
+    assert (lower == -inf).all()
+    assert (upper == inf).all()
+
+
+def test_a_joint_that_may_stop_at_once_may_use_all_its_room_in_a_sample():
+    limits = JointLimits(position_lower=[-1.0], position_upper=[1.0], velocity=[inf])
+    _, upper = limits.stopping_box(np.array([0.9]), 0.01, np.array([inf]))
+    np.testing.assert_allclose(upper, 0.1 / 0.01)
+    with pytest.raises(InvalidInputError, match=r"^limits\.acceleration: not known .* braking"):
+        limits.held_velocity_box(np.zeros(1), np.zeros(1), 0.01)

@@ -222,12 +222,62 @@ def test_it_starts_from_nothing_if_it_is_excited():
     assert got["settling_time_s"] <= 2.6
 
 
+PRINTED = {"law.multiplier_limit": "none", "law.position_bound": "printed"}
+
+
 def test_a_large_gain_without_bounded_feedback_cycles_for_ever():
     """What slowing by eta costs: kappa 15 from .1 m off asks for more than it can accelerate."""
-    free = metrics("slc_nephroid_known", **{"law.kappa": 15})
+    free = metrics("slc_nephroid_known", **{"law.kappa": 15, **PRINTED})
+    kept = metrics("slc_nephroid_known", **{"law.kappa": 15})
     bounded = metrics("slc_nephroid_known", **{"law.kappa": 15, "law.feedback_limit": 0.1})
-    assert free["position_error_max_m"] > 10e-3
+    assert free["position_error_max_m"] > 0.5
+    # Our bounds keep the arm's limits; they do not cure the cycle.
+    assert kept["position_error_max_m"] > 0.1
     assert bounded["position_error_max_m"] < 0.3e-3
+
+
+# Far from its path, with little acceleration, and close to the limit of joint 2.
+FAR = {
+    "path.offset": [0.2, 0, 0],
+    "path.size": 0.02,
+    "path.plane": "xy",
+    "limits.acceleration": 0.7,
+    "duration": 8,
+    "window": [7, 8],
+}
+
+
+@pytest.mark.parametrize(
+    "reading",
+    [{}, {"period": None, "integrator": {"scheme": "runge_kutta3", "accuracy": 1e-4}}],
+    ids=["sampled", "continuous"],
+)
+def test_an_arm_that_cycles_keeps_its_position_limits(reading):
+    """An integrator keeps them too: the way left is never used up."""
+    experiment = load_experiment("slc_nephroid_known", FAR | reading)
+    assert "position" in experiment.kept_limits
+    assert any("cycle for ever" in said for said in experiment.warnings)
+    got = simulate(experiment).metrics
+    assert got["position_error_max_m"] > 0.1, "it is meant to cycle"
+    assert 0.0 <= got["joint_limit_margin_min_rad"] < 1e-6
+    assert not broken(got, beyond=1e-8)
+
+
+def test_as_printed_an_arm_that_cycles_breaks_a_position_limit():
+    got = metrics("slc_nephroid_known", **FAR, **PRINTED)
+    assert got["position_violation_max_rad"] > 0.03
+
+
+def test_with_bounded_feedback_the_same_arm_follows():
+    got = metrics("slc_nephroid_known", **FAR, **{"law.feedback_limit": 0.1})
+    assert got["position_error_max_m"] < 1e-3
+
+
+def test_with_motors_the_arm_is_off_its_limits_by_no_more_than_off_its_command():
+    """What holds is the command's limit; 1e-6 rad: motors that settle."""
+    got = metrics("slc_nephroid_known", **FAR, level="dynamic", feedback="commanded")
+    assert got["position_error_max_m"] > 0.1, "it is meant to cycle"
+    assert -1e-6 < got["joint_limit_margin_min_rad"] < 1e-3
 
 
 class TestContinuousAndSampled:

@@ -1,0 +1,131 @@
+"""Braking in time: a velocity is cut only where its joint could not stop before a limit any more.
+
+A velocity that is bounded in proportion to the way left, as by `JointLimits.velocity_box`, keeps a
+position limit only if it follows that bound at once. One whose acceleration is bounded may come too
+fast, however its network computes it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ...inputs.fields import Array
+from ...robot.limits import JointLimits
+
+# A joint stops this far before its limit [rad], so that no rounding error leads beyond it.
+_SLACK = 1e-12
+# Ratio of the velocity allowed per radian, close to a limit, to that of the velocity box: so much
+# larger that a network which keeps to the box never notices it.
+_STIFFER = 10.0
+
+
+@dataclass(frozen=True)
+class Braking:
+    """Position limits kept by joints with a bounded acceleration.
+
+    Attributes:
+        limits: Limits of the joints.
+        acceleration: Largest acceleration of each joint, shape (n,) [rad/s^2].
+        stiffness: Velocity that the law's velocity box allows per radian left [1/s].
+    """
+
+    limits: JointLimits
+    acceleration: Array
+    stiffness: float
+
+    def held(self, v: Array, before: Array, q: Array, period: float) -> Array:
+        """Return the velocity to hold for a period; ``v`` itself wherever it allows to stop.
+
+        From a state in which each joint could stop, as from rest, each can after the period.
+
+        Args:
+            v: Velocity that is wanted, shape (n,) [rad/s].
+            before: Velocity held until now, which is changed at the largest acceleration or less.
+            q: Joint positions at the beginning of the period, shape (n,) [rad].
+            period: Time for which the velocity is held [s].
+        """
+        # Far enough from its limits for any way of sampling, a joint needs no closer look.
+        room = np.minimum(q - self._inner.position_lower, self._inner.position_upper - q)
+        fast = np.abs(v) + self.acceleration * (period / 2.0)
+        if (fast * fast < 2.0 * self.acceleration * room).all():
+            return v
+        lower, upper = self._inner.stopping_box(q, period, self.acceleration)
+        cut = np.minimum(np.maximum(v, lower), upper)
+        if (cut == v).all():
+            return v
+        reach = self.acceleration * period
+        return np.where(cut == v, v, np.clip(cut, before - reach, before + reach))
+
+    def is_idle(self, lower: Array, upper: Array, period: float) -> bool:
+        """Return whether `held` would change nothing, at hardly any cost; False if in doubt.
+
+        Args:
+            lower: Lower end of the law's velocity box, shape (n,) [rad/s].
+            upper: Its upper end, shape (n,) [rad/s].
+            period: Time for which a velocity is held [s].
+        """
+        # Where the box is the velocity limit on both sides, the way left is at least velocity over
+        # stiffness. Comparing lists of a few numbers is faster than arrays.
+        return (
+            period <= self._longest_period
+            and upper.tolist() == self._fastest
+            and lower.tolist() == self._slowest
+        )
+
+    def rate(self, v_dot: Array, v: Array, q: Array) -> Array:
+        """Return the acceleration, cut where a joint could not stop before a limit any more.
+
+        The speed allowed is that of braking at the bound, and in proportion to the way left on the
+        last bit of it. It is approached at the rate of the same stiffness, so that an integrator
+        sees no jump.
+
+        Args:
+            v_dot: Acceleration that is wanted, within its bound, shape (n,) [rad/s^2].
+            v: Velocity, shape (n,) [rad/s].
+            q: Joint positions, shape (n,) [rad].
+        """
+        most, k = self.acceleration, _STIFFER * self.stiffness
+        to_lower, to_upper = q - self._inner.position_lower, self._inner.position_upper - q
+        upper = np.maximum(self._steepest(v, to_upper, k), -most)
+        lower = -np.maximum(self._steepest(-v, to_lower, k), -most)
+        return np.minimum(np.maximum(v_dot, lower), upper)
+
+    def _steepest(self, v: Array, room: Array, k: float) -> Array:
+        """Return the largest acceleration towards a limit, ``room`` [rad] ahead."""
+        most = self.acceleration
+        last = most / k**2
+        with np.errstate(invalid="ignore"):
+            braked = np.sqrt(2.0 * most * np.maximum(room - last / 2.0, last / 2.0))
+            allowed = np.where(room < last, k * room, braked)
+            # How fast what is allowed changes as the joint moves on.
+            slope = np.where(room < last, k, most / np.maximum(allowed, most / k))
+            steepest = k * (allowed - v) - slope * v
+        return np.where(np.isfinite(room), steepest, np.inf)
+
+    @cached_property
+    def _inner(self) -> JointLimits:
+        lower, upper = self.limits.position_lower, self.limits.position_upper
+        slack = np.minimum(_SLACK, (upper - lower) / 4.0)
+        return self.limits.replace(position_lower=lower + slack, position_upper=upper - slack)
+
+    @cached_property
+    def _fastest(self) -> list[float]:
+        return self.limits.velocity.tolist()
+
+    @cached_property
+    def _slowest(self) -> list[float]:
+        return (-self.limits.velocity).tolist()
+
+    @cached_property
+    def _longest_period(self) -> float:
+        """Longest period with which any joint stops within velocity / stiffness [s].
+
+        In samples of h it stops within (v + a h / 2)^2 / (2 a).
+        """
+        v, a = self.limits.velocity, self.acceleration
+        with np.errstate(invalid="ignore"):
+            longest = 2.0 * (np.sqrt(2.0 * a * v / self.stiffness) - v) / a
+        return float(np.nan_to_num(longest, nan=-1.0).min())

@@ -1,0 +1,35 @@
+"""Work that Ctrl-C does not leave half done."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+
+@contextmanager
+def signals_held() -> Iterator[None]:
+    """Let what stops a process from a terminal or by ``kill`` wait until the block has ended.
+
+    Elsewhere than in the main thread nothing is done, because Python handles signals there alone.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[int] = []
+    handlers = {
+        number: handler
+        for number in (signal.SIGINT, signal.SIGTERM)
+        # A handler that was not installed from Python could not be put back.
+        if (handler := signal.getsignal(number)) is not None
+    }
+    for number in handlers:
+        signal.signal(number, lambda number, frame: came.append(number))
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+        if came:
+            signal.raise_signal(came[0])

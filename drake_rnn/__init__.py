@@ -48,6 +48,7 @@ from .laws import (
 from .laws.parts.contact_loss import ContactLoss
 from .laws.parts.online_stiffness import OnlineStiffness
 from .laws.parts.warm_up import WarmUp
+from .many import Many, run_many, why_not
 from .measures import METRICS
 from .paths import (
     PATHS,
@@ -168,6 +169,7 @@ __all__ = [
     "Line",
     "LinkErrors",
     "Loop",
+    "Many",
     "ModelSurface",
     "MotionForce",
     "MovingAverage",
@@ -226,6 +228,7 @@ __all__ = [
     "proposed_home",
     "random_link_errors",
     "require_jax",
+    "run_many",
     "screws_of",
     "shipped_arms",
     "shipped_experiments",
@@ -233,6 +236,7 @@ __all__ = [
     "simulate",
     "sweep",
     "validated",
+    "why_not",
     "with_link_errors",
     "write_figures",
     "write_playback",

@@ -8,15 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..arrays.namespace import in_front
-from ..experiment import Experiment
 from ..inputs.fields import Array
 from ..inputs.own_code import described
 from ..laws import SampledReading
-from ..laws.checks import sampled_reading
 from ..laws.stacked import stacked
 from ..laws.trial import started
-from ..robot.screws import Screws
+from ..robot.screws import Screws, side_by_side
 from .desired import Tables
+from .grouping import Robot
 from .metrics import ManyMetrics
 from .noise import Noises
 from .rotation import angle_between
@@ -69,8 +68,7 @@ class Block:
     its place one goes on from its start, so that it harms no other.
 
     Args:
-        experiments: Their experiments.
-        arm: Their kinematics.
+        robots: The robots.
         recorded: Whether to keep the joint positions of all steps.
 
     Attributes:
@@ -79,12 +77,14 @@ class Block:
         failures: How robots failed, by number.
     """
 
-    def __init__(self, experiments: Sequence[Experiment], arm: Screws, recorded: bool) -> None:
+    def __init__(self, robots: Sequence[Robot], recorded: bool) -> None:
+        experiments = [robot.experiment for robot in robots]
         document = experiments[0].document
-        self._experiments, self._arm, self._recorded = experiments, arm, recorded
+        self._experiments, self._recorded = experiments, recorded
+        self._arm = _arm([robot.arm for robot in robots])
         self.schedule: Schedule = schedule_of(document)
         times, period = self.schedule.times, self.schedule.period
-        self._readings = [sampled_reading(each.law, period) for each in experiments]
+        self._readings = [robot.reading for robot in robots]
         self._law: SampledReading = stacked(self._readings)
         self._sees = frozenset(self._law.inputs.parts)
         # What observables are computed from: true signals, and none of the future.
@@ -254,3 +254,8 @@ class Block:
         bad = [name for name, (at, _) in parts if not np.isfinite(now.x[robot, at]).all()]
         of_law = f"{type(self._law).__name__}.step: {', '.join(bad)} is no longer finite"
         return of_law if bad else "the joint positions are no longer finite"
+
+
+def _arm(arms: Sequence[Screws]) -> Screws:
+    """Return the one arm that all robots have, or the arms of each."""
+    return arms[0] if all(arm is arms[0] for arm in arms) else side_by_side(arms)

@@ -3,29 +3,44 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ..experiment import Experiment
 from ..inputs.dataclass_fields import fields_of
-from ..laws.checks import sampled_reading
+from ..laws import SampledReading
 from ..robot.screws import Screws
 
 #: Robots that run side by side; what they need then fits the cache of a processor.
 BLOCK = 1000
 
 
-def blocks(experiments: Sequence[Experiment], arms: Sequence[Screws]) -> list[list[int]]:
-    """Return the numbers of the experiments that run side by side, some 1000 at a time.
+@dataclass(frozen=True)
+class Robot:
+    """One of many runs.
+
+    Attributes:
+        experiment: The experiment.
+        reading: Reading of its law.
+        arm: Kinematics of its arm.
+    """
+
+    experiment: Experiment
+    reading: SampledReading
+    arm: Screws
+
+
+def blocks(robots: Sequence[Robot]) -> list[list[int]]:
+    """Return the numbers of the robots that run side by side, some 1000 at a time.
 
     Args:
-        experiments: The experiments.
-        arms: The kinematics of their arms.
+        robots: The robots.
     """
     groups: dict[object, list[int]] = {}
-    for number, (experiment, arm) in enumerate(zip(experiments, arms, strict=True)):
-        groups.setdefault(_group(experiment, arm), []).append(number)
+    for number, robot in enumerate(robots):
+        groups.setdefault(_group(robot), []).append(number)
     return [
         numbers[begin : begin + BLOCK]
         for numbers in groups.values()
@@ -65,12 +80,12 @@ def _described(value: object, of_number: Any, of_array: Any) -> object:
     return id(value)
 
 
-def _group(experiment: Experiment, arm: Screws) -> object:
+def _group(robot: Robot) -> object:
+    experiment, arm = robot.experiment, robot.arm
     document, dither = experiment.document, experiment.document.dither
-    assert document.period is not None
     bounds = experiment.limits.bounds
     return (
-        structure(sampled_reading(experiment.law, document.period)),
+        structure(robot.reading),
         (arm.slides, arm.columns, arm.n),
         (document.period, document.duration, document.window, document.task),
         None if dither is None else (dither.model, dither.hold),

@@ -13,10 +13,10 @@ from ..experiment import Described, Experiment, load_experiment
 from ..inputs.fields import Array
 from ..measures import METRIC_NAMES
 from ..robot.arm_screws import screws_of
-from ..robot.screws import Screws, side_by_side
+from ..robot.screws import Screws
 from .block import Block, Failure
-from .grouping import blocks, contents
-from .why_not import why_not
+from .grouping import Robot, blocks, contents
+from .why_not import able_reading
 
 #: Callback for the share of all steps that have been made, from 0 to 1, called from time to time.
 Progress = Callable[[float], None]
@@ -84,30 +84,44 @@ def run_many(
     Raises:
         InvalidInputError: If an experiment cannot be run so, with its number and why.
     """
-    made = [_experiment(each) for each in experiments]
-    _check(made, record)
-    arms = _screws(made)
-    groups = blocks(made, arms)
-    table = _Table(made)
-    meter = _Meter(progress, groups, made)
+    for name in record:
+        if name != "position":
+            raise InvalidInputError(f"record: may be position, not {name!r}")
+    robots = _robots(experiments)
+    groups = blocks(robots)
+    table = _Table(robots)
+    meter = _Meter(progress, groups, robots)
     for numbers in groups:
-        block = Block(
-            [made[number] for number in numbers],
-            _shared([arms[number] for number in numbers]),
-            recorded="position" in record,
-        )
+        block = Block([robots[number] for number in numbers], recorded="position" in record)
         found, q = block.run(meter.advance)
         table.fill(numbers, block, found, q)
     return table.result(record)
 
 
+def _robots(described: Sequence[Described]) -> list[Robot]:
+    """Return the robots, of which those with the same model share its kinematics."""
+    arms: dict[object, Screws] = {}
+    robots = []
+    for number, each in enumerate(described):
+        experiment = each if isinstance(each, Experiment) else load_experiment(each)
+        try:
+            reading = able_reading(experiment)
+            model = contents(experiment.arm.description)
+            if model not in arms:
+                arms[model] = screws_of(experiment.arm)
+        except InvalidInputError as error:
+            raise InvalidInputError(f"experiments[{number}]: {error}") from None
+        robots.append(Robot(experiment, reading, arms[model]))
+    return robots
+
+
 class _Table:
     """The rows of a result, filled block by block."""
 
-    def __init__(self, experiments: Sequence[Experiment]) -> None:
-        count = len(experiments)
+    def __init__(self, robots: Sequence[Robot]) -> None:
+        count = len(robots)
         self._metrics: dict[str, Array] = {}
-        self._until = np.array([experiment.document.duration for experiment in experiments])
+        self._until = np.array([robot.experiment.document.duration for robot in robots])
         self._failures: dict[int, Failure] = {}
         self._positions = [np.empty(0)] * count
         self._times, self._series = [np.empty(0)] * count, [np.empty(0)] * count
@@ -148,20 +162,20 @@ class _Meter:
 
     Args:
         progress: Is told, some hundred times.
-        groups: Numbers of the experiments of each block.
-        experiments: The experiments.
+        groups: Numbers of the robots of each block.
+        robots: The robots.
     """
 
     def __init__(
         self,
         progress: Progress | None,
         groups: Sequence[Sequence[int]],
-        experiments: Sequence[Experiment],
+        robots: Sequence[Robot],
     ) -> None:
         self._progress = progress
         self._all, self._made, self._told = 0.0, 0.0, 0.0
         for numbers in groups:
-            document = experiments[numbers[0]].document
+            document = robots[numbers[0]].experiment.document
             steps = document.duration / (document.period or 1.0)
             if document.dither is not None:
                 steps = max(steps, document.duration / document.dither.hold)
@@ -174,33 +188,3 @@ class _Meter:
         if self._progress is not None and share - self._told >= 0.01:
             self._told = share
             self._progress(share)
-
-
-def _experiment(described: Described) -> Experiment:
-    return described if isinstance(described, Experiment) else load_experiment(described)
-
-
-def _check(experiments: Sequence[Experiment], record: Sequence[str]) -> None:
-    for name in record:
-        if name != "position":
-            raise InvalidInputError(f"record: may be position, not {name!r}")
-    for number, experiment in enumerate(experiments):
-        if (reason := why_not(experiment)) is not None:
-            raise InvalidInputError(f"experiments[{number}]: {reason}")
-
-
-def _screws(experiments: Sequence[Experiment]) -> list[Screws]:
-    """Return the kinematics of each experiment's arm, read from Drake once for each model."""
-    known: dict[object, Screws] = {}
-    arms = []
-    for experiment in experiments:
-        key = contents(experiment.arm.description)
-        if key not in known:
-            known[key] = screws_of(experiment.arm)
-        arms.append(known[key])
-    return arms
-
-
-def _shared(arms: Sequence[Screws]) -> Screws:
-    """Return the one arm that all robots have, or the arms of each."""
-    return arms[0] if all(arm is arms[0] for arm in arms) else side_by_side(arms)

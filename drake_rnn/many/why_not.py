@@ -6,6 +6,7 @@ from ..errors import InvalidInputError
 from ..experiment import Experiment
 from ..laws import SampledReading
 from ..laws.checks import sampled_reading
+from ..laws.law import require_many
 from ..robot.arm_screws import screws_of
 from .signals import PREVIEWS
 
@@ -26,11 +27,29 @@ def why_not(experiment: Experiment) -> str | None:
     Args:
         experiment: The experiment.
     """
+    try:
+        able_reading(experiment)
+        screws_of(experiment.arm)
+    except InvalidInputError as error:
+        return str(error)
+    return None
+
+
+def able_reading(experiment: Experiment) -> SampledReading:
+    """Return the reading of the law that a batch runs, whatever the arm is.
+
+    Raises:
+        InvalidInputError: If a batch cannot run the experiment; the message says why.
+    """
     document = experiment.document
     if experiment.level.has_motors:
-        return f"level: {document.level} needs Drake's plant; a batch has kinematics alone"
+        raise InvalidInputError(
+            f"level: {document.level} needs Drake's plant; a batch has kinematics alone"
+        )
     if document.period is None:
-        return "integrator: is Drake's; a batch needs a sampled law, give a period"
+        raise InvalidInputError(
+            "integrator: is Drake's; a batch needs a sampled law, with a period"
+        )
     unable = {
         "environment": document.environment,
         "filter": document.filter,
@@ -38,27 +57,23 @@ def why_not(experiment: Experiment) -> str | None:
     }
     for name, part in unable.items():
         if part is not None:
-            return f"{name}: a batch has none yet; simulate has"
-    return _of_law(experiment, document.period) or _of_arm(experiment)
+            raise InvalidInputError(f"{name}: a batch has none; simulate has")
+    return _able_reading(experiment, document.period)
 
 
-def _of_law(experiment: Experiment, period: float) -> str | None:
-    kind = experiment.document.law["kind"]
+def _able_reading(experiment: Experiment, period: float) -> SampledReading:
+    law = type(experiment.law).__name__
     if experiment.law.joint_preview is not None:
-        return f"law: {kind} plans ahead; a batch knows no future joint positions"
-    reading: SampledReading = sampled_reading(experiment.law, period)
-    if not reading.takes_many:
-        return f"law: {kind} runs one robot at a time; it has no algebra for many"
+        raise InvalidInputError(f"law: {law} plans ahead; a batch knows no future joint positions")
+    reading = sampled_reading(experiment.law, period)
+    require_many(reading)
     if unknown := sorted(reading.inputs.parts.keys() - SIGNALS):
-        return f"law: {kind} sees {', '.join(unknown)}, which a batch does not compute"
+        raise InvalidInputError(
+            f"law: {law} sees {', '.join(unknown)}, which a batch does not compute"
+        )
     if (scheme := reading.integration_scheme) not in _SCHEMES:
-        return f"law: {kind} has its command integrated by {scheme}; a batch knows {_SCHEMES}"
-    return None
-
-
-def _of_arm(experiment: Experiment) -> str | None:
-    try:
-        screws_of(experiment.arm)
-    except InvalidInputError as error:
-        return str(error)
-    return None
+        raise InvalidInputError(
+            f"law: the command of {law} is integrated by {scheme}; a batch knows "
+            f"{' and '.join(_SCHEMES)}"
+        )
+    return reading

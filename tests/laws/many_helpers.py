@@ -2,7 +2,14 @@
 
 import numpy as np
 
-from drake_rnn import JointDriftFree, JointLimits, SimultaneousLearning, WarmUp
+from drake_rnn import (
+    JointDriftFree,
+    JointLimits,
+    Pseudoinverse,
+    Recursive,
+    SimultaneousLearning,
+    WarmUp,
+)
 
 N = 7
 LIMITS = JointLimits(
@@ -26,6 +33,9 @@ def drift_free(scheme, **options):
     return JointDriftFree(scheme=scheme, limits=LIMITS, home=HOME, **options)
 
 
+FIVE = [100.0, 1e2, 2e2, 2e2, 2e2]
+FILTERS = {"reading": "filters", "time_constants": [1e-2, 0.9, 0.8, 0.7, 0.7]}
+
 LAWS = {
     "slc_known": slc(jacobian="known"),
     "slc_learned": slc(),
@@ -42,6 +52,12 @@ LAWS = {
     "naljdf_measured": drift_free("naljdf", velocity="measured"),
     "moaljdf": drift_free("moaljdf", alpha=0.99),
     "moaljdf_printed": drift_free("moaljdf_printed"),
+    "pseudoinverse": Pseudoinverse(limits=LIMITS),
+    "pseudoinverse_plain": Pseudoinverse(limits=LIMITS, feed_forward=False),
+    "pseudoinverse_pose": Pseudoinverse(limits=LIMITS, task_size=6),
+    "rnn": Recursive(limits=LIMITS, gains=[30.0]),
+    "recursive": Recursive(limits=LIMITS, gains=FIVE),
+    "recursive_filters": Recursive(limits=LIMITS, gains=FIVE, **FILTERS),
 }
 #: Gains that may differ from robot to robot, by law.
 GAINS = {
@@ -55,6 +71,10 @@ GAINS = {
     "naljdf": ("return_gamma", "velocity_gain", "rate", "damping", "limits.acceleration"),
     "naljdf_all": ("position_gain", "limits.velocity"),
     "moaljdf": ("alpha", "return_beta"),
+    "pseudoinverse_pose": ("feedback", "damping"),
+    "rnn": ("gains", "limit_stiffness"),
+    "recursive": ("gains", "limits.velocity", "limits.snap"),
+    "recursive_filters": ("gains", "time_constants"),
 }
 
 

@@ -10,10 +10,12 @@ from drake_rnn import (
     JointDriftFree,
     JointLimits,
     MotionForce,
+    NullSpaceAdjustment,
     OnlineStiffness,
     Pseudoinverse,
     Recursive,
     SimultaneousLearning,
+    StateAdjustment,
     WarmUp,
 )
 
@@ -77,6 +79,11 @@ LAWS = {
         stiffness=OnlineStiffness(), approach_speed=0.05, contact_loss=RETREAT
     ),
     "motion_force_hold": pressing(contact_loss=ContactLoss(), multiplier_limit="none"),
+    "sa": StateAdjustment(target=HOME, limits=LIMITS),
+    "msa": StateAdjustment(target=HOME, limits=LIMITS, rise_time=1.0),
+    "sa_ramped": StateAdjustment(target=HOME, limits=LIMITS, ramp_time=1.0, task_size=6),
+    "nsa": NullSpaceAdjustment(target=HOME, limits=LIMITS),
+    "nsa_pose": NullSpaceAdjustment(target=HOME, limits=LIMITS, task_size=6, feedback=2.0),
 }
 #: Gains that may differ from robot to robot, by law.
 GAINS = {
@@ -94,6 +101,11 @@ GAINS = {
     "rnn": ("gains", "limit_stiffness"),
     "recursive": ("gains", "limits.velocity", "limits.snap"),
     "recursive_filters": ("gains", "time_constants"),
+    "sa": ("rate", "time_constant", "target"),
+    "msa": ("rise_time", "limits.velocity"),
+    "sa_ramped": ("ramp_time",),
+    "nsa": ("feedback", "rate", "target"),
+    "nsa_pose": ("ramp_time", "damping", "limits.position_upper"),
     "motion_force": ("gain", "stiffness", "orientation_gain", "time_constant", "multiplier_limit"),
     "motion_force_return": ("return_gain", "rho", "home"),
     "motion_force_literal": ("stiffness", "limit_stiffness"),

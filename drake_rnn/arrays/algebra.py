@@ -105,6 +105,11 @@ def solved(A: AnyArray, B: AnyArray) -> AnyArray:
     return functions_of(A).linalg.solve(A, B)
 
 
+def solved_for(A: AnyArray, b: AnyArray) -> AnyArray:
+    """Return x with A x = b, of a matrix, shape (..., m, m), and a vector, shape (..., m)."""
+    return solved(A, b) if is_one(b) else solved(A, b[..., None])[..., 0]
+
+
 def outer(a: AnyArray, b: AnyArray) -> AnyArray:
     """Return a b^T, shape (..., m, n), of vectors, shapes (..., m) and (..., n)."""
     return a[..., :, None] * b[..., None, :]
@@ -160,6 +165,11 @@ def joined(parts: Any) -> AnyArray:
 def flat(A: AnyArray) -> AnyArray:
     """Return a matrix row by row, shape (..., m n), of one of shape (..., m, n)."""
     return A.ravel() if A.ndim == 2 else A.reshape((*A.shape[:-2], A.shape[-2] * A.shape[-1]))
+
+
+def acts(gain: Any) -> bool:
+    """Return whether a gain is not zero for all robots, so that its term cannot be left out."""
+    return not isinstance(gain, float) or gain != 0.0
 
 
 def chosen(

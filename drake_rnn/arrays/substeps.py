@@ -56,6 +56,24 @@ def in_steps(
     return parts
 
 
+def repeated(advance: Callable[[Parts], Parts], parts: Parts, count: int) -> Parts:
+    """Return parts after a number of steps that is known to a compiler.
+
+    Args:
+        advance: Returns the parts after a step, of the same shapes.
+        parts: The parts at the beginning. The last one says which robots no step changes any more.
+        count: Number of steps.
+    """
+    if not all(isinstance(part, np.ndarray) for part in parts):
+        lax = import_module("jax.lax")
+        return lax.fori_loop(0, count, lambda _, parts: advance(parts), parts)
+    for _ in range(count):
+        parts = advance(parts)
+        if parts[-1].all():
+            break
+    return parts
+
+
 @contextmanager
 def reversible(most: int) -> Iterator[None]:
     """Let what JAX traces within have derivatives in reverse mode, as of ``jax.grad``.

@@ -65,12 +65,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
 from ..arrays.algebra import (
+    acts,
     clipped,
     functions_of,
     joined,
@@ -271,11 +272,11 @@ class JointDriftFree(ContinuousLaw):
 
     @cached_property
     def _composes(self) -> bool:
-        return _acts(self.composite_gain)
+        return acts(self.composite_gain)
 
     @cached_property
     def _returns(self) -> bool:
-        return self.scheme != "man" and _acts(self.return_weight)
+        return self.scheme != "man" and acts(self.return_weight)
 
     def _torque_weighted(
         self, u: Signals, a_v: Array, a_omega: Array, a_0: Array
@@ -419,8 +420,3 @@ class JointDriftFree(ContinuousLaw):
         gram = J @ J.swapaxes(-1, -2) + self._damping_matrix
         sigma = xp.linalg.solve(gram, towards[..., np.newaxis])[..., 0]
         return -sigma / self.velocity_gain - self.composite_gain * error
-
-
-def _acts(gain: Any) -> bool:
-    """Return whether a gain is not zero for all robots, so that its term cannot be left out."""
-    return not isinstance(gain, float) or gain != 0.0

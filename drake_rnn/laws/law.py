@@ -69,6 +69,19 @@ class Layout:
         at, shape = self.parts[name]
         return x[..., at].reshape(x.shape[:-1] + shape)
 
+    def replaced(self, x: Array, **values: Array) -> Array:
+        """Return a copy of ``x``, shape (..., size), with other values of some parts."""
+        places = [(self.parts[name][0], name) for name in values]
+        if not isinstance(x, np.ndarray):
+            for at, name in places:
+                x = x.at[..., at].set(values[name].reshape((*x.shape[:-1], -1)))
+            return x
+        # In the order of memory of what is copied.
+        x = x.copy(order="K")
+        for at, name in places:
+            x[..., at] = values[name].reshape((*x.shape[:-1], -1))
+        return x
+
     def join(self, *values: Array) -> Array:
         """Return the flat vector of the given parts, shape (..., size).
 

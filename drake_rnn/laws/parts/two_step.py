@@ -23,7 +23,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from ...arrays.algebra import flat, functions_of, is_one, joined, matvec, scaled, solved
+from ...arrays.algebra import flat, functions_of, is_one, joined, matvec, scaled, solved_for
 from ...inputs.fields import Array
 from ..law import Layout, SampledReading, Signals
 
@@ -207,11 +207,11 @@ def _solution(
         A[:n, :n], A[:n, n:] = form.a_v, form.a_omega
         A[n:, :n], A[n:, n:] = form.b_v, form.b_omega
         A.reshape(-1)[:: size + 1] -= lead
-        sought = np.linalg.solve(A, -known)
+        sought = solved_for(A, -known)
         return sought[:n], sought[n:]
     rows = joined((form.a_v, form.a_omega)), joined((form.b_v, form.b_omega))
     A = functions_of(*rows).concatenate(rows, axis=-2) - scaled(lead, np.eye(size))
-    sought = solved(A, -known[..., np.newaxis])[..., 0]
+    sought = solved_for(A, -known)
     return sought[..., :n], sought[..., n:]
 
 

@@ -1,8 +1,8 @@
 """Compare runs of many at once with Drake's diagrams: every shipped experiment, every step.
 
 Prints as Markdown, for each experiment, the largest difference of a joint's position between
-`run_many` and `simulate` at any step, and the largest relative one of a metric; or why a batch cannot
-run it::
+`run_many` and `simulate` at any step, and the largest relative one of a metric; or why a batch
+cannot run it::
 
     python benchmarks/agreement.py [NAME ...] [--duration SECONDS]
 """
@@ -14,7 +14,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from drake_rnn import Experiment, load_experiment, run_many, shipped_experiments, simulate, why_not
+from drake_rnn import (
+    Experiment,
+    InvalidInputError,
+    load_experiment,
+    run_many,
+    shipped_experiments,
+    simulate,
+    why_not,
+)
 from markdown_table import head, row
 
 
@@ -81,16 +89,20 @@ def main() -> None:
     parser.add_argument("names", nargs="*", metavar="NAME")
     parser.add_argument("--duration", type=float)
     options = parser.parse_args()
-    print(head("experiment", "steps", "joints apart [rad]", "metrics apart", "which"))
+    head("experiment", "steps", "joints apart [rad]", "metrics apart", "which or why not")
     for name in options.names or shipped_experiments():
-        experiment = every_step(name, options.duration)
+        try:
+            experiment = every_step(name, options.duration)
+        except InvalidInputError as error:
+            row(f"`{name}`", "", "", "", str(error))
+            continue
         if (reason := why_not(experiment)) is not None:
-            print(row(f"`{name}`", "", "", "", reason), flush=True)
+            row(f"`{name}`", "", "", "", reason)
             continue
         found = agreement(experiment)
         apart, which = found.apart
         cells = (f"{found.steps}", f"{found.position:.1e}", f"{apart:.1e}", f"`{which}`")
-        print(row(f"`{name}`", *cells), flush=True)
+        row(f"`{name}`", *cells)
 
 
 if __name__ == "__main__":

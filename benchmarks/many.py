@@ -56,6 +56,13 @@ def cpu(action: Callable[[], object]) -> float:
     return time.process_time() - began
 
 
+def bare_unit(experiment: Experiment) -> float:
+    """Return the CPU time of p_WE and J in pydrake [us]."""
+    # Without what it takes to make the plant.
+    whole = cpu(lambda: unit(experiment, 10001)) - cpu(lambda: unit(experiment, 1))
+    return whole / 10000 * 1e6
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", default=list(SUBJECTS))
@@ -76,7 +83,7 @@ def measure(name: str, count: int, duration: float, turns: int) -> None:
     steps = duration / (document.period or 1.0)
     bare, many, drake = [], [], []
     for turn in range(turns):
-        bare.append(unit(experiments[0].arm, document.task))
+        bare.append(bare_unit(experiments[0]))
         many.append(cpu(lambda: run_many(experiments)) / steps / count)
         one = experiments[turn % count]
         drake.append(cpu(lambda one=one: simulate(one, series="none")) / steps)

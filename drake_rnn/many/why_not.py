@@ -5,7 +5,6 @@ from __future__ import annotations
 from ..errors import InvalidInputError
 from ..experiment import Experiment
 from ..laws import SampledReading
-from ..laws.checks import sampled_reading
 from ..laws.law import require_many
 from ..robot.arm_screws import screws_of
 from .signals import PREVIEWS
@@ -65,7 +64,8 @@ def _able_reading(experiment: Experiment, period: float) -> SampledReading:
     law = type(experiment.law).__name__
     if experiment.law.joint_preview is not None:
         raise InvalidInputError(f"law: {law} plans ahead; a batch knows no future joint positions")
-    reading = sampled_reading(experiment.law, period)
+    # What it declares was checked when the experiment was made.
+    reading = experiment.law.sampled(period)
     require_many(reading)
     if unknown := sorted(reading.inputs.parts.keys() - SIGNALS):
         raise InvalidInputError(

@@ -18,6 +18,7 @@ from .desired import Tables
 from .grouping import Robot
 from .metrics import ManyMetrics
 from .noise import Noises
+from .pressing import Surfaces
 from .rotation import angle_between
 from .schedule import Schedule, schedule_of
 from .signals import PREVIEWS, Desired, Sight
@@ -97,6 +98,7 @@ class Block:
         if self._sees & PREVIEWS:
             ahead = Tables(experiments, times + period, self._oriented)
         self._desired = Desired(Tables(experiments, times, self._oriented), ahead, self._task)
+        self._surfaces = None if document.environment is None else Surfaces(experiments)
         self._metrics = ManyMetrics(experiments, self.schedule)
         self._kept: dict[int, Mapping[str, Array]] = {}
         self.positions: list[Array] = []
@@ -162,6 +164,9 @@ class Block:
         """Return what the laws see at a sample."""
         u = {**sight.of_arms(self._sees, velocity, causes), **self._desired.at(number, self._sees)}
         u |= self._desired.ahead(number, self._sees)
+        if self._surfaces is not None:
+            t = float(self.schedule.times[number])
+            u |= self._surfaces.signals(self._surfaces.pressed(t, sight.origin))
         return {name: u[name] for name in self._sees}
 
     def _stepped(self, t: float, x: Array, u: Mapping[str, Array]) -> Array:
@@ -209,7 +214,10 @@ class Block:
         names = self._observed | ({"R_WE_desired"} if self._oriented else frozenset())
         desired = self._desired.at(number, names)
         seen = {**sight.of_arms(self._observed, velocity, velocity), **desired}
-        turned = None
+        turned = pressed = None
+        if self._surfaces is not None:
+            pressed = self._surfaces.pressed(t, sight.origin)
+            seen |= self._surfaces.signals(pressed)
         if self._oriented:
             turned = angle_between(sight.R_WE, desired["R_WE_desired"])
         told = velocity.T
@@ -228,6 +236,7 @@ class Block:
                 turned=turned,
                 J_hat=in_front(state.part(now.x, "J_hat"), 2) if "J_hat" in state else None,
                 observed=law.diagnostics(t, now.x, seen) if law.observables.size else {},
+                pressed=pressed,
             )
         )
 

@@ -90,5 +90,5 @@ def _group(robot: Robot) -> object:
         (document.period, document.duration, document.window, document.task),
         None if dither is None else (dither.model, dither.hold),
         tuple(name for name, bound in bounds.items() if bound is not None),
-        (experiment.holds_orientation, experiment.target is None),
+        (experiment.holds_orientation, experiment.target is None, experiment.contact is None),
     )

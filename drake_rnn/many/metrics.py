@@ -13,8 +13,10 @@ import numpy as np
 from ..experiment import Experiment
 from ..inputs.fields import Array
 from ..measures import ARRIVED
+from ..measures.groups.jacobian import MOVING
+from .contact_metrics import ContactMetrics
 from .joint_metrics import HigherMetrics, JointMetrics
-from .running import Largest, Mean, Settling, Smallest
+from .running import Largest, Mean, Median, Settling, Smallest
 from .schedule import Schedule
 from .step import Found, Step, lengths, summed
 
@@ -44,6 +46,7 @@ class ManyMetrics:
             JointMetrics([experiment.limits for experiment in experiments], schedule),
             HigherMetrics([experiment.limits for experiment in experiments], schedule),
             _PostureMetrics(experiments, schedule),
+            ContactMetrics(experiments, schedule),
             _LawMetrics(len(experiments), schedule),
         )
 
@@ -56,7 +59,11 @@ class ManyMetrics:
         """Return the metrics so far, by name; not a number for a robot that has none."""
         metrics: Found = {}
         for group in self._groups:
-            metrics |= group.found()
+            found = group.found()
+            for name in metrics.keys() & found.keys():
+                # A loss that the law detects counts even if some contact is left.
+                found[name] = np.where(np.isnan(found[name]), metrics[name], found[name])
+            metrics |= found
         return metrics
 
 
@@ -70,10 +77,10 @@ class _ErrorMetrics:
         self._settling = Settling(np.array(tolerances))
 
     def add(self, step: Step) -> None:
-        error = step.p_WE - step.p_WE_desired
+        error = step.aside(step.p_WE - step.p_WE_desired)
         norm = lengths(error)
         if self._within[step.number]:
-            slip = step.v_WE - step.v_WE_desired
+            slip = step.aside(step.v_WE - step.v_WE_desired)
             self._largest.add(norm)
             self._component.add(np.abs(error))
             self._square.add(norm * norm)
@@ -180,6 +187,11 @@ class _LawMetrics:
         self._within = schedule.within
         self._saturated, self._demand = Mean(count), Largest(count)
         self._rank, self._jacobian = Smallest(count), Largest(count)
+        self._median, self._excited = Median(count), Median(count)
+        self._lost = np.full(count, np.nan)
+        self._invariant = Largest(count)
+        # End effector and displacement at the start.
+        self._start: tuple[Array, Array] | None = None
 
     def add(self, step: Step) -> None:
         observed = step.observed
@@ -189,9 +201,25 @@ class _LawMetrics:
             self._demand.add(np.abs(observed["acceleration_demand"].T))
         if "orientation_rank" in observed:
             self._rank.add(observed["orientation_rank"].T)
+        if "contact_lost" in observed:
+            lost = np.isnan(self._lost) & (observed["contact_lost"][:, 0] != 0.0)
+            self._lost = np.where(lost, step.time, self._lost)
+        if "displacement" in observed:
+            self._add_displacement(step.p_WE, observed["displacement"].T)
         if step.J_hat is not None and self._within[step.number]:
-            difference = step.J - step.J_hat
-            self._jacobian.add(lengths(difference.reshape(-1, difference.shape[-1])))
+            self._add_jacobian(step.J - step.J_hat, step.network_velocity)
+
+    def _add_jacobian(self, difference: Array, v: Array) -> None:
+        size, speed = lengths(difference.reshape(-1, difference.shape[-1])), lengths(v)
+        self._jacobian.add(size)
+        self._median.add(size)
+        along = lengths(np.stack([summed(row * v) for row in difference]))
+        self._excited.add(along / speed, speed > MOVING)
+
+    def _add_displacement(self, p_WE: Array, displacement: Array) -> None:
+        self._start = (p_WE, displacement) if self._start is None else self._start
+        moved, told = p_WE - self._start[0], displacement - self._start[1]
+        self._invariant.add(lengths(moved - told))
 
     def found(self) -> Found:
         return {
@@ -199,4 +227,8 @@ class _LawMetrics:
             "joint_acceleration_demand_max_rad_s2": self._demand.value,
             "orientation_rank_min": self._rank.value,
             "jacobian_error_max": self._jacobian.value,
+            "jacobian_error_median": self._median.value,
+            "jacobian_error_excited_median": self._excited.value,
+            "contact_lost_time_s": self._lost,
+            "invariant_error_max_m": self._invariant.value,
         }

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ..diagrams.loop import WATCHED
 from ..experiment import ExperimentDocument
 from ..inputs.fields import Array
 
@@ -54,7 +55,11 @@ def schedule_of(document: ExperimentDocument) -> Schedule:
     samples = _multiples(period, duration)
     noises = np.empty(0) if dither is None else _multiples(dither.hold, duration)
     # Times a rounding error apart are two steps, as in Drake, whose noise a law then sees or not.
-    times = np.append(np.union1d(samples, noises), duration)
+    ends = [samples, noises]
+    if document.environment is not None:
+        # The diagram's watch of the force sensor.
+        ends.append(_multiples(WATCHED * period, duration))
+    times = np.append(np.unique(np.concatenate(ends)), duration)
     tick = period
     if dither is not None and dither.model == "actuated":
         tick = min(dither.hold, period)

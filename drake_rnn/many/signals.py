@@ -34,6 +34,11 @@ class Sight:
         task: Their task.
         moved: Their kinematics.
         position: Joint positions, shape (robots, n) [rad].
+
+    Attributes:
+        origin: Origins of the end effectors, shape (robots, 3) [m].
+        p_WE: The same along the task's axes, shape (robots, m) [m].
+        J: Jacobians of the task, shape (robots, size, n).
     """
 
     def __init__(self, task: Task, moved: MovedScrews, position: Array) -> None:
@@ -41,7 +46,8 @@ class Sight:
         self._moved = moved
         self._translation = moved.J[..., self._axes, :]
         self.position = position
-        self.p_WE: Array = moved.p_WE[..., self._axes]
+        self.origin: Array = moved.p_WE
+        self.p_WE: Array = self.origin[..., self._axes]
         self.J: Array = self._translation
         if task.with_orientation:
             self.J = _below(moved.J_omega, self._translation)

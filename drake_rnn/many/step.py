@@ -14,6 +14,21 @@ Found = dict[str, Array]
 
 
 @dataclass(frozen=True)
+class Pressed:
+    """The contact of many robots.
+
+    Attributes:
+        normal: Outward unit normals of the surfaces, shape (3, robots).
+        force: Pressing forces along these, shape (robots,) [N].
+        desired: Desired ones, likewise.
+    """
+
+    normal: Array
+    force: Array
+    desired: Array
+
+
+@dataclass(frozen=True)
 class Step:
     """Many robots at the end of a step, before what happens then.
 
@@ -28,6 +43,7 @@ class Step:
         turned: Angles to the desired orientations, shape (robots,) [rad]; None without these.
         J_hat: Learned Jacobians, shape (m, n, robots); None without learning.
         observed: Observables of the laws, each of shape (robots, ...).
+        pressed: Contact with surfaces; None without these.
     """
 
     number: int
@@ -43,6 +59,14 @@ class Step:
     turned: Array | None
     J_hat: Array | None
     observed: Signals
+    pressed: Pressed | None = None
+
+    def aside(self, vectors: Array) -> Array:
+        """Return ``vectors``, shape (m, robots); in contact, only their part along the surface."""
+        if self.pressed is None:
+            return vectors
+        normal = self.pressed.normal
+        return vectors - summed(vectors * normal) * normal
 
 
 def summed(rows: Array) -> Array:

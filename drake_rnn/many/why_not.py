@@ -14,6 +14,7 @@ SIGNALS = PREVIEWS | {
     *("position", "velocity", "p_WE", "v_WE", "J", "R_WE", "J_omega", "Jdot_v"),
     *("p_WE_desired", "v_WE_desired", "a_WE_desired"),
     *("R_WE_desired", "w_WE_desired", "alpha_WE_desired"),
+    *("normal_WE", "normal_force", "normal_force_desired"),
 }
 _SCHEMES = ("explicit_euler", "runge_kutta2")
 
@@ -50,7 +51,7 @@ def able_reading(experiment: Experiment) -> SampledReading:
             "integrator: is Drake's; a batch needs a sampled law, with a period"
         )
     unable = {
-        "environment": document.environment,
+        "sensor": document.sensor,
         "filter": document.filter,
         "sensing": document.sensing,
     }

@@ -16,6 +16,8 @@ from drake_rnn import (
 # One of each kind: law, reading, path, orientation, dither of each model, arm.
 QUICK = [
     "fastest_square",
+    "motion_force_cat",
+    "motion_force_tricuspid",
     "naljdf_clover",
     "null_space_adjustment",
     "pinv_waypoints_ur5",
@@ -37,6 +39,14 @@ REST = [
     "galjdf_clover_iiwa",
     "galjdf_table1",
     "man_clover",
+    "motion_force_cat_return",
+    "motion_force_learning_rates",
+    "motion_force_learning_rates_paper",
+    "motion_force_tricuspid_learned",
+    "motion_force_tricuspid_literal",
+    "motion_force_tricuspid_printed",
+    "motion_force_tricuspid_w",
+    "motion_force_tricuspid_wholly_printed",
     "naljdf_clover_fig3",
     "naljdf_clover_iiwa",
     "naljdf_table1",
@@ -64,7 +74,7 @@ REST = [
     "stretched_circle",
     "stretched_square",
 ]
-# They need all errors of a learned Jacobian.
+# From a histogram, whose bins are 1.2 % wide.
 MEDIANS = {"jacobian_error_median", "jacobian_error_excited_median"}
 # Differences of velocities over 10 ms, and what divides them: rounding is 1e10 times as large.
 ROUGH = ("jerk", "snap", "crackle", "limit_ratio_3", "limit_ratio_4", "limit_ratio_5")
@@ -73,11 +83,12 @@ ROUGH = ("jerk", "snap", "crackle", "limit_ratio_3", "limit_ratio_4", "limit_rat
 def check(name, duration):
     found = agreement(every_step(name, duration))
     assert found.position < 1e-9
-    assert found.many.keys() == found.drake.keys() - MEDIANS
+    assert found.many.keys() == found.drake.keys()
     for metric, value in found.many.items():
         # Shares of steps may differ in one step at the edge of a bound.
         steps = 1.01 / found.steps if metric.endswith("fraction") else 0.0
         rough = 1e-4 if metric.startswith(ROUGH) or "jerk" in metric else 1e-7
+        rough = 0.006 if metric in MEDIANS else rough
         assert value == pytest.approx(found.drake[metric], rel=rough, abs=max(1e-7, steps)), metric
 
 
@@ -124,7 +135,6 @@ def test_which_shipped_experiments_can_run():
         ("horizon_circle", "law: RecedingHorizon plans ahead"),
         ("moaljdf_parallelogram", "law: JointDriftFree sees M, bias, gravity"),
         ("chain_circle", "filter: "),
-        ("motion_force_tricuspid", "environment: "),
     ],
 )
 def test_why_not_says_what_a_batch_cannot_do_and_run_many_refuses_it(name, reason):

@@ -16,7 +16,7 @@ jnp = jax.numpy
 
 COUNT = 5
 #: Compiled at each `make test`; the others take a minute.
-QUICK = ("slc_known", "slc_warm_up", "naljdf_all", "motion_force_contact", "sa", "nsa_pose")
+QUICK = ("slc_known", "naljdf_all")
 
 
 def _some(names):

@@ -13,8 +13,7 @@ from ..errors import InvalidInputError
 from ..experiment import load_experiment
 from ..figures.learning import learning_figure
 from ..figures.sweep import sweep_figure
-from ..runs.sweep import Row, parse_axis, write_csv
-from ..runs.sweep import sweep as run_sweep
+from ..runs.sweep import Row, checked_jobs, parse_axis, run_jobs, write_csv
 from .console import FAILED, NOT_MET, err, errors, out
 from .options import (
     Check,
@@ -54,6 +53,7 @@ def sweep(
         if not axes:
             raise InvalidInputError(f"--over: must be given; {experiment} has no values of its own")
         keys = list(axes)
+        planned = checked_jobs(experiment, axes, changed)
         folder = out_folder / f"sweep_{Path(experiment).stem}_{'_'.join(keys)}"
         require_writable(folder)
 
@@ -61,7 +61,7 @@ def sweep(
             values = ", ".join(f"{key}={v}" for key, v in zip(keys, row.values, strict=True))
             err.print(escape(f"{values}: {row.failure or 'done'}"))
 
-        rows = run_sweep(experiment, axes, changed, jobs, done)
+        rows = run_jobs(planned, jobs, done)
         write_csv(folder / "sweep.csv", keys, rows)
         pictures = [
             sweep_figure(keys, rows, varying_metrics(rows), folder / "sweep.png"),

@@ -19,6 +19,7 @@ from .timing import TimeLaw, Timing, time_at, time_law
 Triple = tuple[float, float, float]
 
 TURN = 2.0 * math.pi
+_RAMP = 0.2
 _INSTANT = 1e-12  # share of a segment; this close to its end counts as the start of the next one
 
 
@@ -32,19 +33,22 @@ class Curve(RelativePath):
     Args:
         period: Duration of one lap [s].
         timing: Time law of each segment.
-        ramp: Fraction of a segment's time taken by each of the two ramps of "ramps".
+        ramp: Fraction of a segment's time taken by each of the two ramps of "ramps"; 0.2 by
+            default. Only with that time law.
         laps: Number of laps, after which the point rests; None for no end. For a closed curve.
         pause: Time for which the point rests after each lap but the last [s]. For a closed curve,
             with a time law that comes to rest.
     """
 
-    period: Annotated[float, Field(strict=True, ge=1e-3, allow_inf_nan=False)]
+    period: Annotated[float, Field(strict=True, ge=1e-3, le=1e6, allow_inf_nan=False)]
     timing: Timing = "uniform"
-    ramp: Annotated[float, Field(gt=0, le=0.5)] = 0.2
+    ramp: Annotated[float, Field(strict=True, ge=1e-3, le=0.5)] | None = None
     laps: Count | None = None
     pause: NonNegative = 0.0
 
     def __post_init__(self) -> None:
+        if self.ramp is not None and self.timing != "ramps":
+            raise ValueError(f"ramp: only with timing: ramps, not {self.timing}")
         if not self.closed and (self.laps or 1) > 1:
             raise ValueError("laps: an open path is passed once; a sequence may repeat it")
         if self.pause > 0.0 and not self.closed:
@@ -95,7 +99,7 @@ class Curve(RelativePath):
 
     @cached_property
     def _law(self) -> TimeLaw:
-        return time_law(self.timing, self.ramp)
+        return time_law(self.timing, _RAMP if self.ramp is None else self.ramp)
 
     @cached_property
     def _frequency(self) -> float:

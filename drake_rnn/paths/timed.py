@@ -14,7 +14,7 @@ from pydrake.trajectories import (
 )
 
 from ..errors import InvalidInputError
-from ..inputs.fields import Array, validated
+from ..inputs.fields import Array, Flag, validated
 from .path import Motion
 from .relative import RelativePath
 from .turning import QuaternionTurning, SlerpTurning, Turning
@@ -34,7 +34,7 @@ class TimedPath(RelativePath):
             turned so that it begins at the arm's start, apart from ``offset``.
     """
 
-    absolute: bool = False
+    absolute: Flag = False
 
     def __post_init__(self) -> None:
         if self.absolute and self.offset.any():
@@ -138,12 +138,12 @@ class TimedPath(RelativePath):
     def knots(self, until: float) -> Array:
         """See `RelativePath.knots`."""
         parts = [np.array([0.0, self._begin, self._finish])]
-        parts += [_breaks(part) for part in (self._positions, self._quaternions)]
+        parts += [breaks(part) for part in (self._positions, self._quaternions)]
         times = np.unique(np.concatenate(parts))
         return times[times <= until]
 
 
-def _breaks(trajectory: Any) -> Array:
+def breaks(trajectory: Any) -> Array:
     """Return the times at which a derivative of a trajectory may jump [s]."""
     if isinstance(trajectory, PiecewiseTrajectory):
         return np.array(trajectory.get_segment_times(), dtype=float)

@@ -8,8 +8,11 @@ from typing import Any
 import numpy as np
 from pydrake.trajectories import PiecewisePose, Trajectory
 
-from ..inputs.fields import validated
-from .timed import TimedPath
+from ..inputs.fields import Flag, validated
+from .timed import TimedPath, breaks
+
+# Time before a break at which a trajectory is compared with the break [s], and the least jump.
+_BEFORE, _JUMP = 1e-9, 1e-6
 
 
 @validated
@@ -27,7 +30,7 @@ class TrajectoryPath(TimedPath):
 
     trajectory: Trajectory
     orientation: Trajectory | None = None
-    absolute: bool = True
+    absolute: Flag = True
 
     def __post_init__(self) -> None:
         if isinstance(self.trajectory, PiecewisePose) and self.orientation is not None:
@@ -41,6 +44,12 @@ class TrajectoryPath(TimedPath):
                     "orientation: must begin and end with the trajectory, at "
                     f"{_span(self._positions)} s, not {_span(self._quaternions)}"
                 )
+        for name, trajectory in (
+            ("trajectory", self._positions),
+            ("orientation", self._quaternions),
+        ):
+            if trajectory is not None:
+                _require_connected(name, trajectory)
         if not 0.0 <= self._begin < self._finish:
             raise ValueError(
                 "trajectory: must begin at 0 s or later and end after that, not last from "
@@ -85,6 +94,18 @@ def _require_vectors(name: str, trajectory: Any, rows: int) -> None:
             value = _asked(name, kind, partial(trajectory.EvalDerivative, t, order))
             if not np.isfinite(value).all():
                 raise ValueError(f"{name}: is not finite at t = {t:g} s")
+
+
+def _require_connected(name: str, trajectory: Any) -> None:
+    """Raise a ValueError if a trajectory jumps, which its derivatives do not tell."""
+    for t in breaks(trajectory)[1:-1].tolist():
+        before = trajectory.value(t - _BEFORE * max(t, 1.0))
+        jump = float(np.linalg.norm(trajectory.value(t) - before))
+        if jump > _JUMP:
+            raise ValueError(
+                f"{name}: jumps by {jump:.3g} at t = {t:g} s, which no arm can follow; give one "
+                "that is continuous, e.g. PiecewisePolynomial.FirstOrderHold"
+            )
 
 
 def _asked(name: str, kind: str, question: Callable[[], Any]) -> Any:

@@ -40,12 +40,13 @@ def limit_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[
     path itself asks for too much there was a warning before the run.
     """
     caveats = []
+    remedy = experiment.law.limits_remedy and f"; {experiment.law.limits_remedy}"
     for name in ("position", "velocity"):
         excess, unit = metrics.get(violation_metric(name), 0.0), LIMIT_UNITS[name]
         if excess > _BEYOND and name not in experiment.kept_limits:
             caveats.append(
                 f"limits: the arm exceeds a limit of {name} by {excess:.3g} {unit}; "
-                "this law does not keep it"
+                f"this law does not keep it{remedy}"
             )
     return caveats
 

@@ -9,17 +9,31 @@ from dataclasses import dataclass
 from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..errors import DrakeRnnError, InterruptedRunError, InvalidInputError, SimulationError
 from ..experiment import Described, load_experiment, read_document
-from ..inputs.complaints import require_type
+from ..inputs.complaints import require_type, short
 from ..inputs.documents import parse_yaml
 from ..inputs.fields import Array
 from .result import Result
 from .simulation import check_experiment, simulate
+
+
+class Job(NamedTuple):
+    """A run of a sweep, as plain data that another process understands.
+
+    Attributes:
+        experiment: Name, file or contents of the document.
+        changes: New values by dotted key.
+        values: Those of the swept keys, in their order.
+    """
+
+    experiment: str | Path | dict[str, Any]
+    changes: dict[str, Any]
+    values: tuple[Any, ...]
 
 
 @dataclass(frozen=True)
@@ -76,20 +90,37 @@ def sweep(
         InvalidInputError: If a combination is not a valid experiment, a path is out of reach, a key
             is both swept and changed, or other processes do not know the classes that it names.
     """
-    require_type("over", over, Mapping)
-    for key, values in over.items():
-        require_type(f"over.{key}", values, list, tuple)
+    return run_jobs(checked_jobs(experiment, over, changes), processes, done)
+
+
+def checked_jobs(
+    experiment: Described,
+    over: Mapping[str, Sequence[Any]],
+    changes: Mapping[str, Any] | None = None,
+) -> list[Job]:
+    """Return the runs of a sweep, each of them checked; the arguments are those of `sweep`.
+
+    Raises:
+        InvalidInputError: As `sweep` does.
+    """
+    _check_axes(over)
     if both := sorted(over.keys() & (changes or {}).keys()):
         raise InvalidInputError(f"--over: {both[0]!r} is also set; it cannot be both")
     if not isinstance(experiment, (str, Path)):
         # Only plain data can be sent to another process.
         experiment = read_document(experiment)
-    combinations = list(product(*over.values()))
     jobs = []
-    for values in combinations:
+    for values in product(*over.values()):
         changed = {**(changes or {}), **dict(zip(over, values, strict=True))}
         check_experiment(load_experiment(experiment, changed))
-        jobs.append((experiment, changed, values))
+        jobs.append(Job(experiment, changed, values))
+    return jobs
+
+
+def run_jobs(
+    jobs: Sequence[Job], processes: int = 1, done: Callable[[Row], None] | None = None
+) -> list[Row]:
+    """Make the runs of a sweep; the arguments are those of `sweep`."""
     rows = []
     for row in _run_all(jobs, processes):
         rows.append(row)
@@ -98,7 +129,19 @@ def sweep(
     return rows
 
 
-def _run_all(jobs: list[Any], processes: int) -> Iterator[Row]:
+def _check_axes(over: Mapping[str, Sequence[Any]]) -> None:
+    """Raise an InvalidInputError unless each key has values, none of them twice."""
+    require_type("over", over, Mapping)
+    for key, values in over.items():
+        require_type(f"over.{key}", values, list, tuple)
+        if not values:
+            raise InvalidInputError(f"over.{key}: must have one value or more, not []")
+        told = [short(value) for value in values]
+        if twice := [each for each in told if told.count(each) > 1]:
+            raise InvalidInputError(f"over.{key}: has the value {twice[0]} twice")
+
+
+def _run_all(jobs: Sequence[Job], processes: int) -> Iterator[Row]:
     if processes <= 1:
         yield from map(_run, jobs)
         return
@@ -113,7 +156,7 @@ def _run_all(jobs: list[Any], processes: int) -> Iterator[Row]:
             ) from None
 
 
-def _run(job: tuple[str | Path | dict[str, Any], dict[str, Any], tuple[Any, ...]]) -> Row:
+def _run(job: Job) -> Row:
     described, changed, values = job
     # Every combination was checked before, so what is refused now is unknown to this process.
     experiment = load_experiment(described, changed)

@@ -32,8 +32,8 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from ..errors import InvalidInputError, SimulationError
-from ..inputs.fields import validated
-from ..laws.law import Layout
+from ..inputs.fields import Flag, validated
+from ..laws.layout import Layout
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
 
 # Longer windows would take longer to fill than any run takes.
@@ -55,8 +55,8 @@ class FilterSettings:
     """
 
     kind: Literal["moving_average"] = "moving_average"
-    precompensate: bool = False
-    delay_desired: bool = False
+    precompensate: Flag = False
+    delay_desired: Flag = False
 
 
 def averaged_limits(limits: JointLimits) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from ..inputs.complaints import require_type
 from ..inputs.documents import construct, without_kind
 from ..inputs.modules import Modules
 from ..paths import PATHS, Part, Path, Rest, Sequence
+from ..paths.timed import TimedPath
 from .document import ExperimentDocument
 
 #: Section of a document in place of a path that was made in Python.
@@ -49,6 +50,27 @@ def path_of(
             "argument path"
         )
     return _made(document.path, "path", modules, {})
+
+
+def doubts_of_path(path: Path, duration: float) -> list[str]:
+    """Return a warning about a path that ends after the run.
+
+    Args:
+        path: The path.
+        duration: Duration of the run [s].
+
+    Raises:
+        InvalidInputError: If its times begin after the run's end.
+    """
+    if not isinstance(path, TimedPath):
+        return []
+    if path.begins >= duration:
+        raise InvalidInputError(
+            f"path: begins at {path.begins:g} s, and the run ends at {duration:g} s"
+        )
+    if path.duration > duration * (1.0 + 1e-9):
+        return [f"path: ends at {path.duration:g} s, and the run at {duration:g} s"]
+    return []
 
 
 def _made(

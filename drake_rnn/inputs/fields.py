@@ -126,8 +126,8 @@ Weight = Annotated[Positive, between(0.0, 1e6)]
 Time = Annotated[Positive, between(1e-6, 1e6)]
 # Of a network [s].
 TimeConstant = Annotated[Positive, between(1e-9, 1e3)]
-# Of an end effector [m/s].
-Speed = Annotated[Positive, between(1e-6, 100.0)]
+# Of an end effector; the fastest robots reach 15 [m/s].
+Speed = Annotated[Positive, between(1e-6, 20.0)]
 # Of a surface, from foam to steel [N/m].
 Stiffness = Annotated[Positive, between(1.0, 1e9)]
 # Hydroelastic modulus, from foam to diamond [Pa].

@@ -54,6 +54,11 @@ class TimedPath(RelativePath):
         """Orientations, see `TrajectoryPath`; None for one that does not change."""
 
     @property
+    def begins(self) -> float:
+        """Time at which the trajectory begins [s]."""
+        return self._begin
+
+    @property
     def duration(self) -> float:
         """Time at which the trajectory ends [s]."""
         return self._finish

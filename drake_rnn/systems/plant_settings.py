@@ -17,8 +17,8 @@ from ..inputs.fields import (
 )
 
 _Bandwidth = Annotated[Positive, between(1e-2, 1e5)]
-# Gain of a motor: [Nm/rad] or [Nm s/rad].
-_STIFFEST = 1e9
+# Least and largest gain of a motor: [Nm/rad] or [Nm s/rad].
+_SOFTEST, _STIFFEST = 1e-3, 1e9
 
 
 @validated
@@ -51,6 +51,10 @@ class PlantSettings:
         for name, given in (("stiffness", self.stiffness), ("damping", self.damping)):
             if given is not None and np.max(given) > _STIFFEST:
                 raise ValueError(f"{name}: may be at most {_STIFFEST:g}, not {np.max(given):g}")
+        if self.stiffness is not None and np.min(self.stiffness) < _SOFTEST:
+            raise ValueError(
+                f"stiffness: may be {_SOFTEST:g} or more, not {np.min(self.stiffness):g}"
+            )
         if self.bandwidth is not None and self.stiffness is not None:
             raise ValueError(
                 "bandwidth: cannot be combined with stiffness, which sets it; give one of them"

@@ -30,6 +30,8 @@ def check_calls(cls: type) -> None:
         method = vars(cls).get(name)
         if callable(method) and not getattr(method, "__isabstractmethod__", False):
             setattr(cls, name, _checked(method))
+    if callable(method := vars(cls).get("sampled")):
+        setattr(cls, "sampled", _for_a_period(method))  # noqa: B010  mypy forbids the assignment
 
 
 def unchecked(method: Callable[..., Any]) -> Callable[..., Any]:
@@ -48,12 +50,25 @@ def _checked(method: Any) -> Any:
     def checked(self: Any, t: Any, x: Any, u: Any, *period: Any, **named: Any) -> Any:
         _check(self, t, x, u)
         for value in (*period, *named.values()):
-            if not _is_number(value) or value <= 0.0:
-                raise InvalidInputError(f"period: must be a positive time [s], not {short(value)}")
+            _check_period(value)
         return method(self, t, x, u, *period, **named)
 
     setattr(checked, _PLAIN, method)
     return checked
+
+
+def _for_a_period(method: Any) -> Any:
+    @wraps(method)
+    def sampled(self: Any, period: Any) -> Any:
+        _check_period(period)
+        return method(self, period)
+
+    return sampled
+
+
+def _check_period(period: Any) -> None:
+    if not _is_number(period) or period <= 0.0:
+        raise InvalidInputError(f"period: must be a positive time [s], not {short(period)}")
 
 
 def _check(law: Any, t: object, x: object, u: object) -> None:

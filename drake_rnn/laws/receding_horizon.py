@@ -38,7 +38,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ..errors import InvalidInputError, SimulationError
-from ..inputs.fields import Array, Time, Weight, validated
+from ..inputs.fields import Array, Positive, Weight, between, validated
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
 from .law import JointPreview, SampledLaw, SampledReading
 from .layout import Layout, Signals
@@ -70,7 +70,7 @@ class RecedingHorizon(SampledLaw):
 
     kind: Literal["receding_horizon"] = "receding_horizon"
     limits: JointLimits
-    interval: Time = 0.1
+    interval: Annotated[Positive, between(1e-3, 1.0)] = 0.1
     horizon: Annotated[int, Field(strict=True, ge=10, le=200)] = 80
     effort: Weight = 1e-6
     margin: Annotated[float, Field(strict=True, gt=0, le=1)] = 0.998

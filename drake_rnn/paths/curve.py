@@ -10,8 +10,9 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import InvalidInputError
+from ..inputs.complaints import short
 from ..inputs.fields import Array, Count, NonNegative, validated
-from .checks import require_values
+from .checks import require_count, require_values
 from .path import Motion
 from .relative import RelativePath
 from .timing import TimeLaw, Timing, time_at, time_law
@@ -147,7 +148,12 @@ class Curve(RelativePath):
 
     def evaluate(self, t: float) -> Motion:
         """See `RelativePath.evaluate`."""
-        phase = self.phase_at(t)
+        try:
+            phase = self.phase_at(t)
+        except InvalidInputError:
+            raise
+        except (TypeError, ValueError):
+            raise InvalidInputError(f"t: must be a finite number, not {short(t)}") from None
         if phase is None:
             p = self._end if t > 0.0 else np.zeros(3)
             return p.copy(), np.zeros(3), np.zeros(3)
@@ -193,7 +199,12 @@ class Curve(RelativePath):
         ]
 
     def sample(self, count: int) -> Array:
-        """Return one lap of displacements at equal steps of phase, shape (count, 3) [m]."""
+        """Return one lap of displacements at equal steps of phase, shape (count, 3) [m].
+
+        Raises:
+            InvalidInputError: If ``count`` is not a whole number of at least 1.
+        """
+        require_count(count)
         return np.array([self.trace(phase)[0] for phase in np.linspace(0.0, TURN, count)])
 
     def require_motion(self) -> None:

@@ -4,6 +4,7 @@
 from abc import abstractmethod
 from functools import cached_property
 from math import isfinite
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from pydrake.trajectories import (
 )
 
 from ..errors import InvalidInputError
+from ..inputs.complaints import short
 from ..inputs.fields import Array, Flag, validated
 from .path import Motion
 from .relative import RelativePath
@@ -158,5 +160,5 @@ def breaks(trajectory: Any) -> Array:
 
 
 def _require_finite(t: float) -> None:
-    if not isfinite(t):
-        raise InvalidInputError(f"t: must be finite, not {t}")
+    if not isinstance(t, Real) or not isfinite(t):
+        raise InvalidInputError(f"t: must be finite, not {short(t)}")

@@ -89,6 +89,8 @@ def _require_vectors(name: str, trajectory: Any, rows: int) -> None:
     if not trajectory.has_derivative():
         raise ValueError(f"{name}: a {kind} has no derivatives; give one that has")
     begin, finish = _asked(name, kind, lambda: _span(trajectory))
+    if not np.isfinite([begin, finish]).all():
+        raise ValueError(f"{name}: must begin and end, not last from {begin:g} to {finish:g} s")
     for t in np.linspace(begin, finish, 5).tolist():
         for order in range(3):
             value = _asked(name, kind, partial(trajectory.EvalDerivative, t, order))
@@ -112,5 +114,6 @@ def _asked(name: str, kind: str, question: Callable[[], Any]) -> Any:
     """Return the answer of a trajectory; Drake's errors name the key and the class."""
     try:
         return question()
-    except RuntimeError as error:
+    # Drake exits where a condition of its own code fails, e.g. without any segment.
+    except (RuntimeError, SystemExit) as error:
         raise ValueError(f"{name}: this {kind} cannot be used: {error}") from None

@@ -21,6 +21,7 @@ from ..experiment import (
     forecasts,
     load_experiment,
 )
+from ..inputs.complaints import require_type, short
 from ..laws import Law
 from ..laws.called import unchecked
 from ..measures import PART, Recorder, Take
@@ -63,6 +64,7 @@ def check_experiment(
         InvalidInputError: If the path is out of reach, the diagram cannot be built, the law fails
             when it is tried at the start, or the run would take very many steps.
     """
+    require_type("experiment", experiment, Experiment)
     if not anyway:
         check_effort(experiment, stored_period(experiment, series))
     warnings = check_reach(experiment)
@@ -100,6 +102,8 @@ def simulate(
     """
     if not isinstance(experiment, Experiment):
         experiment = load_experiment(experiment)
+    if progress is not None and not callable(progress):
+        raise InvalidInputError(f"progress: must be a function of time, not {short(progress)}")
     period = stored_period(experiment, series)
     experiment = thinned(experiment, period)
     if not anyway:
@@ -165,6 +169,7 @@ def build_diagram(experiment: Experiment, law: Law | None = None) -> tuple[Diagr
     Raises:
         InvalidInputError: If the parts of the diagram do not fit together.
     """
+    require_type("experiment", experiment, Experiment)
     document = experiment.document
     law = experiment.law if law is None else law
     builder = DiagramBuilder()

@@ -121,6 +121,10 @@ def run_jobs(
     jobs: Sequence[Job], processes: int = 1, done: Callable[[Row], None] | None = None
 ) -> list[Row]:
     """Make the runs of a sweep; the arguments are those of `sweep`."""
+    if not isinstance(processes, int) or processes < 1:
+        raise InvalidInputError(
+            f"processes: must be a whole number of at least 1, not {short(processes)}"
+        )
     rows = []
     for row in _run_all(jobs, processes):
         rows.append(row)
@@ -132,6 +136,8 @@ def run_jobs(
 def _check_axes(over: Mapping[str, Sequence[Any]]) -> None:
     """Raise an InvalidInputError unless each key has values, none of them twice."""
     require_type("over", over, Mapping)
+    if not over:
+        raise InvalidInputError("over: must have one key or more, not {}")
     for key, values in over.items():
         require_type(f"over.{key}", values, list, tuple)
         if not values:

@@ -26,6 +26,7 @@ from ..laws.checks import (
 from ..laws.law import ContinuousReading, Law, Reading, SampledReading
 from ..laws.layout import Signals
 from ..laws.trial import started, try_reading
+from .white_noise import require_seed
 
 
 class Controller(LeafSystem):
@@ -47,6 +48,7 @@ class Controller(LeafSystem):
         super().__init__()
         self.law = law
         self.reading = reading
+        require_seed(seed)
         self.seed = seed
         self._input_ports = {
             name: (self.DeclareVectorInputPort(name, at.stop - at.start), shape)

@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from ..errors import InvalidInputError, SimulationError
+from ..inputs.complaints import require_type
 from ..inputs.fields import Flag, validated
 from ..laws.layout import Layout
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
@@ -127,6 +128,7 @@ class MovingAverage(LeafSystem):
 
     def __init__(self, limits: JointLimits, period: float, *, precompensate: bool = False) -> None:
         super().__init__()
+        require_type("limits", limits, JointLimits)
         if not (period > 0 and isfinite(period)):
             raise InvalidInputError(f"period: must be positive, not {period}")
         windows = averaging_windows(limits, period)

@@ -1,4 +1,4 @@
-"""What the tests of bad inputs share: nothing may run."""
+"""What the tests of bad inputs share: nothing may run, and what never changes is read once."""
 
 from functools import cache
 
@@ -6,9 +6,10 @@ import pytest
 
 from drake_rnn import load_arm
 from drake_rnn.experiment import experiment
+from drake_rnn.inputs import kinds
 from drake_rnn.runs import simulation
 
-_shipped = cache(load_arm)
+_shipped, _offered = cache(load_arm), cache(kinds.entry_points)
 
 
 @pytest.fixture(autouse=True)
@@ -22,10 +23,11 @@ def nothing_runs(monkeypatch):
 
 
 @pytest.fixture(autouse=True)
-def arms_are_read_once(monkeypatch):
-    """It takes a tenth of a second, hundreds of times."""
+def arms_and_packages_are_looked_for_once(monkeypatch):
+    """It takes a tenth of a second, a thousand times."""
 
     def known(model, **fields):
         return load_arm(model, **fields) if fields else _shipped(model)
 
     monkeypatch.setattr(experiment, "load_arm", known)
+    monkeypatch.setattr(kinds, "entry_points", _offered)

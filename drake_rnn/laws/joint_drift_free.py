@@ -71,7 +71,7 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import InvalidInputError
-from ..inputs.fields import Array, Gain, GainOrZero, Vector, Weight, validated
+from ..inputs.fields import Array, Gain, GainOrZero, Positive, Vector, Weight, between, validated
 from ..robot.limits import JointLimits
 from .law import ContinuousLaw, ContinuousReading, SampledReading
 from .layout import Layout, Signals
@@ -94,7 +94,7 @@ class JointDriftFree(ContinuousLaw):
         return_beta, return_gamma: Roots of the joints' return [1/s].
         task_beta, task_gamma: Roots of the position feedback [1/s].
         position_gain: Gain of the position feedback.
-        velocity_gain: Annotated[Positive, between(0.0, 1e9)] of the gradient of the velocity error [1/(m^2 s)].
+        velocity_gain: Gain of the gradient of the velocity error [1/(m^2 s)].
         composite_gain: Gain of the position error added to the velocity error [1/s].
         rate: Rate of omega [1/(m^2 s)].
         alpha: Weight of the kinematics in MOALJDF, 0.995 by default; the torque's is 1 - alpha.
@@ -116,7 +116,7 @@ class JointDriftFree(ContinuousLaw):
     task_beta: Gain = 1.0
     task_gamma: Gain = 1.0
     position_gain: GainOrZero = 250.0
-    velocity_gain: Gain = 1e5
+    velocity_gain: Annotated[Positive, between(0.0, 1e9)] = 1e5
     composite_gain: GainOrZero = 0.0
     rate: Gain = 1000.0
     alpha: Annotated[float, Field(strict=True, gt=0, le=1)] | None = None

@@ -2,6 +2,7 @@
 
 from importlib.metadata import version
 
+from .campaigns.sweep import sweep
 from .diagrams import AddLoop, Loop
 from .environments import (
     ENVIRONMENTS,
@@ -85,7 +86,6 @@ from .robot.task import TASKS
 from .robot.tool_description import ToolDescription
 from .runs import Result, build_diagram, check_experiment, simulate
 from .runs.fastest import Fastest, fastest
-from .runs.sweep import sweep
 from .systems import (
     BODIES,
     Body,

@@ -20,9 +20,9 @@ from ..laws.checks import doubts_of
 from ..paths import Path, PlacedPath, as_path
 from ..robot.arm import Arm
 from ..robot.limits import JointLimits
-from ..robot.load_arm import load_arm
 from ..robot.task import Task, named_task
 from ..systems import BODIES, Body, Contact, Feedback, PlantSettings, start_posture
+from .arms import Arms
 from .contact import make_contact
 from .document import ExperimentDocument
 from .filter import filter_delay, kept_limits, loop_delay_doubts
@@ -115,6 +115,7 @@ def make_experiment(
     path: Path | Trajectory | None = None,
     *,
     modules: Modules = True,
+    arms: Arms | None = None,
 ) -> Experiment:
     """Return the experiment that a document describes, checked as a whole.
 
@@ -124,6 +125,7 @@ def make_experiment(
             experiment's document then only says that one was given.
         modules: Modules that may be imported for a ``kind`` of the form ``module:Class``: True for
             any, False for none, or their names. What has been imported already may be used.
+        arms: Arms that were loaded for other experiments; one that is missing is added.
 
     Raises:
         InvalidInputError: If a key is wrong; the message names it, its value and what it may be.
@@ -134,7 +136,7 @@ def make_experiment(
         document = replace(document, path=GIVEN)
     feedback = _feedback(document)
     _require_plant(document)
-    arm, warnings = _limited_arm(document)
+    arm, warnings = limited_arm(document, Arms() if arms is None else arms)
     kind = LAWS.named_by(document.law, modules)
     seeks_posture = issubclass(kind, PostureLaw)
     start = start_posture(arm, document.start, OUTSIDE if seeks_posture else 0.0)
@@ -233,21 +235,20 @@ def _outside(arm: Arm, start: Array) -> list[str]:
     ]
 
 
-def _limited_arm(document: ExperimentDocument) -> tuple[Arm, list[str]]:
-    """Return the arm with the limits of the experiment, and warnings about both."""
-    published = _arm(document.arm)
+def limited_arm(document: ExperimentDocument, arms: Arms) -> tuple[Arm, list[str]]:
+    """Return the arm with the limits of the experiment, and warnings about both.
+
+    Args:
+        document: Document of the experiment.
+        arms: Arms that were loaded before.
+
+    Raises:
+        InvalidInputError: If a key of arm or limits is wrong.
+    """
+    published = arms.of(document.arm)
     limits = _limits(published, document.limits)
     arm = published.with_limits(limits)
     return arm, [*arm.warnings, *_widened(published, limits)]
-
-
-def _arm(description: str | Mapping[str, Any]) -> Arm:
-    if isinstance(description, str):
-        return load_arm(description)
-    fields = dict(description)
-    if not isinstance(model := fields.pop("model", None), str):
-        raise InvalidInputError("arm.model: must be given: a shipped arm or a model file")
-    return load_arm(model, **fields)
 
 
 def _limits(arm: Arm, bounds: Mapping[str, Any] | str) -> JointLimits:

@@ -33,11 +33,11 @@ from drake_rnn import (
     shipped_arms,
     shipped_experiments,
 )
+from drake_rnn.campaigns.sweep import parse_axis
 from drake_rnn.claims import SCHEMES, read_claims
 from drake_rnn.cli import app
 from drake_rnn.experiment import IntegratorSettings, parse_change
 from drake_rnn.inputs.fields import field_names
-from drake_rnn.runs.sweep import parse_axis
 
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 #: What stands for an experiment of the reader's own.

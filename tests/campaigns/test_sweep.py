@@ -1,7 +1,6 @@
 """One experiment at many values."""
 
 import csv
-import importlib
 import io
 import re
 
@@ -10,12 +9,10 @@ import pytest
 from rich.console import Console
 
 from drake_rnn import InvalidInputError, SimulationError, load_experiment, simulate, sweep
+from drake_rnn.campaigns import perform as performing
+from drake_rnn.campaigns.sweep import Row, parse_axis, write_csv
 from drake_rnn.cli.tables import WIDE, sweep_tables
 from drake_rnn.figures.sweep import sweep_figure
-from drake_rnn.runs.sweep import Row, parse_axis, write_csv
-
-# The module: the package shows its function by the same name.
-sweeping = importlib.import_module("drake_rnn.runs.sweep")
 
 KNOWN = "slc_nephroid_known"
 SHORT = {"duration": 0.05}
@@ -66,23 +63,23 @@ def test_two_axes_give_every_pair_the_last_one_fastest():
 
 
 def test_every_combination_is_checked_before_the_first_runs(monkeypatch):
-    def simulate(experiment):
+    def simulate(experiment, **how):
         raise AssertionError("simulated")
 
-    monkeypatch.setattr(sweeping, "simulate", simulate)
+    monkeypatch.setattr(performing, "simulate", simulate)
     with pytest.raises(InvalidInputError, match=r"law\.kappa: must be greater than 0, not -1"):
         sweep(KNOWN, {"law.kappa": [1, 2, -1]}, SHORT)
 
 
 def test_a_run_that_fails_takes_a_row_and_the_others_run(monkeypatch):
-    def simulate_or_fail(experiment):
+    def simulate_or_fail(experiment, **how):
         if experiment.document.seed == 2:
             error = SimulationError("controller: state v is no longer finite", 0.01)
             error.result = simulate(experiment)
             raise error
         return simulate(experiment)
 
-    monkeypatch.setattr(sweeping, "simulate", simulate_or_fail)
+    monkeypatch.setattr(performing, "simulate", simulate_or_fail)
     rows = sweep(KNOWN, {"seed": [1, 2, 3]}, SHORT)
     assert [row.failure is None for row in rows] == [True, False, True]
     assert rows[1].failure == "controller: state v is no longer finite (at t = 0.01 s)"

@@ -122,7 +122,7 @@ def row_values(campaign: CampaignDocument) -> Iterator[dict[str, Any]]:
     draw by draw. Values depend on the seed, the key and the number of the sample alone.
     """
     axes, groups, distributions = campaign.axes, campaign.groups, campaign.distributions
-    walked = [list(zip(*(axes[key].values for key in group), strict=True)) for group in groups]
+    walked = [list(zip(*(axes[key].listed() for key in group), strict=True)) for group in groups]
     samples = [
         {key: _drawn(one, campaign.seed, key, k) for key, one in distributions.items()}
         for k in range(campaign.samples or 1)

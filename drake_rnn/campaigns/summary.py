@@ -162,7 +162,7 @@ def _shares(lines: Sequence[Line], confidence: float) -> dict[str, Interval]:
     if expected:
         groups["all bounds"] = list(expected)
     if accepted and limits:
-        groups |= {"accept": list(accepted), "limits": limits}
+        groups |= {"accept": list(accepted), "limits that the law keeps": limits}
     groups |= {name: [name] for name in expected}
     return {
         group: share(sum(_keeps(line, names) for line in lines), len(lines), confidence)

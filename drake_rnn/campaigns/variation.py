@@ -18,10 +18,9 @@ from ..inputs.fields import Array, Count, Finite, FiniteEach, Positive, validate
 class Axis(ABC):
     """Values that are all run, in combination with those of the other keys."""
 
-    @property
     @abstractmethod
-    def values(self) -> list[Any]:
-        """The values, in their order."""
+    def listed(self) -> list[Any]:
+        """Return the values, in their order."""
 
 
 class Distribution(ABC):
@@ -50,6 +49,10 @@ class Values(Axis):
         if not self.values:
             raise ValueError("values: must not be empty")
 
+    def listed(self) -> list[Any]:
+        """Return the values, in their order."""
+        return self.values
+
 
 @validated
 class Range(Axis):
@@ -74,9 +77,8 @@ class Range(Axis):
         if self.spacing == "log" and self.low <= 0:
             raise ValueError(f"low: must be greater than 0 with log spacing, not {self.low:g}")
 
-    @property
-    def values(self) -> list[Any]:
-        """The values, in their order."""
+    def listed(self) -> list[Any]:
+        """Return the values, in their order."""
         low, high, steps = self.low, self.high, max(self.count - 1, 1)
         if self.spacing == "log":
             return [float(v) for v in np.geomspace(low, high, self.count)]

@@ -48,6 +48,7 @@ Check = Annotated[
 Anyway = Annotated[
     bool, typer.Option("--anyway", help="Run even if it may take more than three hours.")
 ]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Print only what went wrong.")]
 StoredSeries = Annotated[
     Series,
     typer.Option(

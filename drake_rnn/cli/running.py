@@ -25,6 +25,7 @@ from .options import (
     One,
     Out,
     Playback,
+    Quiet,
     Seed,
     Set,
     Several,
@@ -57,7 +58,7 @@ def run(  # noqa: PLR0913  one argument for each option
     check: Check = False,
     anyway: Anyway = False,
     series: StoredSeries = "full",
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print only what went wrong.")] = False,
+    quiet: Quiet = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print metrics and verdicts as JSON, nothing else.")
     ] = False,

@@ -130,10 +130,7 @@ def make_experiment(
     Raises:
         InvalidInputError: If a key is wrong; the message names it, its value and what it may be.
     """
-    if not isinstance(document, ExperimentDocument):
-        document = construct(ExperimentDocument, document, "")
-    if path is not None:
-        document = replace(document, path=GIVEN)
+    document = _checked(document, path is not None)
     feedback = _feedback(document)
     _require_plant(document)
     arm, warnings = limited_arm(document, Arms() if arms is None else arms)
@@ -144,10 +141,8 @@ def make_experiment(
     law = make_law(document, kind, arm.limits, start)
     delay = filter_delay(document, feedback, arm.limits, law)
     warnings += [*_outside(arm, start), *loop_delay_doubts(document, law, delay.loop)]
-    if isinstance(law, PostureLaw):
-        target, changes = reachable_target(document, arm, start, law.target)
-        law = replace(law, target=target)
-        warnings += changes
+    law, changes = _with_reachable_target(document, arm, start, law)
+    warnings += changes
     desired = path.placed_on(arm, start)
     _require_orientation_seen(law, desired)
     contact, doubts = make_contact(document, law, desired, arm, start, modules)
@@ -175,6 +170,25 @@ def make_experiment(
         path_delay=delay.path,
         warnings=(*warnings, *doubts_of(law, circumstances), *doubts),
     )
+
+
+def _checked(
+    document: Mapping[str, Any] | ExperimentDocument, path_is_given: bool
+) -> ExperimentDocument:
+    """Return a document whose keys were checked; with a path made in Python it only says so."""
+    if not isinstance(document, ExperimentDocument):
+        document = construct(ExperimentDocument, document, "")
+    return replace(document, path=GIVEN) if path_is_given else document
+
+
+def _with_reachable_target(
+    document: ExperimentDocument, arm: Arm, start: Array, law: Law
+) -> tuple[Law, list[str]]:
+    """Return the law with a target posture that can be reached, if it has one, and warnings."""
+    if not isinstance(law, PostureLaw):
+        return law, []
+    target, changes = reachable_target(document, arm, start, law.target)
+    return replace(law, target=target), changes
 
 
 def _feedback(document: ExperimentDocument) -> Feedback:

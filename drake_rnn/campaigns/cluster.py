@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from concurrent.futures import CancelledError
 from importlib import import_module
@@ -29,6 +30,8 @@ def cluster_at(address: str) -> DaskWorkers:
         InvalidInputError: If Dask is not installed, or nobody answers.
     """
     distributed = _dask()
+    # It tells at length of what is told here in a sentence.
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     try:
         client = distributed.Client(address, timeout=_PATIENCE, set_as_default=False)
     except (OSError, TimeoutError, ValueError, TypeError) as error:
@@ -45,6 +48,9 @@ class DaskWorkers(Workers):
         owned: Whether the client is closed in the end.
     """
 
+    # The scheduler itself has tried several workers before it gives a task up.
+    attempts = 2
+
     def __init__(self, client: Any, owned: bool = False) -> None:
         super().__init__(client)
         distributed = _dask()
@@ -56,7 +62,7 @@ class DaskWorkers(Workers):
         self.losses = (
             CancelledError,
             distributed.client.FutureCancelledError,
-            distributed.CommClosedError,
+            distributed.comm.CommClosedError,
         )
 
     @property

@@ -104,7 +104,7 @@ class CampaignDocument:
             if named.count(key) > 1:
                 raise ValueError(f"together: {key!r} is given twice")
         for group in self.together:
-            counts = {key: len(self.axes[key].listed()) for key in group}
+            counts = {key: self.axes[key].size for key in group}
             if len(set(counts.values())) > 1:
                 told = ", ".join(f"{key} has {count}" for key, count in counts.items())
                 raise ValueError(f"together: must have as many values as one another; {told}")
@@ -135,9 +135,7 @@ class CampaignDocument:
     def count(self) -> int:
         """Number of rows."""
         axes = self.axes
-        return math.prod(len(axes[group[0]].listed()) for group in self.groups) * (
-            self.samples or 1
-        )
+        return math.prod(axes[group[0]].size for group in self.groups) * (self.samples or 1)
 
 
 def shipped_campaigns() -> list[str]:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 from queue import Empty, SimpleQueue
-from typing import Any
 
+from ..errors import DrakeRnnError
+from ..inputs.own_code import described
 from .outcome import Order, Outcome
 from .perform import Perform
 from .workers import Handle, LostWorkersError, Workers
@@ -14,8 +15,6 @@ from .workers import Handle, LostWorkersError, Workers
 #: What is done with an outcome when it is there.
 Take = Callable[[Order, Outcome], None]
 
-#: Times that a run may lose its worker before it is named as what kills it.
-ATTEMPTS = 3
 # Time after which it is looked whether the workers are still there [s].
 _LOOK = 0.5
 
@@ -30,7 +29,7 @@ def carry_out(
     """Carry out orders; return whether all were, or False if the user has interrupted it.
 
     A task whose worker dies is split, and its orders are tried again when all others are done, one
-    at a time with nothing beside them, so that they cost no other run its worker. After three
+    at a time with nothing beside them, so that they cost no other run its worker. After a few
     deaths an order's outcome is that it killed its worker.
 
     Args:
@@ -86,7 +85,7 @@ class _Engine:
         try:
             handle = self._workers.submit(self._perform, list(task))
         except self._workers.losses as error:
-            raise LostWorkersError(f"the workers are lost: {_named(error)}") from error
+            raise LostWorkersError(f"the workers are lost: {described(error)}") from error
         self._running[handle] = task
         handle.add_done_callback(self._done.put)
 
@@ -105,8 +104,13 @@ class _Engine:
             self._mourn(task, error)
             return
         except self._workers.losses as error:
-            reason = self._workers.lost() or f"the workers are lost: {_named(error)}"
+            reason = self._workers.lost() or f"the workers are lost: {described(error)}"
             raise LostWorkersError(reason) from error
+        except DrakeRnnError:
+            raise
+        # What runs raise are outcomes: a task cannot be sent, or not be read where it arrives.
+        except Exception as error:
+            raise LostWorkersError(f"a worker cannot do its task: {described(error)}") from error
         for order, outcome in zip(task, outcomes, strict=True):
             self._take(order, outcome)
 
@@ -114,12 +118,8 @@ class _Engine:
         """Note that a task has lost its worker."""
         for order in task:
             deaths = self._deaths[order.key] = self._deaths.get(order.key, 0) + 1
-            if deaths < ATTEMPTS:
+            if deaths < self._workers.attempts:
                 self._suspects.append(order)
             else:
-                failure = f"its worker died {deaths} times, the last time alone: {_named(error)}"
+                failure = f"its worker died {deaths} times, the last time alone: {described(error)}"
                 self._take(order, Outcome("killed its worker", failure))
-
-
-def _named(error: BaseException) -> Any:
-    return f"{type(error).__name__}: {' '.join(str(error).split())}".rstrip(": ")

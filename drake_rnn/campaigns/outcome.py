@@ -73,15 +73,17 @@ class Outcome:
         }
 
     @classmethod
-    def of(cls, contents: dict[str, Any]) -> Outcome:
+    def of(cls, contents: Any) -> Outcome:
         """Return the outcome of its `contents`.
 
         Raises:
             ValueError: If they are no outcome.
         """
         names = {each.name for each in fields(cls)}
-        if not names <= contents.keys() or contents["status"] not in get_args(Ended):
+        if not isinstance(contents, dict) or not names <= contents.keys():
             raise ValueError("no outcome of a run")
+        if contents["status"] not in get_args(Ended):
+            raise ValueError(f"no status of a run: {contents['status']!r}")
         values = {name: contents[name] for name in names}
         values["accepted"] = tuple(values["accepted"])
         values["learning"] = tuple(values["learning"])

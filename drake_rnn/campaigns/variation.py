@@ -22,6 +22,11 @@ class Axis(ABC):
     def listed(self) -> list[Any]:
         """Return the values, in their order."""
 
+    @property
+    @abstractmethod
+    def size(self) -> int:
+        """Number of values, which need not be listed for it."""
+
 
 class Distribution(ABC):
     """Values that are drawn, one for each sample."""
@@ -52,6 +57,11 @@ class Values(Axis):
     def listed(self) -> list[Any]:
         """Return the values, in their order."""
         return self.values
+
+    @property
+    def size(self) -> int:
+        """Number of values."""
+        return len(self.values)
 
 
 @validated
@@ -85,6 +95,11 @@ class Range(Axis):
         if isinstance(low, int) and isinstance(high, int) and (high - low) % steps == 0:
             return [low + (high - low) // steps * k for k in range(self.count)]
         return [float(v) for v in np.linspace(low, high, self.count)]
+
+    @property
+    def size(self) -> int:
+        """Number of values."""
+        return self.count
 
 
 @validated
@@ -237,14 +252,16 @@ def _require_order(low: float | Array, high: float | Array) -> None:
     _require_sizes(low, high, "low", "high")
     if not np.all(np.asarray(low) <= np.asarray(high)):
         raise ValueError(f"high: must be at least low, {short(low)}, not {short(high)}")
-    if not np.all(np.isfinite(np.asarray(high) - np.asarray(low))):
+    with np.errstate(over="ignore"):
+        distance = np.asarray(high) - np.asarray(low)
+    if not np.all(np.isfinite(distance)):
         raise ValueError("high: is too far from low for a number")
 
 
 def _require_sizes(first: float | Array, second: float | Array, *names: str) -> None:
     sizes = {np.size(value) for value in (first, second) if np.ndim(value)}
     if len(sizes) > 1:
-        raise ValueError(f"{' and '.join(names)}: must have as many entries as one another")
+        raise ValueError(f"{names[1]}: must have as many entries as {names[0]}")
 
 
 def _plain(value: Any) -> Any:

@@ -36,7 +36,7 @@ class Executor(Protocol):
 
 
 class LostWorkersError(DrakeRnnError):
-    """A cluster or an executor that is there no more."""
+    """A cluster or an executor that is there no more, or that cannot carry out tasks."""
 
 
 class Workers:
@@ -49,10 +49,12 @@ class Workers:
     Attributes:
         deaths: What the future of a task raises whose worker has died.
         losses: What a future raises when the executor itself is lost.
+        attempts: Times that a run may lose its worker before it is named as what kills it.
     """
 
     deaths: tuple[type[BaseException], ...] = ()
     losses: tuple[type[BaseException], ...] = (BrokenExecutor, CancelledError)
+    attempts: int = 3
 
     def __init__(self, executor: Executor, slots: int | None = None) -> None:
         self._executor = executor

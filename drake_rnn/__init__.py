@@ -2,6 +2,7 @@
 
 from importlib.metadata import version
 
+from .campaigns import CampaignDocument, CampaignResult, read_campaign, run_campaign
 from .campaigns.sweep import sweep
 from .diagrams import AddLoop, Loop
 from .environments import (
@@ -126,6 +127,8 @@ __all__ = [
     "ArmReport",
     "Array",
     "Body",
+    "CampaignDocument",
+    "CampaignResult",
     "Cat",
     "Circle",
     "Circumstances",
@@ -218,6 +221,8 @@ __all__ = [
     "load_experiment",
     "make_experiment",
     "proposed_home",
+    "read_campaign",
+    "run_campaign",
     "shipped_arms",
     "shipped_experiments",
     "simulate",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from concurrent.futures import CancelledError
+from contextlib import suppress
 from importlib import import_module
 from time import monotonic
 from typing import Any
@@ -61,7 +62,6 @@ class DaskWorkers(Workers):
         self.deaths = (distributed.KilledWorker,)
         self.losses = (
             CancelledError,
-            distributed.client.FutureCancelledError,
             distributed.comm.CommClosedError,
         )
 
@@ -69,8 +69,9 @@ class DaskWorkers(Workers):
     def slots(self) -> int:
         """Number of tasks that are handed over at a time; workers may come and go."""
         if monotonic() - self._counted > _COUNT_AGAIN and not self.lost():
-            threads = self._client.scheduler_info(n_workers=-1)["workers"].values()
-            self._threads = sum(worker["nthreads"] for worker in threads)
+            # A scheduler that is lost meanwhile is noticed by what is on its way.
+            with suppress(OSError, TimeoutError):
+                self._threads = sum(self._client.nthreads().values())
             self._counted = monotonic()
         return _AHEAD * max(self._threads, 1)
 

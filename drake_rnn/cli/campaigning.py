@@ -39,7 +39,7 @@ from ..figures.campaign_page import write_campaign_page
 from .campaign_tables import shares_table, statistics_table, status_text
 from .completing import complete_campaigns
 from .console import FAILED, NOT_MET, err, errors, out, silenced, status
-from .options import Anyway, Check, Duration, Out, Quiet, Set, changes_of, require_writable
+from .options import Anyway, Check, DryRun, Duration, Out, Quiet, Set, changes_of, require_writable
 from .tables import WIDE
 
 # Time between two lines about the progress where there is no terminal [s].
@@ -75,10 +75,7 @@ def campaign(  # noqa: PLR0913  one argument for each option
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the summary as JSON, nothing else.")
     ] = False,
-    dry_run: Annotated[
-        bool,
-        typer.Option("--dry-run", help="Check the rows, and estimate the time; run nothing."),
-    ] = False,
+    dry_run: DryRun = False,
 ) -> None:
     """Run many variations of an experiment; what has ended is kept, and not run again."""
     with silenced(quiet or as_json):

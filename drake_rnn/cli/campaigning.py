@@ -39,7 +39,19 @@ from ..figures.campaign_page import write_campaign_page
 from .campaign_tables import shares_table, statistics_table, status_text
 from .completing import complete_campaigns
 from .console import FAILED, NOT_MET, err, errors, out, silenced, status
-from .options import Anyway, Check, DryRun, Duration, Out, Quiet, Set, changes_of, require_writable
+from .options import (
+    Anyway,
+    Check,
+    DryRun,
+    Duration,
+    Jobs,
+    Out,
+    Quiet,
+    Set,
+    changes_of,
+    require_writable,
+    tell_of_window,
+)
 from .tables import WIDE
 
 # Time between two lines about the progress where there is no terminal [s].
@@ -61,7 +73,7 @@ def campaign(  # noqa: PLR0913  one argument for each option
     samples: Annotated[
         int | None, typer.Option(min=1, help="Number of samples, in place of the campaign's.")
     ] = None,
-    jobs: Annotated[int, typer.Option(min=1, help="Number of runs at a time.")] = 1,
+    jobs: Jobs = 1,
     scheduler: Annotated[
         str | None,
         typer.Option(metavar="ADDRESS", help="Run on the Dask cluster of this scheduler."),
@@ -84,6 +96,7 @@ def campaign(  # noqa: PLR0913  one argument for each option
             with status(f"{campaign}: checking the rows"):
                 changed = changes_of(changes, None, duration)
                 plan = plan_campaign(read_campaign(campaign, **given), changed, anyway=anyway)
+            tell_of_window(plan.campaign.experiment, {**plan.campaign.changes, **changed})
             folder = out_folder / f"campaign_{plan.campaign.name or 'unnamed'}"
             if dry_run:
                 _print_plan(plan, folder, jobs, as_json)

@@ -31,6 +31,11 @@ CALLS = {
     "a playback of nothing": (lambda: d.write_playback(None, "out.html"), "result"),
     "a sweep over nothing": (lambda: d.sweep("pinv_line", None), "over"),
     "a sweep over one number": (lambda: d.sweep("pinv_line", {"law.damping": 3}), "over.law"),
+    "a campaign of a number": (lambda: d.run_campaign(3, "out"), "campaign"),
+    "a campaign in half a process": (
+        lambda: d.run_campaign("line_starts", "out", jobs=0.5),
+        "jobs",
+    ),
     "the reach of a name": (lambda: d.check_reach("pinv_line"), "experiment"),
     "a result in no folder": (lambda: d.Result.load(None), "folder"),
     "a self-motion of no arm": (lambda: d.SelfMotion(None, None), "arm"),

@@ -19,7 +19,8 @@ from .campaign import distribution_figure, sensitivity_figure
 _STYLE = """
 body { font: 14px/1.4 sans-serif; max-width: 72em; margin: 2em auto; padding: 0 1em; color: #222 }
 table { border-collapse: collapse; margin: 0 0 1.5em; display: block; overflow-x: auto }
-th, td { padding: .15em .7em; text-align: right; border-bottom: 1px solid #ddd; white-space: nowrap }
+th, td { padding: .15em .7em; text-align: right; border-bottom: 1px solid #ddd }
+td { white-space: nowrap }
 th:first-child, td:first-child, td.text { text-align: left }
 code { font-size: 12px } img { max-width: 100% } small { color: #666 }
 """

@@ -336,18 +336,18 @@ def test_killed_with_9_it_goes_on_and_the_table_is_the_same(file, tmp_path, undi
 @pytest.mark.long
 def test_killed_at_ten_moments_the_table_is_the_same(tmp_path):
     """The process itself and its workers, at random, by fixed seeds."""
-    campaign = {**LINE, "samples": 60}
+    campaign = {**LINE, "samples": 30}
     (tmp_path / "lines.yaml").write_text(to_yaml(campaign))
     run_campaign(campaign, tmp_path / "alone", jobs=0)
     rng = np.random.default_rng(0)
-    disturbed(tmp_path / "lines.yaml", tmp_path / "out", np.sort(rng.integers(1, 110, 5)).tolist())
+    disturbed(tmp_path / "lines.yaml", tmp_path / "out", np.sort(rng.integers(1, 55, 5)).tolist())
     table = (tmp_path / "out" / "campaign_lines" / "table.csv").read_bytes()
     assert table == (tmp_path / "alone" / "table.csv").read_bytes()
     killed = []
 
     def kill(ended, runs, outcome):
         children = [child.pid for child in active_children()]
-        if ended % 24 == 5 and children:
+        if ended % 12 == 5 and children:
             killed.append(ended)
             os.kill(children[int(rng.integers(len(children)))], signal.SIGKILL)
 

@@ -139,7 +139,7 @@ def test_a_run_that_fails_or_is_refused_is_a_row(tmp_path):
     found = rows(tmp_path)
     assert [row["status"] for row in found] == ["complete", "refused", "failed", "refused"]
     assert found[1]["failure"].startswith("path: out of reach")
-    assert found[2]["failure"].startswith("Fatal.step raised ValueError: its time has come (at t")
+    assert found[2]["failure"].startswith("controller: Fatal.step raised ValueError: its time has")
     # What it had until then is there.
     assert float(found[2]["until_s"]) == pytest.approx(0.011, abs=2e-3)
     assert found[2]["position_error_max_m"]

@@ -18,6 +18,7 @@ long: $(VENV)/installed-dev
 bench: $(VENV)/installed-dev
 	$(BIN)/python benchmarks/bench.py
 	$(BIN)/python benchmarks/contact_bench.py
+	$(BIN)/python benchmarks/batch_kinematics.py
 	$(BIN)/python benchmarks/run_bench.py
 
 tables: $(VENV)/installed

@@ -2,6 +2,7 @@
 
 from importlib.metadata import version
 
+from .arrays.jax_module import require_jax
 from .campaigns import CampaignDocument, CampaignResult, read_campaign, run_campaign
 from .campaigns.sweep import sweep
 from .diagrams import AddLoop, Loop
@@ -77,11 +78,14 @@ from .paths import (
 from .playback import write_playback
 from .robot.arm import Arm
 from .robot.arm_description import ArmDescription
+from .robot.arm_screws import screws_of
 from .robot.kinematics import ArmKinematics
 from .robot.limits import JointLimits
+from .robot.link_errors import LinkErrors, random_link_errors, with_link_errors
 from .robot.load_arm import load_arm, shipped_arms
 from .robot.postures import proposed_home
 from .robot.report import ArmReport, arm_report
+from .robot.screws import Screws, side_by_side
 from .robot.self_motion import SelfMotion
 from .robot.task import TASKS
 from .robot.tool_description import ToolDescription
@@ -165,6 +169,7 @@ __all__ = [
     "Law",
     "Layout",
     "Line",
+    "LinkErrors",
     "Loop",
     "ModelSurface",
     "MotionForce",
@@ -194,6 +199,7 @@ __all__ = [
     "SampledController",
     "SampledLaw",
     "SampledReading",
+    "Screws",
     "SelfMotion",
     "SensingSettings",
     "SensorSettings",
@@ -221,13 +227,18 @@ __all__ = [
     "load_experiment",
     "make_experiment",
     "proposed_home",
+    "random_link_errors",
     "read_campaign",
+    "require_jax",
     "run_campaign",
+    "screws_of",
     "shipped_arms",
     "shipped_experiments",
+    "side_by_side",
     "simulate",
     "sweep",
     "validated",
+    "with_link_errors",
     "write_figures",
     "write_playback",
 ]

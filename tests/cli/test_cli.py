@@ -61,7 +61,7 @@ def drawn():
 @pytest.fixture(autouse=True)
 def undrawn(request, monkeypatch):
     if "drawn" not in request.fixturenames:
-        monkeypatch.setattr("drake_rnn.cli.saving.write_figures", lambda result, folder: [])
+        monkeypatch.setattr("drake_rnn.cli.saving.draw_figures", lambda result, folder: [])
 
 
 @pytest.fixture

@@ -1,7 +1,7 @@
 """Mutants of laws, limits, metrics and evaluation: whether the quick tests see a changed sign.
 
 A mutant is a module with one change: another operator, comparison or number, a loop that does not
-run, a decorator that is missing. The tests that `tests_of.yaml` names for the module run against it
+run. The tests that `tests_of.yaml` names for the module run against it
 until one fails. A mutant that passes them all shows something that is not tested, or a change that
 makes no difference; those stand with their reason in `explained.yaml`.
 
@@ -19,8 +19,10 @@ import os
 import random
 import re
 import resource
+import signal
 import sys
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.abc import MetaPathFinder
 from importlib.machinery import SourceFileLoader
@@ -70,46 +72,54 @@ class Outcome:
 
 
 def places_of(module: str) -> list[tuple[str, int, int]]:
-    """Return where a module can be changed, but for its annotations, in an order of its own.
+    """Return where what a module does can be changed, in an order of its own.
 
     Each place is an operator, the number of its occurrence, and the line.
     """
     code = (PACKAGE / module).read_text()
-    nodes, annotations = list(ast_nodes(get_ast(code))), _annotations(code)
+    nodes, spared = list(ast_nodes(get_ast(code))), _declarations(code) | _stars(code)
     places = []
     for name in sorted(name for name in operator_names() if not _TRIVIAL.search(name)):
         operator = get_operator(name)()
         starts = [start for node in nodes for start, _ in operator.mutation_positions(node)]
-        for occurrence, start in enumerate(starts):
-            if start not in annotations:
-                places.append((name, occurrence, start[0]))
+        places += [(name, occurrence, start) for occurrence, start in enumerate(starts)]
     random.Random(module).shuffle(places)
-    return places
+    return [(name, k, start[0]) for name, k, start in places if start not in spared]
 
 
-def _annotations(code: str) -> set[tuple[int, int]]:
-    """Return the places of all tokens in annotations, which no test runs."""
-    tree, places = ast.parse(code), set()
-    within = [
-        annotation
-        for node in ast.walk(tree)
-        for annotation in (
-            node.annotation if isinstance(node, ast.arg | ast.AnnAssign) else None,
-            node.returns if isinstance(node, ast.FunctionDef) else None,
-        )
-        if annotation is not None
+def _declarations(code: str) -> set[tuple[int, int]]:
+    """Return the places of all tokens in annotations and decorators, which say and do nothing."""
+    within = []
+    for node in ast.walk(ast.parse(code)):
+        if isinstance(node, ast.arg | ast.AnnAssign):
+            within.append(node.annotation)
+        if isinstance(node, ast.FunctionDef):
+            within.append(node.returns)
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            within += node.decorator_list
+    spans = [
+        ((node.lineno, node.col_offset), (node.end_lineno, node.end_col_offset))
+        for node in within
+        if node is not None
     ]
+    starts = [leaf.start_pos for leaf in _leaves(code)]
+    return {start for start in starts if any(begin <= start < end for begin, end in spans)}
+
+
+def _stars(code: str) -> set[tuple[int, int]]:
+    """Return the places of stars that multiply nothing, as in ``*args``."""
+    return {
+        leaf.start_pos
+        for leaf in _leaves(code)
+        if leaf.value in ("*", "**", "/") and leaf.parent.type not in ("term", "power")
+    }
+
+
+def _leaves(code: str) -> Iterator[parso.tree.Leaf]:
     leaf = parso.parse(code).get_first_leaf()
     while leaf is not None:
-        if any(
-            (node.lineno, node.col_offset)
-            <= leaf.start_pos
-            < (node.end_lineno, node.end_col_offset)
-            for node in within
-        ):
-            places.add(leaf.start_pos)
+        yield leaf
         leaf = leaf.get_next_leaf()
-    return places
 
 
 def mutant_at(module: str, place: tuple[str, int, int]) -> Mutant:
@@ -177,6 +187,8 @@ def _run(mutant: Mutant | None, tests: list[str], answer) -> None:
     """Run tests in a process of its own, and send what failed first."""
     resource.setrlimit(resource.RLIMIT_CPU, (CPU_TIME, CPU_TIME))
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    # A shell that runs this in the background lets it ignore Ctrl-C, which tests send themselves.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     silence = os.open(os.devnull, os.O_WRONLY)
     for stream in (1, 2):
         os.dup2(silence, stream)

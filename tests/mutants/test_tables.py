@@ -1,7 +1,6 @@
 """The tables of mutants speak of modules, tests and lines that are there."""
 
 import pytest
-
 import tables
 
 

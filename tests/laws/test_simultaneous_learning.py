@@ -173,6 +173,22 @@ def test_substeps_keep_a_long_period_stable():
     assert np.abs(x).max() > 1e3
 
 
+@pytest.mark.parametrize(("rate", "period"), [(1e6, 0.02), (1e9, 1e-3)])
+def test_a_network_too_fast_for_its_samples_is_refused(rate, period):
+    """Its Euler steps are at most 1 / rate long, and a sample may take 10 000 of them."""
+    with pytest.raises(InvalidInputError, match=r"^law\.rate: .* substeps per period"):
+        law(rate=rate).sampled(period)
+    law(rate=rate).sampled(1e4 / rate)
+
+
+@pytest.mark.parametrize(("rate", "period", "fewest"), [(1000.0, 4e-3, 4), (50.0, 0.1, 5)])
+def test_substeps_too_few_for_the_velocity_limits_are_refused(rate, period, fewest):
+    """A step longer than 1 / rate takes v beyond the velocity that it tends to."""
+    law(rate=rate, substeps=fewest).sampled(period)
+    with pytest.raises(InvalidInputError, match=f"must be at least {fewest} "):
+        law(rate=rate, substeps=fewest - 1).sampled(period)
+
+
 boxes = arrays(float, 7, elements=st.floats(0.01, 1.0))
 points = arrays(float, 7, elements=st.floats(-3, 3))
 shares = arrays(float, 7, elements=st.floats(-1, 1))

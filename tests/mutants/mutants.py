@@ -1,9 +1,10 @@
 """Mutants of laws, limits, metrics and evaluation: whether the quick tests see a changed sign.
 
 A mutant is a module with one change: another operator, comparison or number, a loop that does not
-run. The tests that `tests_of.yaml` names for the module run against it
-until one fails. A mutant that passes them all shows something that is not tested, or a change that
-makes no difference; those stand with their reason in `explained.yaml`.
+run. Annotations and decorators are left alone, and so are changes that raise a TypeError at once.
+The tests that `tests_of.yaml` names for the module run against it until one fails. A mutant that
+passes them all shows something that is not tested, or a change that makes no difference; the latter
+stand with their reason in `explained.yaml`.
 
 Run ``python tests/mutants/mutants.py [number] [module ...]``. The sample is the same in each run,
 and a larger one holds the smaller one. Files are not changed: a mutant is imported in place of its
@@ -34,9 +35,8 @@ import pytest
 from cosmic_ray.ast import ast_nodes, get_ast
 from cosmic_ray.mutating import mutate_code
 from cosmic_ray.plugins import get_operator, operator_names
+from hypothesis import Phase, settings
 from tables import PACKAGE, explained, tests_of
-
-TESTS = PACKAGE.parent / "tests"
 
 #: Processor time after which a mutant's tests are taken to hang, which kills it [s]; and the same
 #: in real time, on a machine with other work.
@@ -173,6 +173,12 @@ class _FirstFailure:
     """The test that fails first, or the file that cannot be read."""
 
     found: str | None = None
+
+    def pytest_sessionstart(self):
+        # Which numbers a test fails with is not asked: looking for simple ones takes minutes.
+        phases = (Phase.explicit, Phase.generate)
+        settings.register_profile("mutants", settings.get_profile("repeatable"), phases=phases)
+        settings.load_profile("mutants")
 
     def pytest_runtest_logreport(self, report):
         if report.failed:

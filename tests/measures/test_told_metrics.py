@@ -12,9 +12,9 @@ TIME = np.arange(4.0)
 def test_a_command_is_missed_by_the_joint_and_by_the_tip_that_is_farthest_from_it():
     """The second joint by 0.25 rad at 1 s, and the tip by 3 m and 4 m at 2 s."""
     position = columns([1.0, 1.0, 1.0, 1.0], [2.0, 2.0, 2.0, 2.0])
-    commanded = position + [[0.0, 0.125], [0.125, -0.25], [0.125, 0.125], [0.0, 0.0]]
+    commanded = position + columns([0.0, 0.125, 0.125, 0.0], [0.125, -0.25, 0.125, 0.0])
     tip = columns([5.0, 5.0, 5.0, 5.0], [6.0, 6.0, 6.0, 6.0])
-    told = tip + [[0.0, 0.0], [1.0, 0.0], [-3.0, 4.0], [0.0, 2.0]]
+    told = tip + columns([0.0, 1.0, -3.0, 0.0], [0.0, 0.0, 4.0, 2.0])
     moved = motion(
         TIME, position=position, position_commanded=commanded, p_WE=tip, p_WE_commanded=told
     )

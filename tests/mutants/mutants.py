@@ -245,12 +245,25 @@ def main() -> int:
     table = tests_of()
     mutants = sample(arguments.number, list(table), arguments.modules)
     load_what_never_changes()
-    outcomes = []
+    reasons, outcomes = _reasons(), []
     for k, mutant in enumerate(mutants, start=1):
+        if (mutant.module, mutant.was, mutant.now) in reasons:
+            # It would pass all tests, and take the longest.
+            outcomes.append(Outcome(mutant, None, 0.0))
+            continue
         tests = [str(Path("tests") / file) for file in table[mutant.module]]
         outcomes.append(Outcome(mutant, *outcome(mutant, tests)))
         _say(k, len(mutants), outcomes[-1])
     return report(outcomes)
+
+
+def _reasons() -> dict[tuple[str, str, str], str]:
+    """Return why a mutant cannot be killed, by module, what was and what is."""
+    return {
+        (module, entry["was"], entry["now"]): entry["why"]
+        for module, entries in explained().items()
+        for entry in entries
+    }
 
 
 def _say(k: int, of: int, outcome: Outcome) -> None:
@@ -264,13 +277,9 @@ def _say(k: int, of: int, outcome: Outcome) -> None:
 
 def report(outcomes: list[Outcome]) -> int:
     """Print the table and the survivors; return 1 if one of them is not explained."""
-    known = {
-        (module, entry["was"], entry["now"]): entry["why"]
-        for module, entries in explained().items()
-        for entry in entries
-    }
+    reasons = _reasons()
     survivors = [o.mutant for o in outcomes if o.killer is None]
-    unexplained = [m for m in survivors if (m.module, m.was, m.now) not in known]
+    unexplained = [m for m in survivors if (m.module, m.was, m.now) not in reasons]
     print(f"\n{'module':40} {'mutants':>8} {'killed':>8} {'explained':>10}")
     for module in sorted({o.mutant.module for o in outcomes}):
         print(_row(module, [o for o in outcomes if o.mutant.module == module], unexplained))

@@ -38,9 +38,9 @@ from cosmic_ray.plugins import get_operator, operator_names
 from hypothesis import Phase, settings
 from tables import PACKAGE, explained, tests_of
 
-#: Processor time after which a mutant's tests are taken to hang, which kills it [s]; and the same
-#: in real time, on a machine with other work.
-CPU_TIME, WALL_TIME = 150, 1200
+#: Processor time after which a test is taken to hang, which kills its mutant [s]; and real time after
+#: which all of a mutant's tests are, for what hangs without computing.
+CPU_TIME, WALL_TIME = 120, 3600
 #: Memory that a mutant may ask for [bytes].
 MEMORY = 16 * 2**30
 
@@ -170,7 +170,7 @@ class _InPlaceOf(MetaPathFinder):
 
 
 class _FirstFailure:
-    """The test that fails first, or the file that cannot be read."""
+    """The test that fails first, or the file that cannot be read; it also limits each test's time."""
 
     found: str | None = None
 
@@ -179,6 +179,10 @@ class _FirstFailure:
         phases = (Phase.explicit, Phase.generate)
         settings.register_profile("mutants", settings.get_profile("repeatable"), phases=phases)
         settings.load_profile("mutants")
+
+    def pytest_runtest_logstart(self):
+        until = int(time.process_time()) + CPU_TIME
+        resource.setrlimit(resource.RLIMIT_CPU, (until, resource.RLIM_INFINITY))
 
     def pytest_runtest_logreport(self, report):
         if report.failed:
@@ -191,7 +195,7 @@ class _FirstFailure:
 
 def _run(mutant: Mutant | None, tests: list[str], answer) -> None:
     """Run tests in a process of its own, and send what failed first."""
-    resource.setrlimit(resource.RLIMIT_CPU, (CPU_TIME, CPU_TIME))
+    resource.setrlimit(resource.RLIMIT_CPU, (CPU_TIME, resource.RLIM_INFINITY))
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     # A shell that runs this in the background lets it ignore Ctrl-C, which tests send themselves.
     signal.signal(signal.SIGINT, signal.default_int_handler)

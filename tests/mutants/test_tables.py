@@ -10,7 +10,9 @@ def test_every_module_in_the_rooms_has_its_tests():
     for module, tests in found.items():
         assert tests, module
         for test in tests:
-            assert (tables.PACKAGE.parent / "tests" / test).is_file(), (module, test)
+            file, _, name = test.partition("::")
+            written = (tables.PACKAGE.parent / "tests" / file).read_text()
+            assert f"def {name}" in written, (module, test)
 
 
 def test_a_module_that_nobody_tests_is_named(monkeypatch):

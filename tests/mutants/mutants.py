@@ -38,8 +38,8 @@ from cosmic_ray.plugins import get_operator, operator_names
 from hypothesis import Phase, settings
 from tables import PACKAGE, explained, tests_of
 
-#: Processor time after which a test is taken to hang, which kills its mutant [s]; and real time after
-#: which all of a mutant's tests are, for what hangs without computing.
+#: Processor time after which a test is taken to hang, which kills its mutant [s]; and real time
+#: after which all of its tests are, for what hangs without computing.
 CPU_TIME, WALL_TIME = 120, 3600
 #: Memory that a mutant may ask for [bytes].
 MEMORY = 16 * 2**30
@@ -170,7 +170,7 @@ class _InPlaceOf(MetaPathFinder):
 
 
 class _FirstFailure:
-    """The test that fails first, or the file that cannot be read; it also limits each test's time."""
+    """The test that fails first, or the file that cannot be read; each has its time."""
 
     found: str | None = None
 

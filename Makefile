@@ -19,6 +19,8 @@ long: $(VENV)/installed-dev
 bench: $(VENV)/installed-dev
 	$(BIN)/python benchmarks/bench.py
 	$(BIN)/python benchmarks/contact_bench.py
+	$(BIN)/python benchmarks/batch_kinematics.py
+	$(BIN)/python benchmarks/run_bench.py
 
 mutants: $(VENV)/installed-mutants
 	MPLBACKEND=Agg OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 \

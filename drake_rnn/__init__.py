@@ -2,6 +2,7 @@
 
 from importlib.metadata import version
 
+from .arrays.jax_module import require_jax
 from .diagrams import AddLoop, Loop
 from .environments import (
     ENVIRONMENTS,
@@ -75,11 +76,14 @@ from .paths import (
 from .playback import write_playback
 from .robot.arm import Arm
 from .robot.arm_description import ArmDescription
+from .robot.arm_screws import screws_of
 from .robot.kinematics import ArmKinematics
 from .robot.limits import JointLimits
+from .robot.link_errors import LinkErrors, random_link_errors, with_link_errors
 from .robot.load_arm import load_arm, shipped_arms
 from .robot.postures import proposed_home
 from .robot.report import ArmReport, arm_report
+from .robot.screws import Screws, side_by_side
 from .robot.self_motion import SelfMotion
 from .robot.task import TASKS
 from .robot.tool_description import ToolDescription
@@ -162,6 +166,7 @@ __all__ = [
     "Law",
     "Layout",
     "Line",
+    "LinkErrors",
     "Loop",
     "ModelSurface",
     "MotionForce",
@@ -191,6 +196,7 @@ __all__ = [
     "SampledController",
     "SampledLaw",
     "SampledReading",
+    "Screws",
     "SelfMotion",
     "SensingSettings",
     "SensorSettings",
@@ -218,11 +224,16 @@ __all__ = [
     "load_experiment",
     "make_experiment",
     "proposed_home",
+    "random_link_errors",
+    "require_jax",
+    "screws_of",
     "shipped_arms",
     "shipped_experiments",
+    "side_by_side",
     "simulate",
     "sweep",
     "validated",
+    "with_link_errors",
     "write_figures",
     "write_playback",
 ]

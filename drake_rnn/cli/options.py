@@ -57,6 +57,22 @@ StoredSeries = Annotated[
 ]
 Figures = Annotated[bool, typer.Option("--figures/--no-figures", help="Draw figures.")]
 Playback = Annotated[bool, typer.Option(help="Write playback.html.")]
+Beside = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="EXPERIMENT",
+        help="Run this one first, and show its path beside the others' in their playbacks; "
+        "repeatable.",
+    ),
+]
+Jobs = Annotated[int, typer.Option(min=1, help="Number of runs at a time.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Print only what went wrong.")]
+AsJson = Annotated[
+    bool, typer.Option("--json", help="Print metrics and verdicts as JSON, nothing else.")
+]
+DryRun = Annotated[
+    bool, typer.Option("--dry-run", help="Check all, warn, and estimate the time; run nothing.")
+]
 Duration = Annotated[
     float | None,
     typer.Option(help="Simulated time [s]; a window that ends later is dropped."),

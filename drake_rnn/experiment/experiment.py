@@ -25,7 +25,7 @@ from ..robot.task import Task, named_task
 from ..systems import BODIES, Body, Contact, Feedback, PlantSettings, start_posture
 from .contact import make_contact
 from .document import ExperimentDocument
-from .filter import filter_delay, kept_limits, loop_delay_doubts
+from .filter import FilterDelay, filter_delay, kept_limits, loop_delay_doubts
 from .law import make_law
 from .path import GIVEN, path_of
 from .target import reachable_target
@@ -64,7 +64,7 @@ class Experiment:
     contact: Contact | None
     feedback: Feedback
     path_delay: float
-    warnings: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -86,7 +86,13 @@ class Experiment:
 
     @property
     def kept_limits(self) -> tuple[str, ...]:
-        """Names of the limits that the law, or the filter behind it, keeps by construction."""
+        """Names of the limits of the arm that the law or a filter behind it keeps by construction.
+
+        None of an arm that does not move as it is told, because of its motors or of a noise.
+        """
+        dither = self.document.dither
+        if self.level.has_motors or (dither is not None and dither.model == "actuated"):
+            return ()
         return kept_limits(self.document, self.feedback, self.limits, self.law)
 
     @property
@@ -149,29 +155,39 @@ def make_experiment(
     desired = path.placed_on(arm, start)
     _require_orientation_seen(law, desired)
     contact, doubts = make_contact(document, law, desired, arm, start, modules)
-    kinematics, task = arm.kinematics(), named_task(document.task)
-    p_WE = kinematics.p_WE(start)
-    circumstances = Circumstances(
-        loop_delay=delay.loop,
-        reference_is_delayed=delay.path > 0.0,
-        pressing_force=None if contact is None else contact.force.value,
-        path_turns=desired.turns,
-        start_offset=None if seeks_posture else task.position(desired.position(0.0)[0] - p_WE),
-        J=None if seeks_posture else task.position(kinematics.J(start)),
-    )
-    return Experiment(
+    kinematics = arm.kinematics()
+    found = Experiment(
         document=document,
         arm=arm,
         law=law,
         path=path,
         desired=desired,
         start=start,
-        p_WE_start=p_WE,
+        p_WE_start=kinematics.p_WE(start),
         R_WE_start=kinematics.R_WE(start),
         contact=contact,
         feedback=feedback,
         path_delay=delay.path,
-        warnings=(*warnings, *doubts_of(law, circumstances), *doubts),
+    )
+    unsure = doubts_of(law, _circumstances(found, delay))
+    return replace(found, warnings=(*warnings, *unsure, *doubts))
+
+
+def _circumstances(experiment: Experiment, delay: FilterDelay) -> Circumstances:
+    """Return what a law may have doubts about."""
+    desired, contact = experiment.desired, experiment.contact
+    offset = J = None
+    if experiment.target is None:
+        position = experiment.task.position
+        offset = position(desired.position(0.0)[0] - experiment.p_WE_start)
+        J = position(experiment.arm.kinematics().J(experiment.start))
+    return Circumstances(
+        loop_delay=delay.loop,
+        reference_is_delayed=delay.path > 0.0,
+        pressing_force=None if contact is None else contact.force.value,
+        path_turns=desired.turns,
+        start_offset=offset,
+        J=J,
     )
 
 

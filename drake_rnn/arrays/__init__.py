@@ -1,0 +1,1 @@
+"""What lets algebra be written once for NumPy's arrays and JAX's."""

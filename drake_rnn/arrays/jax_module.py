@@ -1,0 +1,26 @@
+"""JAX, which an ordinary installation does not have."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+from ..errors import InvalidInputError
+
+
+def require_jax() -> Any:
+    """Return the module ``jax``, with numbers of 64 bits switched on, for the whole process.
+
+    Arrays that JAX makes before have 32 bits, and are refused where it matters.
+
+    Raises:
+        InvalidInputError: If JAX is not installed.
+    """
+    try:
+        jax = import_module("jax")
+    except ImportError:
+        raise InvalidInputError(
+            'jax: is not installed; get it with pip install "drake-rnn[jax]"'
+        ) from None
+    jax.config.update("jax_enable_x64", True)
+    return jax

@@ -1,0 +1,63 @@
+"""The functions that belong to an array, NumPy's or JAX's, and where its robots' numbers lie."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..errors import InvalidInputError
+from ..inputs.complaints import short
+
+#: An array of NumPy or of JAX, or what JAX traces in place of one.
+AnyArray = Any
+
+
+def namespace(name: str, array: AnyArray) -> Any:
+    """Return the module whose functions take this array: ``numpy`` or ``jax.numpy``.
+
+    Args:
+        name: Name of the array in the message.
+        array: The array.
+
+    Raises:
+        InvalidInputError: If it is no such array, or not of 64 bits; what JAX makes before
+            `drake_rnn.arrays.jax_module.require_jax` was called has 32.
+    """
+    # NumPy 1 has no __array_namespace__.
+    if isinstance(array, np.ndarray):
+        xp: Any = np
+    else:
+        try:
+            xp = array.__array_namespace__()
+        except AttributeError:
+            raise InvalidInputError(
+                f"{name}: must be an array of NumPy or JAX, not {short(array)}"
+            ) from None
+    if array.dtype != np.float64:
+        raise InvalidInputError(
+            f"{name}: must be of float64, not {array.dtype}; in JAX, call require_jax() first"
+        )
+    return xp
+
+
+def robots_last(array: AnyArray, axes: int) -> AnyArray:
+    """Return an array with the last ``axes`` of its axes in front, and robots side by side.
+
+    A number of the arm, e.g. the position of its third joint, then lies next to the same number of
+    the next robot, as elementwise operations like it. What comes of these keeps this order, so
+    that nothing is copied here or later when it comes back.
+    """
+    moved = in_front(array, axes)
+    return np.ascontiguousarray(moved) if isinstance(moved, np.ndarray) else moved
+
+
+def in_front(array: AnyArray, axes: int) -> AnyArray:
+    """Return a view of an array with the last ``axes`` of its axes in front."""
+    lead = array.ndim - axes
+    return array.transpose(*range(lead, array.ndim), *range(lead))
+
+
+def robots_first(array: AnyArray, axes: int) -> AnyArray:
+    """Return a view of an array with the first ``axes`` of its axes last: undo `in_front`."""
+    return array.transpose(*range(axes, array.ndim), *range(axes))

@@ -1,0 +1,86 @@
+"""The screws of an arm, read from Drake's model of it."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import Joint, PrismaticJoint, RevoluteJoint
+
+from ..errors import InvalidInputError
+from ..inputs.complaints import require_type
+from ..inputs.fields import Array
+from .arm import Arm
+from .screws import Screws
+
+# Sines of pi leave such traces in the frames of a model; of numbers of the size of 1.
+_ROUNDING = 1e-15
+
+
+def screws_of(arm: Arm) -> Screws:
+    """Return the joints and the task frame of an arm where all joints are at zero.
+
+    Tool and base are part of it, and joints that are held, where they stand.
+
+    Args:
+        arm: The arm, of revolute and prismatic joints.
+
+    Raises:
+        InvalidInputError: If ``arm`` is no `Arm`, no joint moves E, or one of another kind does.
+    """
+    require_type("arm", arm, Arm)
+    plant = arm.plant()
+    context = plant.CreateDefaultContext()
+    plant.SetPositions(context, np.zeros(plant.num_positions()))
+    E = plant.GetFrameByName(arm.frame)
+    joints = _joints_to(plant, E.body().index())
+    if not joints:
+        raise InvalidInputError(f"arm.frame: no joint moves {arm.frame!r}")
+    axes, points, frames = [], [np.zeros(3)], []
+    for joint in joints:
+        X_WF = joint.frame_on_parent().CalcPoseInWorld(context)
+        R_WF = X_WF.rotation().matrix()
+        axes.append(R_WF @ _axis(joint))
+        points.append(X_WF.translation())
+        frames.append(R_WF)
+    X_WE = E.CalcPoseInWorld(context)
+    points.append(X_WE.translation())
+    return Screws(
+        axes=_rounded(np.array(axes)),
+        offsets=_rounded(np.diff(points, axis=0)),
+        R_WE=_rounded(X_WE.rotation().matrix()),
+        R_WF=_rounded(np.array(frames)),
+        slides=tuple(isinstance(joint, PrismaticJoint) for joint in joints),
+        columns=tuple(arm.joints.index(joint.name()) for joint in joints),
+        n=arm.n,
+    )
+
+
+def _joints_to(plant: MultibodyPlant, body: int) -> list[Joint]:
+    """Return the movable joints from the base to a body."""
+    holders = {
+        joint.child_body().index(): joint for joint in map(plant.get_joint, plant.GetJointIndices())
+    }
+    joints: list[Joint] = []
+    while (joint := holders.get(body)) is not None:
+        if joint.num_positions():
+            joints.insert(0, joint)
+        body = joint.parent_body().index()
+    return joints
+
+
+def _axis(joint: Joint) -> Array:
+    """Return the axis of a joint in its frame on the parent."""
+    if isinstance(joint, RevoluteJoint):
+        return np.asarray(joint.revolute_axis())
+    if isinstance(joint, PrismaticJoint):
+        return np.asarray(joint.translation_axis())
+    raise InvalidInputError(
+        f"arm.joints: {joint.name()!r} is a {joint.type_name()} joint; kinematics for many know "
+        "only revolute and prismatic ones"
+    )
+
+
+def _rounded(values: Array) -> Array:
+    """Return values with 0, 1 and -1 in place of what differs from them by rounding alone."""
+    near = np.round(np.clip(values, -1.0, 1.0))
+    return np.where(np.abs(values - near) < _ROUNDING, near, values)

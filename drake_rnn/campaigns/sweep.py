@@ -15,7 +15,7 @@ import numpy as np
 
 from ..errors import DrakeRnnError, InvalidInputError
 from ..experiment import Arms, Described, Experiment, load_experiment, read_document
-from ..inputs.complaints import require_type
+from ..inputs.complaints import require_type, short
 from ..inputs.documents import parse_yaml
 from ..inputs.fields import Array
 from ..runs.simulation import check_experiment
@@ -26,6 +26,9 @@ from .perform import simulate_each
 from .plan import order_of, shared_document
 from .store import RowStore
 from .workers import Processes, ThisProcess
+
+#: Values of the swept keys, and the run that they stand for.
+Planned = tuple[tuple[Any, ...], Order]
 
 
 @dataclass(frozen=True)
@@ -103,12 +106,21 @@ def sweep(
             is both swept and changed, or other processes do not know the classes that it names.
         InterruptedSweepError: If it is interrupted from the keyboard; it has the rows so far.
     """
-    require_type("over", over, Mapping)
-    for key, values in over.items():
-        require_type(f"over.{key}", values, list, tuple)
-    if both := sorted(over.keys() & (changes or {}).keys()):
-        raise InvalidInputError(f"--over: {both[0]!r} is also set; it cannot be both")
-    orders = _orders(experiment, over, changes or {}, anyway)
+    orders = planned(experiment, over, changes, anyway=anyway)
+    return run_planned(orders, processes, done, keep)
+
+
+def run_planned(
+    orders: Sequence[Planned],
+    processes: int = 1,
+    done: Callable[[Row], None] | None = None,
+    keep: Path | None = None,
+) -> list[Row]:
+    """Make the runs of a sweep; arguments, result and errors are those of `sweep`."""
+    if not isinstance(processes, int) or processes < 1:
+        raise InvalidInputError(
+            f"processes: must be a whole number of at least 1, not {short(processes)}"
+        )
     store = None if keep is None else RowStore(keep)
     with nullcontext() if store is None else store.claimed():
         rows = _Rows(orders, store, processes > 1, done)
@@ -121,13 +133,22 @@ def sweep(
     return rows.ended()
 
 
-def _orders(
+def planned(
     experiment: Described,
     over: Mapping[str, Sequence[Any]],
-    changes: Mapping[str, Any],
-    anyway: bool,
-) -> list[tuple[tuple[Any, ...], Order]]:
-    """Return the values and the order of each combination, each checked as a whole."""
+    changes: Mapping[str, Any] | None = None,
+    *,
+    anyway: bool = False,
+) -> list[Planned]:
+    """Return the runs of a sweep, each checked as a whole; the arguments are those of `sweep`.
+
+    Raises:
+        InvalidInputError: As `sweep` does.
+    """
+    _check_axes(over)
+    changes = changes or {}
+    if both := sorted(over.keys() & changes.keys()):
+        raise InvalidInputError(f"--over: {both[0]!r} is also set; it cannot be both")
     base = shared_document(experiment, changes)
     arms, followed = Arms(), set[str]()
     orders = []
@@ -141,6 +162,20 @@ def _orders(
         contents = read_document(base, changed)
         orders.append((values, order_of(contents, anyway=anyway, learning=True)))
     return orders
+
+
+def _check_axes(over: Mapping[str, Sequence[Any]]) -> None:
+    """Raise an InvalidInputError unless each key has values, none of them twice."""
+    require_type("over", over, Mapping)
+    if not over:
+        raise InvalidInputError("over: must have one key or more, not {}")
+    for key, values in over.items():
+        require_type(f"over.{key}", values, list, tuple)
+        if not values:
+            raise InvalidInputError(f"over.{key}: must have one value or more, not []")
+        told = [short(value) for value in values]
+        if twice := [each for each in told if told.count(each) > 1]:
+            raise InvalidInputError(f"over.{key}: has the value {twice[0]} twice")
 
 
 #: Keys of a document that decide whether its path is in reach, with what its law holds.
@@ -165,7 +200,7 @@ class _Rows:
 
     def __init__(
         self,
-        orders: Sequence[tuple[tuple[Any, ...], Order]],
+        orders: Sequence[Planned],
         store: RowStore | None,
         apart: bool,
         done: Callable[[Row], None] | None,

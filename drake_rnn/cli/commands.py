@@ -20,6 +20,7 @@ from .new import new
 from .running import run, run_fastest
 from .showing import show
 from .sweeping import sweep
+from .usage import Commands
 
 
 def _print_version(asked: bool) -> None:
@@ -40,6 +41,7 @@ def common(
 
 
 app = typer.Typer(
+    cls=Commands,
     no_args_is_help=True,
     rich_markup_mode=None,  # it would read [s] as a style
     pretty_exceptions_enable=False,

@@ -9,8 +9,14 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from ..campaigns.sweep import InterruptedSweepError, Row, parse_axis, write_csv
-from ..campaigns.sweep import sweep as run_sweep
+from ..campaigns.sweep import (
+    InterruptedSweepError,
+    Row,
+    parse_axis,
+    planned,
+    run_planned,
+    write_csv,
+)
 from ..errors import InvalidInputError
 from ..experiment import load_experiment
 from ..figures.learning import learning_figure
@@ -56,6 +62,7 @@ def sweep(  # noqa: PLR0913  one argument for each option
         if not axes:
             raise InvalidInputError(f"--over: must be given; {experiment} has no values of its own")
         keys = list(axes)
+        orders = planned(experiment, axes, changed, anyway=anyway)
         folder = out_folder / f"sweep_{Path(experiment).stem}_{'_'.join(keys)}"
         require_writable(folder)
 
@@ -64,8 +71,7 @@ def sweep(  # noqa: PLR0913  one argument for each option
 
         missing: list[tuple[Any, ...]] = []
         try:
-            keep = folder / ".rows"
-            rows = run_sweep(experiment, axes, changed, jobs, done, anyway=anyway, keep=keep)
+            rows = run_planned(orders, jobs, done, keep=folder / ".rows")
         except InterruptedSweepError as error:
             rows, missing = error.rows, error.missing
         write_csv(folder / "sweep.csv", keys, rows)

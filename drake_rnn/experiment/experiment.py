@@ -27,7 +27,7 @@ from .contact import make_contact
 from .document import ExperimentDocument
 from .filter import FilterDelay, filter_delay, kept_limits, loop_delay_doubts
 from .law import make_law
-from .path import GIVEN, path_of
+from .path import GIVEN, doubts_of_path, path_of
 from .target import reachable_target
 
 #: How far the start may lie outside the position limits for a law that brings it back [rad].
@@ -146,6 +146,7 @@ def make_experiment(
     path = path_of(document, seeks_posture, as_path(path), modules)
     law = make_law(document, kind, arm.limits, start)
     delay = filter_delay(document, feedback, arm.limits, law)
+    warnings += doubts_of_path(path, document.duration)
     warnings += [*_outside(arm, start), *loop_delay_doubts(document, law, delay.loop)]
     law, changes = _with_reachable_target(document, arm, start, law)
     warnings += changes

@@ -110,6 +110,9 @@ def _checked(changes: Mapping[str, Any] | None) -> Mapping[str, Any]:
         raise InvalidInputError(
             f"changes: must be a mapping of dotted keys to values, not {short(changes)}"
         )
+    for key in changes:
+        if not all(part.strip() for part in key.split(".")):
+            raise InvalidInputError(f"{key!r}: must be a dotted key, e.g. law.kappa")
     return changes
 
 

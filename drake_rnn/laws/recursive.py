@@ -43,12 +43,17 @@ from typing import Literal
 
 import numpy as np
 
-from ..inputs.fields import Array, Positive, Vector, validated
+from ..inputs.fields import Array, Gain, Vector, validated
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
-from .law import Layout, SampledLaw, Signals
+from .law import SampledLaw
+from .layout import Layout, Signals
 from .parts.kept_limits import kept_with_lag
 
 _ORDERS = tuple(DERIVATIVE_UNITS)
+
+
+# [1/s]
+_STRONGEST = 1e9
 
 
 @validated
@@ -69,7 +74,7 @@ class Recursive(SampledLaw):
     gains: Vector
     reading: Literal["printed", "filters"] = "printed"
     time_constants: Vector | None = None
-    limit_stiffness: Positive = 1.0
+    limit_stiffness: Gain = 1.0
     task_size: Literal[2, 3] = 3
 
     stays_on_path = True
@@ -78,8 +83,10 @@ class Recursive(SampledLaw):
         n = self.gains.size
         if not 1 <= n <= len(_ORDERS):
             raise ValueError(f"gains: must have 1 to {len(_ORDERS)} entries, not {n}")
-        if not (self.gains > 0).all():
-            raise ValueError(f"gains: must be positive, not {self.gains.tolist()}")
+        if not ((self.gains > 0) & (self.gains <= _STRONGEST)).all():
+            raise ValueError(
+                f"gains: must be positive, and at most {_STRONGEST:g} /s, not {self.gains.tolist()}"
+            )
         if (self.reading == "filters") != (self.time_constants is not None):
             raise ValueError(
                 "time_constants: must be given with reading: filters, one per level, and only then"

@@ -443,18 +443,6 @@ def test_bounds_kept_from_sample_to_sample_cannot_be_integrated():
         ContinuousController(make(bounds="all"))
 
 
-def test_bounds_broken_unknown_to_the_law_are_told_of():
-    far = {"position_violation_max_rad": 0.1, "velocity_violation_max_rad_s": 0.25}
-    (position, velocity) = make().caveats({**far, "jerk_violation_max_rad_s3": 7.0})
-    assert position == (
-        "law: position limits, which this law does not consider, were exceeded by up to 0.1 rad; "
-        "a sampled law with law.bounds: all keeps them"
-    )
-    assert "velocity limits" in velocity
-    assert "0.25 rad/s; " in velocity
-    assert make(bounds="all").caveats(far) == []
-
-
 @pytest.mark.parametrize("reading", ["continuous", "sampled"])
 def test_a_step_too_long_is_suspected_only_of_an_integrator(reading):
     """A sampled reading takes implicit steps, whose length does not matter."""

@@ -94,7 +94,7 @@ class JointDriftFree(ContinuousLaw):
         return_beta, return_gamma: Roots of the joints' return [1/s].
         task_beta, task_gamma: Roots of the position feedback [1/s].
         position_gain: Gain of the position feedback.
-        velocity_gain: Gain of the gradient of the velocity error [1/(m^2 s)].
+        velocity_gain: Annotated[Positive, between(0.0, 1e9)] of the gradient of the velocity error [1/(m^2 s)].
         composite_gain: Gain of the position error added to the velocity error [1/s].
         rate: Rate of omega [1/(m^2 s)].
         alpha: Weight of the kinematics in MOALJDF, 0.995 by default; the torque's is 1 - alpha.

@@ -52,10 +52,6 @@ from .parts.kept_limits import kept_with_lag
 _ORDERS = tuple(DERIVATIVE_UNITS)
 
 
-# [1/s]
-_STRONGEST = 1e9
-
-
 @validated
 class Recursive(SampledLaw):
     """The recursive network of n = 1 to 5 levels, as printed or as filters.
@@ -83,10 +79,8 @@ class Recursive(SampledLaw):
         n = self.gains.size
         if not 1 <= n <= len(_ORDERS):
             raise ValueError(f"gains: must have 1 to {len(_ORDERS)} entries, not {n}")
-        if not ((self.gains > 0) & (self.gains <= _STRONGEST)).all():
-            raise ValueError(
-                f"gains: must be positive, and at most {_STRONGEST:g} /s, not {self.gains.tolist()}"
-            )
+        if not (self.gains > 0).all():
+            raise ValueError(f"gains: must be positive, not {self.gains.tolist()}")
         if (self.reading == "filters") != (self.time_constants is not None):
             raise ValueError(
                 "time_constants: must be given with reading: filters, one per level, and only then"

@@ -376,16 +376,3 @@ def test_the_printed_gain_does_not_give_table_1():
     fitted = run("galjdf_table1").metrics["position_error_component_max_m"]
     assert at_printed_gain < 0.1 * printed
     assert 0.8 * printed < fitted < printed
-
-
-@pytest.mark.long
-def test_a_limit_that_is_exceeded_is_told_of_once_and_with_what_keeps_it():
-    upper = [6.2, 6.2, 0.71, 6.2, 6.2, 6.2]
-    changes = {"limits.position_upper": upper, "period": 4e-3}
-    result = simulate(load_experiment("naljdf_clover", changes))
-    excess = result.metrics["position_violation_max_rad"]
-    assert excess > 0.01
-    assert [text for text in result.warnings if f"{excess:.3g}" in text] == [
-        f"limits: the arm exceeds a limit of position by {excess:.3g} rad; this law does not keep "
-        "it; a sampled law with law.bounds: all does"
-    ]

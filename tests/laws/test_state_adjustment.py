@@ -234,3 +234,15 @@ def test_however_long_its_period_and_large_its_jacobian_a_sample_is_stable():
     # Where the network rests: joints that would move the tip stand still, and the others go home,
     # at the papers' 4 rad/s per rad unless told otherwise.
     np.testing.assert_allclose(v, [0, 0, 0, -0.4, -0.4, -0.4, -0.4], atol=1e-9)
+
+
+def test_in_a_long_sample_velocities_rise_as_its_time_passes():
+    """At their bounds, they are as large after 50 time constants as those are one earlier."""
+    law = make(rise_time=1.0, target=np.full(N, 2.5))
+    u = {"position": np.zeros(N), "J": np.zeros((3, N))}
+    period = 50 * law.time_constant
+    v, _ = law.state.split(law.step(0.5, at_rest(law), u, period))
+    _, upper = law.velocity_box(0.5 + period - law.time_constant, u["position"])
+    _, before = law.velocity_box(0.5, u["position"])
+    assert (upper > before).all()
+    np.testing.assert_allclose(v, upper, rtol=0, atol=0.05 * (upper - before).min())

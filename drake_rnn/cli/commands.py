@@ -11,6 +11,7 @@ import typer
 
 from ..runs.result import versions
 from .again import plot, replay
+from .campaigning import campaign
 from .catalogue import list_arms, list_experiments, list_laws, list_paths
 from .claims import show_claims
 from .comparing import compare
@@ -57,6 +58,7 @@ app.command("arm")(describe_arm)
 app.command()(run)
 app.command("fastest")(run_fastest)
 app.command()(sweep)
+app.command()(campaign)
 app.command()(compare)
 app.command()(plot)
 app.command()(replay)

@@ -142,6 +142,7 @@ Flag = Annotated[bool, Field(strict=True)]
 # Of what a robot traces or touches: from a micrometre to a kilometre [m].
 Length = Annotated[float, Field(strict=True, ge=1e-6, le=1e3, allow_inf_nan=False)]
 # One number for all joints, or one for each.
+FiniteEach = Annotated[float | Array, BeforeValidator(_number_or_vector)]
 PositiveEach = Annotated[float | Array, BeforeValidator(_positive)]
 NonNegativeEach = Annotated[float | Array, BeforeValidator(_non_negative)]
 Count = Annotated[int, Field(strict=True, ge=1)]

@@ -5,7 +5,7 @@ from functools import cache
 import pytest
 
 from drake_rnn import load_arm
-from drake_rnn.experiment import experiment
+from drake_rnn.experiment import arms
 from drake_rnn.inputs import kinds
 from drake_rnn.runs import simulation
 
@@ -29,5 +29,5 @@ def arms_and_packages_are_looked_for_once(monkeypatch):
     def known(model, **fields):
         return load_arm(model, **fields) if fields else _shipped(model)
 
-    monkeypatch.setattr(experiment, "load_arm", known)
+    monkeypatch.setattr(arms, "load_arm", known)
     monkeypatch.setattr(kinds, "entry_points", _offered)

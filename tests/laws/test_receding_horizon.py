@@ -103,12 +103,13 @@ def test_no_reference_breaks_a_bound(seed, shape):
     assert np.abs(q).max() <= 2.0
 
 
-def test_a_start_at_the_very_limit_can_leave_it():
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_start_at_the_very_limit_can_leave_it(side):
     law = make("square")
-    q, ratios, _ = run(law, begin(law, [2.0]), lambda t: np.array([1.5]), 12.0)
-    assert q.max() <= 2.0
+    q, ratios, _ = run(law, begin(law, [2.0 * side]), lambda t: np.array([1.5 * side]), 12.0)
+    assert np.abs(q).max() <= 2.0
     assert ratios.max() <= 1.0
-    assert q[-1, 0] == pytest.approx(1.5, abs=1e-2)
+    assert q[-1, 0] == pytest.approx(1.5 * side, abs=1e-2)
 
 
 def test_where_no_bound_is_met_the_reference_is_followed():

@@ -9,10 +9,11 @@ import typer
 from rich.markup import escape
 
 from ..errors import InvalidInputError
-from ..figures import drawable, write_figures
+from ..figures import drawable
 from ..inputs.complaints import nearest
 from ..runs.result import Result
 from .console import errors, out, status
+from .drawing import draw_figures
 from .saving import write_page
 
 Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder that a run has written.")]
@@ -33,7 +34,7 @@ def plot(
             if name not in known:
                 raise InvalidInputError(f"--only: no figure {name!r}; {nearest(name, known)}")
         with status("drawing figures"):
-            files = write_figures(result, folder / "figures", only)
+            files = draw_figures(result, folder / "figures", only)
         for file in files:
             out.print(escape(f"figure    {file}"), soft_wrap=True)
 

@@ -11,7 +11,7 @@ import typer
 from rich.markup import escape
 
 from ..errors import InvalidInputError
-from ..experiment import Experiment, load_experiment, parse_change, read_document
+from ..experiment import Described, Experiment, load_experiment, parse_change, read_document
 from ..runs.stored import Series
 from .completing import complete_experiments
 from .console import err, out
@@ -57,6 +57,22 @@ StoredSeries = Annotated[
 ]
 Figures = Annotated[bool, typer.Option("--figures/--no-figures", help="Draw figures.")]
 Playback = Annotated[bool, typer.Option(help="Write playback.html.")]
+Beside = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="EXPERIMENT",
+        help="Run this one first, and show its path beside the others' in their playbacks; "
+        "repeatable.",
+    ),
+]
+Jobs = Annotated[int, typer.Option(min=1, help="Number of runs at a time.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Print only what went wrong.")]
+AsJson = Annotated[
+    bool, typer.Option("--json", help="Print metrics and verdicts as JSON, nothing else.")
+]
+DryRun = Annotated[
+    bool, typer.Option("--dry-run", help="Check all, warn, and estimate the time; run nothing.")
+]
 Duration = Annotated[
     float | None,
     typer.Option(help="Simulated time [s]; a window that ends later is dropped."),
@@ -87,7 +103,7 @@ def changes_of(
     return new
 
 
-def tell_of_window(name: str, changes: Mapping[str, Any]) -> None:
+def tell_of_window(name: Described, changes: Mapping[str, Any]) -> None:
     """Print a note if the duration ends before the window and therefore drops it."""
     kept = {key: value for key, value in changes.items() if key != "duration"}
     before, now = read_document(name, kept), read_document(name, changes)

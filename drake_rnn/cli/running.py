@@ -5,26 +5,30 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
 
 import typer
 from rich.markup import escape
 
 from ..errors import InvalidInputError
 from ..experiment import Experiment, load_experiment
-from ..runs.fastest import fastest
+from ..runs.fastest import check_stretchable, fastest
 from ..runs.simulation import check_experiment
 from ..runs.stored import Series
 from .announcing import print_json, print_plan
 from .console import FAILED, NOT_MET, err, errors, out, silenced
 from .options import (
     Anyway,
+    AsJson,
+    Beside,
     Check,
+    DryRun,
     Duration,
     Figures,
+    Jobs,
     One,
     Out,
     Playback,
+    Quiet,
     Seed,
     Set,
     Several,
@@ -45,26 +49,14 @@ def run(  # noqa: PLR0913  one argument for each option
     duration: Duration = None,
     figures: Figures = True,
     playback: Playback = True,
-    beside: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="EXPERIMENT",
-            help="Run this one first, and show its path beside the others' in their playbacks; "
-            "repeatable.",
-        ),
-    ] = None,
-    jobs: Annotated[int, typer.Option(min=1, help="Number of runs at a time.")] = 1,
+    beside: Beside = None,
+    jobs: Jobs = 1,
     check: Check = False,
     anyway: Anyway = False,
     series: StoredSeries = "full",
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print only what went wrong.")] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print metrics and verdicts as JSON, nothing else.")
-    ] = False,
-    dry_run: Annotated[
-        bool,
-        typer.Option("--dry-run", help="Check all, warn, and estimate the time; run nothing."),
-    ] = False,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+    dry_run: DryRun = False,
 ) -> None:
     """Run experiments; each gets a folder with metrics, figures and a playback."""
     first = beside or []
@@ -131,6 +123,7 @@ def run_fastest(
     """Run a path as fast as the limits on all derivatives allow."""
     with errors():
         loaded = load(experiment, changes, None, None)
+        check_stretchable(loaded)
         folder = out_folder / f"{loaded.name}_fastest"
         require_writable(folder)
         found = fastest(loaded, lambda text: err.print(escape(text)))

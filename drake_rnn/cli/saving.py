@@ -10,11 +10,11 @@ from pathlib import Path
 
 from rich.markup import escape
 
-from ..figures import write_figures
 from ..playback import write_playback
 from ..runs.folder import filled
 from ..runs.result import Result
 from .console import err, out, status
+from .drawing import draw_figures
 from .tables import joints_table, metrics_table
 
 
@@ -48,7 +48,7 @@ def write_result(
         out.print(escape(f"results   {folder}"), soft_wrap=True)
         if pictures.figures:
             with status(f"{result.experiment.name}: drawing figures"):
-                figures = write_figures(result, folder / "figures")
+                figures = draw_figures(result, folder / "figures")
             drawn = f"{folder / 'figures'} ({len(figures)})" if figures else "none"
             out.print(escape(f"figures   {drawn}"), soft_wrap=True)
         if pictures.playback and result.time.size > 1:

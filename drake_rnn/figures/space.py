@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from math import ceil
 from typing import Any
 
@@ -43,11 +44,12 @@ def plot_postures(ax: Axes, result: Result) -> None:
     """Plot the arm at the start, at the end, and in its target posture."""
     known = finite(result.series["position"])
     ends = {"start": known[0], "end": known[-1]} if known.size else {}
-    joints = {name: _skeleton(result, q) for name, q in {**ends, "target": _target(result)}.items()}
-    for name, points in joints.items():
+    shown = {**ends, "target": _target(result)}
+    joints = _skeletons(result, [*shown.values()])
+    for name, points in zip(shown, joints, strict=True):
         _plot_stick(ax, points, label=name, **_LOOKS[name])
-    _mark_ends(ax, next(iter(joints.values())))
-    _fit(ax, np.array([*joints.values()]))
+    _mark_ends(ax, joints[0])
+    _fit(ax, joints)
     legend(ax)
 
 
@@ -64,7 +66,7 @@ def plot_stroboscope(ax: Axes, result: Result) -> ScalarMappable | None:
     shown = slice(0, stride * flashes + 1, stride)
     time, position = result.time[shown], result.series["position"][shown]
     known = np.isfinite(position).all(axis=1)
-    joints = np.array([_skeleton(result, q) for q in position[known]])
+    joints = _skeletons(result, position[known])
     if not joints.size:
         return None
     shares = np.linspace(_PALEST, 1.0, time.size)[:, np.newaxis]
@@ -74,8 +76,7 @@ def plot_stroboscope(ax: Axes, result: Result) -> ScalarMappable | None:
     _mark_ends(ax, joints[0])
     lies_flat = False
     if has_path(result):
-        tips = [_skeleton(result, q)[-1] for q in finite(result.series["position"][:steps])]
-        traced = np.array(tips)
+        traced = _skeletons(result, finite(result.series["position"][:steps]))[:, -1]
         ax.plot(*_shown(ax, traced).T, label="traced", **_TRACE)
         lies_flat = np.ptp(traced, axis=0).argmin() == 2
     _fit(ax, joints, _HIGH if lies_flat else _ELEVATION)
@@ -103,8 +104,7 @@ def is_spatial(result: Result) -> bool:
     """Return whether the arm leaves a plane z = const, at the start or in the target posture."""
     start, target = result.experiment.start, result.experiment.target
     postures = [start] if target is None else [start, target]
-    heights = [_skeleton(result, q)[:, 2] for q in postures]
-    return bool(np.ptp(heights) > 1e-9)
+    return bool(np.ptp(_skeletons(result, postures)[..., 2]) > 1e-9)
 
 
 def frame_space(ax: Any, points: Array) -> None:
@@ -141,9 +141,10 @@ def _target(result: Result) -> Array:
     return target
 
 
-def _skeleton(result: Result, q: Array) -> Array:
-    """Return the points of the stick figure in a posture, shape (k, 3) [m]."""
-    return result.experiment.arm.kinematics().skeleton(q)
+def _skeletons(result: Result, postures: Iterable[Array]) -> Array:
+    """Return the points of the stick figure in each posture, shape (postures, k, 3) [m]."""
+    kinematics = result.experiment.arm.kinematics()
+    return np.array([kinematics.skeleton(q) for q in postures])
 
 
 def _plot_stick(ax: Axes, points: Array, **style: Any) -> None:

@@ -53,13 +53,16 @@ class Boxes:
             points: Shape (k, 3) [m].
             direction: Unit vector towards the camera, shape (3,).
         """
-        start = np.einsum("bij,bki->bkj", self.axes, points - self.centre[:, None])
-        # The offset avoids a division by zero for a ray parallel to a face.
-        ray = np.einsum("bij,i->bj", self.axes, direction)[:, None] + 1e-9
-        one, other = (-self.half[:, None] - start) / ray, (self.half[:, None] - start) / ray
-        enters = np.minimum(one, other).max(axis=2)
-        leaves = np.maximum(one, other).min(axis=2)
-        hit = (leaves >= np.maximum(enters, 0.0)).reshape(self.postures, -1, len(points))
+        enters = np.zeros((len(self.centre), len(points)))
+        leaves = np.full_like(enters, np.inf)
+        for axis, half in zip(np.moveaxis(self.axes, 2, 0), self.half.T, strict=True):
+            # The offset avoids a division by zero for a ray parallel to a face.
+            ray = (axis @ direction + 1e-9)[:, None]
+            start = axis @ points.T - (axis * self.centre).sum(axis=1)[:, None]
+            middle, reach = -start / ray, half[:, None] / np.abs(ray)
+            np.maximum(enters, middle - reach, out=enters)
+            np.minimum(leaves, middle + reach, out=leaves)
+        hit = (leaves >= enters).reshape(self.postures, -1, len(points))
         return float(hit.any(axis=1).mean())
 
 

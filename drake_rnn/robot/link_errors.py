@@ -26,7 +26,7 @@ class LinkErrors:
         rotation: Rotation about that origin, as a rotation vector, shape (..., k + 1, 3) [rad].
 
     Raises:
-        InvalidInputError: If an array has another shape, or is not finite.
+        InvalidInputError: If an array has another shape, or is not finite, or they differ in shape.
     """
 
     translation: Array
@@ -40,6 +40,11 @@ class LinkErrors:
                 raise InvalidInputError(
                     f"{name}: must be finite, of shape (..., joints + 1, 3), not {given.shape}"
                 )
+        if self.rotation.shape != self.translation.shape:
+            raise InvalidInputError(
+                f"rotation: must have the shape of translation, {self.translation.shape}, not "
+                f"{self.rotation.shape}"
+            )
 
 
 def random_link_errors(
@@ -61,8 +66,11 @@ def random_link_errors(
         rotation: Largest error about each axis [rad].
 
     Raises:
-        InvalidInputError: If a number is negative.
+        InvalidInputError: If a number is negative, or an argument of another class.
     """
+    require_type("screws", screws, Screws)
+    require_type("rng", rng, np.random.Generator)
+    require_type("robots", robots, int)
     for name, value in (("robots", robots), ("translation", translation), ("rotation", rotation)):
         if not 0 <= value < np.inf:
             raise InvalidInputError(f"{name}: must be at least 0, not {value}")
@@ -78,15 +86,23 @@ def with_link_errors(screws: Screws, errors: LinkErrors) -> Screws:
         errors: The errors.
 
     Raises:
-        InvalidInputError: If the errors are for another number of joints.
+        InvalidInputError: If the errors are for another number of joints, or of robots.
     """
-    k = len(screws.slides)
-    translation, turn = np.broadcast_arrays(errors.translation, errors.rotation)
+    require_type("screws", screws, Screws)
+    require_type("errors", errors, LinkErrors)
+    k, translation, turn = len(screws.slides), errors.translation, errors.rotation
     if translation.shape[-2] != k + 1:
         raise InvalidInputError(
             f"errors: must have {k + 1} rows, one for each joint that moves E and one for E, not "
             f"{translation.shape[-2]}"
         )
+    try:
+        np.broadcast_shapes(screws.robots, translation.shape[:-2])
+    except ValueError:
+        raise InvalidInputError(
+            f"errors: are for robots of shape {translation.shape[:-2]}, but the arms are of "
+            f"{screws.robots}"
+        ) from None
     # How far all that comes next is turned against the arm without errors.
     R: Array = np.eye(3)
     axes, offsets, frames = [], [], []

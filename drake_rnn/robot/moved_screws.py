@@ -22,11 +22,12 @@ from .triples import (
     Triple,
     added,
     cross,
+    dot,
+    is_full,
     matrix,
     product,
     scaled,
     subtracted,
-    turned,
 )
 
 
@@ -102,7 +103,8 @@ class MovedScrews:
     @cached_property
     def R_WE(self) -> AnyArray:
         """Orientation of E, shape (..., 3, 3)."""
-        return self._array(turned(self._chain.R, self._home.turn))
+        R = self._chain.R
+        return self._array([product(R, column) for column in self._home.turn])
 
     @cached_property
     def J(self) -> AnyArray:
@@ -147,22 +149,27 @@ class MovedScrews:
         sines, cosines = self._xp.sin(self._q), self._xp.cos(self._q)
         R, end = IDENTITY, ZERO
         axes, points = [], []
-        for offset, turn, slides, column in self._home.links:
-            end = added(end, product(R, offset))
+        for link in self._home.links:
+            step, R = self._next(R, link, sines[link.column], cosines[link.column])
+            end = added(end, step)
             points.append(end)
-            x, y, z = turned(R, turn)
-            axes.append(z)
-            if slides:
-                end = added(end, scaled(self._q[column], z))
-                R = x, y, z
-            else:
-                sine, cosine = sines[column], cosines[column]
-                R = (
-                    added(scaled(cosine, x), scaled(sine, y)),
-                    subtracted(scaled(cosine, y), scaled(sine, x)),
-                    z,
-                )
+            axes.append(R[2])
+            if link.slides:
+                end = added(end, scaled(self._q[link.column], R[2]))
         return _Chain(axes, points, R, added(end, product(R, self._home.offset)))
+
+    def _next(
+        self, R: Matrix, link: Link, sine: AnyArray, cosine: AnyArray
+    ) -> tuple[Triple, Matrix]:
+        """Return the way from a joint to the next one, and that one's frame, as seen from W."""
+        if self._xp is not np and R is not IDENTITY and is_full(link.turn):
+            # As one product of matrices, so that it is computed once.
+            turn = link.turn if link.slides else _spun(link.turn, sine, cosine)
+            step, x, y, z = dot(self._xp, R, (link.offset, *turn), self._robots)
+            return step, (x, y, z)
+        x, y, z = link.turn
+        frame = product(R, x), product(R, y), product(R, z)
+        return product(R, link.offset), frame if link.slides else _spun(frame, sine, cosine)
 
     @cached_property
     def _J_columns(self) -> list[Triple]:
@@ -210,3 +217,13 @@ class MovedScrews:
         """Return a matrix of these columns, shape (..., 3, k)."""
         rows = list(zip(*columns, strict=True))
         return robots_first(matrix(self._xp, rows, self._robots), 2)
+
+
+def _spun(turn: Matrix, sine: AnyArray, cosine: AnyArray) -> Matrix:
+    """Return an orientation after a turn about its own z axis."""
+    x, y, z = turn
+    return (
+        added(scaled(cosine, x), scaled(sine, y)),
+        subtracted(scaled(cosine, y), scaled(sine, x)),
+        z,
+    )

@@ -2,7 +2,8 @@
 
 The coordinates of an arm at rest are mostly 0 and 1. What is exactly 0 or 1 as a number costs no
 arithmetic, which leaves every sum its bits. JAX's compiler makes short loops of coordinates that
-are apart; what is taken from vectors stacked in an array, it computes several times over.
+are apart, and computes what several of them need several times over, which does little harm as
+long as most are 0 or 1: see `dot`.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays.namespace import AnyArray
+from ..arrays.namespace import AnyArray, robots_first
 
 Triple = tuple[Any, Any, Any]
 #: Columns.
@@ -101,10 +102,21 @@ def product(R: Matrix, a: Triple) -> Triple:
     return added(added(scaled(a[0], x), scaled(a[1], y)), scaled(a[2], z))
 
 
-def turned(R: Matrix, columns: Matrix) -> Matrix:
-    """Return a matrix times another one."""
-    x, y, z = columns
-    return product(R, x), product(R, y), product(R, z)
+def is_full(columns: Matrix) -> bool:
+    """Return whether no entry of a constant matrix is exactly 0 for all robots."""
+    return not any(isinstance(c, float) and c == 0.0 for column in columns for c in column)
+
+
+def dot(
+    xp: Any, R: Sequence[Triple], columns: Sequence[Triple], robots: tuple[int, ...]
+) -> list[Triple]:
+    """Return a matrix times vectors, for JAX: its compiler computes a matrix product only once.
+
+    In NumPy the sums of a matrix product might depend on the number of robots.
+    """
+    A, B = (robots_first(matrix(xp, list(zip(*m, strict=True)), robots), 2) for m in (R, columns))
+    AB = A @ B
+    return [(AB[..., 0, k], AB[..., 1, k], AB[..., 2, k]) for k in range(len(columns))]
 
 
 def matrix(xp: Any, rows: Sequence[Sequence[Any]], robots: tuple[int, ...]) -> AnyArray:

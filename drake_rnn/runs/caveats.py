@@ -36,7 +36,7 @@ def standing(found: Sequence[Forecast], metrics: Mapping[str, float]) -> list[st
 def limit_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[str]:
     """Return warnings about limits of position and velocity that an arm cannot exceed, and did.
 
-    Those that the law or a filter keeps by construction have a verdict of their own. Of what the
+    Those that are kept by construction have a verdict of their own. Of what the
     path itself asks for too much there was a warning before the run.
     """
     caveats = []
@@ -45,9 +45,19 @@ def limit_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[
         if excess > _BEYOND and name not in experiment.kept_limits:
             caveats.append(
                 f"limits: the arm exceeds a limit of {name} by {excess:.3g} {unit}; "
-                "this law does not keep it"
+                f"{_why(name, experiment)}"
             )
     return caveats
+
+
+def _why(name: str, experiment: Experiment) -> str:
+    """Return why a limit is not kept."""
+    if name not in experiment.law.keeps:
+        remedy = experiment.law.limits_remedy
+        return f"this law does not keep it{remedy and '; ' + remedy}"
+    if experiment.level.has_motors:
+        return "the law keeps it of the command, and motors follow that with errors"
+    return "noise, a filter or errors of measurement lie between this law and the arm"
 
 
 def contact_caveats(contact: ContactMetrics, metrics: Mapping[str, float]) -> list[str]:

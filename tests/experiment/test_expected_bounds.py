@@ -8,6 +8,7 @@ from drake_rnn.robot.limits import DERIVATIVE_UNITS
 
 POSITION = "joint_limit_margin_min_rad"
 RATIOS = {name: f"limit_ratio_{k}_max" for k, name in enumerate(DERIVATIVE_UNITS, start=1)}
+FIRST = ("velocity", "acceleration")
 FIVE = {RATIOS[name] for name in DERIVATIVE_UNITS}
 
 
@@ -23,7 +24,16 @@ def expected(name, **changes):
         ("pinv_circle", {}, set()),
         ("chain_circle", {}, FIVE),
         ("horizon_circle", {}, {POSITION, *FIVE}),
-        ("slc_nephroid_known", {}, {RATIOS["velocity"], RATIOS["acceleration"]}),
+        ("slc_nephroid_known", {}, {POSITION, RATIOS["velocity"], RATIOS["acceleration"]}),
+        (
+            "slc_nephroid_known",
+            {"law__position_bound": "printed"},
+            {RATIOS["velocity"], RATIOS["acceleration"]},
+        ),
+        # Noise, or motors, move the arm otherwise than the law says.
+        ("slc_nephroid", {}, set()),
+        ("slc_nephroid", {"dither__model": "virtual"}, {POSITION, *map(RATIOS.get, FIRST)}),
+        ("slc_nephroid_known", {"level": "dynamic"}, set()),
         ("slc_nephroid_unbounded", {}, {POSITION, RATIOS["velocity"]}),
         ("naljdf_clover", {}, {RATIOS["acceleration"]}),
         (

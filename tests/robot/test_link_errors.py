@@ -108,6 +108,14 @@ def test_random_errors_fill_their_ranges_and_no_more():
         assert 0.99 * most < np.abs(values).max() <= most
 
 
+def errors_of(screws, robots):
+    return random_link_errors(screws, np.random.default_rng(0), robots)
+
+
+def many(screws, robots):
+    return with_link_errors(screws, errors_of(screws, robots))
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -118,6 +126,11 @@ def test_random_errors_fill_their_ranges_and_no_more():
             lambda s: with_link_errors(s, LinkErrors(np.zeros((7, 3)), np.zeros((7, 3)))),
             "errors: must have 8 rows, one for each joint",
         ),
+        (lambda s: LinkErrors(np.zeros((8, 3)), np.zeros((7, 3))), "rotation: must have the shape"),
+        (lambda s: with_link_errors(s, None), "errors: must be of class LinkErrors, not None"),
+        (lambda s: with_link_errors(many(s, 3), errors_of(s, 2)), "errors: are for robots of sh"),
+        (lambda s: random_link_errors(s, 0, 1), "rng: must be of class Generator, not 0"),
+        (lambda s: random_link_errors(s, np.random.default_rng(0), 1.5), "robots: must be of cl"),
         (lambda s: random_link_errors(s, np.random.default_rng(0), -1), "robots: must be at least"),
         (
             lambda s: random_link_errors(s, np.random.default_rng(0), 1, np.inf),

@@ -1,0 +1,82 @@
+"""Figures drawn by two processes at a time, as drawing is most of what a short run takes."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from multiprocessing import get_context, parent_process
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+
+from ..figures import drawable, write_figures
+from ..runs.result import Result
+
+# Time by which a helper that began with us may be later [s].
+_PATIENCE = 60.0
+
+
+def draw_figures(
+    result: Result, folder: Path, names: Sequence[str] | None = None, helped: bool | None = None
+) -> list[Path]:
+    """Write figures of a result, as `write_figures`, with a second process if there is room.
+
+    Args:
+        result: The run to show.
+        folder: Folder to write to; created if it does not exist.
+        names: Names of the figures; by default all that apply.
+        helped: Whether a second process draws half of them; by default if there is a processor
+            for it.
+
+    Returns:
+        The files.
+
+    Raises:
+        InvalidInputError: If the folder cannot be written to.
+    """
+    names = list(names or drawable(result))
+    ours, theirs = names[::2], names[1::2]
+    if not theirs or not (_has_room() if helped is None else helped):
+        return write_figures(result, folder, names)
+    with _helper(result, folder, theirs) as helper:
+        write_figures(result, folder, ours)
+        helper.join(_PATIENCE)
+        done = helper.exitcode == 0
+    if not done:
+        # Where it failed, this tells why.
+        write_figures(result, folder, theirs)
+    return [folder / f"{name}.png" for name in names]
+
+
+def _has_room() -> bool:
+    """Return whether a second process may draw."""
+    # Elsewhere a fork is not safe. A process of a queue has its share of the processors.
+    if sys.platform != "linux" or parent_process() is not None:
+        return False
+    return len(os.sched_getaffinity(0)) > 1
+
+
+@contextmanager
+def _helper(result: Result, folder: Path, names: Sequence[str]) -> Iterator[BaseProcess]:
+    """Let a process draw figures meanwhile; afterwards it is gone, whatever happened."""
+    # A fork has the result and all modules at once. It draws without Drake's threads.
+    arguments = (result, folder, names, os.getpid())
+    helper = get_context("fork").Process(target=_draw_for, args=arguments, daemon=True)
+    helper.start()
+    try:
+        yield helper
+    finally:
+        helper.kill()
+        helper.join()
+
+
+def _draw_for(result: Result, folder: Path, names: Sequence[str], parent: int) -> None:
+    """Draw figures for a process, as long as that lives: a later run may use the folder."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    for name in names:
+        if os.getppid() != parent:
+            return
+        write_figures(result, folder, [name])

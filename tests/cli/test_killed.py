@@ -1,0 +1,61 @@
+"""A command that is killed at any moment leaves no folder that reads as complete and is not."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from drake_rnn import InvalidInputError, Result
+
+NAME = "pinv_line"
+KILLS = 50
+
+
+def start(folder, seed):
+    # The seed is written to the document, so that a mixture of two runs can be told.
+    command = [sys.executable, "-m", "drake_rnn", "run", NAME, "--duration", "0.5"]
+    return subprocess.Popen(
+        [*command, "--seed", str(seed), "--out", folder],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+
+
+def pictures(folder):
+    return {str(file.relative_to(folder)) for file in folder.rglob("*") if file.suffix == ".png"}
+
+
+@pytest.mark.long
+def test_killed_at_any_moment_a_run_is_the_old_one_the_new_one_or_incomplete(tmp_path):
+    """At 50 moments from the start of the process to after its end."""
+    began = time.monotonic()
+    assert start(tmp_path, 0).wait() == 0
+    takes = time.monotonic() - began
+    folder = tmp_path / NAME
+    drawn = pictures(folder)
+    metrics = json.loads((folder / "metrics.json").read_text())
+    rng = np.random.default_rng(0)
+    seed, incomplete = 0, 0
+    for number in range(1, KILLS + 1):
+        process = start(tmp_path, number)
+        time.sleep(rng.uniform(0.2, 1.2) * takes)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        try:
+            result = Result.load(folder)
+        except InvalidInputError as error:
+            assert "is incomplete" in str(error)  # noqa: PT017  either outcome is right
+            incomplete += 1
+            continue
+        assert result.experiment.document.seed in {seed, number}
+        seed = result.experiment.document.seed
+        assert (result.status, result.metrics) == ("complete", metrics)
+        assert pictures(folder) == drawn
+        assert (folder / "playback.html").stat().st_size > 1e5
+        assert os.listdir(tmp_path) == [NAME]
+    assert 0 < incomplete < KILLS

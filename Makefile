@@ -3,8 +3,9 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 WORKERS ?= 2
+MUTANTS ?= 160
 
-.PHONY: demo test long bench tables cross claims check clean
+.PHONY: demo test long bench mutants tables cross claims check clean
 
 demo: $(VENV)/installed
 	$(BIN)/drake-rnn run slc_nephroid_warm_up --out out
@@ -21,6 +22,10 @@ bench: $(VENV)/installed-dev
 	$(BIN)/python benchmarks/batch_kinematics.py
 	$(BIN)/python benchmarks/many.py
 	$(BIN)/python benchmarks/run_bench.py
+
+mutants: $(VENV)/installed-mutants
+	MPLBACKEND=Agg OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 \
+	  $(BIN)/python tests/mutants/mutants.py $(MUTANTS)
 
 tables: $(VENV)/installed
 	$(BIN)/python benchmarks/state_adjustment_tables.py
@@ -54,6 +59,10 @@ $(VENV)/installed: $(VENV)/bin/python pyproject.toml
 $(VENV)/installed-dev: $(VENV)/bin/python pyproject.toml
 	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	touch $@ $(VENV)/installed
+
+$(VENV)/installed-mutants: $(VENV)/installed-dev
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[mutants]'
+	touch $@
 
 clean:
 	rm -rf out build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis

@@ -38,9 +38,10 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ..errors import InvalidInputError, SimulationError
-from ..inputs.fields import Array, Positive, validated
+from ..inputs.fields import Array, Positive, Weight, between, validated
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
-from .law import JointPreview, Layout, SampledLaw, SampledReading, Signals, require_many
+from .law import JointPreview, SampledLaw, SampledReading
+from .layout import Layout, Signals
 from .parts.horizon_program import HorizonProgram
 from .parts.quintic_spline import EXPONENTS, FACTORS, ORDER, PIECE
 
@@ -69,9 +70,9 @@ class RecedingHorizon(SampledLaw):
 
     kind: Literal["receding_horizon"] = "receding_horizon"
     limits: JointLimits
-    interval: Positive = 0.1
+    interval: Annotated[Positive, between(1e-3, 1.0)] = 0.1
     horizon: Annotated[int, Field(strict=True, ge=10, le=200)] = 80
-    effort: Positive = 1e-6
+    effort: Weight = 1e-6
     margin: Annotated[float, Field(strict=True, gt=0, le=1)] = 0.998
 
     # The command is a quartic in time. Over a period h of 10 ms the error of Simpson's rule (third
@@ -148,8 +149,6 @@ class RecedingHorizon(SampledLaw):
         return x
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
-        if x.ndim != 1:
-            require_many(self)
         _, _, plan, since, fallbacks = self.state.split(x)
         began = float(since[0])
         if began == _NEVER or t - began > self.interval - 0.5 * period:

@@ -10,7 +10,8 @@ import numpy as np
 from ..errors import InvalidInputError
 from ..inputs.complaints import short
 from ..inputs.dataclass_fields import fields_of, unchecked
-from .law import Reading, require_many
+from .called import require_many
+from .law import Reading
 
 _R = TypeVar("_R", bound=Reading)
 

@@ -52,8 +52,9 @@ import numpy as np
 
 from ..arrays.algebra import clipped, functions_of, matvec, vecmat
 from ..arrays.substeps import Parts, in_steps
-from ..inputs.fields import Array, Positive, validated
-from .law import ContinuousLaw, Layout, SampledReading, Signals
+from ..inputs.fields import Array, Time, TimeConstant, validated
+from .law import ContinuousLaw, SampledReading
+from .layout import Layout, Signals
 from .parts.few_substeps import check_substeps
 from .parts.kept_limits import kept_with_lag
 from .parts.rise import column, sine_rise, smooth_rise
@@ -75,9 +76,9 @@ class StateAdjustment(PostureLaw, ContinuousLaw):
     """
 
     kind: Literal["state_adjustment"] = "state_adjustment"
-    rise_time: Positive | None = None
-    ramp_time: Positive | None = None
-    time_constant: Positive = 1e-3
+    rise_time: Time | None = None
+    ramp_time: Time | None = None
+    time_constant: TimeConstant = 1e-3
 
     takes_many = True
 

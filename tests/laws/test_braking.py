@@ -142,6 +142,20 @@ def test_it_touches_only_joints_that_could_not_stop(at, speed, period):
     np.testing.assert_array_equal(held[could], v[could])
 
 
+@given(st.integers(0, 3), st.floats(0, 1), st.floats(-1, 1), st.sampled_from([1e-3, 1e-2, 0.1]))
+def test_whatever_is_wanted_a_joint_that_can_stop_can_stop_after_it(joint, at, speed, period):
+    """Each joint alone: beside one that is too fast, no other joint is looked at in haste."""
+    limits = LIMITS.select([joint])
+    q = inside(np.full(4, at))[[joint]]
+    wanted = speed * limits.velocity
+    lower, upper = limits.stopping_box(q, period)
+    held = Braking(limits, limits.acceleration, 2.0).held(
+        wanted, np.clip(wanted, lower, upper), q, period
+    )
+    assert (lower - 1e-12 <= held).all()
+    assert (held <= upper + 1e-12).all()
+
+
 @settings(max_examples=4, deadline=None)
 @given(shares, st.integers(0, 2**32 - 1), st.floats(1.0, 20.0))
 def test_the_differential_equation_too_keeps_the_limits(at, seed, stiffness):

@@ -32,6 +32,12 @@ def test_it_is_lost_once_the_force_has_been_away_for_longer_than_its_patience():
     assert (phases[53:] == LOST).all()
 
 
+def test_unless_told_otherwise_it_is_lost_after_50_ms():
+    """As `contact_lost_time_s` counts it; at 50 ms itself, rounding decides."""
+    phases = after(ContactLoss(), [5.0] * 3 + [0.0] * 60)[:, 0]
+    assert 3 + 48 <= np.argmax(phases == LOST) <= 3 + 51
+
+
 def test_a_gap_shorter_than_the_patience_is_forgotten():
     """However many there are."""
     phases = after(ContactLoss(patience=0.0505), ([5.0] + [0.0] * 50) * 10)[:, 0]

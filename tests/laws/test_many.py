@@ -113,7 +113,8 @@ def test_gains_that_a_law_does_not_have_are_refused(path):
 
 
 def test_a_horizon_is_planned_for_one_robot_at_a_time():
-    law = RecedingHorizon(limits=LIMITS, horizon=40)
+    bounded = LIMITS.replace(position_lower=-4.0, position_upper=4.0)
+    law = RecedingHorizon(limits=bounded, horizon=40)
     for refused in (lambda: stacked([law, law]), lambda: with_gains(law, {"rate": 1.0})):
         with pytest.raises(InvalidInputError, match="RecedingHorizon runs one robot at a time"):
             refused()

@@ -108,6 +108,45 @@ def test_the_feedback_never_asks_for_more_than_its_limit(x, error):
         np.testing.assert_allclose(asked, -15.0 * error, atol=1e-9)
 
 
+many_states = RNG.uniform(-1.0, 1.0, size=(20, 10))
+
+
+def told(network, x, u):
+    """What the law tells of itself at many states, while all that it sees stands still."""
+    held = {name: np.broadcast_to(value, (len(x), *value.shape)) for name, value in u.items()}
+    return network.diagnostics(np.zeros(len(x)), x, held)
+
+
+@pytest.mark.parametrize("jacobian", ["known", "learned"])
+def test_where_nothing_bounds_it_an_arm_accelerates_as_the_law_says_it_demands(jacobian):
+    """Pulled by its task and towards a home on the other side of where it is."""
+    network = law(jacobian=jacobian, acceleration_bound="none", return_gain=2.0, home=-2.0 * Q)
+    u = signals(velocity=np.zeros(7), v_WE=np.zeros(3))
+    x = many_states
+    if jacobian == "learned":
+        x = np.hstack((x, RNG.uniform(-0.3, 0.3, size=(20, 21))))
+    found = told(network, x, u)
+    for state, demand in zip(x, found["acceleration_demand"], strict=True):
+        v_dot = network.state.part(network.derivatives(0.0, state, u), "v")
+        np.testing.assert_allclose(demand, v_dot, rtol=1e-12, atol=1e-9)
+    np.testing.assert_array_equal(found["saturated"], np.zeros((20, 1)))
+
+
+@pytest.mark.parametrize("bound", ["scalar", "per_joint"])
+def test_it_says_that_it_is_saturated_just_where_it_accelerates_less_than_it_demands(bound):
+    """At states from near rest, where nothing is asked for, to far from it."""
+    network = law(jacobian="known", acceleration_bound=bound, position_bound="printed")
+    u = signals(speed=0.0, position=np.zeros(7))
+    x = many_states * np.logspace(-5, 0, 20)[:, np.newaxis]
+    found = told(network, x, u)
+    less = []
+    for state, demand in zip(x, found["acceleration_demand"], strict=True):
+        v_dot = network.state.part(network.derivatives(0.0, state, u), "v")
+        less.append(not np.allclose(v_dot, demand, rtol=1e-9, atol=0))
+    np.testing.assert_array_equal(found["saturated"][:, 0], less)
+    assert 3 < sum(less) < 17
+
+
 @pytest.mark.parametrize("jacobian", ["known", "learned"])
 def test_a_sample_approaches_the_differential_equation(jacobian):
     """Both readings are one algebra: the step's rate tends to the derivative, at first order."""
@@ -132,6 +171,22 @@ def test_substeps_keep_a_long_period_stable():
     for _ in range(500):
         x = unstable.step(0.0, x[:10], u, 4e-3)
     assert np.abs(x).max() > 1e3
+
+
+@pytest.mark.parametrize(("rate", "period"), [(1e6, 0.02), (1e9, 1e-3)])
+def test_a_network_too_fast_for_its_samples_is_refused(rate, period):
+    """Its Euler steps are at most 1 / rate long, and a sample may take 10 000 of them."""
+    with pytest.raises(InvalidInputError, match=r"^law\.rate: .* substeps per period"):
+        law(rate=rate).sampled(period)
+    law(rate=rate).sampled(1e4 / rate)
+
+
+@pytest.mark.parametrize(("rate", "period", "fewest"), [(1000.0, 4e-3, 4), (50.0, 0.1, 5)])
+def test_substeps_too_few_for_the_velocity_limits_are_refused(rate, period, fewest):
+    """A step longer than 1 / rate takes v beyond the velocity that it tends to."""
+    law(rate=rate, substeps=fewest).sampled(period)
+    with pytest.raises(InvalidInputError, match=f"must be at least {fewest} "):
+        law(rate=rate, substeps=fewest - 1).sampled(period)
 
 
 boxes = arrays(float, 7, elements=st.floats(0.01, 1.0))

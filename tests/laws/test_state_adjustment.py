@@ -221,3 +221,28 @@ def test_with_orientation_the_displacement_is_that_of_the_position():
     x = law.state.join(np.zeros(N), np.arange(6.0))
     u = {"position": np.zeros(N), "J": np.zeros((6, N))}
     np.testing.assert_allclose(law.diagnostics(0.0, x, u)["displacement"], [3e-3, 4e-3, 5e-3])
+
+
+def test_however_long_its_period_and_large_its_jacobian_a_sample_is_stable():
+    """20 time constants and |J| = 4; in steps of a time constant, Heun's method would grow."""
+    law = make()
+    u = {"position": np.full(N, 0.1), "J": np.eye(3, N) * 4.0}
+    x = at_rest(law)
+    for k in range(50):
+        x = law.step(20 * law.time_constant * k, x, u, 20 * law.time_constant)
+    v, _ = law.state.split(x)
+    # Where the network rests: joints that would move the tip stand still, and the others go home,
+    # at the papers' 4 rad/s per rad unless told otherwise.
+    np.testing.assert_allclose(v, [0, 0, 0, -0.4, -0.4, -0.4, -0.4], atol=1e-9)
+
+
+def test_in_a_long_sample_velocities_rise_as_its_time_passes():
+    """At their bounds, they are as large after 50 time constants as those are one earlier."""
+    law = make(rise_time=1.0, target=np.full(N, 2.5))
+    u = {"position": np.zeros(N), "J": np.zeros((3, N))}
+    period = 50 * law.time_constant
+    v, _ = law.state.split(law.step(0.5, at_rest(law), u, period))
+    _, upper = law.velocity_box(0.5 + period - law.time_constant, u["position"])
+    _, before = law.velocity_box(0.5, u["position"])
+    assert (upper > before).all()
+    np.testing.assert_allclose(v, upper, rtol=0, atol=0.05 * (upper - before).min())

@@ -44,6 +44,13 @@ def test_only_one_joint_moves_at_a_time_and_none_afterwards():
     assert not warm_up.joint_acceleration(1.41, 7).any()
 
 
+@pytest.mark.parametrize("t", [-0.3, -1.5, 0.6, 0.75, 5.0])
+def test_before_and_after_it_all_joints_stand_still(t):
+    warm_up = WarmUp(pulse=0.2)
+    np.testing.assert_array_equal(warm_up.joint_velocity(t, 3), np.zeros(3))
+    np.testing.assert_array_equal(warm_up.joint_acceleration(t, 3), np.zeros(3))
+
+
 def test_it_may_not_be_faster_than_the_law_allows():
     limits = JointLimits.unlimited(7).replace(velocity=0.5, acceleration=0.4)
     with pytest.raises(ValueError, match=r"warm_up\.acceleration: may be at most the bound, 0\.4"):

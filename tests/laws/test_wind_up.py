@@ -131,3 +131,24 @@ def test_at_their_limit_they_turn_but_do_not_grow(rows):
     assert (turned @ scale) @ (y @ scale) == pytest.approx(0.0, abs=1e-12)
     assert np.abs(turned).max() > 0.1
     assert np.linalg.norm(within(2.0 * y, limit, rows) @ scale) == pytest.approx(limit)
+
+
+LIMITS = ARM.limits.replace(velocity=0.5, acceleration=1.0)
+
+
+@pytest.mark.parametrize(
+    ("law", "part"),
+    [
+        (SimultaneousLearning(limits=LIMITS, home=START, jacobian="known"), "multipliers"),
+        # What turns the tool has a norm of its own.
+        (MotionForce(limits=LIMITS, stiffness=1e4), "orientation_multipliers"),
+    ],
+)
+def test_unless_told_otherwise_multipliers_grow_to_10(law, part):
+    """Of a task that is out of reach, at a posture that stands still; 1.25 on a usual path."""
+    u = pressed(START, np.zeros(7), HOME + 1.5)
+    u["R_WE_desired"] = np.diag([-1.0, -1.0, 1.0]) @ DOWN
+    x = law.initial_state(np.random.default_rng(0), u)
+    for k in range(2000):
+        x = law.step(2e-3 * k, x, u, 2e-3)
+    assert np.linalg.norm(law.state.part(x, part)) == pytest.approx(10.0, rel=1e-9)

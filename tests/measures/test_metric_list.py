@@ -69,6 +69,13 @@ def test_a_metric_says_what_it_is(metric):
     assert metric.shown <= {*get_args(Shown)}
 
 
+@pytest.mark.parametrize("metric", METRICS, ids=METRIC_NAMES)
+def test_a_metric_of_differences_says_over_what_time(metric):
+    """Beyond the acceleration they are taken over 10 ms, and up to it over a tick or step."""
+    beyond = re.search("jerk|snap|crackle|limit_ratio_[345]", metric.name) is not None
+    assert metric.meaning.endswith("over 10 ms") == beyond
+
+
 def test_what_is_shown_comes_in_the_order_of_the_list():
     for place in get_args(Shown):
         places = [METRIC_NAMES.index(name) for name in shown_in(place)]

@@ -6,40 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from motions import FREE, TOLERANCE, J, columns, metrics, motion
 
 from drake_rnn import JointLimits
-from drake_rnn.measures import Motion, Pressing, RunMetrics, violation_metric
-
-TOLERANCE = 1e-3
-FREE = JointLimits.unlimited(2)
-J = np.array([[1.0, 0.0], [0.0, 2.0]])
-
-
-def motion(time, **fields):
-    """A motion at rest, on its path, but for ``fields``."""
-    time = np.asarray(time, dtype=float)
-    k = time.size
-    still = {
-        name: np.zeros((k, 2))
-        for name in ("position", "velocity", "p_WE", "v_WE", "p_WE_desired", "v_WE_desired")
-    }
-    fields = {"J": np.broadcast_to(J, (k, 2, 2)), "J_hat": None, **fields}
-    fields = {"network_velocity": fields.get("velocity", still["velocity"]), **fields}
-    return Motion(time=time, **{**still, **fields})
-
-
-def metrics(motion, limits=FREE, window=None):
-    taken = RunMetrics(limits, window, TOLERANCE)
-    taken.add(motion, motion, motion, {})
-    found = taken.found()
-    assert np.isfinite(list(found.values())).all()
-    assert all(type(value) is float for value in found.values())
-    return found
-
-
-def columns(first, second=None):
-    return np.column_stack([first, np.zeros_like(first) if second is None else second])
-
+from drake_rnn.measures import violation_metric
 
 # Joints.
 
@@ -155,27 +125,6 @@ def test_end_effector_drift_is_from_its_start_over_the_whole_run():
     assert found["end_effector_drift_max_m"] == 3.0
     assert found["end_effector_drift_end_m"] == 1.0
     assert "joint_drift_max_rad" not in found
-
-
-# The force.
-
-
-def pressed(force, desired):
-    time = 0.5 * np.arange(len(force))
-    at_rest = np.zeros((time.size, 3))
-    fields = {name: at_rest for name in ("p_WE", "v_WE", "p_WE_desired", "v_WE_desired")}
-    J = np.broadcast_to(np.eye(3, 2), (time.size, 3, 2))
-    forces = (np.array(values, dtype=float) for values in (force, desired))
-    pressing = Pressing(np.array([0.0, 0.0, 1.0]), *forces)
-    return motion(time, **fields, J=J, pressing=pressing)
-
-
-def test_a_force_has_risen_at_95_percent_of_what_is_desired_in_the_end():
-    """However it is desired to rise, and whatever it does later."""
-    force = [0.0, 0.5, 1.8, 1.91, 1.0, 2.0]
-    for desired in ([2.0] * 6, [0.0, 0.4, 0.8, 1.2, 1.6, 2.0]):
-        assert metrics(pressed(force, desired))["force_rise_time_s"] == 1.5
-    assert "force_rise_time_s" not in metrics(pressed(force, [2.5] * 6))
 
 
 # Limits.

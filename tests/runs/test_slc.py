@@ -141,6 +141,19 @@ def test_an_acceleration_is_that_of_a_tick_however_the_noise_is_held():
     assert got["joint_acceleration_max_rad_s2"] <= 1 + 1e-9
 
 
+@pytest.mark.parametrize(("hold", "tick"), [(0.25e-3, 0.25e-3), (4e-3, 1e-3)])
+def test_an_arm_that_noise_moves_accelerates_whenever_noise_or_law_change(hold, tick):
+    """Its velocity jumps by up to six sigma; each jump counts over the shorter of both times."""
+    changes = {"period": 1e-3, "dither.hold": hold, "duration": 0.02, "log_period": tick}
+    result = simulate(load_experiment("slc_nephroid", {**changes, "accept": None, "window": None}))
+    jumps = np.abs(np.diff(result.series["velocity"], axis=0)).max()
+    assert 3 * 0.03 < jumps < 7 * 0.03
+    found = result.metrics["joint_acceleration_max_rad_s2"]
+    assert found == pytest.approx(jumps / tick, rel=1e-9)
+    # The law's own velocity is that of its samples, however the noise is held.
+    assert result.metrics["network_acceleration_max_rad_s2"] <= 1 + 1e-9
+
+
 @pytest.mark.parametrize(
     "name", ["slc_four_ring", pytest.param("slc_four_ring_per_joint", marks=pytest.mark.long)]
 )

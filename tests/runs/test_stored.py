@@ -76,3 +76,44 @@ def test_a_run_that_stores_too_much_may_store_less():
     with pytest.raises(InvalidInputError, match="log_period: 1e-10 s stores 1e\\+08 samples"):
         simulate(load_experiment(NAME, many))
     assert simulate(load_experiment(NAME, many), series="none").time.size == 1
+
+
+#: Steps of 1/64 s, which are exact.
+STEP = 1 / 64
+
+
+def kept(steps, period, parts=1, duration=None):
+    """The times that are stored of a run to the last step, which is evaluated in parts."""
+    time = np.asarray(steps) * STEP
+    series = stored.StoredSeries(period * STEP, duration or time[-1])
+    cuts = [*np.linspace(0, time.size - 1, parts + 1).astype(int)]
+    for begin, end in pairwise(cuts):
+        part = time[begin : end + 1]
+        change = -np.arange(begin + 1, end + 1, dtype=float)[:, np.newaxis]
+        series.add(part, {"t": part}, {"rate": change}, last=end == time.size - 1)
+    taken = series.taken()
+    np.testing.assert_array_equal(taken["t"], taken["time"])
+    # The magnitude of a change is the number of its step: the largest is that of the sample.
+    at = np.searchsorted(time, taken["time"])
+    np.testing.assert_array_equal(taken["rate_peak"], at)
+    np.testing.assert_array_equal(taken["rate"][:, 0], -at)
+    return (taken["time"] / STEP).tolist()
+
+
+@pytest.mark.parametrize("parts", [1, 2, 3, 7])
+def test_the_first_step_of_each_period_is_stored_and_the_last_of_the_run(parts):
+    assert kept(range(22), 5, parts) == [0, 5, 10, 15, 20, 21]
+    assert kept(range(21), 5, parts) == [0, 5, 10, 15, 20]
+    assert kept([0, 1, 2, 3, 4, 6, 7, 8, 13], 5, parts) == [0, 6, 13]
+    assert kept(range(22), np.inf, parts) == [21]
+
+
+def test_a_last_step_that_rounding_sets_apart_is_not_stored_again():
+    """It is 1e-9 of a step behind one that is; 1e-3 of a step behind it, it is another one."""
+    assert kept([0, 1, 2, 3, 4, 4 + 1e-9], 2) == [0, 2, 4]
+    assert kept([0, 1, 2, 3, 4, 4 + 1e-3], 2) == [0, 2, 4, 4 + 1e-3]
+
+
+@pytest.mark.parametrize("parts", [1, 7])
+def test_a_run_that_lasts_longer_than_was_expected_is_stored_whole(parts):
+    assert kept(range(22), 1, parts, duration=3 * STEP) == list(range(22))

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from ...arrays.algebra import clipped, dot, functions_of, is_one
 from ...inputs.fields import Array
-from ..law import Layout, Signals
+from ..layout import Layout, Signals
 from .contact_loss import LOST, ContactLoss
 from .fixed_stiffness import FixedStiffness
 from .online_stiffness import OnlineStiffness

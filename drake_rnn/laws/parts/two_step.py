@@ -25,7 +25,8 @@ import numpy as np
 
 from ...arrays.algebra import flat, functions_of, is_one, joined, matvec, scaled, solved_for
 from ...inputs.fields import Array
-from ..law import Layout, SampledReading, Signals
+from ..law import SampledReading
+from ..layout import Layout, Signals
 
 _AHEAD = {"p_preview": "p_WE_desired", "v_preview": "v_WE_desired", "a_preview": "a_WE_desired"}
 

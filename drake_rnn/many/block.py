@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from ..arrays.namespace import in_front
 from ..inputs.fields import Array
 from ..inputs.own_code import described
 from ..laws import SampledReading
+from ..laws.called import unchecked
 from ..laws.stacked import stacked
 from ..laws.trial import started
 from ..robot.screws import Screws, side_by_side
@@ -87,6 +89,7 @@ class Block:
         times, period = self.schedule.times, self.schedule.period
         self._readings = [robot.reading for robot in robots]
         self._law: SampledReading = stacked(self._readings)
+        self._step: Any = unchecked(self._law.step)
         self._sees = frozenset(self._law.inputs.parts)
         # What observables are computed from: true signals, and none of the future.
         self._observed = (self._sees | _SEEN_ANYWAY) - PREVIEWS
@@ -173,7 +176,8 @@ class Block:
         """Return the laws' states one period later; not a number where a law has failed."""
         period = self.schedule.period
         try:
-            return self._law.step(t, x, u, period)
+            after: Array = self._step(t, x, u, period)
+            return after
         except Exception:
             # One robot may have stopped all, e.g. with a singular matrix.
             alone = [self._stepped_alone(k, t, x, u) for k in range(len(x))]
@@ -183,7 +187,8 @@ class Block:
         law, only = stacked([self._readings[robot]]), slice(robot, robot + 1)
         seen = {name: values[only] for name, values in u.items()}
         try:
-            return law.step(t, x[only], seen, self.schedule.period)[0]
+            after: Array = unchecked(law.step)(t, x[only], seen, self.schedule.period)
+            return after[0]
         except Exception as error:
             reason = f"{type(law).__name__}.step raised {described(error)}"
             self.failures.setdefault(robot, Failure(t, reason))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ..errors import InvalidInputError
 from ..experiment import Experiment
 from ..laws import SampledReading
-from ..laws.law import require_many
+from ..laws.called import require_many
 from ..robot.arm_screws import screws_of
 from .signals import PREVIEWS
 

@@ -78,6 +78,26 @@ def test_different_laws_periods_and_durations_keep_their_order():
     assert "saturated_fraction" in many.row(0)
 
 
+def test_window_laps_and_settling_are_those_of_simulate():
+    base = load_experiment("slc_nephroid_known").document.contents()
+    circle = {"kind": "circle", "size": 1e-5, "period": 0.05, "offset": [1e-4, 0.0, 0.0]}
+    own = {"path": circle, "duration": 0.13, "window": [0.03, 0.1], "settling_tolerance_m": 5e-5}
+    law = {**base["law"], "kappa": 20.0}
+    experiment = make_experiment({**base, **own, "law": law})
+    row, metrics = run_many([experiment]).row(0), simulate(experiment).metrics
+    assert {"lap_drift_max_rad", "joint_drift_max_rad", "settling_time_s"} <= row.keys()
+    assert 0.0 < row["settling_time_s"] < 0.13
+    # Differences of velocities over a tick and over 10 ms enlarge rounding.
+    assert row == pytest.approx(metrics, rel=1e-7, abs=1e-9)
+
+
+def test_a_start_outside_of_limits_and_a_target_are_measured():
+    experiment = load_experiment("null_space_adjustment", {"duration": 0.08})
+    row, metrics = run_many([experiment]).row(0), simulate(experiment).metrics
+    for name in ("joint_error_max_rad", "end_effector_drift_max_m", "joint_limit_margin_min_rad"):
+        assert row[name] == pytest.approx(metrics[name], abs=1e-9)
+
+
 @validated
 class Fragile(SampledLaw):
     """A law that follows its path, and breaks where it is told to."""

@@ -21,7 +21,7 @@ from ..inputs.complaints import short
 
 #: Methods that are checked; all take time, state and signals, and `step` the period as well.
 CHECKED = ("step", "derivatives")
-# Methods without checks, by those with. A decorator that a user puts around these is not among them.
+# Methods without checks, by those with; what a user puts around these is not among them.
 _WITHOUT_CHECKS: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
 _FLOAT = np.dtype(float)
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from .pressing import Surfaces
 from .rotation import angle_between
 from .schedule import Schedule, schedule_of
 from .signals import PREVIEWS, Desired, Sight
-from .step import Found, Step
+from .step import Found, Pressed, Step
 
 _SEEN_ANYWAY = frozenset(("position", "p_WE", "J", "velocity", "v_WE"))
 
@@ -58,10 +59,28 @@ class Moving:
     command: Array
     noise: Array | None
 
-    @property
+    @cached_property
     def dithered(self) -> Array:
         """The commanded velocities with their noise, shape (robots, n) [rad/s]."""
         return self.command if self.noise is None else self.command + self.noise
+
+
+class _Look(NamedTuple):
+    """What there is to see at a step.
+
+    Attributes:
+        number: Number of the step.
+        time: Its time [s].
+        sight: The arms.
+        around: Signals of paths and surfaces, by name.
+        pressed: Contact with surfaces; None without these.
+    """
+
+    number: int
+    time: float
+    sight: Sight
+    around: Mapping[str, Array]
+    pressed: Pressed | None
 
 
 class Block:
@@ -93,6 +112,9 @@ class Block:
         self._sees = frozenset(self._law.inputs.parts)
         # What observables are computed from: true signals, and none of the future.
         self._observed = (self._sees | _SEEN_ANYWAY) - PREVIEWS
+        # Paths are told of their orientations only where these matter.
+        turns = frozenset(("R_WE_desired",)) if experiments[0].holds_orientation else frozenset()
+        self._around = self._observed | turns
         self._model = None if document.dither is None else document.dither.model
         self._noises = None if document.dither is None else Noises(experiments)
         self._task = experiments[0].task
@@ -128,9 +150,9 @@ class Block:
         """Return the robots at their start, with the states that their laws draw."""
         q = np.stack([each.start for each in self._experiments], axis=-1).T
         still = np.zeros_like(q)
-        sight = Sight(self._task, self._arm.at(q), q)
+        look = self._look(0, q)
         # The initial state may depend on a J that the law cannot see.
-        u = {**self._signals(0, sight, still, still), "J": sight.J}
+        u = {**self._signals(look, still, still), "J": look.sight.J}
         states = []
         for number, (experiment, reading) in enumerate(
             zip(self._experiments, self._readings, strict=True)
@@ -146,30 +168,34 @@ class Block:
         """Return the robots one step later; at the last step, as they are."""
         t = float(self.schedule.times[number])
         before = self._without_failed(before, first, t)
-        sight = Sight(self._task, self._arm.at(before.q), before.q)
-        self._measure(number, t, before, sight)
+        look = self._look(number, before.q)
+        self._measure(look, before)
         if number + 1 == self.schedule.times.size:
             return before
         x, noise = before.x, before.noise
         if self.schedule.samples[number]:
             dithered = before.dithered
             causes = before.command if self._model == "printed" else dithered
-            u = self._signals(number, sight, dithered, causes)
+            u = self._signals(look, dithered, causes)
             x = self._stepped(t, x, u)
         if self.schedule.noises[number] and self._noises is not None:
             noise = self._noises.at(t)
         after = self._without_failed(replace(before, x=x, noise=noise), first, t)
         return self._moved(after, t, float(self.schedule.times[number + 1]))
 
-    def _signals(
-        self, number: int, sight: Sight, velocity: Array, causes: Array
-    ) -> dict[str, Array]:
-        """Return what the laws see at a sample."""
-        u = {**sight.of_arms(self._sees, velocity, causes), **self._desired.at(number, self._sees)}
-        u |= self._desired.ahead(number, self._sees)
+    def _look(self, number: int, q: Array) -> _Look:
+        """Return what there is to see at a step."""
+        t, sight = float(self.schedule.times[number]), Sight(self._task, self._arm.at(q), q)
+        around, pressed = self._desired.at(number, self._around), None
         if self._surfaces is not None:
-            t = float(self.schedule.times[number])
-            u |= self._surfaces.signals(self._surfaces.pressed(t, sight.origin))
+            pressed = self._surfaces.pressed(t, sight.origin)
+            around |= self._surfaces.signals(pressed)
+        return _Look(number, t, sight, around, pressed)
+
+    def _signals(self, look: _Look, velocity: Array, causes: Array) -> dict[str, Array]:
+        """Return what the laws see at a sample."""
+        u = {**look.sight.of_arms(self._sees, velocity, causes), **look.around}
+        u |= self._desired.ahead(look.number, self._sees)
         return {name: u[name] for name in self._sees}
 
     def _stepped(self, t: float, x: Array, u: Mapping[str, Array]) -> Array:
@@ -207,29 +233,22 @@ class Block:
             q = q + 0.5 * h * ((command if acts is None else command + acts) - velocity)
         return replace(now, q=q, command=command)
 
-    def _measure(self, number: int, t: float, now: Moving, sight: Sight) -> None:
+    def _measure(self, look: _Look, now: Moving) -> None:
         """Take the metrics of a step, just before what happens at its time."""
         if self._recorded:
             self.positions.append(now.q)
-        law, state = self._law, self._law.state
+        law, state, sight = self._law, self._law.state, look.sight
         velocity = now.dithered if self._model == "actuated" else now.command
         network = state.part(now.x, "v")
         if law.holds_command and velocity is now.command:
             network = velocity
-        names = self._observed | ({"R_WE_desired"} if self._oriented else frozenset())
-        desired = self._desired.at(number, names)
-        seen = {**sight.of_arms(self._observed, velocity, velocity), **desired}
-        turned = pressed = None
-        if self._surfaces is not None:
-            pressed = self._surfaces.pressed(t, sight.origin)
-            seen |= self._surfaces.signals(pressed)
-        if self._oriented:
-            turned = angle_between(sight.R_WE, desired["R_WE_desired"])
-        told = velocity.T
+        seen = {**sight.of_arms(self._observed, velocity, velocity), **look.around}
+        told, desired = velocity.T, look.around
+        turned = angle_between(sight.R_WE, desired["R_WE_desired"]) if self._oriented else None
         self._metrics.add(
             Step(
-                number=number,
-                time=t,
+                number=look.number,
+                time=look.time,
                 position=now.q.T,
                 velocity=told,
                 network_velocity=told if network is velocity else network.T,
@@ -240,8 +259,8 @@ class Block:
                 J=in_front(sight.J, 2),
                 turned=turned,
                 J_hat=in_front(state.part(now.x, "J_hat"), 2) if "J_hat" in state else None,
-                observed=law.diagnostics(t, now.x, seen) if law.observables.size else {},
-                pressed=pressed,
+                observed=law.diagnostics(look.time, now.x, seen) if law.observables.size else {},
+                pressed=look.pressed,
             )
         )
 

@@ -104,7 +104,10 @@ class _Shared:
         if part != self._part:
             self._fill(times[part * _ROWS : (part + 1) * _ROWS].tolist())
             self._part = part
-        return [table[row][..., self._which] for table in self._tables]
+        if len(self._functions) > 1:
+            return [table[row][..., self._which] for table in self._tables]
+        robots = self._which.shape
+        return [np.broadcast_to(t[row], (*t.shape[1:-1], *robots)) for t in self._tables]
 
     def _fill(self, times: list[float]) -> None:
         count = len(self._functions)

@@ -45,6 +45,8 @@ class Sight:
         self._axes = slice(task.axes[0], task.axes[-1] + 1)
         self._moved = moved
         self._translation = moved.J[..., self._axes, :]
+        # The last velocities asked for, and what they make of the end effectors'.
+        self._moving: tuple[Array, Array] | None = None
         self.position = position
         self.origin: Array = moved.p_WE
         self.p_WE: Array = self.origin[..., self._axes]
@@ -54,7 +56,9 @@ class Sight:
 
     def v_WE(self, velocity: Array) -> Array:
         """Return the velocities of the end effectors, shape (robots, m) [m/s]."""
-        return matvec(self._translation, velocity)
+        if self._moving is None or self._moving[0] is not velocity:
+            self._moving = velocity, matvec(self._translation, velocity)
+        return self._moving[1]
 
     def of_arms(self, names: Set[str], velocity: Array, causes: Array) -> Found:
         """Return signals of the arms, by name.

@@ -94,7 +94,7 @@ def check(name, duration):
 
 @pytest.mark.parametrize("name", QUICK)
 def test_joints_and_metrics_are_those_of_the_diagram(name):
-    check(name, 0.1)
+    check(name, 0.07)
 
 
 @pytest.mark.long

@@ -84,6 +84,13 @@ def agreement(experiment: Experiment) -> Agreement:
     return Agreement(drake.time.size, float(difference.max()), many.row(0), drake.metrics)
 
 
+def _why_not(name: str) -> str | None:
+    try:
+        return why_not(load_experiment(name))
+    except InvalidInputError as error:
+        return str(error)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME")
@@ -91,15 +98,10 @@ def main() -> None:
     options = parser.parse_args()
     head("experiment", "steps", "joints apart [rad]", "metrics apart", "which or why not")
     for name in options.names or shipped_experiments():
-        try:
-            experiment = every_step(name, options.duration)
-        except InvalidInputError as error:
-            row(f"`{name}`", "", "", "", str(error))
-            continue
-        if (reason := why_not(experiment)) is not None:
+        if (reason := _why_not(name)) is not None:
             row(f"`{name}`", "", "", "", reason)
             continue
-        found = agreement(experiment)
+        found = agreement(every_step(name, options.duration))
         apart, which = found.apart
         cells = (f"{found.steps}", f"{found.position:.1e}", f"{apart:.1e}", f"`{which}`")
         row(f"`{name}`", *cells)

@@ -28,7 +28,7 @@ QUICK = [
     "slc_nephroid_printed",
     "slc_nephroid_warm_up",
 ]
-# As printed, the network of the recursive law amplifies differences of rounding a thousandfold within 0.1 s.
+# As printed, the recursive network amplifies rounding a thousandfold and more within 0.1 s.
 PRINTED = ["recursive_circle_printed", "recursive_square_printed"]
 REST = [
     "fastest_circle",

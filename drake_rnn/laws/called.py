@@ -10,8 +10,9 @@ from collections.abc import Callable, Mapping
 from functools import wraps
 from math import isfinite
 from numbers import Real
-from types import MethodType
+from types import FunctionType, MethodType
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -21,30 +22,27 @@ from ..inputs.complaints import short
 
 #: Methods that are checked; all take time, state and signals, and `step` the period as well.
 CHECKED = ("step", "derivatives")
-# Attribute of a checked method that holds the one without checks.
-_PLAIN = "_without_checks"
+# Methods without checks, by those with; what a user puts around these is not among them.
+_WITHOUT_CHECKS: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
 _FLOAT = np.dtype(float)
 
 
 def check_calls(cls: type) -> None:
     """Let the methods that a class itself defines check what they are given."""
+    own = vars(cls)
     for name in CHECKED:
-        method = vars(cls).get(name)
-        if callable(method) and not getattr(method, "__isabstractmethod__", False):
+        if isinstance(method := own.get(name), FunctionType):
             setattr(cls, name, _checked(method))
-    if callable(method := vars(cls).get("sampled")):
+    if isinstance(method := own.get("sampled"), FunctionType):
         setattr(cls, "sampled", _for_a_period(method))  # noqa: B010  mypy forbids the assignment
 
 
 def unchecked(method: Callable[..., Any]) -> Callable[..., Any]:
     """Return a bound method of a law without the checks of what it is given."""
-    function = getattr(method, "__func__", method)
-    plain: Callable[..., Any] = getattr(function, _PLAIN, method)
-    # A decorator that a user has put around the checks takes over what is known of them.
-    if plain is not getattr(function, "__wrapped__", None):
-        return method
-    owner: Any = method
-    return MethodType(plain, owner.__self__)
+    if isinstance(method, MethodType) and isinstance(method.__func__, FunctionType):
+        plain = _WITHOUT_CHECKS.get(method.__func__)
+        return method if plain is None else MethodType(plain, method.__self__)
+    return method
 
 
 def _checked(method: Any) -> Any:
@@ -56,7 +54,7 @@ def _checked(method: Any) -> Any:
             _check_period(value)
         return method(self, t, x, u, *period, **named)
 
-    setattr(checked, _PLAIN, method)
+    _WITHOUT_CHECKS[checked] = method
     return checked
 
 

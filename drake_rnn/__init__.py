@@ -3,6 +3,8 @@
 from importlib.metadata import version
 
 from .arrays.jax_module import require_jax
+from .campaigns import CampaignDocument, CampaignResult, read_campaign, run_campaign
+from .campaigns.sweep import sweep
 from .diagrams import AddLoop, Loop
 from .environments import (
     ENVIRONMENTS,
@@ -89,7 +91,6 @@ from .robot.task import TASKS
 from .robot.tool_description import ToolDescription
 from .runs import Result, build_diagram, check_experiment, simulate
 from .runs.fastest import Fastest, fastest
-from .runs.sweep import sweep
 from .systems import (
     BODIES,
     Body,
@@ -130,6 +131,8 @@ __all__ = [
     "ArmReport",
     "Array",
     "Body",
+    "CampaignDocument",
+    "CampaignResult",
     "Cat",
     "Circle",
     "Circumstances",
@@ -225,7 +228,9 @@ __all__ = [
     "make_experiment",
     "proposed_home",
     "random_link_errors",
+    "read_campaign",
     "require_jax",
+    "run_campaign",
     "screws_of",
     "shipped_arms",
     "shipped_experiments",

@@ -11,6 +11,7 @@ import typer
 
 from ..runs.result import versions
 from .again import plot, replay
+from .campaigning import campaign
 from .catalogue import list_arms, list_experiments, list_laws, list_paths
 from .claims import show_claims
 from .comparing import compare
@@ -19,6 +20,7 @@ from .new import new
 from .running import run, run_fastest
 from .showing import show
 from .sweeping import sweep
+from .usage import Commands
 
 
 def _print_version(asked: bool) -> None:
@@ -39,6 +41,7 @@ def common(
 
 
 app = typer.Typer(
+    cls=Commands,
     no_args_is_help=True,
     rich_markup_mode=None,  # it would read [s] as a style
     pretty_exceptions_enable=False,
@@ -55,6 +58,7 @@ app.command("arm")(describe_arm)
 app.command()(run)
 app.command("fastest")(run_fastest)
 app.command()(sweep)
+app.command()(campaign)
 app.command()(compare)
 app.command()(plot)
 app.command()(replay)

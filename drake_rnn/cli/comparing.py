@@ -12,13 +12,13 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from ..campaigns.sweep import Row, write_csv
 from ..errors import InvalidInputError, SimulationError
 from ..experiment import Experiment, load_experiment
 from ..figures.comparison import comparison_figure
 from ..measures import METRICS
 from ..runs.result import Result
 from ..runs.simulation import check_experiment, simulate
-from ..runs.sweep import Row, write_csv
 from ..runs.verdict import Verdict
 from .completing import complete_experiments
 from .console import FAILED, NOT_MET, err, errors, out, progress_bar

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ..campaigns import shipped_campaigns
 from ..experiment import shipped_experiments
 from ..laws import LAWS
 from ..paths import PATHS
@@ -32,3 +33,8 @@ def complete_paths(incomplete: str) -> list[str]:
 def complete_levels(incomplete: str) -> list[str]:
     """Return the levels of detail that begin so."""
     return [name for name in BODIES if name.startswith(incomplete)]
+
+
+def complete_campaigns(incomplete: str) -> list[str]:
+    """Return the shipped campaigns that begin so."""
+    return [name for name in shipped_campaigns() if name.startswith(incomplete)]

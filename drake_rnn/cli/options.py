@@ -11,7 +11,7 @@ import typer
 from rich.markup import escape
 
 from ..errors import InvalidInputError
-from ..experiment import Experiment, load_experiment, parse_change, read_document
+from ..experiment import Described, Experiment, load_experiment, parse_change, read_document
 from ..runs.stored import Series
 from .completing import complete_experiments
 from .console import err, out
@@ -103,7 +103,7 @@ def changes_of(
     return new
 
 
-def tell_of_window(name: str, changes: Mapping[str, Any]) -> None:
+def tell_of_window(name: Described, changes: Mapping[str, Any]) -> None:
     """Print a note if the duration ends before the window and therefore drops it."""
     kept = {key: value for key, value in changes.items() if key != "duration"}
     before, now = read_document(name, kept), read_document(name, changes)

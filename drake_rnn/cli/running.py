@@ -11,7 +11,7 @@ from rich.markup import escape
 
 from ..errors import InvalidInputError
 from ..experiment import Experiment, load_experiment
-from ..runs.fastest import fastest
+from ..runs.fastest import check_stretchable, fastest
 from ..runs.simulation import check_experiment
 from ..runs.stored import Series
 from .announcing import print_json, print_plan
@@ -123,6 +123,7 @@ def run_fastest(
     """Run a path as fast as the limits on all derivatives allow."""
     with errors():
         loaded = load(experiment, changes, None, None)
+        check_stretchable(loaded)
         folder = out_folder / f"{loaded.name}_fastest"
         require_writable(folder)
         found = fastest(loaded, lambda text: err.print(escape(text)))

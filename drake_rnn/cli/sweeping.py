@@ -9,14 +9,21 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
+from ..campaigns.sweep import (
+    InterruptedSweepError,
+    Row,
+    parse_axis,
+    planned,
+    run_planned,
+    write_csv,
+)
 from ..errors import InvalidInputError
 from ..experiment import load_experiment
 from ..figures.learning import learning_figure
 from ..figures.sweep import sweep_figure
-from ..runs.sweep import Row, parse_axis, write_csv
-from ..runs.sweep import sweep as run_sweep
 from .console import FAILED, NOT_MET, err, errors, out
 from .options import (
+    Anyway,
     Check,
     Duration,
     One,
@@ -30,7 +37,7 @@ from .options import (
 from .tables import WIDE, sweep_tables, varying_metrics
 
 
-def sweep(
+def sweep(  # noqa: PLR0913  one argument for each option
     experiment: One,
     over: Annotated[
         list[str] | None,
@@ -46,6 +53,7 @@ def sweep(
     duration: Duration = None,
     jobs: Annotated[int, typer.Option(min=1, help="Number of runs at a time.")] = 1,
     check: Check = False,
+    anyway: Anyway = False,
 ) -> None:
     """Run an experiment with several values; write a table, a CSV file and a figure."""
     with errors():
@@ -54,14 +62,18 @@ def sweep(
         if not axes:
             raise InvalidInputError(f"--over: must be given; {experiment} has no values of its own")
         keys = list(axes)
+        orders = planned(experiment, axes, changed, anyway=anyway)
         folder = out_folder / f"sweep_{Path(experiment).stem}_{'_'.join(keys)}"
         require_writable(folder)
 
         def done(row: Row) -> None:
-            values = ", ".join(f"{key}={v}" for key, v in zip(keys, row.values, strict=True))
-            err.print(escape(f"{values}: {row.failure or 'done'}"))
+            err.print(escape(f"{_named(keys, row.values)}: {row.failure or 'done'}"))
 
-        rows = run_sweep(experiment, axes, changed, jobs, done)
+        missing: list[tuple[Any, ...]] = []
+        try:
+            rows = run_planned(orders, jobs, done, keep=folder / ".rows")
+        except InterruptedSweepError as error:
+            rows, missing = error.rows, error.missing
         write_csv(folder / "sweep.csv", keys, rows)
         pictures = [
             sweep_figure(keys, rows, varying_metrics(rows), folder / "sweep.png"),
@@ -74,10 +86,22 @@ def sweep(
     out.print(escape(f"table    {folder / 'sweep.csv'}"), soft_wrap=True)
     for picture in filter(None, pictures):
         out.print(escape(f"picture  {picture}"), soft_wrap=True)
-    if any(row.failure for row in rows):
+    if missing:
+        told = "; ".join(_named(keys, values) for values in missing)
+        err.print(f"[red]not run[/] {escape(told)}; the same command goes on from here")
+    _exit(rows, bool(missing), check)
+
+
+def _exit(rows: list[Row], interrupted: bool, check: bool) -> None:
+    """End with the status that fits, unless all is well."""
+    if interrupted or any(row.failure for row in rows):
         raise typer.Exit(FAILED)
     if check and any(row.not_met for row in rows):
         raise typer.Exit(NOT_MET)
+
+
+def _named(keys: list[str], values: tuple[Any, ...]) -> str:
+    return ", ".join(f"{key}={value}" for key, value in zip(keys, values, strict=True))
 
 
 def _axes(over: list[str] | None) -> dict[str, list[Any]]:

@@ -12,11 +12,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from ..campaigns.sweep import Row
 from ..measures import shown_in
 from ..robot.limits import DERIVATIVE_UNITS
 from ..robot.report import ArmReport
 from ..runs.result import Result
-from ..runs.sweep import Row
 from ..runs.verdict import Verdict
 
 #: Width of a console on which no table is squeezed [characters].

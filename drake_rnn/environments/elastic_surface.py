@@ -3,7 +3,7 @@
 # No postponed annotations: see `surface`.
 from typing import Literal
 
-from ..inputs.fields import Positive, validated
+from ..inputs.fields import Stiffness, validated
 from .surface import Surface
 
 
@@ -17,4 +17,4 @@ class ElasticSurface(Surface):
     """
 
     kind: Literal["elastic_surface"] = "elastic_surface"
-    stiffness: Positive
+    stiffness: Stiffness

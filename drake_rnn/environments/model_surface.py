@@ -10,7 +10,7 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
 from ..errors import InvalidInputError
-from ..inputs.fields import Array, Point, validated, zeros
+from ..inputs.fields import Angles, Array, Point, validated, zeros
 from .contact_model import ContactModel
 
 
@@ -32,7 +32,7 @@ class ModelSurface(ContactModel):
 
     kind: Literal["model"] = "model"
     model: str
-    rotation: Point = Field(default_factory=zeros)
+    rotation: Angles = Field(default_factory=zeros)
     offset: Point = Field(default_factory=zeros)
 
     def __post_init__(self) -> None:

@@ -15,7 +15,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 
-from ..inputs.fields import Array, Friction, Length, Point, Positive, validated, zeros
+from ..inputs.fields import Array, Friction, Length, Modulus, Point, validated, zeros
 from .contact_model import ContactModel
 
 
@@ -36,9 +36,9 @@ class Plate(ContactModel):
     kind: Literal["plate"] = "plate"
     friction: Friction = 0.3
     size: Length = 0.4
-    thickness: Annotated[float, Field(strict=True, ge=0.005, allow_inf_nan=False)] = 0.04
+    thickness: Annotated[float, Field(strict=True, ge=0.005, le=1e3, allow_inf_nan=False)] = 0.04
     offset: Point = Field(default_factory=zeros)
-    hydroelastic_modulus: Positive | None = None
+    hydroelastic_modulus: Modulus | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

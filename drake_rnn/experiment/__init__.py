@@ -1,5 +1,6 @@
 """An experiment: the document that describes it, and the objects made from it."""
 
+from .arms import Arms
 from .document import Acceptance, ExperimentDocument, IntegratorSettings
 from .expected_bounds import expected_bounds
 from .experiment import OUTSIDE, Experiment, make_experiment
@@ -11,16 +12,19 @@ from .files import (
     set_key,
     shipped_experiments,
 )
+from .quick_check import QuickCheck
 from .reach import Forecast, Reach, check_reach, follow, forecasts
 
 __all__ = [
     "OUTSIDE",
     "Acceptance",
+    "Arms",
     "Described",
     "Experiment",
     "ExperimentDocument",
     "Forecast",
     "IntegratorSettings",
+    "QuickCheck",
     "Reach",
     "check_reach",
     "expected_bounds",

@@ -67,7 +67,13 @@ def make_contact(
     contact.check_period(document.period)
     _require_mobility(surface, arm, start)
     _require_along(surface, desired)
-    return contact, _doubts(contact, desired, arm, start)
+    doubts = _doubts(contact, desired, arm, start)
+    fails_at = None if document.sensor is None else document.sensor.fails_at
+    if fails_at is not None and fails_at >= document.duration:
+        doubts.append(
+            f"sensor.fails_at: {fails_at:g} s is not before the run's end, {document.duration:g} s"
+        )
+    return contact, doubts
 
 
 def _require_mobility(surface: Surface, arm: Arm, start: Array) -> None:

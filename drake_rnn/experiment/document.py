@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import is_dataclass
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -13,7 +13,7 @@ from pydrake.systems.analysis import GetIntegrationSchemes
 from ..inputs.complaints import nearest, plain
 from ..inputs.dataclass_fields import field_names, fields_of
 from ..inputs.documents import to_yaml
-from ..inputs.fields import Finite, NonNegative, Positive, Seed, Vector, validated
+from ..inputs.fields import Finite, NonNegative, Positive, Seed, Vector, between, validated
 from ..measures import METRIC_NAMES
 from ..robot.task import TASKS
 from ..systems import BODIES
@@ -26,6 +26,10 @@ from ..systems.moving_average import FilterSettings
 from ..systems.plant_settings import PlantSettings
 
 _LOG_PERIOD = 0.01
+# Of an integrator; a greater one controls nothing, and a smaller one is lost in rounding.
+_Accuracy = Annotated[Positive, between(1e-14, 0.1)]
+# Of a controller [s]: none samples an arm more rarely.
+_Period = Annotated[Positive, between(0.0, 1.0)]
 #: Schemes of Drake that make fixed steps, whatever accuracy is asked for.
 _WITHOUT_ERROR_CONTROL = ("explicit_euler", "runge_kutta2", "semi_explicit_euler")
 
@@ -41,7 +45,7 @@ class IntegratorSettings:
     """
 
     scheme: str = "runge_kutta3"
-    accuracy: Positive | None = None
+    accuracy: _Accuracy | None = None
     step: Positive | None = None
 
     def __post_init__(self) -> None:
@@ -148,7 +152,7 @@ class ExperimentDocument:
     force: ForceProfile | None = None
     sensor: SensorSettings | None = None
     sensing: SensingSettings | None = None
-    period: Positive | None = None
+    period: _Period | None = None
     integrator: IntegratorSettings | None = None
     start: Vector | None = None
     on_unreachable: Literal["refuse", "project"] = "refuse"
@@ -174,6 +178,8 @@ class ExperimentDocument:
                 )
 
         for key in self.over:
+            if not self.over[key]:
+                raise ValueError(f"over.{key}: must have one value or more, not []")
             first, known = key.split(".")[0], list(field_names(type(self)))
             if first not in known:
                 raise ValueError(f"over.{key}: no such key; {nearest(first, known)}")

@@ -20,14 +20,14 @@ from ..laws.checks import doubts_of
 from ..paths import Path, PlacedPath, as_path
 from ..robot.arm import Arm
 from ..robot.limits import JointLimits
-from ..robot.load_arm import load_arm
 from ..robot.task import Task, named_task
 from ..systems import BODIES, Body, Contact, Feedback, PlantSettings, start_posture
+from .arms import Arms
 from .contact import make_contact
 from .document import ExperimentDocument
 from .filter import FilterDelay, filter_delay, kept_limits, loop_delay_doubts
 from .law import make_law
-from .path import GIVEN, path_of
+from .path import GIVEN, doubts_of_path, path_of
 from .target import reachable_target
 
 #: How far the start may lie outside the position limits for a law that brings it back [rad].
@@ -121,6 +121,7 @@ def make_experiment(
     path: Path | Trajectory | None = None,
     *,
     modules: Modules = True,
+    arms: Arms | None = None,
 ) -> Experiment:
     """Return the experiment that a document describes, checked as a whole.
 
@@ -130,28 +131,25 @@ def make_experiment(
             experiment's document then only says that one was given.
         modules: Modules that may be imported for a ``kind`` of the form ``module:Class``: True for
             any, False for none, or their names. What has been imported already may be used.
+        arms: Arms that were loaded for other experiments; one that is missing is added.
 
     Raises:
         InvalidInputError: If a key is wrong; the message names it, its value and what it may be.
     """
-    if not isinstance(document, ExperimentDocument):
-        document = construct(ExperimentDocument, document, "")
-    if path is not None:
-        document = replace(document, path=GIVEN)
+    document = _checked(document, path is not None)
     feedback = _feedback(document)
     _require_plant(document)
-    arm, warnings = _limited_arm(document)
+    arm, warnings = limited_arm(document, Arms() if arms is None else arms)
     kind = LAWS.named_by(document.law, modules)
     seeks_posture = issubclass(kind, PostureLaw)
     start = start_posture(arm, document.start, OUTSIDE if seeks_posture else 0.0)
     path = path_of(document, seeks_posture, as_path(path), modules)
     law = make_law(document, kind, arm.limits, start)
     delay = filter_delay(document, feedback, arm.limits, law)
+    warnings += doubts_of_path(path, document.duration)
     warnings += [*_outside(arm, start), *loop_delay_doubts(document, law, delay.loop)]
-    if isinstance(law, PostureLaw):
-        target, changes = reachable_target(document, arm, start, law.target)
-        law = replace(law, target=target)
-        warnings += changes
+    law, changes = _with_reachable_target(document, arm, start, law)
+    warnings += changes
     desired = path.placed_on(arm, start)
     _require_orientation_seen(law, desired)
     contact, doubts = make_contact(document, law, desired, arm, start, modules)
@@ -189,6 +187,25 @@ def _circumstances(experiment: Experiment, delay: FilterDelay) -> Circumstances:
         start_offset=offset,
         J=J,
     )
+
+
+def _checked(
+    document: Mapping[str, Any] | ExperimentDocument, path_is_given: bool
+) -> ExperimentDocument:
+    """Return a document whose keys were checked; with a path made in Python it only says so."""
+    if not isinstance(document, ExperimentDocument):
+        document = construct(ExperimentDocument, document, "")
+    return replace(document, path=GIVEN) if path_is_given else document
+
+
+def _with_reachable_target(
+    document: ExperimentDocument, arm: Arm, start: Array, law: Law
+) -> tuple[Law, list[str]]:
+    """Return the law with a target posture that can be reached, if it has one, and warnings."""
+    if not isinstance(law, PostureLaw):
+        return law, []
+    target, changes = reachable_target(document, arm, start, law.target)
+    return replace(law, target=target), changes
 
 
 def _feedback(document: ExperimentDocument) -> Feedback:
@@ -249,21 +266,20 @@ def _outside(arm: Arm, start: Array) -> list[str]:
     ]
 
 
-def _limited_arm(document: ExperimentDocument) -> tuple[Arm, list[str]]:
-    """Return the arm with the limits of the experiment, and warnings about both."""
-    published = _arm(document.arm)
+def limited_arm(document: ExperimentDocument, arms: Arms) -> tuple[Arm, list[str]]:
+    """Return the arm with the limits of the experiment, and warnings about both.
+
+    Args:
+        document: Document of the experiment.
+        arms: Arms that were loaded before.
+
+    Raises:
+        InvalidInputError: If a key of arm or limits is wrong.
+    """
+    published = arms.of(document.arm)
     limits = _limits(published, document.limits)
     arm = published.with_limits(limits)
     return arm, [*arm.warnings, *_widened(published, limits)]
-
-
-def _arm(description: str | Mapping[str, Any]) -> Arm:
-    if isinstance(description, str):
-        return load_arm(description)
-    fields = dict(description)
-    if not isinstance(model := fields.pop("model", None), str):
-        raise InvalidInputError("arm.model: must be given: a shipped arm or a model file")
-    return load_arm(model, **fields)
 
 
 def _limits(arm: Arm, bounds: Mapping[str, Any] | str) -> JointLimits:

@@ -15,6 +15,7 @@ from ..inputs.dataclass_fields import field_names, fields_of
 from ..inputs.documents import parse_yaml, read_yaml
 from ..robot.limits_file import limits_beside
 from ..robot.load_arm import shipped_arms
+from .arms import Arms
 from .document import ExperimentDocument
 from .experiment import Experiment, make_experiment
 
@@ -31,7 +32,12 @@ def shipped_experiments() -> list[str]:
     return sorted(file.stem for file in EXPERIMENTS.glob("*/*.yaml"))
 
 
-def load_experiment(experiment: Described, changes: Mapping[str, Any] | None = None) -> Experiment:
+def load_experiment(
+    experiment: Described,
+    changes: Mapping[str, Any] | None = None,
+    *,
+    arms: Arms | None = None,
+) -> Experiment:
     """Return an experiment by its shipped name or from a YAML file, checked as a whole.
 
     Args:
@@ -39,11 +45,12 @@ def load_experiment(experiment: Described, changes: Mapping[str, Any] | None = N
         changes: New values by dotted key, e.g. ``{"law.kappa": 8}``; None removes a key. Setting
             ``period`` removes ``integrator`` and vice versa; a duration that ends before the
             document's window removes ``window`` and ``accept``.
+        arms: Arms that were loaded for other experiments; one that is missing is added.
 
     Raises:
         InvalidInputError: If a key is wrong; the message names it, its value and what it may be.
     """
-    made = make_experiment(read_document(experiment, changes))
+    made = make_experiment(read_document(experiment, changes), arms=arms)
     removed = [key for key, value in (changes or {}).items() if value is None]
     if removed:
         before, _ = _contents(experiment)
@@ -103,6 +110,9 @@ def _checked(changes: Mapping[str, Any] | None) -> Mapping[str, Any]:
         raise InvalidInputError(
             f"changes: must be a mapping of dotted keys to values, not {short(changes)}"
         )
+    for key in changes:
+        if not all(part.strip() for part in key.split(".")):
+            raise InvalidInputError(f"{key!r}: must be a dotted key, e.g. law.kappa")
     return changes
 
 

@@ -10,6 +10,7 @@ from ..inputs.complaints import require_type
 from ..inputs.documents import construct, without_kind
 from ..inputs.modules import Modules
 from ..paths import PATHS, Part, Path, Rest, Sequence
+from ..paths.timed import TimedPath
 from .document import ExperimentDocument
 
 #: Section of a document in place of a path that was made in Python.
@@ -48,25 +49,60 @@ def path_of(
             "path: was made in Python, which a document does not hold; give it again, as the "
             "argument path"
         )
-    return _made(document.path, "path", modules)
+    return _made(document.path, "path", modules, {})
 
 
-def _made(section: Mapping[str, Any], key: str, modules: Modules) -> Path:
-    """Return the path that a section describes; in one of parts, each part is such a section."""
-    kind = PATHS.named_by(section, modules, key)
+def doubts_of_path(path: Path, duration: float) -> list[str]:
+    """Return a warning about a path that ends after the run.
+
+    Args:
+        path: The path.
+        duration: Duration of the run [s].
+
+    Raises:
+        InvalidInputError: If its times begin after the run's end.
+    """
+    if not isinstance(path, TimedPath):
+        return []
+    if path.begins >= duration:
+        raise InvalidInputError(
+            f"path: begins at {path.begins:g} s, and the run ends at {duration:g} s"
+        )
+    if path.duration > duration * (1.0 + 1e-9):
+        return [f"path: ends at {path.duration:g} s, and the run at {duration:g} s"]
+    return []
+
+
+def _made(
+    section: Mapping[str, Any], key: str, modules: Modules, known: dict[str, type[Path]]
+) -> Path:
+    """Return the path that a section describes; in one of parts, each part is such a section.
+
+    Args:
+        section: The section.
+        key: Its key in the document.
+        modules: Modules that may be imported.
+        known: Classes found so far, by kind: to look for one takes milliseconds, and a sequence
+            may have thousands of parts.
+    """
+    name = section.get("kind")
+    kind = known.get(name) if isinstance(name, str) else None
+    if kind is None:
+        kind = known[str(name)] = PATHS.named_by(section, modules, key)
     fields = without_kind(section)
     if issubclass(kind, Sequence) and isinstance(fields.get("parts"), list):
         fields["parts"] = [
-            _part(part, f"{key}.parts.{number}", modules)
+            _part(part, f"{key}.parts.{number}", modules, known)
             for number, part in enumerate(fields["parts"])
         ]
     path: Path = construct(kind, fields, key)
     return path
 
 
-def _part(section: Any, key: str, modules: Modules) -> Part:
+def _part(section: Any, key: str, modules: Modules, known: dict[str, type[Path]]) -> Part:
     if not isinstance(section, Mapping) or not isinstance(section.get("path"), Mapping):
         raise InvalidInputError(
             f"{key}: must be a mapping with a path, and perhaps lasts and bridge, not {section!r}"
         )
-    return construct(Part, {**section, "path": _made(section["path"], f"{key}.path", modules)}, key)
+    path = _made(section["path"], f"{key}.path", modules, known)
+    return construct(Part, {**section, "path": path}, key)

@@ -62,35 +62,40 @@ def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
     shift = np.zeros(3)
     if experiment.contact is not None:
         shift = experiment.contact.surface.gap * experiment.contact.surface.normal_W
-    time = _times(experiment, samples)
+    times = _times(experiment, samples)
+    # Of a path that is lost, a few points show where it is farthest.
+    stride = math.ceil(times.size / samples)
     q = experiment.start.copy()
+    time: list[float] = []
     miss: list[float] = []
     position, singular, velocity, desired = [], [], [], []
-    for t in time.tolist():
+    lost = False
+    for number, t in enumerate(times.tolist()):
+        if lost and number % stride:
+            continue
+        time.append(t)
         p, v, _ = desired_motion.position(t)
         target, w = (p - shift)[rows], np.zeros(0)
         if experiment.holds_orientation:
             R, w, _ = desired_motion.orientation(t)
             aim = _Aim(kinematics, rows, R)
         # Once the path is lost, only the distance matters: fewer iterations suffice.
-        if max(miss, default=0.0) > _MISS:
-            q = _descend(aim, q, target, 20)
-        else:
-            q = _towards(aim, q, target)
+        q = _descend(aim, q, target, 20) if lost else _towards(aim, q, target)
         J = aim.J(q)
         position.append(q)
         desired.append(target)
         miss.append(_miss(aim, q, target))
+        lost = lost or miss[-1] > _MISS
         singular.append(np.linalg.svd(J, compute_uv=False)[-1])
         asked = np.concatenate((_LEVER * w, v[rows]))
         velocity.append(_damped_inverse(J) @ asked)
     return Reach(
-        time=time,
+        time=np.array(time),
         position=np.array(position),
         miss=np.array(miss),
         singular_value=np.array(singular),
         velocity=np.array(velocity),
-        acceleration=np.gradient(np.array(velocity), time, axis=0),
+        acceleration=np.gradient(np.array(velocity), np.array(time), axis=0),
         desired=np.array(desired),
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..runs.sweep import Row
+from ..campaigns.sweep import Row
 from .style import COLOURS, label, legend, log_axis, save, single, styled, ticks
 
 

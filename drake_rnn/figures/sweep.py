@@ -17,8 +17,8 @@ from matplotlib.ticker import (
     StrMethodFormatter,
 )
 
+from ..campaigns.sweep import Row
 from ..inputs.fields import Array
-from ..runs.sweep import Row
 from .style import COLOURS, PAGE, save, styled
 
 _COLUMNS = 3

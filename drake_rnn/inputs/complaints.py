@@ -15,6 +15,9 @@ from pydantic import ValidationError
 from ..errors import InvalidInputError
 from .dataclass_fields import field_names
 
+# Names that a message tells if none is close: all up to this number, of more than that some.
+_MOST_NAMES, _SOME_NAMES = 40, 8
+
 
 def sentence(cls: type, error: ValidationError, key: str) -> str:
     """Return a message about the first error; the others often follow from it.
@@ -192,9 +195,18 @@ def require_type(key: str, value: object, *kinds: type) -> None:
 
 
 def nearest(name: str, names: list[str]) -> str:
-    """Return a hint what to use instead of ``name``: the closest of ``names``, or all of them."""
+    """Return a hint what to use instead of ``name``: the closest of ``names``, or which there are.
+
+    Args:
+        name: What was given.
+        names: What it may be; of more than 40 the first few are told.
+    """
     close = get_close_matches(name, names, n=3, cutoff=0.5)
-    return "nearest: " + ", ".join(close) if close else "it may be " + ", ".join(names)
+    if close:
+        return "nearest: " + ", ".join(close)
+    if len(names) > _MOST_NAMES:
+        names = [*names[:_SOME_NAMES], f"or another of {len(names)}"]
+    return "it may be " + ", ".join(names)
 
 
 def plain(value: Any) -> Any:

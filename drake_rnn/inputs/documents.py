@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from io import StringIO
 from pathlib import Path
 from typing import Any, TypeVar
@@ -123,9 +124,17 @@ def construct(cls: type[T], values: Any, key: str) -> T:
     try:
         # A user's own class may fail in ways of its own.
         with naming(f"{place}: {cls.__name__}", but=ValidationError):
-            return TypeAdapter(cls).validate_python(dict(values))
+            described: Any = cls
+            made: T = _adapter(described).validate_python(dict(values))
+            return made
     except ValidationError as error:
         raise InvalidInputError(sentence(cls, error, key)) from None
+
+
+@lru_cache(maxsize=256)
+def _adapter(cls: Any) -> TypeAdapter[Any]:
+    # It takes milliseconds to make, and a sequence may have thousands of parts of one class.
+    return TypeAdapter(cls)
 
 
 def without_kind(document: Mapping[str, Any]) -> dict[str, Any]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from functools import wraps
+from math import pi
 from numbers import Real
 from typing import Annotated, Any, dataclass_transform
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic.dataclasses import dataclass
 
 from ..errors import InvalidInputError
@@ -53,6 +54,30 @@ def _point(value: Any) -> Array:
     return vector
 
 
+def between(low: float, high: float) -> AfterValidator:
+    """Return a validator of numbers from ``low`` to ``high``."""
+
+    def between(value: float) -> float:
+        if not low <= value <= high:
+            raise ValueError(f"may be {low:g} to {high:g}" if low else f"may be at most {high:g}")
+        return value
+
+    return AfterValidator(between)
+
+
+def _angle(value: float) -> float:
+    if abs(value) > 2 * pi:
+        raise ValueError("must be at most one turn, 2 pi, in radians")
+    return value
+
+
+def _angles(value: Any) -> Array:
+    angles = _point(value)
+    if (np.abs(angles) > 2 * pi).any():
+        raise ValueError("must be angles of at most one turn, 2 pi, in radians")
+    return angles
+
+
 def zeros() -> Array:
     """Return a read-only zero vector, shape (3,), the default of a `Point`."""
     return _point([0.0, 0.0, 0.0])
@@ -91,9 +116,33 @@ NonNegative = Annotated[float, Field(strict=True, ge=0, allow_inf_nan=False)]
 Delay = Annotated[float, Field(strict=True, ge=0, le=5, allow_inf_nan=False)]
 # Of two bodies in contact; rubber on rubber has hardly more than 2.
 Friction = Annotated[float, Field(strict=True, ge=0, le=10, allow_inf_nan=False)]
+# What follows is wide for any robot; what lies outside is a slip, of a unit or of an exponent.
+# Of a network, a feedback or a pull [1/s], and of what weighs one aim against another.
+Gain = Annotated[Positive, between(1e-6, 1e9)]
+GainOrZero = Annotated[NonNegative, between(0.0, 1e9)]
+# Of what keeps a matrix regular or a solution small; the less, the fainter.
+Weight = Annotated[Positive, between(0.0, 1e6)]
+# Of a motion, from a microsecond to eleven days [s].
+Time = Annotated[Positive, between(1e-6, 1e6)]
+# Of a network [s].
+TimeConstant = Annotated[Positive, between(1e-9, 1e3)]
+# Of an end effector; the fastest robots reach 15 [m/s].
+Speed = Annotated[Positive, between(1e-6, 20.0)]
+# Of a surface, from foam to steel [N/m].
+Stiffness = Annotated[Positive, between(1.0, 1e9)]
+# Hydroelastic modulus, from foam to diamond [Pa].
+Modulus = Annotated[Positive, between(1e3, 1e13)]
+# Of a tool [kg].
+Mass = Annotated[Positive, between(1e-6, 1e3)]
+# At most one turn [rad]; more are degrees.
+Angle = Annotated[Finite, AfterValidator(_angle)]
+Angles = Annotated[Array, BeforeValidator(_angles)]
+# Neither 1 nor "yes".
+Flag = Annotated[bool, Field(strict=True)]
 # Of what a robot traces or touches: from a micrometre to a kilometre [m].
 Length = Annotated[float, Field(strict=True, ge=1e-6, le=1e3, allow_inf_nan=False)]
 # One number for all joints, or one for each.
+FiniteEach = Annotated[float | Array, BeforeValidator(_number_or_vector)]
 PositiveEach = Annotated[float | Array, BeforeValidator(_positive)]
 NonNegativeEach = Annotated[float | Array, BeforeValidator(_non_negative)]
 Count = Annotated[int, Field(strict=True, ge=1)]

@@ -10,6 +10,7 @@ from operator import attrgetter
 from types import ModuleType
 
 from ..errors import InvalidInputError
+from .complaints import require_type
 from .own_code import described
 
 #: Modules that may be imported: True for any, False for none, or names of modules and packages.
@@ -50,6 +51,7 @@ def _require_allowed(module: str, key: str, modules: Modules) -> None:
     if isinstance(modules, bool):
         allowed = modules
     else:
+        require_type("modules", modules, Collection)
         names = [modules] if isinstance(modules, str) else list(modules)
         allowed = any(module == name or module.startswith(f"{name}.") for name in names)
     if not allowed:

@@ -8,12 +8,11 @@ from .law import (
     ContinuousReading,
     JointPreview,
     Law,
-    Layout,
     Reading,
     SampledLaw,
     SampledReading,
-    Signals,
 )
+from .layout import Layout, Signals
 from .motion_force import MotionForce
 from .null_space_adjustment import NullSpaceAdjustment
 from .posture_law import PostureLaw

@@ -13,16 +13,8 @@ from ..errors import InvalidInputError
 from ..inputs.complaints import require_type, short
 from ..inputs.fields import Array
 from ..inputs.own_code import naming
-from .law import (
-    Circumstances,
-    ContinuousReading,
-    JointPreview,
-    Law,
-    Layout,
-    Reading,
-    SampledReading,
-    Signals,
-)
+from .law import Circumstances, ContinuousReading, JointPreview, Law, Reading, SampledReading
+from .layout import Layout, Signals
 
 #: Names of recorded series and of ports, which parts of a state and observables must not have.
 RECORDED = frozenset(
@@ -97,6 +89,8 @@ def check_declared(law: Law) -> None:
         ("levels_are_derivatives", law.levels_are_derivatives),
     ):
         require_type(f"{name}.{part}", value, bool)
+    with naming(f"{name}.limits_remedy"):
+        require_type(f"{name}.limits_remedy", law.limits_remedy, str)
 
 
 def _check_preview(place: str, preview: JointPreview) -> None:

@@ -16,62 +16,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InvalidInputError
-from ..inputs.complaints import short
 from ..inputs.fields import Array
-
-Signals = Mapping[str, Array]
-
-
-class Layout:
-    """The named parts of a flat vector, in order.
-
-    Args:
-        parts: Shape of each part by name, e.g. ``v=(7,), J_hat=(3, 7)``.
-
-    Raises:
-        InvalidInputError: If a shape is not one or more positive whole numbers.
-    """
-
-    def __init__(self, **parts: tuple[int, ...]) -> None:
-        for name, shape in parts.items():
-            _check_shape(name, shape)
-        sizes = [int(np.prod(shape)) for shape in parts.values()]
-        ends = np.cumsum([0, *sizes])
-        self.size = int(ends[-1])
-        self.parts = {
-            name: (slice(int(end) - size, int(end)), shape)
-            for (name, shape), size, end in zip(parts.items(), sizes, ends[1:], strict=True)
-        }
-        self._places = tuple(self.parts.values())
-
-    def __contains__(self, name: str) -> bool:
-        return name in self.parts
-
-    def split(self, x: Array) -> list[Array]:
-        """Return views of the parts of ``x``, shape (..., size), in order."""
-        if x.ndim == 1:
-            # Called at every sample: reshaping only the parts that need it saves time.
-            return [x[at] if len(s) == 1 else x[at].reshape(s) for at, s in self._places]
-        lead = x.shape[:-1]
-        return [x[..., at].reshape(lead + shape) for at, shape in self._places]
-
-    def part(self, x: Array, name: str) -> Array:
-        """Return a view of one part of ``x``, shape (..., size)."""
-        at, shape = self.parts[name]
-        return x[..., at].reshape(x.shape[:-1] + shape)
-
-    def join(self, *values: Array) -> Array:
-        """Return the flat vector of the given parts, shape (size,)."""
-        return np.concatenate([value.ravel() for value in values])
-
-
-def _check_shape(name: str, shape: object) -> None:
-    sizes = shape if isinstance(shape, tuple) else ()
-    if not sizes or not all(isinstance(size, (int, np.integer)) and size > 0 for size in sizes):
-        raise InvalidInputError(
-            f"Layout: the shape of {name!r} must be positive whole numbers, e.g. (3,) or (3, 7), "
-            f"not {short(shape)}"
-        )
+from .called import check_calls
+from .layout import Layout, Signals
 
 
 class Reading(ABC):
@@ -79,7 +26,14 @@ class Reading(ABC):
 
     A reading holds the gains and never changes. The state, a flat vector, is kept by the
     controller.
+
+    `SampledReading.step` and `ContinuousReading.derivatives` check what they are given and raise an
+    InvalidInputError that names it: a law's signals come from its user.
     """
+
+    def __init_subclass__(cls, **options: object) -> None:
+        super().__init_subclass__(**options)
+        check_calls(cls)
 
     @property
     @abstractmethod
@@ -215,6 +169,11 @@ class Law(Reading):
         starts at rest within its limits, in every reading that the law has; none by default.
         """
         return ()
+
+    @property
+    def limits_remedy(self) -> str:
+        """What to give so that it keeps the limits that it does not keep; empty if nothing does."""
+        return ""
 
     @property
     def levels_are_derivatives(self) -> bool:

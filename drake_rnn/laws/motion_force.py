@@ -75,18 +75,23 @@ from typing import Literal
 import numpy as np
 
 from ..errors import InvalidInputError
-from ..inputs.fields import Array, NonNegative, Positive, Vector, validated
+from ..inputs.fields import (
+    Array,
+    Gain,
+    GainOrZero,
+    NonNegative,
+    Positive,
+    Speed,
+    Stiffness,
+    TimeConstant,
+    Vector,
+    Weight,
+    validated,
+)
 from ..robot.limits import JointLimits
 from ..robot.rotation import rotation_error
-from .law import (
-    Circumstances,
-    ContinuousLaw,
-    ContinuousReading,
-    Layout,
-    SampledLaw,
-    SampledReading,
-    Signals,
-)
+from .law import Circumstances, ContinuousLaw, ContinuousReading, SampledLaw, SampledReading
+from .layout import Layout, Signals
 from .parts.bounded_multipliers import not_outward, within
 from .parts.constraint_rows import printed_orientation_rows, surface_split
 from .parts.contact_loss import LOST, ContactLoss
@@ -134,23 +139,23 @@ class MotionForce(SampledLaw, ContinuousLaw):
 
     kind: Literal["motion_force"] = "motion_force"
     limits: JointLimits
-    stiffness: Positive | OnlineStiffness
+    stiffness: Stiffness | OnlineStiffness
     jacobian: Literal["known", "learned", "printed"] = "known"
     J_hat_initial: Literal["zero", "exact"] = "zero"
     multipliers_initial: NonNegative = 0.0
-    rho: Positive = 1e-6
-    gain: Positive = 10.0
+    rho: Weight = 1e-6
+    gain: Gain = 10.0
     orientation: Literal["rotation", "printed"] = "rotation"
-    orientation_gain: NonNegative = 10.0
+    orientation_gain: GainOrZero = 10.0
     form: Literal["normalised", "literal"] = "normalised"
     force_feedback: Literal["measured", "assumed"] = "measured"
-    approach_speed: Positive | None = None
+    approach_speed: Speed | None = None
     contact_loss: ContactLoss | None = None
-    return_gain: NonNegative = 0.0
+    return_gain: GainOrZero = 0.0
     home: Vector | None = None
-    time_constant: Positive = 1e-3
+    time_constant: TimeConstant = 1e-3
     multiplier_limit: Positive | Literal["none"] = 10.0
-    limit_stiffness: Positive = 10.0
+    limit_stiffness: Gain = 10.0
 
     def __post_init__(self) -> None:
         learned = isinstance(self.stiffness, OnlineStiffness)

@@ -20,9 +20,9 @@ from typing import Literal
 
 import numpy as np
 
-from ..inputs.fields import Array, NonNegative, Positive, validated
+from ..inputs.fields import Array, GainOrZero, Time, Weight, validated
 from ..robot.rotation import rotation_error
-from .law import Layout, Signals
+from .layout import Layout, Signals
 from .parts.rise import smooth_rise
 from .posture_law import PostureLaw
 
@@ -41,9 +41,9 @@ class NullSpaceAdjustment(PostureLaw):
     """
 
     kind: Literal["null_space_adjustment"] = "null_space_adjustment"
-    ramp_time: Positive = 0.75
-    feedback: NonNegative = 50.0
-    damping: Positive = 1e-3
+    ramp_time: Time = 0.75
+    feedback: GainOrZero = 50.0
+    damping: Weight = 1e-3
 
     @property
     def rates(self) -> dict[str, float]:

@@ -3,7 +3,7 @@
 # No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
 from typing import Literal
 
-from ..inputs.fields import Positive, Vector, validated
+from ..inputs.fields import Gain, Vector, validated
 from ..robot.limits import JointLimits
 from .law import SampledLaw, SampledReading
 from .parts.sampling_rate import check_sampling_rate
@@ -23,8 +23,8 @@ class PostureLaw(SampledLaw):
 
     target: Vector
     limits: JointLimits
-    rate: Positive = 4.0
-    limit_stiffness: Positive = 20.0
+    rate: Gain = 4.0
+    limit_stiffness: Gain = 20.0
     task_size: Literal[2, 3, 6] = 3
 
     def __post_init__(self) -> None:

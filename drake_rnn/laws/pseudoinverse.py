@@ -17,10 +17,11 @@ from typing import Literal
 
 import numpy as np
 
-from ..inputs.fields import Array, NonNegative, Positive, validated
+from ..inputs.fields import Array, Flag, GainOrZero, Weight, validated
 from ..robot.limits import JointLimits
 from ..robot.rotation import rotation_error
-from .law import Layout, SampledLaw, SampledReading, Signals
+from .law import SampledLaw, SampledReading
+from .layout import Layout, Signals
 from .parts.damped_inverse import damped_joint_velocity
 from .parts.sampling_rate import check_sampling_rate
 
@@ -40,9 +41,9 @@ class Pseudoinverse(SampledLaw):
     kind: Literal["pseudoinverse"] = "pseudoinverse"
     limits: JointLimits
     task_size: Literal[2, 3, 6] = 3
-    feedback: NonNegative = 10.0
-    feed_forward: bool = True
-    damping: Positive = 1e-6
+    feedback: GainOrZero = 10.0
+    feed_forward: Flag = True
+    damping: Weight = 1e-6
 
     stays_on_path = True
 

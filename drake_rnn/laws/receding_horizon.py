@@ -38,9 +38,10 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ..errors import InvalidInputError, SimulationError
-from ..inputs.fields import Array, Positive, validated
+from ..inputs.fields import Array, Positive, Weight, between, validated
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
-from .law import JointPreview, Layout, SampledLaw, SampledReading, Signals
+from .law import JointPreview, SampledLaw, SampledReading
+from .layout import Layout, Signals
 from .parts.horizon_program import HorizonProgram
 from .parts.quintic_spline import EXPONENTS, FACTORS, ORDER, PIECE
 
@@ -69,9 +70,9 @@ class RecedingHorizon(SampledLaw):
 
     kind: Literal["receding_horizon"] = "receding_horizon"
     limits: JointLimits
-    interval: Positive = 0.1
+    interval: Annotated[Positive, between(1e-3, 1.0)] = 0.1
     horizon: Annotated[int, Field(strict=True, ge=10, le=200)] = 80
-    effort: Positive = 1e-6
+    effort: Weight = 1e-6
     margin: Annotated[float, Field(strict=True, gt=0, le=1)] = 0.998
 
     # The command is a quartic in time. Over a period h of 10 ms the error of Simpson's rule (third

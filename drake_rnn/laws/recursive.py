@@ -43,9 +43,10 @@ from typing import Literal
 
 import numpy as np
 
-from ..inputs.fields import Array, Positive, Vector, validated
+from ..inputs.fields import Array, Gain, Vector, validated
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
-from .law import Layout, SampledLaw, Signals
+from .law import SampledLaw
+from .layout import Layout, Signals
 from .parts.kept_limits import kept_with_lag
 
 _ORDERS = tuple(DERIVATIVE_UNITS)
@@ -69,7 +70,7 @@ class Recursive(SampledLaw):
     gains: Vector
     reading: Literal["printed", "filters"] = "printed"
     time_constants: Vector | None = None
-    limit_stiffness: Positive = 1.0
+    limit_stiffness: Gain = 1.0
     task_size: Literal[2, 3] = 3
 
     stays_on_path = True

@@ -62,9 +62,20 @@ from typing import Literal
 import numpy as np
 
 from ..errors import InvalidInputError
-from ..inputs.fields import Array, Count, NonNegative, Positive, Vector, validated
+from ..inputs.fields import (
+    Array,
+    Count,
+    Gain,
+    GainOrZero,
+    Positive,
+    Speed,
+    Vector,
+    Weight,
+    validated,
+)
 from ..robot.limits import JointLimits
-from .law import Circumstances, ContinuousLaw, Layout, SampledLaw, SampledReading, Signals
+from .law import Circumstances, ContinuousLaw, SampledLaw, SampledReading
+from .layout import Layout, Signals
 from .parts.bounded_multipliers import not_outward, within
 from .parts.braking import Braking
 from .parts.few_substeps import check_substeps
@@ -112,16 +123,16 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
     limits: JointLimits
     home: Vector
     task_size: Literal[2, 3] = 3
-    kappa: Positive = 4.0
-    rate: Positive = 1000.0
-    return_gain: NonNegative = 1.0
-    limit_stiffness: Positive = 2.0
-    feedback_limit: Positive | None = None
+    kappa: Gain = 4.0
+    rate: Gain = 1000.0
+    return_gain: GainOrZero = 1.0
+    limit_stiffness: Gain = 2.0
+    feedback_limit: Speed | None = None
     multiplier_limit: Positive | Literal["none"] = 10.0
     position_bound: Literal["braking", "printed"] = "braking"
     acceleration_bound: Literal["scalar", "per_joint", "none"] = "scalar"
     jacobian: Literal["known", "learned"] = "learned"
-    rho: Positive = 1e-6
+    rho: Weight = 1e-6
     J_hat_initial: Literal["uniform", "zero", "exact"] = "uniform"
     warm_up: WarmUp | None = None
     substeps: Count | None = None

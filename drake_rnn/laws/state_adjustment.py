@@ -51,8 +51,9 @@ from typing import Literal
 
 import numpy as np
 
-from ..inputs.fields import Array, Positive, validated
-from .law import ContinuousLaw, Layout, SampledReading, Signals
+from ..inputs.fields import Array, Time, TimeConstant, validated
+from .law import ContinuousLaw, SampledReading
+from .layout import Layout, Signals
 from .parts.few_substeps import check_substeps
 from .parts.kept_limits import kept_with_lag
 from .parts.rise import sine_rise, smooth_rise
@@ -73,9 +74,9 @@ class StateAdjustment(PostureLaw, ContinuousLaw):
     """
 
     kind: Literal["state_adjustment"] = "state_adjustment"
-    rise_time: Positive | None = None
-    ramp_time: Positive | None = None
-    time_constant: Positive = 1e-3
+    rise_time: Time | None = None
+    ramp_time: Time | None = None
+    time_constant: TimeConstant = 1e-3
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -118,6 +119,9 @@ class StateAdjustment(PostureLaw, ContinuousLaw):
 
     def derivatives(self, t: float, x: Array, u: Signals) -> Array:
         """Return the right-hand side of (18) and (19)."""
+        return self._rates(t, x, u)
+
+    def _rates(self, t: float, x: Array, u: Signals) -> Array:
         v, multipliers = self.state.split(x)
         sought = self._pull(t, u["position"]) - multipliers @ u["J"]
         lower, upper = self.velocity_box(t, u["position"])
@@ -141,8 +145,8 @@ class StateAdjustment(PostureLaw, ContinuousLaw):
         h = period / substeps
         for k in range(substeps):
             begin = t + k * h
-            k1 = self.derivatives(begin, x, u)
-            k2 = self.derivatives(begin + h, x + h * k1, u)
+            k1 = self._rates(begin, x, u)
+            k2 = self._rates(begin + h, x + h * k1, u)
             x = x + h / 2 * (k1 + k2)
         return x
 

@@ -10,8 +10,10 @@ import numpy as np
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..inputs.own_code import at, naming
+from .called import unchecked
 from .checks import flaw, is_finite, observables_of
-from .law import ContinuousReading, Reading, SampledReading, Signals
+from .law import ContinuousReading, Reading, SampledReading
+from .layout import Signals
 
 
 def started(reading: Reading, rng: np.random.Generator, u: Signals, t: float) -> Array:
@@ -61,11 +63,11 @@ def try_reading(
     _require_array(f"{name}.commanded_velocity", v, v_shape, t)
     if isinstance(reading, SampledReading) and period is not None:
         with naming(f"{name}.step", t):
-            after = reading.step(t, x, seen, period)
+            after = unchecked(reading.step)(t, x, seen, period)
         _require_array(f"{name}.step", after, (size,), t)
     elif isinstance(reading, ContinuousReading):
         with naming(f"{name}.derivatives", t):
-            rates = reading.derivatives(t, x, seen)
+            rates = unchecked(reading.derivatives)(t, x, seen)
         _require_array(f"{name}.derivatives", rates, (size,), t)
     observables_of(reading, t, x, seen)
     # Recorded runs are computed in one call for all instants.

@@ -9,7 +9,7 @@ import numpy as np
 from pydrake.systems.framework import Context, OutputPort
 
 from ..inputs.fields import Array
-from ..laws.law import Layout
+from ..laws.layout import Layout
 from .signals_held import signals_held
 
 #: Steps that are recorded before they are evaluated, unless a tick needs more: some 100 MB then.

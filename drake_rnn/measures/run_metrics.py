@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..laws.law import Signals
+from ..laws.layout import Signals
 from ..robot.limits import JointLimits
 from .groups import (
     ContactMetrics,

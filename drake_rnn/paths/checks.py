@@ -114,3 +114,9 @@ def require_start(name: str, first: Array, last: Array | None) -> None:
         raise InvalidInputError(
             f"path: {name} says that it is closed, and a lap ends {away:.3g} m from where it began"
         )
+
+
+def require_count(count: object) -> None:
+    """Raise an InvalidInputError unless a number of points is a whole number of at least 1."""
+    if not isinstance(count, (int, np.integer)) or count < 1:
+        raise InvalidInputError(f"count: must be a whole number of at least 1, not {short(count)}")

@@ -10,8 +10,9 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import InvalidInputError
+from ..inputs.complaints import short
 from ..inputs.fields import Array, Count, NonNegative, validated
-from .checks import require_values
+from .checks import require_count, require_values
 from .path import Motion
 from .relative import RelativePath
 from .timing import TimeLaw, Timing, time_at, time_law
@@ -19,6 +20,7 @@ from .timing import TimeLaw, Timing, time_at, time_law
 Triple = tuple[float, float, float]
 
 TURN = 2.0 * math.pi
+_RAMP = 0.2
 _INSTANT = 1e-12  # share of a segment; this close to its end counts as the start of the next one
 
 
@@ -32,19 +34,22 @@ class Curve(RelativePath):
     Args:
         period: Duration of one lap [s].
         timing: Time law of each segment.
-        ramp: Fraction of a segment's time taken by each of the two ramps of "ramps".
+        ramp: Fraction of a segment's time taken by each of the two ramps of "ramps"; 0.2 by
+            default. Only with that time law.
         laps: Number of laps, after which the point rests; None for no end. For a closed curve.
         pause: Time for which the point rests after each lap but the last [s]. For a closed curve,
             with a time law that comes to rest.
     """
 
-    period: Annotated[float, Field(strict=True, ge=1e-3, allow_inf_nan=False)]
+    period: Annotated[float, Field(strict=True, ge=1e-3, le=1e6, allow_inf_nan=False)]
     timing: Timing = "uniform"
-    ramp: Annotated[float, Field(gt=0, le=0.5)] = 0.2
+    ramp: Annotated[float, Field(strict=True, ge=1e-3, le=0.5)] | None = None
     laps: Count | None = None
     pause: NonNegative = 0.0
 
     def __post_init__(self) -> None:
+        if self.ramp is not None and self.timing != "ramps":
+            raise ValueError(f"ramp: only with timing: ramps, not {self.timing}")
         if not self.closed and (self.laps or 1) > 1:
             raise ValueError("laps: an open path is passed once; a sequence may repeat it")
         if self.pause > 0.0 and not self.closed:
@@ -95,7 +100,7 @@ class Curve(RelativePath):
 
     @cached_property
     def _law(self) -> TimeLaw:
-        return time_law(self.timing, self.ramp)
+        return time_law(self.timing, _RAMP if self.ramp is None else self.ramp)
 
     @cached_property
     def _frequency(self) -> float:
@@ -143,7 +148,12 @@ class Curve(RelativePath):
 
     def evaluate(self, t: float) -> Motion:
         """See `RelativePath.evaluate`."""
-        phase = self.phase_at(t)
+        try:
+            phase = self.phase_at(t)
+        except InvalidInputError:
+            raise
+        except (TypeError, ValueError):
+            raise InvalidInputError(f"t: must be a finite number, not {short(t)}") from None
         if phase is None:
             p = self._end if t > 0.0 else np.zeros(3)
             return p.copy(), np.zeros(3), np.zeros(3)
@@ -189,7 +199,12 @@ class Curve(RelativePath):
         ]
 
     def sample(self, count: int) -> Array:
-        """Return one lap of displacements at equal steps of phase, shape (count, 3) [m]."""
+        """Return one lap of displacements at equal steps of phase, shape (count, 3) [m].
+
+        Raises:
+            InvalidInputError: If ``count`` is not a whole number of at least 1.
+        """
+        require_count(count)
         return np.array([self.trace(phase)[0] for phase in np.linspace(0.0, TURN, count)])
 
     def require_motion(self) -> None:

@@ -8,8 +8,10 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from ..errors import InvalidInputError
+from ..inputs.complaints import require_type
 from ..inputs.fields import Array, validated
 from ..robot.arm import Arm
+from .checks import require_count
 
 #: Value at a time, and its two derivatives.
 Motion = tuple[Array, Array, Array]
@@ -114,7 +116,12 @@ class PlacedPath(ABC):
         return None
 
     def sample(self, count: int) -> Array:
-        """Return positions that show the path passed once, shape (count, 3) [m]."""
+        """Return positions that show the path passed once, shape (count, 3) [m].
+
+        Raises:
+            InvalidInputError: If ``count`` is not a whole number of at least 1.
+        """
+        require_count(count)
         times = np.linspace(0.0, self.traversal, count).tolist()
         return np.array([self.position(t)[0] for t in times])
 
@@ -165,6 +172,7 @@ class Path(ABC):
             InvalidInputError: If the arm has no frame that the path is given in, or as `placed`
                 does.
         """
+        require_type("arm", arm, Arm)
         kinematics = arm.kinematics()
         try:
             frames = {name: kinematics.X_WF(q, name) for name in self.frames}

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 from pydrake.math import RollPitchYaw, RotationMatrix
 
-from ..inputs.fields import Array, Finite, Point, validated, zeros
+from ..inputs.fields import Angle, Angles, Array, Point, validated, zeros
 from .curve import Curve, Triple
 
 _AXES: dict[str, list[int]] = {"xy": [0, 1], "xz": [0, 2], "yz": [1, 2]}
@@ -29,8 +29,8 @@ class Planar(Curve):
     """
 
     plane: Literal["xy", "xz", "yz"] = "xy"
-    angle: Finite = 0.0
-    rotation: Point = Field(default_factory=zeros)
+    angle: Angle = 0.0
+    rotation: Angles = Field(default_factory=zeros)
     centre: Point | None = None
 
     def __post_init__(self) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import BeforeValidator
 from pydrake.trajectories import PiecewisePolynomial
 
-from ..inputs.fields import Array, validated
+from ..inputs.fields import Array, Flag, validated
 from .curve import TURN, Curve, Triple
 from .table import QUATERNION, RPY, TIME, Table, listed, read_table
 
@@ -30,7 +30,7 @@ class ThroughPoints(Curve):
 
     file: str | None = None
     points: Annotated[Array, BeforeValidator(listed)] | None = None
-    absolute: bool = False
+    absolute: Flag = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -135,7 +135,7 @@ class Points(ThroughPoints):
     """
 
     kind: Literal["points"] = "points"
-    closed: bool = False
+    closed: Flag = False
 
 
 def _closed(points: Array, same: float) -> Array:

@@ -7,6 +7,7 @@ from cmath import exp
 from functools import cached_property
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import AfterValidator
 
 from ..inputs.fields import Array, Length, Positive, Vector, validated
@@ -105,6 +106,12 @@ class Parallelogram(Planar):
 
     kind: Literal["parallelogram"] = "parallelogram"
     sides: tuple[Side, Side]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        u, v = self.sides
+        if abs(u[0] * v[1] - u[1] * v[0]) < 1e-9 * np.linalg.norm(u) * np.linalg.norm(v):
+            raise ValueError(f"sides: must not be parallel, as {u.tolist()} and {v.tolist()} are")
 
     @property
     def segments(self) -> int:

@@ -11,7 +11,7 @@ from pydrake.math import RigidTransform
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Point, validated, zeros
-from .checks import require_pose, require_start, require_times, require_values
+from .checks import require_count, require_pose, require_start, require_times, require_values
 from .path import BASE, TOOL, Motion, Path, PlacedPath
 
 # Number of times at which a path is tried when it is placed.
@@ -111,7 +111,12 @@ class RelativePath(Path):
         return times[times <= until]
 
     def sample(self, count: int) -> Array:
-        """Return displacements that show the path passed once, shape (count, 3) [m]."""
+        """Return displacements that show the path passed once, shape (count, 3) [m].
+
+        Raises:
+            InvalidInputError: If ``count`` is not a whole number of at least 1.
+        """
+        require_count(count)
         times = np.linspace(0.0, self.traversal, count).tolist()
         return np.array([self.evaluate(t)[0] for t in times])
 

@@ -16,7 +16,7 @@ class Rest(Curve):
     """A fixed point: the arm's start or, with an ``offset``, a point away from it."""
 
     kind: Literal["rest"] = "rest"
-    period: Annotated[float, Field(strict=True, ge=1e-3, allow_inf_nan=False)] = 1.0
+    period: Annotated[float, Field(strict=True, ge=1e-3, le=1e6, allow_inf_nan=False)] = 1.0
 
     def trace(self, phase: float) -> tuple[Triple, Triple, Triple]:
         """See `Curve.trace`."""

@@ -78,7 +78,9 @@ def read_table(file: str) -> Table:
             reader = csv.reader(lines)
             rows = [(reader.line_num, [cell.strip() for cell in cells]) for cells in reader]
         rows = [(row, cells) for row, cells in rows if any(cells)]
-        if rows and not any(map(_is_number, rows[0][1])):
+        if not rows:
+            raise ValueError("is empty")
+        if not any(map(_is_number, rows[0][1])):
             return _table(_header(*rows[0]), rows[1:])
         return _table(POSITION, rows)
     except OSError as error:

@@ -4,6 +4,7 @@
 from abc import abstractmethod
 from functools import cached_property
 from math import isfinite
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,8 @@ from pydrake.trajectories import (
 )
 
 from ..errors import InvalidInputError
-from ..inputs.fields import Array, validated
+from ..inputs.complaints import short
+from ..inputs.fields import Array, Flag, validated
 from .path import Motion
 from .relative import RelativePath
 from .turning import QuaternionTurning, SlerpTurning, Turning
@@ -34,7 +36,7 @@ class TimedPath(RelativePath):
             turned so that it begins at the arm's start, apart from ``offset``.
     """
 
-    absolute: bool = False
+    absolute: Flag = False
 
     def __post_init__(self) -> None:
         if self.absolute and self.offset.any():
@@ -52,6 +54,11 @@ class TimedPath(RelativePath):
     @abstractmethod
     def _quaternions(self) -> Any:
         """Orientations, see `TrajectoryPath`; None for one that does not change."""
+
+    @property
+    def begins(self) -> float:
+        """Time at which the trajectory begins [s]."""
+        return self._begin
 
     @property
     def duration(self) -> float:
@@ -138,12 +145,12 @@ class TimedPath(RelativePath):
     def knots(self, until: float) -> Array:
         """See `RelativePath.knots`."""
         parts = [np.array([0.0, self._begin, self._finish])]
-        parts += [_breaks(part) for part in (self._positions, self._quaternions)]
+        parts += [breaks(part) for part in (self._positions, self._quaternions)]
         times = np.unique(np.concatenate(parts))
         return times[times <= until]
 
 
-def _breaks(trajectory: Any) -> Array:
+def breaks(trajectory: Any) -> Array:
     """Return the times at which a derivative of a trajectory may jump [s]."""
     if isinstance(trajectory, PiecewiseTrajectory):
         return np.array(trajectory.get_segment_times(), dtype=float)
@@ -153,5 +160,5 @@ def _breaks(trajectory: Any) -> Array:
 
 
 def _require_finite(t: float) -> None:
-    if not isfinite(t):
-        raise InvalidInputError(f"t: must be finite, not {t}")
+    if not isinstance(t, Real) or not isfinite(t):
+        raise InvalidInputError(f"t: must be finite, not {short(t)}")

@@ -8,8 +8,11 @@ from typing import Any
 import numpy as np
 from pydrake.trajectories import PiecewisePose, Trajectory
 
-from ..inputs.fields import validated
-from .timed import TimedPath
+from ..inputs.fields import Flag, validated
+from .timed import TimedPath, breaks
+
+# Time before a break at which a trajectory is compared with the break [s], and the least jump.
+_BEFORE, _JUMP = 1e-9, 1e-6
 
 
 @validated
@@ -27,7 +30,7 @@ class TrajectoryPath(TimedPath):
 
     trajectory: Trajectory
     orientation: Trajectory | None = None
-    absolute: bool = True
+    absolute: Flag = True
 
     def __post_init__(self) -> None:
         if isinstance(self.trajectory, PiecewisePose) and self.orientation is not None:
@@ -41,6 +44,12 @@ class TrajectoryPath(TimedPath):
                     "orientation: must begin and end with the trajectory, at "
                     f"{_span(self._positions)} s, not {_span(self._quaternions)}"
                 )
+        for name, trajectory in (
+            ("trajectory", self._positions),
+            ("orientation", self._quaternions),
+        ):
+            if trajectory is not None:
+                _require_connected(name, trajectory)
         if not 0.0 <= self._begin < self._finish:
             raise ValueError(
                 "trajectory: must begin at 0 s or later and end after that, not last from "
@@ -80,6 +89,8 @@ def _require_vectors(name: str, trajectory: Any, rows: int) -> None:
     if not trajectory.has_derivative():
         raise ValueError(f"{name}: a {kind} has no derivatives; give one that has")
     begin, finish = _asked(name, kind, lambda: _span(trajectory))
+    if not np.isfinite([begin, finish]).all():
+        raise ValueError(f"{name}: must begin and end, not last from {begin:g} to {finish:g} s")
     for t in np.linspace(begin, finish, 5).tolist():
         for order in range(3):
             value = _asked(name, kind, partial(trajectory.EvalDerivative, t, order))
@@ -87,9 +98,22 @@ def _require_vectors(name: str, trajectory: Any, rows: int) -> None:
                 raise ValueError(f"{name}: is not finite at t = {t:g} s")
 
 
+def _require_connected(name: str, trajectory: Any) -> None:
+    """Raise a ValueError if a trajectory jumps, which its derivatives do not tell."""
+    for t in breaks(trajectory)[1:-1].tolist():
+        before = trajectory.value(t - _BEFORE * max(t, 1.0))
+        jump = float(np.linalg.norm(trajectory.value(t) - before))
+        if jump > _JUMP:
+            raise ValueError(
+                f"{name}: jumps by {jump:.3g} at t = {t:g} s, which no arm can follow; give one "
+                "that is continuous, e.g. PiecewisePolynomial.FirstOrderHold"
+            )
+
+
 def _asked(name: str, kind: str, question: Callable[[], Any]) -> Any:
     """Return the answer of a trajectory; Drake's errors name the key and the class."""
     try:
         return question()
-    except RuntimeError as error:
+    # Drake exits where a condition of its own code fails, e.g. without any segment.
+    except (RuntimeError, SystemExit) as error:
         raise ValueError(f"{name}: this {kind} cannot be used: {error}") from None

@@ -5,9 +5,9 @@ from __future__ import annotations
 from abc import abstractmethod
 from cmath import exp
 from functools import cached_property
-from typing import Literal
+from typing import Annotated, Literal
 
-from ..inputs.fields import Finite, Length, validated
+from ..inputs.fields import Finite, Length, between, validated
 from .planar import Planar
 
 Harmonics = tuple[tuple[int, complex], ...]
@@ -80,7 +80,7 @@ class FourRing(Trigonometric):
     """
 
     kind: Literal["four_ring"] = "four_ring"
-    ring: Finite = 0.7
+    ring: Annotated[Finite, between(-100.0, 100.0)] = 0.7
 
     @property
     def harmonics(self) -> Harmonics:

@@ -9,7 +9,7 @@ from pydantic import BeforeValidator
 from pydrake.math import RollPitchYaw
 
 from ..inputs.dataclass_fields import fields_of
-from ..inputs.fields import Array, Positive, Vector, validated
+from ..inputs.fields import Array, Positive, Speed, Time, Vector, validated
 from .pieces import Blend, blended, cubic_spline, quintic_spline, rest_to_rest
 from .table import QUATERNION, RPY, Table, listed, read_table
 from .timed import TimedPath
@@ -68,8 +68,8 @@ class Waypoints(TimedPath):
     file: str | None = None
     positions: Annotated[Array, BeforeValidator(listed)] | None = None
     times: Vector | None = None
-    period: Positive | None = None
-    speed: Positive | None = None
+    period: Time | None = None
+    speed: Speed | None = None
     quaternions: Annotated[Array, _rows(4, "w, x, y, z")] | None = None
     rpy: Annotated[Array, _rows(3, "roll, pitch, yaw")] | None = None
     through: Literal["quintic", "cubic", "straight"] = "quintic"
@@ -111,10 +111,10 @@ class Waypoints(TimedPath):
         """Trajectories of the positions and of the quaternions, in F; None without the latter."""
         table = self._table
         points = table.points
-        times = self._times(table)
-        quaternions = self._orientations(table)
         if len(points) < 2:
             raise ValueError(f"a path needs at least 2 waypoints, not {len(points)}")
+        times = self._times(table)
+        quaternions = self._orientations(table)
         blends = self._blends(times, points)
         positions = self._interpolant(times, points, blends)
         if quaternions is None:
@@ -160,13 +160,16 @@ class Waypoints(TimedPath):
                 "times"
             )
         way = np.cumsum([0.0, *legs])
-        return way / self.speed if self.speed is not None else way / way[-1] * (self.period or 0.0)
+        share = way / way[-1]
+        times = way / self.speed if self.speed is not None else share * (self.period or 0.0)
+        return _increasing(times, table)
 
     def _orientations(self, table: Table) -> Array | None:
         """Return the orientations as unit quaternions, shape (k, 4); None without any."""
         quaternions = table.group(QUATERNION) if self.quaternions is None else self.quaternions
         rpy = table.group(RPY) if self.rpy is None else self.rpy
         if rpy is not None:
+            _require_radians(rpy, table)
             quaternions = np.array([RollPitchYaw(*row).ToQuaternion().wxyz() for row in rpy])
         if quaternions is None:
             return None
@@ -233,6 +236,17 @@ def _increasing(times: Array, table: Table) -> Array:
                 f"{time - before:g}"
             )
     return times
+
+
+def _require_radians(rpy: Array, table: Table) -> None:
+    """Raise a ValueError for angles of more than one turn, which are degrees."""
+    beyond = np.abs(rpy).max(axis=1) > 2.0 * np.pi
+    if beyond.any():
+        k = int(np.argmax(beyond))
+        raise ValueError(
+            f"row {table.rows[k] if k < len(table.rows) else k + 1}: roll, pitch and yaw are at "
+            f"most one turn, 2 pi, in radians, not {rpy[k].tolist()}"
+        )
 
 
 def _round(times: Array, points: Array, radius: float) -> Array:

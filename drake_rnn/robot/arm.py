@@ -61,6 +61,7 @@ class Arm:
     def __init__(
         self, description: ArmDescription, name: str, limits: JointLimits | None = None
     ) -> None:
+        require_type("description", description, ArmDescription)
         self.description = description = description.mounted()
         self.name = name
         self.model = Path(description.model)

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
 from ..inputs.dataclass_fields import fields_of
 from ..inputs.documents import construct
-from ..inputs.fields import Finite, Point, Positive, Vector, validated
+from ..inputs.fields import Finite, Point, Positive, Vector, between, validated
 from .tool_description import ToolDescription
 
 _EARTH = (0.0, 0.0, -9.81)
+# On the Sun it is 274 m/s^2.
+_MOST_GRAVITY = 300.0
+Scale = Annotated[Positive, between(1e-3, 1e3)]
 
 
 @validated
@@ -51,9 +54,19 @@ class ArmDescription:
     packages: dict[str, str] = Field(default_factory=dict)
     home: Vector | None = None
     gravity: Point = Field(default_factory=lambda: np.array(_EARTH))
-    mass_scale: Positive = 1.0
-    believed_mass_scale: Positive | None = None
+    mass_scale: Scale = 1.0
+    believed_mass_scale: Scale | None = None
     limits: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.tip is not None and self.tool is not None:
+            raise ValueError(
+                f"tip: cannot be combined with a tool, whose tip is tool.tip, {self.tool.tip!r}"
+            )
+        if np.linalg.norm(self.gravity) > _MOST_GRAVITY:
+            raise ValueError(
+                f"gravity: may be at most {_MOST_GRAVITY:g} m/s^2, not {self.gravity.tolist()}"
+            )
 
     def mounted(self) -> ArmDescription:
         """Return the same description with the mount of the tool named, and ``frame`` that of E."""

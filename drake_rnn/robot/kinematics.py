@@ -19,7 +19,7 @@ from pydrake.multibody.tree import (
 from pydrake.systems.framework import Context
 
 from ..errors import InvalidInputError
-from ..inputs.complaints import nearest, short
+from ..inputs.complaints import nearest, require_type, short
 from ..inputs.fields import Array
 
 _ORIGIN = np.zeros((3, 1))
@@ -69,7 +69,7 @@ class ArmKinematics:
         if key == self._at_q:
             return
         # Drake would abort the process.
-        if q.size != self._indices.size or not isfinite(sum(q.tolist())):
+        if q.shape != self._indices.shape or not isfinite(sum(q.tolist())):
             raise InvalidInputError(
                 f"position: must be {self._indices.size} finite numbers, not {q.tolist()}"
             )
@@ -83,7 +83,7 @@ class ArmKinematics:
 
     def _set_velocity(self, v: Array) -> None:
         v = _numbers("velocity", v)
-        if v.size != self._velocity_indices.size or not isfinite(sum(v.tolist())):
+        if v.shape != self._velocity_indices.shape or not isfinite(sum(v.tolist())):
             raise InvalidInputError(
                 f"velocity: must be {self._velocity_indices.size} finite numbers, not {v.tolist()}"
             )
@@ -125,6 +125,7 @@ class ArmKinematics:
         Raises:
             InvalidInputError: If the model has no such frame.
         """
+        require_type("frame", frame, str)
         if not self._plant.HasFrameNamed(frame):
             frames = [self._plant.get_frame(FrameIndex(i)) for i in range(self._plant.num_frames())]
             names = sorted({known.name() for known in frames} - {""})

@@ -119,6 +119,10 @@ class JointLimits:
         Raises:
             InvalidInputError: If the limit is not known.
         """
+        if name not in self.bounds:
+            raise InvalidInputError(
+                f"limits.{name}: no such limit; it may be {', '.join(self.bounds)}"
+            )
         bound = self.bounds[name]
         if bound is None:
             raise InvalidInputError(
@@ -239,7 +243,13 @@ class JointLimits:
         return lower, upper
 
     def violation(self, q: Array) -> Array:
-        """Return how far ``q``, shape (..., n), is outside the position limits [rad]; 0 inside."""
+        """Return how far ``q``, shape (..., n), is outside the position limits [rad]; 0 inside.
+
+        Raises:
+            InvalidInputError: If it has another shape.
+        """
+        if np.shape(q)[-1:] != (self.size,):
+            raise InvalidInputError(f"q: must have {self.size} entries, not {short(q)}")
         return np.maximum(np.maximum(self.position_lower - q, q - self.position_upper), 0.0)
 
     def complaint(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -30,7 +30,19 @@ from pydrake.multibody.tree import (
 
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest
-from ..inputs.fields import Array, Friction, NonNegative, Point, Positive, validated, zeros
+from ..inputs.fields import (
+    Angles,
+    Array,
+    Friction,
+    Mass,
+    Modulus,
+    NonNegative,
+    Point,
+    Positive,
+    between,
+    validated,
+    zeros,
+)
 
 # Colours of the drawn parts.
 _BLACK = (0.18, 0.18, 0.2, 1.0)
@@ -75,16 +87,16 @@ class ToolDescription:
     """
 
     mount: str | None = None
-    ball: Positive = 0.012
-    length: Positive = 0.1
-    mass: Positive = 0.1
+    ball: Annotated[Positive, between(1e-4, 1.0)] = 0.012
+    length: Annotated[Positive, between(1e-4, 10.0)] = 0.1
+    mass: Mass = 0.1
     axis: Point | None = None
-    rpy: Point | None = None
+    rpy: Angles | None = None
     offset: Point = Field(default_factory=zeros)
     centre_of_mass: Point | None = None
     inertia: Point | None = None
     friction: Friction = 0.3
-    hydroelastic_modulus: Positive = 1e6
+    hydroelastic_modulus: Modulus = 1e6
     mesh_resolution: Positive | None = None
     dissipation: NonNegative = 1.5
     shaft: NonNegative | None = None

@@ -53,7 +53,8 @@ def limit_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[
 def _why(name: str, experiment: Experiment) -> str:
     """Return why a limit is not kept."""
     if name not in experiment.law.keeps:
-        return "this law does not keep it"
+        remedy = experiment.law.limits_remedy
+        return f"this law does not keep it{remedy and '; ' + remedy}"
     if experiment.level.has_motors:
         return "the law keeps it of the command, and motors follow that with errors"
     return "noise, a filter or errors of measurement lie between this law and the arm"

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..errors import InvalidInputError
-from ..experiment import Experiment
+from ..experiment import Experiment, ExperimentDocument
+from ..systems import BODIES
 from ..systems.plant_settings import PlantSettings
 
 #: Time that a run may be expected to take unless it is told to run anyway [s].
@@ -39,13 +40,21 @@ def expected_effort(experiment: Experiment) -> Effort:
     Args:
         experiment: The experiment.
     """
-    document = experiment.document
+    return effort_of(experiment.document)
+
+
+def effort_of(document: ExperimentDocument) -> Effort:
+    """Return what the run of a document is expected to take.
+
+    Args:
+        document: The document.
+    """
     held = {
         "period": document.period,
         "integrator.step": document.integrator and document.integrator.step,
         "dither.hold": document.dither and document.dither.hold,
     }
-    if experiment.level.has_motors:
+    if BODIES[document.level].has_motors:
         held["plant.time_step"] = (document.plant or PlantSettings()).time_step
     efforts = [
         Effort(key, step, document.duration / step, document.duration / step * _COSTS[key])
@@ -62,18 +71,28 @@ def check_effort(experiment: Experiment, stored_period: float) -> None:
         experiment: The experiment.
         stored_period: Time between two stored samples [s].
     """
-    document, effort = experiment.document, expected_effort(experiment)
-    if effort.time > LONGEST:
-        raise InvalidInputError(
-            f"{effort.key}: {effort.step:g} s makes {effort.steps:.2g} steps in "
-            f"{document.duration:g} s, which may take {effort.time / 3600:.2g} hours; a run may "
-            f"take {LONGEST / 3600:g} hours; `drake-rnn run --anyway` (in Python: anyway=True) "
-            "makes it nevertheless"
-        )
+    document = experiment.document
+    require_effort(expected_effort(experiment), document.duration)
     samples = document.duration / stored_period
     if samples > MOST_SAMPLES:
         raise InvalidInputError(
             f"log_period: {document.log_period:g} s stores {samples:.2g} samples in "
             f"{document.duration:g} s; a run may store {MOST_SAMPLES:g}; `drake-rnn run "
             "--anyway` (in Python: anyway=True) makes it nevertheless"
+        )
+
+
+def require_effort(effort: Effort, duration: float) -> None:
+    """Raise an InvalidInputError if a run would take very long.
+
+    Args:
+        effort: What it is expected to take.
+        duration: Its duration [s].
+    """
+    if effort.time > LONGEST:
+        raise InvalidInputError(
+            f"{effort.key}: {effort.step:g} s makes {effort.steps:.2g} steps in "
+            f"{duration:g} s, which may take {effort.time / 3600:.2g} hours; a run may "
+            f"take {LONGEST / 3600:g} hours; `drake-rnn run --anyway` (in Python: anyway=True) "
+            "makes it nevertheless"
         )

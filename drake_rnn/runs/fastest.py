@@ -66,10 +66,8 @@ def fastest(experiment: Experiment, told: Callable[[str], None] | None = None) -
             does not let the motion scale with the path; or if position limits or a singularity
             prevent the run at any speed.
     """
-    require_type("experiment", experiment, Experiment)
+    check_stretchable(experiment)
     document = _smooth(experiment, told)
-    _require_bounds(experiment)
-    _require_that_it_scales(experiment)
     stretch = 1.0
     asked = float(document["path"]["period"])
     for _ in range(_TRIES):
@@ -97,6 +95,23 @@ def fastest(experiment: Experiment, told: Callable[[str], None] | None = None) -
     )
 
 
+def check_stretchable(experiment: Experiment) -> None:
+    """Raise an InvalidInputError if the path cannot be stretched in time, or nothing bounds it.
+
+    Args:
+        experiment: The experiment.
+    """
+    require_type("experiment", experiment, Experiment)
+    path = experiment.document.path
+    if path is None or path["kind"] == "rest":
+        raise InvalidInputError(
+            "path: must be given, and of another kind than rest, to be run faster"
+        )
+    _require_period(experiment)
+    _require_bounds(experiment)
+    _require_that_it_scales(experiment)
+
+
 def _require_that_it_scales(experiment: Experiment) -> None:
     if not experiment.law.stays_on_path:
         able = ", ".join(kind for kind, law in LAWS.items() if law.stays_on_path)
@@ -118,12 +133,7 @@ def _require_that_it_scales(experiment: Experiment) -> None:
 
 def _smooth(experiment: Experiment, told: Callable[[str], None] | None) -> dict[str, Any]:
     document = experiment.document.contents()
-    path = document.get("path")
-    if path is None or path["kind"] == "rest":
-        raise InvalidInputError(
-            "path: must be given, and of another kind than rest, to be run faster"
-        )
-    _require_period(experiment)
+    path = document["path"]
     smooth = {"timing": "ramps", "laps": 1} if isinstance(experiment.path, Curve) else {}
     changed = [
         f"path.{key}: {value}, not {path.get(key, 'its default')}"

@@ -21,7 +21,9 @@ from ..experiment import (
     forecasts,
     load_experiment,
 )
+from ..inputs.complaints import require_type, short
 from ..laws import Law
+from ..laws.called import unchecked
 from ..measures import PART, Recorder, Take
 from ..systems import (
     Body,
@@ -49,7 +51,11 @@ _FORCES = ("contact_force", "normal_force")
 
 
 def check_experiment(
-    experiment: Experiment, anyway: bool = False, series: Series = "full"
+    experiment: Experiment,
+    anyway: bool = False,
+    series: Series = "full",
+    *,
+    in_reach: bool = False,
 ) -> list[str]:
     """Return the warnings about an experiment that can be given before it runs.
 
@@ -57,14 +63,17 @@ def check_experiment(
         experiment: The experiment.
         anyway: Whether it may take as many steps as it likes.
         series: What of the series is to be stored.
+        in_reach: Whether the path is known to be in reach; it is not followed then, and there are
+            no warnings about it.
 
     Raises:
         InvalidInputError: If the path is out of reach, the diagram cannot be built, the law fails
             when it is tried at the start, or the run would take very many steps.
     """
+    require_type("experiment", experiment, Experiment)
     if not anyway:
         check_effort(experiment, stored_period(experiment, series))
-    warnings = check_reach(experiment)
+    warnings = list(experiment.warnings) if in_reach else check_reach(experiment)
     diagram, loop = build_diagram(experiment)
     _start(loop, diagram.CreateDefaultContext())
     return warnings
@@ -99,6 +108,8 @@ def simulate(
     """
     if not isinstance(experiment, Experiment):
         experiment = load_experiment(experiment)
+    if progress is not None and not callable(progress):
+        raise InvalidInputError(f"progress: must be a function of time, not {short(progress)}")
     period = stored_period(experiment, series)
     experiment = thinned(experiment, period)
     if not anyway:
@@ -164,6 +175,7 @@ def build_diagram(experiment: Experiment, law: Law | None = None) -> tuple[Diagr
     Raises:
         InvalidInputError: If the parts of the diagram do not fit together.
     """
+    require_type("experiment", experiment, Experiment)
     document = experiment.document
     law = experiment.law if law is None else law
     builder = DiagramBuilder()
@@ -329,9 +341,10 @@ def _with_progress(recorder: Recorder, progress: Progress) -> Callable[[Context]
 def _step_cost(controller: SampledController, context: Context, repeats: int = 200) -> float:
     """Return the median time of one sample of the law [us]; fewer repeats for a slow law."""
     u, x = controller.signals(context), controller.state(context)
+    step = unchecked(controller.reading.step)
     costs: list[float] = []
     while len(costs) < repeats and sum(costs) < 0.2:
         begin = time.perf_counter()
-        controller.reading.step(context.get_time(), x, u, controller.period)
+        step(context.get_time(), x, u, controller.period)
         costs.append(time.perf_counter() - begin)
     return float(np.median(costs)) * 1e6

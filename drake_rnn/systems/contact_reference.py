@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
 from pydrake.systems.framework import Context, LeafSystem
 
-from ..inputs.fields import Array, NonNegative, Positive, validated
+from ..inputs.fields import Array, NonNegative, Positive, Time, between, validated
 from ..laws.parts.rise import smooth_rise
 
 
@@ -21,8 +21,8 @@ class ForceProfile:
         initial: Force at the start [N]; only with ``rise_time``.
     """
 
-    value: Positive
-    rise_time: Positive | None = None
+    value: Annotated[Positive, between(0.0, 1e6)]
+    rise_time: Time | None = None
     initial: NonNegative = 0.0
 
     def __post_init__(self) -> None:

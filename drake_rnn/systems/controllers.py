@@ -14,6 +14,7 @@ from ..errors import InvalidInputError, SimulationError
 from ..inputs.complaints import nearest, require_type, short
 from ..inputs.fields import Array
 from ..inputs.own_code import described
+from ..laws.called import unchecked
 from ..laws.checks import (
     continuous_reading,
     flaw,
@@ -22,8 +23,10 @@ from ..laws.checks import (
     observables_of,
     sampled_reading,
 )
-from ..laws.law import ContinuousReading, Law, Reading, SampledReading, Signals
+from ..laws.law import ContinuousReading, Law, Reading, SampledReading
+from ..laws.layout import Signals
 from ..laws.trial import started, try_reading
+from .white_noise import require_seed
 
 
 class Controller(LeafSystem):
@@ -45,6 +48,7 @@ class Controller(LeafSystem):
         super().__init__()
         self.law = law
         self.reading = reading
+        require_seed(seed)
         self.seed = seed
         self._input_ports = {
             name: (self.DeclareVectorInputPort(name, at.stop - at.start), shape)
@@ -240,6 +244,7 @@ class SampledController(Controller):
             )
         super().__init__(law, reading, seed)
         self.period = period
+        self._step: Any = unchecked(reading.step)
         state = self.DeclareDiscreteState(np.full(reading.state.size, np.nan))
         self.DeclareStateOutputPort("state", state)
         self._declare_outputs(self.xd_ticket())
@@ -260,7 +265,7 @@ class SampledController(Controller):
         x = context.get_discrete_state_vector().CopyToVector()
         t, u = context.get_time(), self.signals(context)
         try:
-            x = self.reading.step(t, x, u, self.period)
+            x = self._step(t, x, u, self.period)
         except SimulationError:
             raise
         except Exception as error:
@@ -289,6 +294,7 @@ class ContinuousController(Controller):
         require_type("law", law, Law)
         reading = continuous_reading(law)
         super().__init__(law, reading, seed)
+        self._derivatives = unchecked(reading.derivatives)
         state = self.DeclareContinuousState(BasicVector(np.full(reading.state.size, np.nan)))
         self.DeclareStateOutputPort("state", state)
         self._declare_outputs(self.xc_ticket())
@@ -307,7 +313,7 @@ class ContinuousController(Controller):
         """Set the time derivatives of the law's state; Drake calls this."""
         x, t, u = self._state(context), context.get_time(), self.signals(context)
         try:
-            rates = self.reading.derivatives(t, x, u)
+            rates = self._derivatives(t, x, u)
         except SimulationError:
             raise
         except Exception as error:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from ..inputs.fields import Array, Positive, validated
+from ..inputs.fields import Array, Positive, between, validated
 from .white_noise import WhiteNoise
 
 
@@ -25,7 +25,7 @@ class DitherSettings:
     """
 
     model: Literal["actuated", "virtual", "printed"] = "actuated"
-    sigma: Positive
+    sigma: Annotated[Positive, between(0.0, 100.0)]
     hold: Positive
 
 

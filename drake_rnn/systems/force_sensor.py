@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from ..errors import SimulationError
-from ..inputs.fields import Delay, NonNegative, Positive, validated
+from ..inputs.fields import Delay, NonNegative, Positive, between, validated
 from .lateness import late_samples
 from .white_noise import WhiteNoise
 
@@ -27,7 +27,7 @@ class SensorSettings:
         fails_at: Time of the failure [s].
     """
 
-    noise: NonNegative = 0.0
+    noise: Annotated[NonNegative, between(0.0, 1e6)] = 0.0
     delay: Delay = 0.0
     low_pass: Positive | None = None
     failure: Literal["nan", "frozen"] | None = None

@@ -10,6 +10,7 @@ import numpy as np
 from pydrake.systems.framework import Context, LeafSystem
 
 from ..errors import InvalidInputError
+from ..inputs.complaints import short
 from ..inputs.fields import Array
 from ..laws.parts.damped_inverse import damped_joint_velocity
 from ..paths import Path, PlacedPath
@@ -45,10 +46,14 @@ class JointReference(LeafSystem):
         if not (interval > 0 and isfinite(interval)):
             raise InvalidInputError(f"interval: must be positive, not {interval}")
         self.interval = interval
+        if not callable(positions_at):
+            raise InvalidInputError(
+                f"positions_at: must be a function of times, not {short(positions_at)}"
+            )
         if count < 1:
             raise InvalidInputError(f"count: must be at least 1, not {count}")
         ahead: Array = interval * np.arange(1.0, count + 1.0)
-        shape = positions_at(ahead).shape
+        shape = np.shape(positions_at(ahead))
         if shape != (count, n):
             raise InvalidInputError(
                 f"positions_at: must give shape {(count, n)} for {count} times, not {shape}"

@@ -16,6 +16,9 @@ from ..robot.arm import Arm
 from .lateness import late_samples
 from .white_noise import WhiteNoise
 
+# Largest error of a measured position [rad, or m].
+_COARSEST = 1.0
+
 
 @validated
 class SensingSettings:
@@ -40,6 +43,10 @@ class SensingSettings:
     secant_samples: Annotated[int, Field(strict=True, ge=0, le=1000)] = 0
 
     def __post_init__(self) -> None:
+        errors = {"position_noise": self.position_noise, "resolution": self.resolution}
+        for name, given in errors.items():
+            if given is not None and np.max(given) > _COARSEST:
+                raise ValueError(f"{name}: may be at most {_COARSEST:g} rad, not {np.max(given):g}")
         if self.resolution is not None and self.encoder_bits is not None:
             raise ValueError(
                 "resolution: cannot be combined with encoder_bits, which sets it; give one of them"

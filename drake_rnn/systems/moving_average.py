@@ -32,8 +32,9 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from ..errors import InvalidInputError, SimulationError
-from ..inputs.fields import validated
-from ..laws.law import Layout
+from ..inputs.complaints import require_type
+from ..inputs.fields import Flag, validated
+from ..laws.layout import Layout
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
 
 # Longer windows would take longer to fill than any run takes.
@@ -55,8 +56,8 @@ class FilterSettings:
     """
 
     kind: Literal["moving_average"] = "moving_average"
-    precompensate: bool = False
-    delay_desired: bool = False
+    precompensate: Flag = False
+    delay_desired: Flag = False
 
 
 def averaged_limits(limits: JointLimits) -> tuple[str, ...]:
@@ -127,6 +128,7 @@ class MovingAverage(LeafSystem):
 
     def __init__(self, limits: JointLimits, period: float, *, precompensate: bool = False) -> None:
         super().__init__()
+        require_type("limits", limits, JointLimits)
         if not (period > 0 and isfinite(period)):
             raise InvalidInputError(f"period: must be positive, not {period}")
         windows = averaging_windows(limits, period)

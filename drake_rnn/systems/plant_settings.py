@@ -2,10 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
+
+import numpy as np
 
 from ..errors import InvalidInputError
-from ..inputs.fields import NonNegative, NonNegativeEach, Positive, PositiveEach, validated
+from ..inputs.fields import (
+    NonNegative,
+    NonNegativeEach,
+    Positive,
+    PositiveEach,
+    between,
+    validated,
+)
+
+_Bandwidth = Annotated[Positive, between(1e-2, 1e5)]
+# Least and largest gain of a motor: [Nm/rad] or [Nm s/rad].
+_SOFTEST, _STIFFEST = 1e-3, 1e9
 
 
 @validated
@@ -29,12 +42,19 @@ class PlantSettings:
 
     time_step: Positive = 1e-3
     contact_approximation: Literal["lagged", "similar", "sap"] = "lagged"
-    bandwidth: Positive | None = None
+    bandwidth: _Bandwidth | None = None
     stiffness: PositiveEach | None = None
     damping: NonNegativeEach | None = None
-    reflected_inertia: NonNegative = 0.0
+    reflected_inertia: Annotated[NonNegative, between(0.0, 1e3)] = 0.0
 
     def __post_init__(self) -> None:
+        for name, given in (("stiffness", self.stiffness), ("damping", self.damping)):
+            if given is not None and np.max(given) > _STIFFEST:
+                raise ValueError(f"{name}: may be at most {_STIFFEST:g}, not {np.max(given):g}")
+        if self.stiffness is not None and np.min(self.stiffness) < _SOFTEST:
+            raise ValueError(
+                f"stiffness: may be {_SOFTEST:g} or more, not {np.min(self.stiffness):g}"
+            )
         if self.bandwidth is not None and self.stiffness is not None:
             raise ValueError(
                 "bandwidth: cannot be combined with stiffness, which sets it; give one of them"

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..errors import InvalidInputError
+from ..inputs.complaints import short
 from ..inputs.fields import Array
 
 _BLOCK = 1024
@@ -19,9 +21,17 @@ class WhiteNoise:
         seed: Seed of an experiment.
         stream: Number of this noise among those of the experiment, so that no two are alike.
         clip: Largest magnitude of a value; infinite for no bound.
+
+    Raises:
+        InvalidInputError: If the size or the seed is not such a number.
     """
 
     def __init__(self, size: int, seed: int, stream: int, clip: float = np.inf) -> None:
+        if not isinstance(size, (int, np.integer)) or size < 1:
+            raise InvalidInputError(
+                f"size: must be a whole number of at least 1, not {short(size)}"
+            )
+        require_seed(seed)
         self._size = size
         self._key = (seed, stream)
         self._clip = clip
@@ -36,3 +46,9 @@ class WhiteNoise:
             values = rng.standard_normal((_BLOCK, self._size))
             self._block = (block, np.clip(values, -self._clip, self._clip))
         return self._block[1][row]
+
+
+def require_seed(seed: object) -> None:
+    """Raise an InvalidInputError unless a seed is a whole number of at least 0."""
+    if not isinstance(seed, (int, np.integer)) or isinstance(seed, bool) or seed < 0:
+        raise InvalidInputError(f"seed: must be a whole number of at least 0, not {short(seed)}")

@@ -15,6 +15,7 @@ PAGES = sorted(
         "*.md",
         "docs/*.md",
         "diagrams/*.md",
+        "diagrams/campaigns/*.md",
         "diagrams/experiments/*.md",
         "models/*.md",
     )

@@ -17,6 +17,7 @@ LARGEST = {
     "hold_in_diagram.py": 1e-6,
     "own_environment.py": 0.2,
     "own_trajectory.py": 2e-6,
+    "campaign_on_cluster.py": 1e-8,
 }
 
 

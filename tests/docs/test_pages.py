@@ -33,15 +33,18 @@ from drake_rnn import (
     shipped_arms,
     shipped_experiments,
 )
+from drake_rnn.campaigns import CampaignDocument, read_campaign, shipped_campaigns
+from drake_rnn.campaigns.sweep import parse_axis
+from drake_rnn.campaigns.variation import VARIATIONS
 from drake_rnn.claims import SCHEMES, read_claims
 from drake_rnn.cli import app
 from drake_rnn.experiment import IntegratorSettings, parse_change
 from drake_rnn.inputs.fields import field_names
-from drake_rnn.runs.sweep import parse_axis
 
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
+CAMPAIGNS = shipped_campaigns()
 #: What stands for an experiment of the reader's own.
-PLACEHOLDER = re.compile(r"NAME|EXPERIMENT|\.\.\.|.*\.yaml")
+PLACEHOLDER = re.compile(r"NAME|EXPERIMENT|\.\.\.|CAMPAIGN|.*\.yaml")
 #: An experiment that is there to be refused.
 REFUSED = "state_adjustment_printed"
 #: Commands of claims, some of which are refused; tests/claims looks at them.
@@ -128,6 +131,8 @@ def test_every_command_exists_and_so_do_its_options_experiments_and_keys(page):
         given, _, _ = command.make_parser(click.Context(command)).parse_args(arguments)
         named = given.get("experiments") or given.get("experiment") or ()
         changes = dict(map(parse_change, given.get("changes") or []))
+        campaign = given.get("campaign")
+        assert campaign is None or PLACEHOLDER.fullmatch(campaign) or campaign in CAMPAIGNS
         axes = map(parse_axis, given.get("over") or [])
         changes |= {key: values[0] for key, values in axes if key != "KEY"}
         for experiment in (named,) if isinstance(named, str) else named:
@@ -170,6 +175,13 @@ def test_every_experiment_has_its_line():
         assert all(all(cells) and len(cells) == 4 for cells in rows)
 
 
+def test_every_campaign_has_its_line_with_its_number_of_rows():
+    ((head, rows),) = tables("diagrams/campaigns/README.md")
+    assert head == ["campaign", "rows", "what to expect"]
+    assert [LINK.findall(row[0]) for row in rows] == [[f"{name}.yaml"] for name in CAMPAIGNS]
+    assert [int(row[1]) for row in rows] == [read_campaign(name).count for name in CAMPAIGNS]
+
+
 def test_every_scheme_has_its_row_and_every_experiment_its_scheme():
     (rows,) = [rows for head, rows in tables("docs/results.md") if head[0] == "scheme"]
     assert len(rows) == len(LAWS)
@@ -191,6 +203,15 @@ def test_every_arm_has_its_row():
 def test_every_key_of_a_document_has_its_row():
     keys, *_ = [rows for head, rows in tables("docs/experiments.md") if head[0] == "key"]
     assert [spans(row[0])[0] for row in keys] == list(field_names(ExperimentDocument))
+
+
+def test_every_key_of_a_campaign_and_every_kind_of_variation_has_its_row():
+    found = dict((head[0], rows) for head, rows in tables("docs/campaigns.md"))
+    assert [spans(row[0])[0] for row in found["campaign key"]] == list(
+        field_names(CampaignDocument)
+    )
+    kinds = {spans(row[0])[-1]: set(spans(row[1])) for row in found["`kind` in `vary`"]}
+    assert kinds == {kind: set(field_names(cls)) for kind, cls in VARIATIONS.items()}
 
 
 @pytest.mark.parametrize(

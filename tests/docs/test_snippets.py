@@ -16,9 +16,13 @@ from drake_rnn import (
     make_experiment,
     simulate,
 )
+from drake_rnn.campaigns import plan_campaign, read_campaign
 from drake_rnn.inputs.documents import parse_yaml
 from drake_rnn.inputs.fields import field_names
 from drake_rnn.robot.limits_file import read_limits
+
+#: What else a snippet may import.
+OTHERS = {"concurrent", "numpy", "pydrake"}
 
 
 def blocks(language: str) -> list:
@@ -48,11 +52,11 @@ def test_there_are_snippets():
 def test_a_snippet_imports_only_what_is_public(page, line, code):
     for node in ast.walk(ast.parse(code)):
         if isinstance(node, ast.Import):
-            assert {alias.name.split(".")[0] for alias in node.names} <= {"numpy", "pydrake"}
+            assert {alias.name.split(".")[0] for alias in node.names} <= OTHERS
         elif isinstance(node, ast.ImportFrom) and node.module == "drake_rnn":
             assert {alias.name for alias in node.names} <= set(drake_rnn.__all__)
         elif isinstance(node, ast.ImportFrom):
-            assert node.module.split(".")[0] in {"numpy", "pydrake"}
+            assert node.module.split(".")[0] in OTHERS
 
 
 @pytest.mark.parametrize(("page", "line", "code"), blocks("python"))
@@ -66,6 +70,9 @@ def test_a_snippet_runs(page, line, code, monkeypatch):
 def test_a_document_can_be_run_or_is_a_part_of_one(page, line, code, tmp_path, monkeypatch):
     monkeypatch.chdir(ROOT)
     document = parse_yaml(code, f"{page}:{line}")
+    if "vary" in document:
+        plan_campaign(read_campaign(document))
+        return
     if "joints" in document:
         (tmp_path / "my.limits.yaml").write_text(code)
         read_limits(tmp_path / "my.limits.yaml", document["joints"], document["joints"])
@@ -84,7 +91,12 @@ def test_a_document_can_be_run_or_is_a_part_of_one(page, line, code, tmp_path, m
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("page", "line", "code"), [block for block in blocks("yaml") if "duration:" in block.values[2]]
+    ("page", "line", "code"),
+    [
+        block
+        for block in blocks("yaml")
+        if "duration:" in block.values[2] and "vary:" not in block.values[2]
+    ],
 )
 def test_a_printed_document_does_what_it_accepts(page, line, code, monkeypatch):
     """The figures that the page says are the bounds of the document's own ``accept``."""

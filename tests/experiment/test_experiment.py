@@ -212,7 +212,7 @@ BAD = [
     ({"duration.long": 1}, "duration.long: duration is 20, which has no keys"),
     ({"period": 0}, "period: must be greater than 0, not 0"),
     ({"period": -1e-3}, "period: must be greater than 0, not -0.001"),
-    ({"period": 30}, "period: may be at most the duration, 20"),
+    ({"period": 30}, "period: may be at most 1, not 30"),
     ({"period": None}, "period: must be given, unless integrator is given"),
     ({"integrator": {"scheme": "radau3"}}, "integrator: give either accuracy or step"),
     ({"integrator": {"scheme": "rk4", "step": 1e-3}}, "integrator.scheme: may be "),

@@ -7,6 +7,7 @@ import pytest
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_hex
 
+from drake_rnn.campaigns.sweep import Row
 from drake_rnn.experiment import load_experiment
 from drake_rnn.figures import drawable, write_figures
 from drake_rnn.figures.force_panels import force_spectrum
@@ -14,7 +15,6 @@ from drake_rnn.figures.learning import learning_figure
 from drake_rnn.figures.style import COLOURS
 from drake_rnn.figures.surface import force_scale, surface_axes, surface_coordinates
 from drake_rnn.runs.simulation import simulate
-from drake_rnn.runs.sweep import Row
 from figure_helpers import assert_no_text_is_cut_off, changed, draw, is_dashed, panel
 
 OF_CONTACT = ["normal_force", "force_error", "path_on_surface", "orientation_error"]

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
+from drake_rnn.campaigns.sweep import Row
 from drake_rnn.experiment import load_experiment
 from drake_rnn.figures import drawable, write_figures
 from drake_rnn.figures.style import COLOURS
 from drake_rnn.figures.sweep import sweep_figure
 from drake_rnn.runs.simulation import simulate
-from drake_rnn.runs.sweep import Row
 from figure_helpers import (
     assert_no_text_is_cut_off,
     curves,

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_rnn import InvalidInputError, JointLimits, NullSpaceAdjustment
+from drake_rnn.laws.called import unchecked
 from drake_rnn.laws.parts.rise import smooth_rise
 
 N = 7
@@ -121,7 +122,8 @@ def test_what_is_not_finite_comes_back_as_such(name):
     u = {"position": np.zeros(N), "J": jacobian(0), "p_WE": np.zeros(3)}
     u["p_WE_desired"] = np.zeros(3)
     u[name] = np.full(u[name].shape, np.nan)
-    assert not np.isfinite(make().step(1.0, np.zeros(N), u, 1e-3)).all()
+    step = unchecked(make().step)
+    assert not np.isfinite(step(1.0, np.zeros(N), u, 1e-3)).all()
 
 
 def test_outside_its_limits_a_joint_is_brought_back_as_the_pull_sets_in():

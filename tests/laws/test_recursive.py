@@ -46,7 +46,12 @@ def signals(rng, lead=(), error=0.1):
 
 def on_its_path(rng):
     """At the middle of the position limits, without an error: w_1 = 0."""
-    return {**signals(rng), "position": np.zeros(N), "p_WE": np.zeros(3), "p_WE_desired": 0.0}
+    return {
+        **signals(rng),
+        "position": np.zeros(N),
+        "p_WE": np.zeros(3),
+        "p_WE_desired": np.zeros(3),
+    }
 
 
 # What is refused.

@@ -86,7 +86,7 @@ def test_a_file_without_times_takes_them_from_the_document(tmp_path):
             "row 3: a quaternion must have the length 1, not 1.414",
         ),
         ("0,0\n1,1\n", "row 1: must be 3 numbers, x, y and z"),
-        ("", "needs at least 2 waypoints, not 0"),
+        ("", "is empty"),
     ],
 )
 def test_a_bad_table_is_refused_with_the_row(tmp_path, text, message):

@@ -20,7 +20,7 @@ SHORT = ("--duration", "0.5")
 SCRIPT = """
 from drake_rnn.cli import commands, saving
 
-saving.write_figures = lambda result, folder: []
+saving.draw_figures = lambda result, folder: []
 if __name__ == "__main__":
     commands.main()
 """

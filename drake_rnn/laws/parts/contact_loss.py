@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from ...inputs.fields import Array, NonNegative, Positive, validated
+from ...inputs.fields import Array, NonNegative, Speed, validated
 
 APPROACHING, IN_CONTACT, LOST = 0.0, 1.0, 2.0
 
@@ -31,7 +31,7 @@ class ContactLoss:
     threshold: Annotated[float, Field(strict=True, gt=0, lt=1)] = 0.05
     floor: NonNegative = 0.05
     patience: NonNegative = 0.05
-    retreat_speed: Positive = 0.02
+    retreat_speed: Speed = 0.02
     retreat_distance: NonNegative = 0.02
 
     #: Size of the state: phase, time without contact [s], distance retreated [m].

@@ -16,7 +16,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from ...inputs.fields import Array, Positive, validated
+from ...inputs.fields import Array, Positive, Stiffness, validated
 
 # Marks a missing last sample; the root of a real one is positive.
 _NONE = -1.0
@@ -38,7 +38,7 @@ class OnlineStiffness:
             softer than the rest, even in terms of F^(1/p).
     """
 
-    initial: Positive = 1e4
+    initial: Stiffness = 1e4
     initial_force: Positive = 5.0
     floor: Annotated[float, Field(strict=True, gt=0, le=1)] = 0.1
     exponent: Annotated[float, Field(strict=True, ge=1, le=3)] = 2.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from ...inputs.fields import Array
-from ..law import Layout, Signals
+from ..layout import Layout, Signals
 from .contact_loss import LOST, ContactLoss
 from .fixed_stiffness import FixedStiffness
 from .online_stiffness import OnlineStiffness

@@ -24,7 +24,8 @@ from typing import Protocol
 import numpy as np
 
 from ...inputs.fields import Array
-from ..law import Layout, SampledReading, Signals
+from ..law import SampledReading
+from ..layout import Layout, Signals
 
 _AHEAD = {"p_preview": "p_WE_desired", "v_preview": "v_WE_desired", "a_preview": "a_WE_desired"}
 

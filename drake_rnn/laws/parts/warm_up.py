@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...inputs.fields import Array, Positive, validated
+from ...inputs.fields import Array, Positive, Time, Weight, validated
 
 
 @validated
@@ -22,9 +22,9 @@ class WarmUp:
         rho: Time constant of the learning during the warm-up [rad^2/s].
     """
 
-    pulse: Positive = 0.2
+    pulse: Time = 0.2
     acceleration: Positive = 0.5
-    rho: Positive = 1e-6
+    rho: Weight = 1e-6
 
     def duration(self, size: int) -> float:
         """Return the duration of the warm-up of ``size`` joints [s]."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...inputs.fields import Array
-from ...laws.law import Signals
+from ...laws.layout import Signals
 from ..motion import Motion
 from ..running import Largest, Mean, Smallest
 from .group import Found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from xml.etree.ElementTree import Element, SubElement
 
@@ -12,6 +13,10 @@ from .meshes import Meshes
 from .possible_inertia import nearest_possible
 
 _SIMPLE = "SimpleTransmission"
+_MOVING = frozenset({"revolute", "continuous", "prismatic"})
+_POSITIONS = ("lower", "upper")
+# Position limits between two turns in radians and in degrees are suspected to be degrees.
+_TURNS, _DEGREES = 4.0 * math.pi + 0.1, 720.0
 
 
 def mend_urdf(root: Element, meshes: Meshes) -> list[str]:
@@ -24,14 +29,17 @@ def mend_urdf(root: Element, meshes: Meshes) -> list[str]:
     Returns:
         Warnings about changes that alter the physics or the looks.
     """
+    _check_limits(root)
     _rename_materials(root)
-    _drop_lost_mimics(root)
+    lost = _drop_lost_mimics(root)
     _state_motors(root)
     colours = _named_colours(root)
     return [
+        *lost,
         *mend_geometry(root, meshes, _mesh, lambda visual: _colour(visual, colours)),
         *_fix_floating_joints(root),
         *_drop_zero_limits(root),
+        *_suspected_degrees(root),
         *_mend_inertias(root),
         *meshes.warnings(),
     ]
@@ -82,26 +90,55 @@ def _fix_floating_joints(root: Element) -> list[str]:
     return about(_names(floating), "floating joints are fixed:")
 
 
-def _drop_lost_mimics(root: Element) -> None:
+def _drop_lost_mimics(root: Element) -> list[str]:
     """Leave out what Drake refuses: fixed joints that follow or are followed."""
     joints = root.findall("joint")
+    names = {joint.get("name") for joint in joints}
     moving = {joint.get("name") for joint in joints if joint.get("type") != "fixed"}
+    lost = []
     for joint in joints:
         for mimic in joint.findall("mimic"):
+            if mimic.get("joint") not in names:
+                lost.append(joint.get("name", ""))
             if not {joint.get("name"), mimic.get("joint")} <= moving:
                 joint.remove(mimic)
+    return about(lost, "joints that should follow one that there is not move on their own:")
+
+
+def _limits(root: Element) -> Iterator[tuple[Element, Element]]:
+    """Yield the joints that move and their limits."""
+    for joint in root.findall("joint"):
+        if joint.get("type") in _MOVING and (limit := joint.find("limit")) is not None:
+            yield joint, limit
+
+
+def _check_limits(root: Element) -> None:
+    """Raise an InvalidInputError for limits that no joint has; Drake's errors name no joint."""
+    for joint, limit in _limits(root):
+        where = f"arm.model: the limits of {joint.get('name')!r}"
+        if joint.get("type") != "continuous":
+            lower, upper = (float(limit.get(name, 0.0)) for name in ("lower", "upper"))
+            if lower > upper:
+                raise InvalidInputError(f"{where}: lower is {lower:g}, above upper, {upper:g}")
+        for name in ("velocity", "effort"):
+            if (value := float(limit.get(name, 0.0))) < 0.0:
+                raise InvalidInputError(f"{where}: {name} must not be negative, as {value:g} is")
+
+
+def _suspected_degrees(root: Element) -> list[str]:
+    joints = [
+        joint
+        for joint, limit in _limits(root)
+        if joint.get("type") == "revolute"
+        and any(_TURNS < abs(float(limit.get(name, 0.0))) <= _DEGREES for name in _POSITIONS)
+    ]
+    return about(_names(joints), "position limits of more than two turns; are they in degrees?")
 
 
 def _drop_zero_limits(root: Element) -> list[str]:
     warnings = []
     for name in ("velocity", "effort"):
-        zero = [
-            joint
-            for joint in root.findall("joint")
-            if joint.get("type") in {"revolute", "continuous", "prismatic"}
-            and (limit := joint.find("limit")) is not None
-            and float(limit.get(name, 1.0)) == 0.0
-        ]
+        zero = [joint for joint, limit in _limits(root) if float(limit.get(name, 1.0)) == 0.0]
         for joint in zero:
             for limit in joint.findall("limit"):
                 limit.attrib.pop(name, None)
@@ -114,7 +151,7 @@ def _state_motors(root: Element) -> None:
     limits = {
         joint.get("name", ""): joint.find("limit")
         for joint in root.findall("joint")
-        if joint.get("type") in {"revolute", "continuous", "prismatic"}
+        if joint.get("type") in _MOVING
     }
     driven: set[str] = set()
     actuators: set[str] = set()

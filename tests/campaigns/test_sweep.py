@@ -1,21 +1,22 @@
 """One experiment at many values."""
 
 import csv
-import importlib
 import io
 import re
 
 import numpy as np
 import pytest
 from rich.console import Console
+from typer.testing import CliRunner
 
 from drake_rnn import InvalidInputError, SimulationError, load_experiment, simulate, sweep
+from drake_rnn.campaigns import perform as performing
+from drake_rnn.campaigns.sweep import InterruptedSweepError, Row, parse_axis, write_csv
+from drake_rnn.cli import app
 from drake_rnn.cli.tables import WIDE, sweep_tables
+from drake_rnn.errors import InterruptedRunError
 from drake_rnn.figures.sweep import sweep_figure
-from drake_rnn.runs.sweep import Row, parse_axis, write_csv
-
-# The module: the package shows its function by the same name.
-sweeping = importlib.import_module("drake_rnn.runs.sweep")
+from drake_rnn.runs import simulation
 
 KNOWN = "slc_nephroid_known"
 SHORT = {"duration": 0.05}
@@ -66,23 +67,23 @@ def test_two_axes_give_every_pair_the_last_one_fastest():
 
 
 def test_every_combination_is_checked_before_the_first_runs(monkeypatch):
-    def simulate(experiment):
+    def simulate(experiment, **how):
         raise AssertionError("simulated")
 
-    monkeypatch.setattr(sweeping, "simulate", simulate)
+    monkeypatch.setattr(performing, "simulate", simulate)
     with pytest.raises(InvalidInputError, match=r"law\.kappa: must be greater than 0, not -1"):
         sweep(KNOWN, {"law.kappa": [1, 2, -1]}, SHORT)
 
 
 def test_a_run_that_fails_takes_a_row_and_the_others_run(monkeypatch):
-    def simulate_or_fail(experiment):
+    def simulate_or_fail(experiment, **how):
         if experiment.document.seed == 2:
             error = SimulationError("controller: state v is no longer finite", 0.01)
             error.result = simulate(experiment)
             raise error
         return simulate(experiment)
 
-    monkeypatch.setattr(sweeping, "simulate", simulate_or_fail)
+    monkeypatch.setattr(performing, "simulate", simulate_or_fail)
     rows = sweep(KNOWN, {"seed": [1, 2, 3]}, SHORT)
     assert [row.failure is None for row in rows] == [True, False, True]
     assert rows[1].failure == "controller: state v is no longer finite (at t = 0.01 s)"
@@ -221,3 +222,59 @@ def test_a_narrow_table_breaks_no_number_and_no_word(width):
 def test_a_run_that_failed_is_told_in_each_table():
     table = [Row((1,), {name: 1.0 for name in NAMES}), Row((2,), {}, "lost")]
     assert sum("failed" in line for line in printed(30, table)) == 3
+
+
+# What is interrupted.
+
+
+def interrupt_at(monkeypatch, number):
+    """Let the run of a number, from 0, be interrupted; return the names of what is simulated."""
+    begun = []
+
+    def simulated(experiment, **how):
+        begun.append(experiment.document.law["kappa"])
+        if len(begun) == number + 1:
+            raise InterruptedRunError("interrupted", 0.01)
+        return simulate(experiment, **how)
+
+    monkeypatch.setattr(performing, "simulate", simulated)
+    return begun
+
+
+def test_an_interrupted_sweep_has_the_rows_so_far_and_goes_on(tmp_path, monkeypatch):
+    begun, told = interrupt_at(monkeypatch, 2), []
+    over, keep = {"law.kappa": [1, 2, 4, 8]}, tmp_path / "rows"
+    with pytest.raises(InterruptedSweepError, match="2 of 4 runs have ended") as caught:
+        sweep(KNOWN, over, SHORT, done=told.append, keep=keep)
+    assert [row.values for row in caught.value.rows] == [(1,), (2,)]
+    assert caught.value.missing == [(4,), (8,)]
+    again = sweep(KNOWN, over, SHORT, done=told.append, keep=keep)
+    assert begun == [1, 2, 4, 4, 8]
+    assert [row.metrics for row in again] == [row.metrics for row in sweep(KNOWN, over, SHORT)]
+    # Rows that were kept are told of again, in their place.
+    assert [row.values[0] for row in told] == [1, 2, 1, 2, 4, 8]
+    # All have ended, so the next sweep is a new one.
+    assert not keep.exists()
+
+
+def test_an_interrupted_command_writes_what_it_has_and_goes_on(tmp_path, monkeypatch):
+    begun = interrupt_at(monkeypatch, 1)
+    words = ["sweep", KNOWN, "--over", "law.kappa=1,2,4", "--duration", "0.05", "--out"]
+    first = CliRunner().invoke(app, [*words, str(tmp_path)])
+    assert first.exit_code == 1
+    assert "not run law.kappa=2; law.kappa=4; the same command goes on from here" in first.stderr
+    (table,) = tmp_path.rglob("sweep.csv")
+    assert len(table.read_text().splitlines()) == 2
+    second = CliRunner().invoke(app, [*words, str(tmp_path)])
+    assert second.exit_code == 0
+    assert begun == [1, 2, 2, 4]
+    assert len(table.read_text().splitlines()) == 4
+    assert {file.name for file in table.parent.iterdir()} == {"sweep.csv", "sweep.png"}
+
+
+def test_a_path_is_followed_once_for_all_combinations_that_share_it(monkeypatch):
+    """To follow it takes most of the time of a check."""
+    followed, follow = [], simulation.check_reach
+    monkeypatch.setattr(simulation, "check_reach", lambda e: followed.append(e) or follow(e))
+    sweep(KNOWN, {"law.kappa": [1, 2], "path.size": [0.02, 0.04]}, {"duration": 0.01})
+    assert len(followed) == 2

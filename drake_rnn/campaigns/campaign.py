@@ -1,0 +1,195 @@
+"""Campaigns: many runs of one experiment, kept as they end, and what they say together."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from ..errors import InvalidInputError
+from ..inputs.complaints import require_type
+from ..inputs.dataclass_fields import fields_of
+from ..inputs.documents import to_yaml
+from ..runs.result import versions
+from .cluster import workers_of
+from .document import CampaignDocument, read_campaign
+from .engine import carry_out
+from .outcome import Order, Outcome
+from .perform import Perform, simulate_each
+from .plan import Plan, plan_campaign, unique_orders
+from .store import RowStore
+from .summary import Summary, summarize
+from .table import Line, lines_of, metrics_in, write_table
+from .workers import Executor, LostWorkersError, Processes, ThisProcess, Workers
+
+#: Called with the number of runs that have ended, the number of all, and the outcome that is new;
+#: at first with those that were kept from before, and None.
+Progress = Callable[[int, int, Outcome | None], None]
+#: What a campaign ended by.
+Ending = Literal["complete", "interrupted", "lost"]
+
+
+@dataclass(frozen=True)
+class CampaignResult:
+    """What a campaign has come to.
+
+    Attributes:
+        plan: What was to be run.
+        folder: Where everything is: ``table.csv``, ``campaign.json``, and the files that it was
+            run from.
+        lines: Rows that have ended, in their order.
+        summary: What they say together.
+        ending: Whether it came to its end; ``lost`` if the workers are there no more.
+        reason: Why it did not; empty if it did.
+        kept: Number of runs that had ended before.
+    """
+
+    plan: Plan
+    folder: Path
+    lines: list[Line]
+    summary: Summary
+    ending: Ending
+    reason: str
+    kept: int
+
+    @property
+    def missing(self) -> int:
+        """Number of rows that have not ended."""
+        return len(self.plan.rows) - len(self.lines)
+
+
+def run_campaign(
+    campaign: str | Path | Mapping[str, Any] | CampaignDocument | Plan,
+    folder: str | Path,
+    *,
+    jobs: int = 1,
+    executor: Executor | Workers | None = None,
+    perform: Perform = simulate_each,
+    batch: int = 1,
+    done: Progress | None = None,
+    again: bool = False,
+) -> CampaignResult:
+    """Run the rows of a campaign that have not been run, and return all.
+
+    Each row is kept in the folder when it ends. Called again, also after this process was killed,
+    it goes on with what is missing; the table is the same to the last bit. A run that fails, that
+    is refused or that kills its worker is a row.
+
+    Args:
+        campaign: A shipped name, a YAML file, a document, or what `plan_campaign` has returned.
+        folder: Folder for rows and results.
+        jobs: Number of processes; 0 for this process itself, which knows classes that were
+            registered here, and which a run may kill.
+        executor: Where to run instead: anything with ``submit``, such as an executor of
+            `concurrent.futures` or a client of Dask. It is not shut down.
+        perform: What carries out a list of orders, in any process.
+        batch: Number of rows that are handed to it at a time.
+        done: Called when a run has ended.
+        again: Whether rows that killed their worker are tried again.
+
+    Raises:
+        InvalidInputError: If a row is no valid experiment, the folder cannot be written to, or
+            another process is at it.
+    """
+    require_type("jobs", jobs, int)
+    plan = campaign if isinstance(campaign, Plan) else plan_campaign(read_campaign(campaign))
+    folder = Path(folder)
+    store = RowStore(folder / "rows")
+    with store.claimed():
+        _describe(plan, folder)
+        outcomes = kept_rows(store, unique_orders(plan.rows), again)
+        kept = len(outcomes)
+        ending, reason = _carry_out(
+            plan, store, outcomes, _workers(jobs, executor), (perform, batch), done
+        )
+        lines = lines_of(plan.rows, outcomes)
+        summary = summarize(plan.campaign, len(plan.rows), lines, folder / "experiment.yaml")
+        result = CampaignResult(plan, folder, lines, summary, ending, reason, kept)
+        _write(result, outcomes)
+    return result
+
+
+def kept_rows(store: RowStore, orders: list[Order], again: bool = False) -> dict[str, Outcome]:
+    """Return the outcomes that were kept from before, by the keys of their orders.
+
+    Args:
+        store: Where they are kept.
+        orders: The orders.
+        again: Whether those that killed their worker are left out, to be tried again.
+    """
+    found = {order.key: store.get(order.key) for order in orders}
+    return {
+        key: outcome
+        for key, outcome in found.items()
+        if outcome is not None and not (again and outcome.status == "killed its worker")
+    }
+
+
+def _workers(jobs: int, executor: Executor | Workers | None) -> Workers:
+    if executor is not None:
+        return workers_of(executor)
+    return Processes(jobs) if jobs > 0 else ThisProcess()
+
+
+def _carry_out(
+    plan: Plan,
+    store: RowStore,
+    outcomes: dict[str, Outcome],
+    workers: Workers,
+    how: tuple[Perform, int],
+    done: Progress | None,
+) -> tuple[Ending, str]:
+    """Carry out what is missing, add it to ``outcomes``, and return how that ended and why."""
+    orders = unique_orders(plan.rows)
+    missing = [order for order in orders if order.key not in outcomes]
+    if done is not None:
+        done(len(outcomes), len(orders), None)
+
+    def take(order: Order, outcome: Outcome) -> None:
+        store.put(order, outcome)
+        outcomes[order.key] = outcome
+        if done is not None:
+            done(len(outcomes), len(orders), outcome)
+
+    perform, batch = how
+    try:
+        if carry_out(missing, perform, workers, take, batch):
+            return "complete", ""
+    except LostWorkersError as error:
+        return "lost", str(error)
+    return "interrupted", "interrupted"
+
+
+def _describe(plan: Plan, folder: Path) -> None:
+    """Write what the campaign is run from, so that the folder says what is in it."""
+    header = "".join(f"# {package} {number}\n" for package, number in versions().items())
+    campaign = {
+        name: fields_of(value) or value for name, value in fields_of(plan.campaign).items() if value
+    }
+    try:
+        (folder / "experiment.yaml").write_text(header + to_yaml(plan.experiment))
+        # Its changes are in there already.
+        contents = {**campaign, "experiment": "experiment.yaml"}
+        contents.pop("changes", None)
+        (folder / "campaign.yaml").write_text(header + to_yaml(contents))
+    except OSError as error:
+        raise InvalidInputError(f"output folder {folder}: {error.strerror}") from None
+
+
+def _write(result: CampaignResult, outcomes: Mapping[str, Outcome]) -> None:
+    metrics = result.plan.campaign.metrics or metrics_in(result.lines)
+    write_table(result.folder / "table.csv", list(result.plan.campaign.vary), result.lines, metrics)
+    record = {
+        "status": result.ending,
+        "reason": result.reason,
+        "rows": len(result.plan.rows),
+        "statuses": result.summary.statuses,
+        "shares": {name: list(found) for name, found in result.summary.shares.items()},
+        "versions": versions(),
+        "timings": {"runs_wall_time_s": sum(each.wall_time_s for each in outcomes.values())},
+    }
+    with suppress(OSError):
+        (result.folder / "campaign.json").write_text(json.dumps(record, indent=2) + "\n")

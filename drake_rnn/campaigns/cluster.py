@@ -1,0 +1,125 @@
+"""Workers of a Dask cluster, on this machine or on many."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from concurrent.futures import CancelledError
+from contextlib import suppress
+from importlib import import_module
+from time import monotonic
+from typing import Any
+
+from ..errors import InvalidInputError
+from .workers import Handle, Workers
+
+#: Time for which a scheduler is waited for [s].
+_PATIENCE = 10.0
+#: Tasks that are handed over for each thread of the cluster: one that runs, and one to go on with.
+_AHEAD = 2
+#: Time after which the threads of the cluster are counted again [s].
+_COUNT_AGAIN = 2.0
+
+
+def cluster_at(address: str) -> DaskWorkers:
+    """Return the workers of the cluster whose scheduler has an address.
+
+    Args:
+        address: The address, e.g. ``tcp://10.0.0.1:8786``.
+
+    Raises:
+        InvalidInputError: If Dask is not installed, or nobody answers.
+    """
+    distributed = _dask()
+    # It tells at length of what is told here in a sentence.
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
+    try:
+        client = distributed.Client(address, timeout=_PATIENCE, set_as_default=False)
+    except (OSError, TimeoutError, ValueError, TypeError) as error:
+        told = " ".join(str(error).split()) or type(error).__name__
+        raise InvalidInputError(f"--scheduler: nobody answers at {address}: {told}") from None
+    return DaskWorkers(client, owned=True)
+
+
+class DaskWorkers(Workers):
+    """The workers of a Dask cluster.
+
+    Args:
+        client: A client of the cluster, ``dask.distributed.Client``.
+        owned: Whether the client is closed in the end.
+    """
+
+    # The scheduler itself has tried several workers before it gives a task up.
+    attempts = 2
+
+    def __init__(self, client: Any, owned: bool = False) -> None:
+        super().__init__(client)
+        distributed = _dask()
+        self._client = client
+        self._owned = owned
+        self._address = client.scheduler.address
+        self._counted, self._threads = -_COUNT_AGAIN, 1
+        self.deaths = (distributed.KilledWorker,)
+        self.losses = (
+            CancelledError,
+            distributed.comm.CommClosedError,
+        )
+
+    @property
+    def slots(self) -> int:
+        """Number of tasks that are handed over at a time; workers may come and go."""
+        if monotonic() - self._counted > _COUNT_AGAIN and not self.lost():
+            # A scheduler that is lost meanwhile is noticed by what is on its way.
+            with suppress(OSError, TimeoutError):
+                self._threads = sum(self._client.nthreads().values())
+            self._counted = monotonic()
+        return _AHEAD * max(self._threads, 1)
+
+    def submit(self, task: Callable[..., Any], *arguments: Any) -> Handle:
+        """Return a handle of what comes of a task."""
+        # Not pure: an order that is tried again must be carried out again.
+        handle: Handle = self._client.submit(task, *arguments, pure=False)
+        return handle
+
+    def lost(self) -> str:
+        """Return why no more can come of tasks; empty as long as it can."""
+        if self._client.status == "running":
+            return ""
+        return f"the scheduler at {self._address} is lost"
+
+    def stop(self) -> None:
+        """Leave the cluster, if this has joined it."""
+        if self._owned:
+            self._client.close(timeout=_PATIENCE)
+
+
+def workers_of(executor: Any, slots: int | None = None) -> Workers:
+    """Return an executor as `Workers`.
+
+    Args:
+        executor: `Workers`, a client of Dask, or anything with ``submit`` whose futures have
+            ``result`` and ``add_done_callback``.
+        slots: Number of tasks that are handed over at a time; by default two for each processor.
+
+    Raises:
+        InvalidInputError: If it has no ``submit``.
+    """
+    if isinstance(executor, Workers):
+        return executor
+    if type(executor).__module__.partition(".")[0] == "distributed":
+        return DaskWorkers(executor)
+    if not any("submit" in vars(cls) for cls in type(executor).__mro__):
+        raise InvalidInputError(
+            f"executor: must have a method submit; {type(executor).__name__} has none"
+        )
+    return Workers(executor, slots)
+
+
+def _dask() -> Any:
+    """Return Dask's package ``distributed``, which few need and few have."""
+    try:
+        return import_module("distributed")
+    except ModuleNotFoundError:
+        raise InvalidInputError(
+            "--scheduler: needs Dask, which is not installed: pip install 'drake-rnn[cluster]'"
+        ) from None

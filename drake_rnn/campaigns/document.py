@@ -1,0 +1,182 @@
+"""The document of a campaign: what is run, what varies, and what is to be known of it."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from ..diagrams import CAMPAIGNS
+from ..errors import InvalidInputError
+from ..inputs.complaints import nearest, require_type
+from ..inputs.documents import construct, read_yaml
+from ..inputs.fields import Count, Seed, validated
+from ..measures import METRIC_NAMES
+from .variation import Axis, Distribution, variation_of
+
+_Share = Annotated[float, Field(strict=True, gt=0, lt=1)]
+#: Rows of a campaign; each is a file while it is run.
+MOST_ROWS = 1_000_000
+
+
+@validated
+class StatisticsSettings:
+    """What a campaign's summary says.
+
+    Args:
+        quantiles: Quantiles of each metric.
+        worst: Number of the worst runs that are listed for each metric.
+        confidence: Probability with which an interval covers the true value.
+    """
+
+    quantiles: list[_Share] = Field(default_factory=lambda: [0.05, 0.5, 0.95])
+    worst: Annotated[int, Field(strict=True, ge=0)] = 5
+    confidence: _Share = 0.95
+
+
+@validated
+class CampaignDocument:
+    """Everything that a campaign depends on, as plain data.
+
+    Args:
+        name: Name of the campaign; by default the file's name.
+        expect: Expected outcome, in one sentence.
+        experiment: Experiment that is run: a shipped name, a YAML file or a document.
+        changes: Changes of it by dotted key, the same in each run.
+        vary: What varies, by dotted key: a list of values, or a ``kind`` and its fields. Lists and
+            ranges are run in all combinations; distributions are drawn from.
+        together: Groups of keys whose lists or ranges are walked together, not combined.
+        samples: Number of draws of all distributions, for each combination.
+        seed: Seed of what is drawn.
+        metrics: Metrics of the table and the summary; by default all in the table, and in the
+            summary those that vary.
+        statistics: What the summary says.
+    """
+
+    name: str = ""
+    expect: str = ""
+    experiment: str | dict[str, Any]
+    changes: dict[str, Any] = Field(default_factory=dict)
+    vary: dict[str, Any]
+    together: list[list[str]] = Field(default_factory=list)
+    samples: Count | None = None
+    seed: Seed = 0
+    metrics: list[str] = Field(default_factory=list)
+    statistics: StatisticsSettings = Field(default_factory=StatisticsSettings)
+
+    def __post_init__(self) -> None:
+        if re.search(r"[/\\\x00-\x1f]|^\.+$", self.name):
+            raise ValueError(f"name: must be a valid folder name, not {self.name!r}")
+        for metric in self.metrics:
+            if metric not in METRIC_NAMES:
+                raise ValueError(
+                    f"metrics: no metric {metric!r}; {nearest(metric, list(METRIC_NAMES))}"
+                )
+        if not self.vary:
+            raise ValueError("vary: must name what varies")
+        for key in self.vary:
+            if key in self.changes:
+                raise ValueError(f"vary.{key}: is also in changes; it cannot be both")
+        self._check_samples()
+        self._check_together()
+        if self.count > MOST_ROWS:
+            raise ValueError(f"vary: makes {self.count} rows; there may be {MOST_ROWS}")
+
+    def _check_samples(self) -> None:
+        if self.distributions and self.samples is None:
+            raise ValueError(
+                f"samples: must be given, as {next(iter(self.distributions))} is drawn"
+            )
+        if not self.distributions and self.samples is not None:
+            raise ValueError("samples: must be left out, as nothing is drawn")
+
+    def _check_together(self) -> None:
+        named = [key for group in self.together for key in group]
+        for key in named:
+            if key not in self.axes:
+                raise ValueError(
+                    f"together: {key!r} must be a key of vary with a list or a range of values"
+                )
+            if named.count(key) > 1:
+                raise ValueError(f"together: {key!r} is given twice")
+        for group in self.together:
+            counts = {key: self.axes[key].size for key in group}
+            if len(set(counts.values())) > 1:
+                told = ", ".join(f"{key} has {count}" for key, count in counts.items())
+                raise ValueError(f"together: must have as many values as one another; {told}")
+
+    @property
+    def variations(self) -> dict[str, Axis | Distribution]:
+        """What each varied key takes its values from."""
+        return {key: variation_of(section, f"vary.{key}") for key, section in self.vary.items()}
+
+    @property
+    def axes(self) -> dict[str, Axis]:
+        """The keys whose values are all run."""
+        return {key: one for key, one in self.variations.items() if isinstance(one, Axis)}
+
+    @property
+    def distributions(self) -> dict[str, Distribution]:
+        """The keys whose values are drawn."""
+        return {key: one for key, one in self.variations.items() if isinstance(one, Distribution)}
+
+    @property
+    def groups(self) -> list[list[str]]:
+        """The keys of `axes`, those that are walked together in one group."""
+        named = {key: group for group in self.together for key in group}
+        groups = [named.get(key, [key]) for key in self.axes]
+        return [group for k, group in enumerate(groups) if group not in groups[:k]]
+
+    @property
+    def count(self) -> int:
+        """Number of rows."""
+        axes = self.axes
+        return math.prod(axes[group[0]].size for group in self.groups) * (self.samples or 1)
+
+
+def shipped_campaigns() -> list[str]:
+    """Return the names of the shipped campaigns."""
+    return sorted(file.stem for file in CAMPAIGNS.glob("*.yaml"))
+
+
+def read_campaign(
+    campaign: str | Path | Mapping[str, Any] | CampaignDocument, **changes: Any
+) -> CampaignDocument:
+    """Return the document of a campaign, checked.
+
+    Args:
+        campaign: A name from `shipped_campaigns`, a YAML file, or a document.
+        changes: New values of its keys.
+
+    Raises:
+        InvalidInputError: If there is no such campaign, or a key is wrong.
+    """
+    require_type("campaign", campaign, str, Path, Mapping, CampaignDocument)
+    if isinstance(campaign, CampaignDocument):
+        return campaign
+    contents = dict(campaign) if isinstance(campaign, Mapping) else _read(str(campaign))
+    contents |= changes
+    return construct(CampaignDocument, contents, "")
+
+
+def _read(name: str) -> dict[str, Any]:
+    if name in shipped_campaigns():
+        file = CAMPAIGNS / f"{name}.yaml"
+    elif Path(name).suffix in {".yaml", ".yml"}:
+        file = Path(name)
+    else:
+        raise InvalidInputError(
+            f"campaign: no campaign {name!r}; {nearest(name, shipped_campaigns())}, or a .yaml file"
+        )
+    contents = read_yaml(file)
+    if not isinstance(contents, dict):
+        raise InvalidInputError(f"{file}: must be a mapping of keys to values")
+    experiment = contents.get("experiment")
+    if isinstance(experiment, str) and (file.parent / experiment).is_file():
+        # Relative to the campaign, as files in an experiment are relative to it.
+        contents["experiment"] = str((file.parent / experiment).resolve())
+    return {**contents, "name": contents.get("name") or file.stem}

@@ -1,0 +1,90 @@
+"""Carrying out of orders, in whatever process they are handed to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from time import perf_counter
+
+import numpy as np
+
+from ..errors import DrakeRnnError, InterruptedRunError, InvalidInputError, SimulationError
+from ..experiment import Arms, make_experiment
+from ..inputs.own_code import described
+from ..runs.result import Result
+from ..runs.simulation import simulate
+from ..runs.stored import Series
+from .fingerprint import stamp
+from .outcome import Order, Outcome
+
+#: What carries out a task, a list of orders, in any process that it is sent to. What it says of a
+#: run must depend on its order alone, not on the others of the task.
+Perform = Callable[[Sequence[Order]], list[Outcome]]
+
+
+def simulate_each(orders: Sequence[Order]) -> list[Outcome]:
+    """Return the outcomes of orders that are run one after another by `simulate`.
+
+    Raises:
+        InvalidInputError: If this process has other versions than the orders ask for.
+        KeyboardInterrupt: If a run is interrupted; it has no outcome then.
+    """
+    return [_timed(order) for order in orders]
+
+
+def _timed(order: Order) -> Outcome:
+    if order.stamp != stamp():
+        raise InvalidInputError(
+            f"worker: has {stamp()}; the campaign was started with {order.stamp}; install the same "
+            "on both"
+        )
+    began = perf_counter()
+    outcome = _outcome(order)
+    return replace(outcome, wall_time_s=perf_counter() - began)
+
+
+def _outcome(order: Order) -> Outcome:
+    try:
+        experiment = make_experiment(order.document, arms=_arms(order.around))
+        series: Series = "full" if order.learning else "none"
+        return _told(simulate(experiment, anyway=order.anyway, series=series), order.learning)
+    except InterruptedRunError:
+        raise KeyboardInterrupt from None
+    except SimulationError as error:
+        if error.result is None:
+            return Outcome("failed", str(error), error.time)
+        return _told(replace(error.result, status="failed", failure=str(error)), order.learning)
+    except InvalidInputError as error:
+        return Outcome("refused", str(error))
+    except DrakeRnnError as error:
+        return Outcome("failed", str(error))
+    # A fault in somebody's own code is that run's alone.
+    except Exception as error:
+        return Outcome("failed", described(error))
+
+
+@lru_cache(maxsize=1)
+def _arms(around: str) -> Arms:
+    """Return the arms of this process, which are read once for the files as they are."""
+    return Arms()
+
+
+def _told(result: Result, learning: bool) -> Outcome:
+    return Outcome(
+        status="complete" if result.status == "complete" else "failed",
+        failure=result.failure,
+        until_s=result.record["until_s"],
+        metrics={name: float(value) for name, value in result.metrics.items()},
+        kept={verdict.metric: verdict.met for verdict in result.verdicts},
+        accepted=tuple(result.experiment.document.accept),
+        learning=_learning(result) if learning else (),
+    )
+
+
+def _learning(result: Result) -> tuple[list[float], ...]:
+    if "J_hat" not in result.series:
+        return ()
+    difference = result.series["J"] - result.series["J_hat"]
+    norm = np.asarray(np.linalg.norm(difference, axis=(1, 2)))
+    return result.time.tolist(), norm.tolist()

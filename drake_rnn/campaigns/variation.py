@@ -1,0 +1,271 @@
+"""What the values of a varied key may be: all of some values, or draws from a distribution."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Any, Literal
+
+import numpy as np
+
+from ..errors import InvalidInputError
+from ..inputs.complaints import nearest, short
+from ..inputs.documents import construct, without_kind
+from ..inputs.fields import Array, Count, Finite, FiniteEach, Positive, validated
+
+
+class Axis(ABC):
+    """Values that are all run, in combination with those of the other keys."""
+
+    @abstractmethod
+    def listed(self) -> list[Any]:
+        """Return the values, in their order."""
+
+    @property
+    @abstractmethod
+    def size(self) -> int:
+        """Number of values, which need not be listed for it."""
+
+
+class Distribution(ABC):
+    """Values that are drawn, one for each sample."""
+
+    @abstractmethod
+    def draw(self, rng: np.random.Generator) -> Any:
+        """Return one value as plain data.
+
+        Args:
+            rng: Where its randomness comes from; used for this value alone.
+        """
+
+
+@validated
+class Values(Axis):
+    """Values that are given one by one.
+
+    Args:
+        values: The values.
+    """
+
+    values: list[Any]
+
+    def __post_init__(self) -> None:
+        if not self.values:
+            raise ValueError("values: must not be empty")
+
+    def listed(self) -> list[Any]:
+        """Return the values, in their order."""
+        return self.values
+
+    @property
+    def size(self) -> int:
+        """Number of values."""
+        return len(self.values)
+
+
+@validated
+class Range(Axis):
+    """Values at equal distances, or in equal ratios.
+
+    Args:
+        low: First value.
+        high: Last value.
+        count: Number of values. Whole numbers come of whole ``low`` and ``high`` if their distance
+            is one.
+        spacing: ``linear`` for equal distances, ``log`` for equal ratios.
+    """
+
+    low: int | Finite
+    high: int | Finite
+    count: Count
+    spacing: Literal["linear", "log"] = "linear"
+
+    def __post_init__(self) -> None:
+        if not self.low <= self.high:
+            raise ValueError(f"high: must be at least low, {self.low:g}, not {self.high:g}")
+        if self.spacing == "log" and self.low <= 0:
+            raise ValueError(f"low: must be greater than 0 with log spacing, not {self.low:g}")
+
+    def listed(self) -> list[Any]:
+        """Return the values, in their order."""
+        low, high, steps = self.low, self.high, max(self.count - 1, 1)
+        if self.spacing == "log":
+            return [float(v) for v in np.geomspace(low, high, self.count)]
+        if isinstance(low, int) and isinstance(high, int) and (high - low) % steps == 0:
+            return [low + (high - low) // steps * k for k in range(self.count)]
+        return [float(v) for v in np.linspace(low, high, self.count)]
+
+    @property
+    def size(self) -> int:
+        """Number of values."""
+        return self.count
+
+
+@validated
+class Uniform(Distribution):
+    """A number, or each entry of a list, that is uniform between two bounds.
+
+    Args:
+        low, high: The bounds, each a number or one for each entry.
+    """
+
+    low: FiniteEach
+    high: FiniteEach
+
+    def __post_init__(self) -> None:
+        _require_order(self.low, self.high)
+
+    def draw(self, rng: np.random.Generator) -> Any:
+        """Return one value as plain data."""
+        return _plain(rng.uniform(self.low, self.high))
+
+
+@validated
+class LogUniform(Distribution):
+    """A number, or each entry of a list, whose logarithm is uniform.
+
+    Args:
+        low, high: Bounds, greater than 0, each a number or one for each entry.
+    """
+
+    low: FiniteEach
+    high: FiniteEach
+
+    def __post_init__(self) -> None:
+        if not np.all(np.asarray(self.low) > 0):
+            raise ValueError(f"low: must be greater than 0, not {short(self.low)}")
+        _require_order(self.low, self.high)
+
+    def draw(self, rng: np.random.Generator) -> Any:
+        """Return one value as plain data."""
+        return _plain(np.exp(rng.uniform(np.log(self.low), np.log(self.high))))
+
+
+@validated
+class Normal(Distribution):
+    """A number, or each entry of a list, from a normal distribution.
+
+    Args:
+        mean: Mean, a number or one for each entry.
+        deviation: Standard deviation, a number or one for each entry.
+    """
+
+    mean: FiniteEach
+    deviation: FiniteEach
+
+    def __post_init__(self) -> None:
+        _require_sizes(self.mean, self.deviation, "mean", "deviation")
+        if not np.all(np.asarray(self.deviation) >= 0):
+            raise ValueError(f"deviation: must be at least 0, not {short(self.deviation)}")
+
+    def draw(self, rng: np.random.Generator) -> Any:
+        """Return one value as plain data."""
+        return _plain(rng.normal(self.mean, self.deviation))
+
+
+@validated
+class Integers(Distribution):
+    """A whole number, each between two bounds as likely as the others.
+
+    Args:
+        low, high: The bounds, both included.
+    """
+
+    low: int
+    high: int
+
+    def __post_init__(self) -> None:
+        if not -(2**62) <= self.low <= self.high <= 2**62:
+            raise ValueError(f"high: must be at least low, {self.low}, not {self.high}")
+
+    def draw(self, rng: np.random.Generator) -> Any:
+        """Return one value as plain data."""
+        return int(rng.integers(self.low, self.high, endpoint=True))
+
+
+@validated
+class Choice(Distribution):
+    """One of some values.
+
+    Args:
+        values: The values.
+        weights: How likely each is, relative to the others; equally by default.
+    """
+
+    values: list[Any]
+    weights: list[Positive] | None = None
+
+    def __post_init__(self) -> None:
+        if not self.values:
+            raise ValueError("values: must not be empty")
+        if self.weights is not None and len(self.weights) != len(self.values):
+            raise ValueError(
+                f"weights: must have {len(self.values)} entries, one per value, "
+                f"not {len(self.weights)}"
+            )
+
+    def draw(self, rng: np.random.Generator) -> Any:
+        """Return one value as plain data."""
+        if self.weights is None:
+            return self.values[int(rng.integers(len(self.values)))]
+        ends = np.cumsum(self.weights)
+        return self.values[int(np.searchsorted(ends, rng.uniform(0.0, ends[-1]), "right"))]
+
+
+#: What a varied key may take its values from, by ``kind``.
+VARIATIONS: dict[str, type[Axis] | type[Distribution]] = {
+    "values": Values,
+    "range": Range,
+    "uniform": Uniform,
+    "log_uniform": LogUniform,
+    "normal": Normal,
+    "integers": Integers,
+    "choice": Choice,
+}
+
+
+def variation_of(section: Any, place: str) -> Axis | Distribution:
+    """Return what a section of ``vary`` describes: a list of values, or a mapping with a ``kind``.
+
+    Args:
+        section: The section.
+        place: Its key, for messages.
+
+    Raises:
+        InvalidInputError: If a key is wrong, missing or unknown.
+    """
+    if isinstance(section, list):
+        section = {"kind": "values", "values": section}
+    if not isinstance(section, Mapping):
+        raise InvalidInputError(
+            f"{place}: must be a list of values, or a mapping with a kind, not {short(section)}"
+        )
+    kind = section.get("kind")
+    if kind not in VARIATIONS:
+        may_be = nearest(str(kind), list(VARIATIONS))
+        raise InvalidInputError(f"{place}.kind: no such kind, {kind!r}; {may_be}")
+    return construct(VARIATIONS[kind], without_kind(section), place)
+
+
+def _require_order(low: float | Array, high: float | Array) -> None:
+    _require_sizes(low, high, "low", "high")
+    if not np.all(np.asarray(low) <= np.asarray(high)):
+        raise ValueError(f"high: must be at least low, {short(low)}, not {short(high)}")
+    with np.errstate(over="ignore"):
+        distance = np.asarray(high) - np.asarray(low)
+    if not np.all(np.isfinite(distance)):
+        raise ValueError("high: is too far from low for a number")
+
+
+def _require_sizes(first: float | Array, second: float | Array, *names: str) -> None:
+    sizes = {np.size(value) for value in (first, second) if np.ndim(value)}
+    if len(sizes) > 1:
+        raise ValueError(f"{names[1]}: must have as many entries as {names[0]}")
+
+
+def _plain(value: Any) -> Any:
+    plain = np.asarray(value, dtype=float).tolist()
+    if isinstance(plain, float) and not math.isfinite(plain):
+        raise InvalidInputError("vary: drew a number that is not finite")
+    return plain

@@ -1,0 +1,49 @@
+"""Wrong usage of the command line, refused in one sentence like any other input."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import typer
+from rich.markup import escape
+from typer.core import TyperGroup
+
+from .console import BAD_INPUT, err
+
+# The class that typer's errors of usage share has no public name.
+_UsageError: Any = typer.BadParameter.__mro__[1]
+
+
+class Commands(TyperGroup):
+    """The commands; an unknown one, or options and arguments that it cannot take, are refused."""
+
+    def make_context(self, *args: Any, **options: Any) -> Any:
+        """See `TyperGroup.make_context`."""
+        with _plainly():
+            return super().make_context(*args, **options)
+
+    def invoke(self, ctx: Any) -> Any:
+        """See `TyperGroup.invoke`."""
+        with _plainly():
+            return super().invoke(ctx)
+
+
+@contextmanager
+def _plainly() -> Iterator[None]:
+    try:
+        yield
+    except _UsageError as error:
+        # Without any argument the message is the help itself.
+        if type(error).__name__ == "NoArgsIsHelpError":
+            raise
+        said = " ".join(error.format_message().split()).removesuffix(".")
+        command = "drake-rnn" if error.ctx is None else _name(error.ctx)
+        err.print(f"[red]error[/] {escape(said[:1].lower() + said[1:])}; see `{command} --help`")
+        raise typer.Exit(BAD_INPUT) from error
+
+
+def _name(ctx: Any) -> str:
+    """Return how a command is called."""
+    return "drake-rnn" if ctx.parent is None else f"{_name(ctx.parent)} {ctx.info_name}"

@@ -1,0 +1,119 @@
+"""What a law is given when it is called by hand, checked: time, state, signals and period.
+
+A controller has ports of the right sizes and checks what comes back, so that it runs the law
+without these checks, which take a few microseconds a call.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import wraps
+from math import isfinite
+from numbers import Real
+from types import FunctionType, MethodType
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from ..errors import InvalidInputError
+from ..inputs.complaints import short
+
+#: Methods that are checked; all take time, state and signals, and `step` the period as well.
+CHECKED = ("step", "derivatives")
+# Methods without checks, by those with; what a user puts around these is not among them.
+_WITHOUT_CHECKS: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
+_FLOAT = np.dtype(float)
+
+
+def check_calls(cls: type) -> None:
+    """Let the methods that a class itself defines check what they are given."""
+    own = vars(cls)
+    for name in CHECKED:
+        if isinstance(method := own.get(name), FunctionType):
+            setattr(cls, name, _checked(method))
+    if isinstance(method := own.get("sampled"), FunctionType):
+        setattr(cls, "sampled", _for_a_period(method))  # noqa: B010  mypy forbids the assignment
+
+
+def unchecked(method: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a bound method of a law without the checks of what it is given."""
+    if isinstance(method, MethodType) and isinstance(method.__func__, FunctionType):
+        plain = _WITHOUT_CHECKS.get(method.__func__)
+        return method if plain is None else MethodType(plain, method.__self__)
+    return method
+
+
+def _checked(method: Any) -> Any:
+    @wraps(method)
+    def checked(self: Any, t: Any, x: Any, u: Any, *period: Any, **named: Any) -> Any:
+        if not _is_sound(self, t, x, u):
+            _check(self, t, x, u)
+        for value in (*period, *named.values()):
+            _check_period(value)
+        return method(self, t, x, u, *period, **named)
+
+    _WITHOUT_CHECKS[checked] = method
+    return checked
+
+
+def _for_a_period(method: Any) -> Any:
+    @wraps(method)
+    def sampled(self: Any, period: Any) -> Any:
+        _check_period(period)
+        return method(self, period)
+
+    return sampled
+
+
+def _check_period(period: Any) -> None:
+    if not _is_number(period) or period <= 0.0:
+        raise InvalidInputError(f"period: must be a positive time [s], not {short(period)}")
+
+
+def _is_sound(law: Any, t: object, x: object, u: object) -> bool:
+    """Return whether all is what it mostly is; where this denies, `_check` decides."""
+    if not (type(t) is float and isfinite(t) and _is_array(x, (law.state.size,))):
+        return False
+    if type(u) is not dict:
+        return False
+    return all(_is_array(u.get(name), shape) for name, (_, shape) in law.inputs.parts.items())
+
+
+def _is_array(value: Any, shape: tuple[int, ...]) -> bool:
+    return (
+        type(value) is np.ndarray
+        and value.dtype is _FLOAT
+        and value.shape == shape
+        # For a few entries faster than NumPy.
+        and isfinite(sum(value.ravel().tolist()))
+    )
+
+
+def _check(law: Any, t: object, x: object, u: object) -> None:
+    """Raise an InvalidInputError unless time, state and signals are those of the law."""
+    if not _is_number(t):
+        raise InvalidInputError(f"t: must be a finite time [s], not {short(t)}")
+    _require("x", x, (law.state.size,))
+    if not isinstance(u, Mapping):
+        raise InvalidInputError(f"u: must be a mapping of signals by name, not {short(u)}")
+    for name, (_, shape) in law.inputs.parts.items():
+        if name not in u:
+            raise InvalidInputError(
+                f"u: {type(law).__name__} sees {', '.join(law.inputs.parts)}; there is no {name}"
+            )
+        _require(name, u[name], shape)
+
+
+def _require(name: str, value: object, shape: tuple[int, ...]) -> None:
+    wanted = f"{name}: must be an array of numbers, shape {shape}"
+    if not isinstance(value, np.ndarray) or value.dtype.kind not in "iuf":
+        raise InvalidInputError(f"{wanted}, not {short(value)}")
+    if value.shape != shape:
+        raise InvalidInputError(f"{wanted}, not {value.shape}")
+    if not np.isfinite(value).all():
+        raise InvalidInputError(f"{name}: must be finite, not {short(value)}")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)

@@ -1,0 +1,48 @@
+"""Tables of bad inputs, and what all that is refused has in common."""
+
+import signal
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from drake_rnn import InvalidInputError
+
+#: Time within which a bad input must be refused [s].
+AT_ONCE = 20
+
+_BETWEEN = "  =>  "
+
+
+def table(name):
+    """The rows of a table beside this file, as pairs of what is given and what is said of it.
+
+    Lines that begin with # and empty ones are left out.
+    """
+    lines = (Path(__file__).parent / name).read_text(encoding="utf-8").splitlines()
+    rows = [line for line in lines if line and not line.startswith("#")]
+    return [tuple(row.split(_BETWEEN)) if _BETWEEN in row else (row, "") for row in rows]
+
+
+@contextmanager
+def within(seconds=AT_ONCE):
+    """Fail if what is done within takes longer than this."""
+
+    def stop(number, frame):
+        raise TimeoutError(f"it still has not been refused after {seconds} s")
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.alarm(seconds)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def refusal(call):
+    """What is said of a call, in one line and at once."""
+    with within(), pytest.raises(InvalidInputError) as caught:
+        call()
+    assert "\n" not in str(caught.value)
+    return str(caught.value)

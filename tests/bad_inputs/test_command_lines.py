@@ -1,0 +1,51 @@
+"""Command lines that mean nothing: exit status 2 and one sentence, and nothing is written."""
+
+import shlex
+
+import pytest
+from refusing import table, within
+from typer.testing import CliRunner
+
+from drake_rnn.cli.commands import app
+
+ROWS = [pytest.param(*row, id=row[0]) for row in table("command_lines.txt")]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder with files that are none of what they should be."""
+    monkeypatch.chdir(tmp_path)
+    texts = {
+        "FILE": "here",
+        "EMPTY.yaml": "",
+        "LIST.yaml": "- a\n- b\n",
+        "TAB.yaml": "arm: panda\nlaw:\n\tkind: pseudoinverse\n",
+        "LATIN.yaml": "expect: größer\n".encode("latin-1"),
+        "UTF16.yaml": "arm: panda\n".encode("utf-16"),
+        "BINARY.yaml": bytes(range(256)),
+        "TWICE.yaml": "arm: panda\narm: ur5\n",
+        "TWODOCS.yaml": "arm: panda\n---\narm: ur5\n",
+        "CRLF.yaml": "arm: panda\r\nlaw: {kind: pseudoinverse}\r\nperiod: 1e-3\r\nduration: 1\r\n",
+        "BOM.yaml": b"\xef\xbb\xbfarm: panda\nlaw: {kind: pseudoinverse}\nperiod: 1e-3\n",
+        "BROKEN/experiment.yaml": "arm: panda\n",
+        "BROKEN/result.npz": "",
+        "TRUNCATED/run.json": '{"status": "incomplete"}',
+    }
+    for name in ("DIR.yaml", "EMPTYDIR", "BROKEN", "TRUNCATED"):
+        (tmp_path / name).mkdir()
+    for name, content in texts.items():
+        content = content if isinstance(content, bytes) else content.encode()
+        (tmp_path / name).write_bytes(content)
+    return tmp_path
+
+
+@pytest.mark.parametrize(("arguments", "said"), ROWS)
+def test_it_is_one_sentence_and_nothing_is_written(folder, arguments, said):
+    before = sorted(folder.rglob("*"))
+    with within():
+        result = CliRunner().invoke(app, shlex.split(arguments))
+    assert isinstance(result.exception, SystemExit), result.exception
+    assert result.exit_code == 2, (result.stdout, result.stderr)
+    (line,) = result.stderr.splitlines()
+    assert line.startswith(f"error {said}")
+    assert sorted(folder.rglob("*")) == before

@@ -1,0 +1,108 @@
+"""Files of points that are none: refused with file, row and column."""
+
+import pytest
+from refusing import refusal
+
+from drake_rnn import Points, Spline, Waypoints
+
+GOOD = "t,x,y,z\n0,0,0,0\n1,0.1,0,0\n2,0.1,0.1,0\n"
+HEADER = "t,x,y,z\n"
+TURNED = "t,x,y,z,qw,qx,qy,qz\n0,0,0,0,{}\n1,0.1,0,0,1,0,0,0\n"
+
+#: What the file holds, and what is said of it.
+FILES = {
+    "nothing": ("", "is empty"),
+    "blank lines": ("  \n \n", "is empty"),
+    "a header alone": (HEADER, "needs at least 2 waypoints, not 0"),
+    "a single point": (HEADER + "0,0,0,0\n", "needs at least 2 waypoints, not 1"),
+    "semicolons": (
+        GOOD.replace(",", ";"),
+        "no column may be called 't;x;y;z'; separated by commas",
+    ),
+    "tabs": (GOOD.replace(",", "\t"), "row 1: no column may be called 't\\tx\\ty\\tz'"),
+    "spaces": (GOOD.replace(",", " "), "row 1: no column may be called 't x y z'"),
+    "decimal commas": ("t;x;y;z\n0;0,1;0;0\n", "no column may be called 't;x;y;z'"),
+    "bytes of a program": (bytes(range(256)), "is not a text file"),
+    "zero bytes": (HEADER.encode() + b"0,0,0,0\n\x00\x00\n", "row 3: must be 4 numbers"),
+    "UTF-16": (GOOD.encode("utf-16"), "is not a text file"),
+    "Latin-1": ("t,x,y,z\n0,0,0,ä\n".encode("latin-1"), "is not a text file"),
+    "gzip": (b"\x1f\x8b\x08\x00abc", "is not a text file"),
+    "NumPy's format": (b"\x93NUMPY\x01\x00v\x00", "is not a text file"),
+    "JSON": ('{"x": [1, 2]}', "no column may be called '{\"x\": [1'"),
+    "a comment": ("# my points\n" + GOOD, "no column may be called '# my points'"),
+    "a spreadsheet's hint": ("sep=,\n" + GOOD, "no column may be called 'sep='"),
+    "NaN": (GOOD + "3,nan,0,0\n", "row 5, column 2: 'nan' is not a finite number"),
+    "infinity": (GOOD + "3,0,inf,0\n", "row 5, column 3: 'inf' is not a finite number"),
+    "too large a number": (GOOD + "3,0,0,1e400\n", "row 5, column 4: '1e400' is not a finite"),
+    "a word": (GOOD + "3,far,0,0\n", "row 5, column 2: 'far' is not a finite number"),
+    "a unit": (GOOD + "3,0.1m,0,0\n", "row 5, column 2: '0.1m' is not a finite number"),
+    "a percentage": (GOOD + "3,10%,0,0\n", "row 5, column 2: '10%' is not a finite number"),
+    "hexadecimal": (GOOD + "3,0x10,0,0\n", "row 5, column 2: '0x10' is not a finite number"),
+    "thousands": (GOOD + '3,"1,000",0,0\n', "row 5, column 2: '1,000' is not a finite number"),
+    "a time of day": (HEADER + "00:00,0,0,0\n", "row 2, column 1: '00:00' is not a finite number"),
+    "an empty cell": (GOOD + "3,,0,0\n", "row 5, column 2: '' is not a finite number"),
+    "a row that is short": (GOOD + "3,0,0\n", "row 5: must be 4 numbers, t, x, y and z"),
+    "a row that is long": (GOOD + "3,0,0,0,0\n", "row 5: must be 4 numbers, t, x, y and z"),
+    "an open quote": (HEADER + '0,"0,0,0\n1,1,1,1\n', "row 3: must be 4 numbers"),
+    "an endless cell": (HEADER + "0," + "9" * 200_000 + ",0,0\n", "field larger than field limit"),
+    "no z": ("t,x,y\n0,0,0\n1,1,1\n", "row 1: has no column z"),
+    "no x": ("t,y,z\n0,0,0\n1,1,1\n", "row 1: has no column x"),
+    "another column": ("t,x,y,z,speed\n", "row 1: no column may be called 'speed'"),
+    "a column twice": ("t,x,y,x\n0,0,0,0\n", "row 1: column x is given twice"),
+    "time twice": ("t,time,x,y,z\n0,0,0,0,0\n", "row 1: column t is given twice"),
+    "units in the header": ("t [s],x [mm],y [mm],z [mm]\n", "no column may be called 't [s]'"),
+    "two columns": ("0,0\n1,1\n", "row 1: must be 3 numbers, x, y and z"),
+    "four columns without names": ("0,0,0,0\n1,1,1,1\n", "row 1: must be 3 numbers, x, y and z"),
+    "a time before the start": (
+        HEADER + "-1,0,0,0\n1,1,1,1\n",
+        "the time must be 0 or more, not -1",
+    ),
+    "a time that goes back": (GOOD + "1,0,0,0\n", "row 5: times must increase; 1 comes after 2"),
+    "a time twice": (GOOD + "2,0,0,0\n", "row 5: repeats the time 2 of the row before it"),
+    "a leap": (
+        GOOD + "2.000001,0,0,0\n",
+        "row 5: must be at least 0.001 s after the row before it",
+    ),
+    "half a quaternion": ("t,x,y,z,qw,qx\n", "row 1: has no column qy, qz"),
+    "half of the angles": ("t,x,y,z,roll,yaw\n", "row 1: has no column pitch"),
+    "two orientations": ("t,x,y,z,qw,qx,qy,qz,roll,pitch,yaw\n", "both quaternions and roll"),
+    "a long quaternion": (TURNED.format("2,0,0,0"), "a quaternion must have the length 1, not 2"),
+    "no quaternion": (TURNED.format("0,0,0,0"), "a quaternion must have the length 1, not 0"),
+    "degrees": (
+        "t,x,y,z,roll,pitch,yaw\n0,0,0,0,0,0,0\n1,0.1,0,0,0,90,0\n",
+        "row 3: roll, pitch and yaw are at most one turn, 2 pi, in radians, not [0.0, 90.0, 0.0]",
+    ),
+}
+
+
+@pytest.mark.parametrize(("content", "said"), FILES.values(), ids=FILES)
+def test_a_file_that_holds_no_motion_is_refused(tmp_path, content, said):
+    file = tmp_path / "points.csv"
+    file.write_bytes(content if isinstance(content, bytes) else content.encode())
+    assert said in refusal(lambda: Waypoints(file=str(file)))
+
+
+@pytest.mark.parametrize("kind", [Waypoints, Spline, Points])
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("folder.csv", "Is a directory"), ("none.csv", "No such file"), ("a\0b.csv", "null")],
+)
+def test_what_is_no_file_is_refused(tmp_path, kind, name, said):
+    (tmp_path / "folder.csv").mkdir()
+    assert said in refusal(lambda: kind(file=str(tmp_path / name), period=2.0))
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        GOOD.replace("\n", "\r\n"),
+        "\ufeff" + GOOD,
+        GOOD.replace("\n", "\r"),
+        GOOD.replace(",", " , "),
+    ],
+    ids=["Windows", "byte order mark", "old Macintosh", "blanks"],
+)
+def test_what_editors_write_is_read(tmp_path, content):
+    file = tmp_path / "points.csv"
+    file.write_bytes(content.encode())
+    assert Waypoints(file=str(file)).duration == 2.0

@@ -1,0 +1,95 @@
+"""Documents of experiments that mean nothing, cannot be run or would never end."""
+
+import pytest
+from refusing import refusal, table, within
+
+from drake_rnn import check_experiment, load_experiment, simulate
+from drake_rnn.inputs.documents import parse_yaml
+
+PLANAR = """\
+arm: planar6
+path: {kind: circle, size: 0.05, period: 5}
+law: {kind: motion_force, stiffness: 1000}
+environment: {kind: elastic_surface, stiffness: 1000}
+force: {value: 1}
+period: 1e-3
+duration: 0.1
+"""
+#: Documents, and what is said of them.
+DOCUMENTS = {
+    "a normal along which the arm cannot move": (
+        PLANAR,
+        "environment.normal: the arm cannot move its tool along [0.0, 0.0, 1.0] from its start",
+    ),
+    "a sweep over no key": (
+        PLANAR + "over: {lwa.kappa: [1, 2]}\n",
+        "over.lwa.kappa: no such key; nearest: law",
+    ),
+    "a document without an end": ("arm: &a\n  model: *a\n", "refers to itself"),
+    "a document 3000 deep": (f"arm: {'[' * 3000}{']' * 3000}", "nested too deeply"),
+}
+
+
+def rows():
+    """Experiment, change and what is said of it."""
+    name = ""
+    for change, said in table("documents.txt"):
+        if change.startswith("[") and not said:
+            name = change.strip("[]")
+        else:
+            yield pytest.param(name, change, said, id=f"{name}: {change}")
+
+
+@pytest.mark.parametrize(("name", "change", "said"), list(rows()))
+def test_it_is_refused_or_warned_of(name, change, said):
+    def checked():
+        return check_experiment(load_experiment(name, parse_yaml(change, "change")))
+
+    if said.startswith("warns: "):
+        with within():
+            warnings = checked()
+        assert any(text.startswith(said.removeprefix("warns: ")) for text in warnings)
+    else:
+        assert refusal(checked).startswith(said)
+
+
+def test_a_sequence_of_three_thousand_parts_is_read_at_once():
+    """It took half a minute."""
+    parts = [
+        {"path": {"kind": "line", "by": [sign * 0.01, 0, 0], "period": 0.5, "timing": "quintic"}}
+        for sign in (1, -1) * 1500
+    ]
+    path = {"kind": "sequence", "parts": parts}
+    with within():
+        experiment = load_experiment("pinv_line", {"path": path})
+    assert experiment.desired.duration == pytest.approx(1500.0)
+
+
+def test_a_path_far_out_of_reach_is_refused_at_once():
+    """It took minutes: ten thousand points were sought in vain."""
+    line = {"kind": "line", "by": [500.0, 0.0, 0.0], "period": 4.0}
+    experiment = load_experiment("pinv_line", {"path": line})
+    assert "out of reach" in refusal(lambda: check_experiment(experiment))
+
+
+def test_a_number_without_a_point_before_its_exponent_is_a_number():
+    """In YAML 1.1 it would be a text."""
+    assert load_experiment("pinv_line", parse_yaml("period: 1e-3", "")).document.period == 1e-3
+
+
+@pytest.mark.parametrize(("text", "said"), DOCUMENTS.values(), ids=DOCUMENTS)
+def test_a_file_is_refused(tmp_path, text, said):
+    file = tmp_path / "mine.yaml"
+    file.write_text(text)
+    assert said in refusal(lambda: check_experiment(load_experiment(file)))
+
+
+def test_what_takes_long_runs_if_it_is_told_to():
+    short = {"duration": 0.1, "window": None, "accept": None, "period": 1e-12}
+    assert check_experiment(load_experiment("slc_nephroid_known", short), anyway=True) == []
+
+
+def test_a_name_is_enough_for_a_run():
+    """In Python as on the command line."""
+    with pytest.raises(AssertionError, match="a run was started"):
+        simulate("pinv_line")

@@ -1,0 +1,371 @@
+"""Campaigns as they are run: in this process, in two, and by the command line."""
+
+import csv
+import json
+import os
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from multiprocessing import active_children
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from drake_rnn import InvalidInputError, simulate
+from drake_rnn.campaigns import perform, run_campaign
+from drake_rnn.cli import app
+from drake_rnn.experiment import load_experiment, parse_change
+from drake_rnn.figures.campaign import strongest
+from drake_rnn.inputs.documents import to_yaml
+
+DAMPING = {"kind": "log_uniform", "low": 1e-6, "high": 1e-2}
+LINE = {
+    "name": "lines",
+    "experiment": "pinv_line",
+    "changes": {"duration": 0.05, "accept": {"position_error_max_m": {"at_most": 1e-8}}},
+    "vary": {"law.damping": DAMPING, "path.by": [[0.1, 0.2, 0.1], [0.05, 0.1, 0.0]]},
+    "samples": 3,
+}
+#: Of each fate one, among others that live.
+FATAL = {
+    "name": "fates",
+    "experiment": "pinv_line",
+    "changes": {"duration": 0.05, "law.kind": "fatal_law:Fatal"},
+    "vary": {"law.fate": ["live", "kill", "fail", "live"], "seed": [1, 2, 3, 4]},
+    "together": [["law.fate", "seed"]],
+}
+
+
+def rows(folder):
+    with (folder / "table.csv").open(newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    """The folder of a campaign that ran through, in this process."""
+    folder = tmp_path_factory.mktemp("undisturbed")
+    assert run_campaign(LINE, folder, jobs=0).ending == "complete"
+    return folder
+
+
+@pytest.fixture
+def simulated(monkeypatch):
+    """Names of all that is simulated in this process."""
+    names = []
+
+    def counted(experiment, **how):
+        names.append(experiment.name)
+        return simulate(experiment, **how)
+
+    monkeypatch.setattr(perform, "simulate", counted)
+    return names
+
+
+def test_a_table_has_a_row_for_each_with_the_numbers_of_that_run_alone(undisturbed):
+    table = rows(undisturbed)
+    assert [row["row"] for row in table] == [str(k) for k in range(6)]
+    for row in table:
+        changes = {"law.damping": float(row["law.damping"]), "path.by": json.loads(row["path.by"])}
+        alone = simulate(load_experiment("pinv_line", LINE["changes"] | changes))
+        for name, value in alone.metrics.items():
+            assert float(row[name]) == value
+        assert row["status"] == "complete"
+        assert (row["not_kept"] == "") is alone.verdicts[0].met
+
+
+def test_two_processes_make_the_same_table_to_the_last_bit(undisturbed, tmp_path):
+    result = run_campaign(LINE, tmp_path, jobs=2)
+    assert result.ending == "complete"
+    assert (tmp_path / "table.csv").read_bytes() == (undisturbed / "table.csv").read_bytes()
+
+
+def test_any_executor_will_do(undisturbed, tmp_path):
+    with ThreadPoolExecutor(1) as executor:
+        run_campaign(LINE, tmp_path, executor=executor)
+    assert (tmp_path / "table.csv").read_bytes() == (undisturbed / "table.csv").read_bytes()
+
+
+def test_it_goes_on_where_it_was_interrupted_and_runs_nothing_twice(
+    undisturbed, tmp_path, simulated
+):
+    ended = []
+
+    def interrupt(number, runs, outcome):
+        ended.append(number)
+        if number == 2:
+            raise KeyboardInterrupt
+
+    first = run_campaign(LINE, tmp_path, jobs=0, done=interrupt)
+    assert (first.ending, first.missing, len(rows(tmp_path))) == ("interrupted", 4, 2)
+    second = run_campaign(LINE, tmp_path, jobs=0)
+    assert (second.ending, second.kept, len(simulated)) == ("complete", 2, 6)
+    assert (tmp_path / "table.csv").read_bytes() == (undisturbed / "table.csv").read_bytes()
+    run_campaign(LINE, tmp_path, jobs=0)
+    assert len(simulated) == 6
+
+
+def test_more_samples_run_only_what_is_new(tmp_path, simulated):
+    run_campaign(LINE, tmp_path, jobs=0)
+    run_campaign({**LINE, "samples": 4}, tmp_path, jobs=0)
+    assert len(simulated) == 8
+    # Rows of another document are there, and not in the table.
+    run_campaign({**LINE, "samples": 1}, tmp_path, jobs=0)
+    assert (len(simulated), len(rows(tmp_path))) == (8, 2)
+
+
+def test_a_worse_row_is_repeated_by_its_command(undisturbed):
+    result = run_campaign(LINE, undisturbed, jobs=0)
+    (errors,) = [m for m in result.summary.metrics if m.name == "position_error_max_m"]
+    assert errors.worst[0].value == errors.largest
+    words = shlex.split(errors.worst[0].command)
+    changes = dict(parse_change(change) for change in words[4::2])
+    again = simulate(load_experiment(words[2], changes))
+    assert again.metrics["position_error_max_m"] == errors.largest
+    # The damping decides about the error, more than where the line leads.
+    assert strongest(errors) == "law.damping"
+
+
+def test_a_run_that_fails_or_is_refused_is_a_row(tmp_path):
+    vary = {"law.fate": ["live", "fail"], "path.by": [[0.1, 0.2, 0.1], [3.0, 0.0, 0.0]]}
+    changes = {"duration": 4.5, "law.kind": "fatal_law:Fatal"}
+    campaign = {**FATAL, "vary": vary, "changes": changes, "together": []}
+    result = run_campaign(campaign, tmp_path, jobs=0)
+    assert result.ending == "complete"
+    found = rows(tmp_path)
+    assert [row["status"] for row in found] == ["complete", "refused", "failed", "refused"]
+    assert found[1]["failure"].startswith("path: out of reach")
+    assert found[2]["failure"].startswith("controller: Fatal.step raised ValueError: its time has")
+    # What it had until then is there.
+    assert float(found[2]["until_s"]) == pytest.approx(0.011, abs=2e-3)
+    assert found[2]["position_error_max_m"]
+    assert result.summary.shares["all bounds"].value == 0.25
+
+
+def test_a_run_that_kills_its_worker_is_named_and_disturbs_no_other(tmp_path, undisturbed):
+    result = run_campaign(FATAL, tmp_path, jobs=2)
+    assert result.ending == "complete"
+    statuses = [row["status"] for row in rows(tmp_path)]
+    assert statuses == ["complete", "killed its worker", "failed", "complete"]
+    assert run_campaign(FATAL, tmp_path, jobs=2).kept == 4
+
+
+def test_a_run_that_loses_its_worker_once_is_run_again(tmp_path):
+    changes = {**FATAL["changes"], "law.mark": str(tmp_path / "mark")}
+    campaign = {**FATAL, "changes": changes, "vary": {"law.fate": ["live", "once"]}, "together": []}
+    run_campaign(campaign, tmp_path, jobs=1)
+    assert [row["status"] for row in rows(tmp_path)] == ["complete", "complete"]
+
+
+def test_a_worker_of_other_versions_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(perform, "stamp", lambda: "drake-rnn 9")
+    with pytest.raises(InvalidInputError, match=r"^worker: has drake-rnn 9; the campaign was"):
+        run_campaign(LINE, tmp_path, jobs=0)
+
+
+def test_what_is_no_executor_is_refused(tmp_path):
+    with pytest.raises(InvalidInputError, match="executor: must have a method submit; int has"):
+        run_campaign(LINE, tmp_path, executor=3)
+
+
+# The command line.
+
+
+@pytest.fixture
+def file(tmp_path):
+    """A campaign's document."""
+    file = tmp_path / "lines.yaml"
+    file.write_text(to_yaml(LINE))
+    return file
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def test_the_command_writes_table_and_summary(file, tmp_path):
+    result = call("campaign", file, "--out", tmp_path, "--samples", 2)
+    assert result.exit_code == 0, result.stderr
+    folder = tmp_path / "campaign_lines"
+    assert {each.name for each in folder.iterdir()} == {
+        *("rows", "table.csv", "summary.html", "campaign.json"),
+        *("campaign.yaml", "experiment.yaml"),
+    }
+    assert result.stdout.startswith("lines: 4 rows: 4 complete\n")
+    page = (folder / "summary.html").read_text()
+    assert "position_error_max_m" in page
+    assert "drake-rnn run" in page
+    assert page.count("data:image/png;base64,") == 2
+    assert "http" not in page
+    # What it has written runs again, without a run.
+    again = call("campaign", folder / "campaign.yaml", "--out", tmp_path)
+    assert again.stdout.startswith("lines: 4 rows: 4 complete, 4 of them before\n")
+
+
+def test_with_check_a_bound_that_is_not_kept_ends_with_3(file, tmp_path):
+    options = ("--out", tmp_path, "--samples", 1, "--check")
+    loose = "accept={position_error_max_m: {at_most: 1}}"
+    assert call("campaign", file, *options, "--set", loose).exit_code == 0
+    tight = "accept={position_error_max_m: {at_most: 1e-30}}"
+    assert call("campaign", file, *options, "--set", tight).exit_code == 3
+
+
+def test_json_holds_the_summary_alone(file, tmp_path):
+    result = call("campaign", file, "--out", tmp_path, "--samples", 1, "--json")
+    found = json.loads(result.stdout)
+    assert found["statuses"] == {"complete": 2}
+    assert found["metrics"]["position_error_max_m"]["quantiles"]["0.5"]["low"] is None
+    assert result.stderr == ""
+
+
+def test_a_dry_run_counts_and_runs_nothing(file, tmp_path):
+    result = call("campaign", file, "--out", tmp_path, "--dry-run", "--json")
+    plan = json.loads(result.stdout)
+    assert (plan["rows"], plan["runs"], plan["kept"]) == (6, 6, 0)
+    assert plan["expected_time_s"] > 0
+    assert not (tmp_path / "campaign_lines").exists()
+    assert "6 rows; some" in call("campaign", file, "--out", tmp_path, "--dry-run").stdout
+
+
+def test_quiet_is_quiet(file, tmp_path):
+    result = call("campaign", file, "--out", tmp_path, "--samples", 1, "--quiet")
+    assert (result.exit_code, result.output) == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("nowhere",), "campaign: no campaign 'nowhere'"),
+        (("line_starts", "--set", "law.damping=3"), "--set: 'law.damping' varies in this"),
+        (("line_starts", "--set", "law.dampign=3"), "law.dampign: no such key"),
+        (("line_starts", "--scheduler", "tcp://127.0.0.1:1"), "--scheduler: nobody answers at"),
+    ],
+)
+def test_bad_input_is_one_sentence(arguments, message, tmp_path, monkeypatch):
+    monkeypatch.setattr("drake_rnn.campaigns.cluster._PATIENCE", 0.5)
+    result = call("campaign", *arguments, "--samples", 1, "--out", tmp_path)
+    assert result.exit_code == 2
+    (line,) = result.stderr.splitlines()
+    assert line.startswith(f"error {message}")
+
+
+def test_without_dask_its_option_says_what_to_install(tmp_path, monkeypatch):
+    # What stands as None among the modules cannot be imported.
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    result = call("campaign", "line_starts", "--scheduler", "tcp://x:1", "--out", tmp_path)
+    assert result.stderr == (
+        "error --scheduler: needs Dask, which is not installed: pip install 'drake-rnn[cluster]'\n"
+    )
+
+
+# Signals, in processes of their own.
+
+
+def started(file, out, *options):
+    command = [sys.executable, "-m", "drake_rnn", "campaign", file, "--out", out, *options]
+    return subprocess.Popen(
+        [str(word) for word in command],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def kept(out):
+    return len(list((out / "campaign_lines" / "rows").rglob("*.json")))
+
+
+def wait_for(condition, process, patience=120.0):
+    until = time.monotonic() + patience
+    while not condition() and process.poll() is None and time.monotonic() < until:
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize(
+    "number", [signal.SIGTERM, pytest.param(signal.SIGINT, marks=pytest.mark.long)]
+)
+def test_what_is_stopped_says_what_was_not_run_and_leaves_no_process(file, tmp_path, number):
+    process = started(file, tmp_path, "--jobs", 1, "--samples", 40)
+    wait_for(lambda: kept(tmp_path) >= 2, process)
+    # As Ctrl-C in a terminal, to all of its processes.
+    os.killpg(process.pid, number)
+    _, complained = process.communicate(timeout=60)
+    assert process.returncode == 1, complained
+    ended = kept(tmp_path)
+    assert f"not run {80 - ended} of 80 rows: interrupted; the same command goes on" in complained
+    assert len(rows(tmp_path / "campaign_lines")) == ended >= 2
+    assert "Traceback" not in complained
+    assert_gone(process.pid)
+
+
+def assert_gone(group):
+    """No process of the group is left, a moment later at most."""
+    for _ in range(200):
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return
+        time.sleep(0.05)
+    pytest.fail("a process is left")
+
+
+def disturbed(file, out, victims):
+    """Run a campaign and kill it each time a number of rows are kept, until it ends."""
+    for count in victims:
+        process = started(file, out, "--jobs", 2)
+        wait_for(lambda count=count: kept(out) >= count, process)
+        process.kill()
+        process.communicate()
+        assert_gone(process.pid)
+    process = started(file, out, "--jobs", 2)
+    process.communicate()
+    assert process.returncode == 0
+
+
+def test_killed_with_9_it_goes_on_and_the_table_is_the_same(file, tmp_path, undisturbed):
+    disturbed(file, tmp_path / "out", [2])
+    table = (tmp_path / "out" / "campaign_lines" / "table.csv").read_bytes()
+    assert table == (undisturbed / "table.csv").read_bytes()
+
+
+@pytest.mark.long
+def test_killed_at_ten_moments_the_table_is_the_same(tmp_path):
+    """The process itself and its workers, at random, by fixed seeds."""
+    campaign = {**LINE, "samples": 30}
+    (tmp_path / "lines.yaml").write_text(to_yaml(campaign))
+    run_campaign(campaign, tmp_path / "alone", jobs=0)
+    rng = np.random.default_rng(0)
+    disturbed(tmp_path / "lines.yaml", tmp_path / "out", np.sort(rng.integers(1, 55, 5)).tolist())
+    table = (tmp_path / "out" / "campaign_lines" / "table.csv").read_bytes()
+    assert table == (tmp_path / "alone" / "table.csv").read_bytes()
+    killed = []
+
+    def kill(ended, runs, outcome):
+        children = [child.pid for child in active_children()]
+        if ended % 12 == 5 and children:
+            killed.append(ended)
+            os.kill(children[int(rng.integers(len(children)))], signal.SIGKILL)
+
+    run_campaign(campaign, tmp_path / "workers", jobs=2, done=kill)
+    assert len(killed) == 5
+    assert (tmp_path / "workers" / "table.csv").read_bytes() == table
+
+
+def test_a_worker_killed_with_9_costs_nothing(tmp_path, undisturbed):
+    killed = []
+
+    def kill(ended, runs, outcome):
+        if ended == 2:
+            killed.extend(child.pid for child in active_children())
+            for pid in killed:
+                os.kill(pid, signal.SIGKILL)
+
+    result = run_campaign(LINE, tmp_path, jobs=2, done=kill)
+    assert killed
+    assert result.summary.statuses == {"complete": 6}
+    assert (tmp_path / "table.csv").read_bytes() == (undisturbed / "table.csv").read_bytes()

@@ -1,0 +1,133 @@
+"""Campaigns on a Dask cluster of this machine."""
+
+import csv
+import os
+import signal
+import subprocess
+import sys
+
+import dask
+import pytest
+from distributed import Client, LocalCluster
+from typer.testing import CliRunner
+
+from drake_rnn.campaigns import cluster_at, run_campaign
+from drake_rnn.cli import app
+
+LINE = {
+    "name": "lines",
+    "experiment": "pinv_line",
+    "changes": {"duration": 0.05, "law.kind": "fatal_law:Fatal"},
+    "vary": {"law.feedback": {"kind": "uniform", "low": 5.0, "high": 20.0}},
+    "samples": 6,
+}
+# A scheduler that gives a task up with its first worker, and starts workers again at once.
+AT_ONCE = {"distributed.scheduler.allowed-failures": 0, "distributed.comm.timeouts.connect": "5s"}
+
+
+def statuses(folder):
+    with (folder / "table.csv").open(newline="") as stream:
+        return [row["status"] for row in csv.DictReader(stream)]
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    """The table of a campaign that ran through, in this process."""
+    folder = tmp_path_factory.mktemp("undisturbed")
+    run_campaign(LINE, folder, jobs=0)
+    return (folder / "table.csv").read_bytes()
+
+
+@pytest.fixture
+def cluster():
+    """A cluster of two processes."""
+    with dask.config.set(AT_ONCE), LocalCluster(**SMALL) as cluster:
+        yield cluster
+
+
+SMALL = {
+    "n_workers": 2,
+    "threads_per_worker": 1,
+    "processes": True,
+    "dashboard_address": None,
+    "silence_logs": 50,
+}
+
+
+def test_a_cluster_makes_the_same_table_also_when_a_worker_is_killed(
+    cluster, tmp_path, undisturbed
+):
+    killed = []
+
+    def kill(ended, runs, outcome):
+        if ended == 2:
+            killed.append(next(iter(cluster.workers.values())).pid)
+            os.kill(killed[0], signal.SIGKILL)
+
+    with Client(cluster) as client:
+        result = run_campaign(LINE, tmp_path, executor=client, done=kill)
+        assert client.status == "running"
+    assert killed
+    assert (result.ending, result.missing) == ("complete", 0)
+    assert (tmp_path / "table.csv").read_bytes() == undisturbed
+
+
+def test_a_run_that_kills_its_workers_is_named(cluster, tmp_path):
+    vary = {"law.fate": ["live", "kill", "live"], "seed": [1, 2, 3]}
+    campaign = {**LINE, "vary": vary, "together": [list(vary)]}
+    campaign.pop("samples")
+    run_campaign(campaign, tmp_path, executor=cluster_at(cluster.scheduler_address))
+    assert statuses(tmp_path) == ["complete", "killed its worker", "complete"]
+
+
+SCHEDULER = """
+import time
+from distributed import LocalCluster
+if __name__ == "__main__":
+    cluster = LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None)
+    print(cluster.scheduler_address, flush=True)
+    time.sleep(600)
+"""
+
+
+@pytest.fixture
+def scheduler(tmp_path):
+    """The process and the address of a scheduler."""
+    (tmp_path / "scheduler.py").write_text(SCHEDULER)
+    process = subprocess.Popen(
+        [sys.executable, tmp_path / "scheduler.py"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        start_new_session=True,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+    )
+    yield process, process.stdout.readline().strip()
+    os.killpg(process.pid, signal.SIGKILL)
+    process.communicate()
+
+
+def test_a_scheduler_that_is_lost_is_a_sentence_and_the_table_goes_on(
+    scheduler, tmp_path, undisturbed
+):
+    process, address = scheduler
+
+    def kill(ended, runs, outcome):
+        if ended == 2:
+            process.kill()
+
+    lost = run_campaign(LINE, tmp_path, executor=cluster_at(address), done=kill)
+    assert (lost.ending, lost.reason) == ("lost", f"the scheduler at {address} is lost")
+    assert 2 <= len(lost.lines) < 6
+    rest = run_campaign(LINE, tmp_path, jobs=0)
+    assert (rest.ending, rest.kept) == ("complete", len(lost.lines))
+    assert (tmp_path / "table.csv").read_bytes() == undisturbed
+
+
+@pytest.mark.long
+def test_the_command_runs_on_a_cluster(scheduler, tmp_path):
+    _, address = scheduler
+    options = ["--samples", "4", "--duration", "0.05", "--out", str(tmp_path)]
+    result = CliRunner().invoke(app, ["campaign", "line_starts", "--scheduler", address, *options])
+    assert result.exit_code == 0, result.output
+    assert result.stdout.startswith("line_starts: 4 rows: 4 complete\n")

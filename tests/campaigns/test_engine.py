@@ -1,0 +1,162 @@
+"""The engine alone, with workers and runs that are none: what is lost, what is tried again."""
+
+from concurrent.futures import BrokenExecutor, CancelledError, ThreadPoolExecutor
+from threading import Lock
+
+import pytest
+
+from drake_rnn import DrakeRnnError, InvalidInputError
+from drake_rnn.campaigns.engine import carry_out
+from drake_rnn.campaigns.outcome import Order, Outcome
+from drake_rnn.campaigns.workers import LostWorkersError, ThisProcess, Workers
+
+
+class DeathError(Exception):
+    """A worker that has died."""
+
+
+class Threads(Workers):
+    """Threads that are taken for workers."""
+
+    deaths = (DeathError,)
+
+    def __init__(self, count=3):
+        self.pool = ThreadPoolExecutor(count)
+        super().__init__(self.pool, count)
+
+    def stop(self):
+        self.pool.shutdown()
+
+
+class Runs:
+    """Runs that end at once.
+
+    Args:
+        deadly: Number of deaths that each order costs before it is carried out.
+    """
+
+    def __init__(self, deadly=()):
+        self.deadly, self.lock = dict(deadly), Lock()
+        self.at_once, self.most_beside_deadly, self.begun = 0, 0, []
+
+    def __call__(self, orders):
+        with self.lock:
+            self.at_once += 1
+            self.begun += [order.key for order in orders]
+        try:
+            for order in orders:
+                if self.deadly.get(order.key, 0) > 0:
+                    self.deadly[order.key] -= 1
+                    raise DeathError("gone")
+            return [Outcome("complete", metrics={"number": float(o.key)}) for o in orders]
+        finally:
+            with self.lock:
+                self.at_once -= 1
+
+
+def orders(count):
+    return [Order(str(k), {}, "", "") for k in range(count)]
+
+
+def outcomes_of(runs, count=20, workers=None, batch=1):
+    found = {}
+
+    def take(order, outcome):
+        assert order.key not in found
+        found[order.key] = outcome
+
+    assert carry_out(orders(count), runs, workers or Threads(), take, batch)
+    return found
+
+
+@pytest.mark.parametrize("batch", [1, 3, 50])
+@pytest.mark.parametrize("workers", [Threads, ThisProcess])
+def test_every_order_is_carried_out_once_whatever_the_batches(batch, workers):
+    runs = Runs()
+    found = outcomes_of(runs, workers=workers(), batch=batch)
+    assert {key: outcome.metrics["number"] for key, outcome in found.items()} == {
+        str(k): float(k) for k in range(20)
+    }
+    assert sorted(runs.begun, key=int) == [str(k) for k in range(20)]
+
+
+@pytest.mark.parametrize("batch", [1, 4])
+def test_an_order_that_always_kills_is_named_and_the_others_end(batch):
+    runs = Runs({"7": 1000})
+    found = outcomes_of(runs, batch=batch)
+    assert [key for key, each in found.items() if each.status == "killed its worker"] == ["7"]
+    assert found["7"].failure.startswith("its worker died 3 times, the last time alone: DeathError")
+    assert len(found) == 20
+    assert runs.begun.count("7") == 3
+
+
+def test_who_was_beside_a_deadly_order_is_carried_out_alone_and_last():
+    runs = Runs({"0": 1})
+    found = outcomes_of(runs, batch=4)
+    assert all(outcome.status == "complete" for outcome in found.values())
+    # The first task held 0 to 3; they come again after all others, one by one.
+    assert runs.begun[-4:] == ["0", "1", "2", "3"]
+
+
+def test_what_loses_its_worker_twice_is_still_carried_out():
+    found = outcomes_of(Runs({"3": 2, "4": 2}))
+    assert all(outcome.status == "complete" for outcome in found.values())
+
+
+@pytest.mark.parametrize("error", [BrokenExecutor("broken"), CancelledError()])
+def test_a_lost_executor_ends_it_with_a_sentence_and_keeps_what_had_come(error):
+    def perform(batch):
+        if batch[0].key == "5":
+            raise error
+        return [Outcome("complete") for _ in batch]
+
+    found = []
+    with pytest.raises(LostWorkersError, match="the workers are lost"):
+        carry_out(
+            orders(20), perform, Workers(ThreadPoolExecutor(1), 1), lambda o, _: found.append(o)
+        )
+    assert [order.key for order in found] == ["0", "1", "2", "3", "4"]
+
+
+def test_workers_that_are_silently_lost_are_noticed():
+    class Silent(Workers):
+        def submit(self, task, *arguments):
+            class Never:
+                def add_done_callback(self, fn):
+                    pass
+
+            return Never()
+
+        def lost(self):
+            return "the scheduler is lost"
+
+    with pytest.raises(LostWorkersError, match="the scheduler is lost"):
+        carry_out(orders(3), Runs(), Silent(None, 2), lambda *_: None)
+
+
+def test_a_task_that_cannot_be_done_at_all_is_a_sentence():
+    def perform(batch):
+        raise ModuleNotFoundError("No module named 'drake_rnn'")
+
+    with pytest.raises(DrakeRnnError, match="a worker cannot do its task: ModuleNotFoundError"):
+        carry_out(orders(3), perform, Threads(), lambda *_: None)
+
+
+def test_a_worker_that_refuses_is_quoted():
+    def perform(batch):
+        raise InvalidInputError("worker: has drake 1.0")
+
+    with pytest.raises(InvalidInputError, match=r"^worker: has drake 1\.0$"):
+        carry_out(orders(3), perform, Threads(), lambda *_: None)
+
+
+def test_an_interrupt_keeps_what_had_come():
+    found = []
+
+    def take(order, outcome):
+        found.append(order)
+        if len(found) == 4:
+            raise KeyboardInterrupt
+
+    assert not carry_out(orders(20), Runs(), ThisProcess(), take)
+    assert len(found) == 4

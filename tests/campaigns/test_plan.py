@@ -1,0 +1,178 @@
+"""Documents of campaigns, and the rows that they make."""
+
+import json
+import os
+import shlex
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from drake_rnn import InvalidInputError
+from drake_rnn.campaigns import plan_campaign, read_campaign, shipped_campaigns
+from drake_rnn.campaigns.plan import row_values, unique_orders
+from drake_rnn.campaigns.summary import repeat_command
+from drake_rnn.experiment import ExperimentDocument, arms, parse_change
+
+UNIFORM = {"kind": "uniform", "low": 1e-6, "high": 1e-3}
+BASE = {"name": "x", "experiment": "pinv_line", "changes": {"duration": 0.05}}
+
+
+def document(vary, **more):
+    return read_campaign({**BASE, "vary": vary, **more})
+
+
+def values(*arguments, **more):
+    return list(row_values(document(*arguments, **more)))
+
+
+def test_lists_are_combined_the_last_one_fastest():
+    found = values({"seed": [1, 2], "law.feedback": [5, 10]})
+    assert [tuple(row.values()) for row in found] == [(1, 5), (1, 10), (2, 5), (2, 10)]
+
+
+def test_keys_that_are_walked_together_are_not_combined():
+    vary = {"seed": [1, 2], "task": ["xyz", "xyz", "xyz"], "law.feedback": [5, 6]}
+    found = values(vary, together=[["law.feedback", "seed"]])
+    assert [tuple(row.values()) for row in found] == [
+        *((1, "xyz", 5), (1, "xyz", 5), (1, "xyz", 5)),
+        *((2, "xyz", 6), (2, "xyz", 6), (2, "xyz", 6)),
+    ]
+
+
+def test_every_combination_has_the_same_samples():
+    """So that combinations can be compared draw by draw."""
+    found = values({"law.damping": UNIFORM, "law.feedback": [5, 10]}, samples=3)
+    drawn = [row["law.damping"] for row in found]
+    assert drawn[:3] == drawn[3:]
+    assert len(set(drawn)) == 3
+    assert list(found[0]) == ["law.damping", "law.feedback"]
+
+
+def test_a_sample_depends_on_seed_key_and_number_alone():
+    """More samples, other keys and their order change none."""
+    alone = values({"law.damping": UNIFORM}, samples=3)
+    more = values({"law.feedback": UNIFORM, "seed": [1], "law.damping": UNIFORM}, samples=8)
+    assert [row["law.damping"] for row in more[:3]] == [row["law.damping"] for row in alone]
+    assert all(row["law.damping"] != row["law.feedback"] for row in more)
+    other = values({"law.damping": UNIFORM}, samples=3, seed=1)
+    assert {row["law.damping"] for row in other}.isdisjoint(row["law.damping"] for row in alone)
+
+
+def test_draws_are_the_same_in_another_process():
+    contents = {**BASE, "samples": 4, "vary": {"law.damping": UNIFORM}}
+    code = (
+        "import json; from drake_rnn.campaigns import read_campaign; "
+        "from drake_rnn.campaigns.plan import row_values; "
+        f"print(json.dumps(list(row_values(read_campaign({contents!r})))))"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=os.environ | {"PYTHONHASHSEED": "7"},
+    )
+    assert json.loads(run.stdout) == values({"law.damping": UNIFORM}, samples=4)
+
+
+def test_the_same_run_has_the_same_key_and_any_other_another():
+    one, same = (plan_campaign(document({"seed": [1, 2, 1]})) for _ in range(2))
+    keys = [row.order.key for row in one.rows]
+    assert keys == [row.order.key for row in same.rows]
+    assert keys[0] == keys[2] != keys[1]
+    assert len(unique_orders(one.rows)) == 2
+    longer = plan_campaign(document({"seed": [1, 2]}, changes={"duration": 0.06}))
+    assert {row.order.key for row in longer.rows}.isdisjoint(keys)
+    renamed = plan_campaign(document({"seed": [1, 2]}, name="other", expect="nothing"))
+    assert [row.order.key for row in renamed.rows] == keys[:2]
+
+
+def test_rows_of_other_versions_have_other_keys(monkeypatch):
+    before = plan_campaign(document({"seed": [1]})).rows[0].order
+    monkeypatch.setattr("drake_rnn.campaigns.fingerprint.stamp", lambda: "drake 2.0")
+    after = plan_campaign(document({"seed": [1]})).rows[0].order
+    assert before.key != after.key
+
+
+def test_a_file_that_changes_changes_the_keys(tmp_path):
+    """Of a path's points, whose name in the document stays the same."""
+    points, key = tmp_path / "points.csv", []
+    for x in (0.05, 0.06):
+        points.write_text(f"0, 0, 0\n0.02, 0, {x}\n0.04, 0, 0\n")
+        path = {"kind": "points", "file": str(points), "period": 4, "closed": False}
+        plan = plan_campaign(document({"seed": [1]}, changes={"duration": 0.05, "path": path}))
+        key.append(plan.rows[0].order.key)
+    assert key[0] != key[1]
+
+
+def test_the_command_of_a_row_sets_its_values_bit_for_bit():
+    row = {"law.damping": 1 / 3, "start": [0.1, -1e-7], "filter": None, "task": "xyz", "x.y": True}
+    words = repeat_command(row, "out/a campaign/experiment.yaml").split(" --set ")
+    assert shlex.split(words[0])[-1] == "out/a campaign/experiment.yaml"
+    found = dict(parse_change(shlex.split(word)[0]) for word in words[1:])
+    assert found == row
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"vary": {"law.dampign": [1]}}, "law.dampign: no such key; nearest: damping (row 0)"),
+        ({"vary": {"law.damping": [1, -1]}}, "law.damping: must be greater than"),
+        ({"vary": {"path.byy": [[0, 0, 1]]}}, "path.byy: no such key; nearest: by"),
+        ({"vary": {"duration": [0.05, 1e9]}, "changes": {}}, "period: 0.001 s makes 1e+12 steps"),
+        ({"vary": {"start": [[0, 0], [0, 0]]}}, "start: has 2 entries for 7 joints (row 0)"),
+        ({"vary": {"limits.velocity": [1, [1, 2]]}}, "limits.velocity: must have 7 entries"),
+        ({"vary": {"seed": [1]}, "samples": 3}, "samples: must be left out, as nothing is drawn"),
+        ({"vary": {"law.damping": UNIFORM}}, "samples: must be given, as law.damping is drawn"),
+        ({"vary": {}}, "vary: must name what varies"),
+        ({"vary": {"duration": [1]}}, "vary.duration: is also in changes; it cannot be both"),
+        ({"vary": {"seed": [1]}, "vayr": 3}, "vayr: no such key; nearest: vary"),
+        ({"vary": {"seed": [1]}, "metrics": ["error"]}, "metrics: no metric 'error'"),
+        ({"vary": {"seed": [1]}, "together": [["x"]]}, "together: 'x' must be a key of vary"),
+        (
+            {"vary": {"seed": [1], "law.damping": [1, 2]}, "together": [["seed", "law.damping"]]},
+            "together: must have as many values as one another; seed has 1, law.damping has 2",
+        ),
+        (
+            {"vary": {"seed": {"kind": "range", "low": 0, "high": 1, "count": 9**9}}},
+            "vary: makes 387420489 rows",
+        ),
+        ({"vary": {"seed": [1]}, "name": "a/b"}, "name: must be a valid folder name"),
+        (
+            {"vary": {"seed": [1]}, "statistics": {"quantiles": [1.5]}},
+            "statistics.quantiles.0: must be less than 1",
+        ),
+        ({"vary": {"seed": [1]}, "experiment": "pin_line"}, "experiment: no experiment 'pin_line'"),
+    ],
+)
+def test_bad_campaigns_are_refused_by_name_before_anything_runs(changes, message):
+    with pytest.raises(InvalidInputError) as caught:
+        plan_campaign(read_campaign({**BASE, **changes}))
+    assert str(caught.value).startswith(message)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", shipped_campaigns())
+def test_every_shipped_campaign_makes_valid_rows(name):
+    given = {"samples": 3} if read_campaign(name).distributions else {}
+    plan = plan_campaign(read_campaign(name, **given))
+    assert plan.campaign.expect
+    for row in plan.rows:
+        ExperimentDocument(**row.order.document)
+
+
+def test_a_range_of_a_million_rows_is_counted_without_making_them():
+    ends = {"kind": "range", "low": 0, "high": 999, "count": 1000}
+    assert document({"seed": ends, "law.damping": [1] * 1000}).count == 10**6
+
+
+def test_the_arm_is_loaded_once_for_all_rows_and_once_for_the_first(monkeypatch):
+    """To load it takes half of what a short run does."""
+    loaded, load = [], arms.load_arm
+    monkeypatch.setattr(arms, "load_arm", lambda *given: loaded.append(given) or load(*given))
+    plan = plan_campaign(document({"law.damping": UNIFORM}, samples=50))
+    assert len(plan.rows) == 50
+    assert len(loaded) == 2
+    assert np.isfinite(plan.time)

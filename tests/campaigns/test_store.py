@@ -1,0 +1,57 @@
+"""Rows on disk: whole or not there."""
+
+import json
+
+import pytest
+
+from drake_rnn import InvalidInputError
+from drake_rnn.campaigns.outcome import Order, Outcome
+from drake_rnn.campaigns.store import RowStore
+
+ORDER = Order("ab12", {"seed": 3}, "drake 1", "")
+OUTCOME = Outcome(
+    "failed",
+    "lost",
+    0.1 + 0.2,
+    {"a": 1 / 3, "b": float("nan")},
+    {"a": True},
+    ("a",),
+    ([0.0, 0.1], [1 / 7, 2.0]),
+    0.5,
+)
+
+
+def test_a_row_reads_back_to_the_last_bit(tmp_path):
+    store = RowStore(tmp_path)
+    assert store.get("ab12") is None
+    store.put(ORDER, OUTCOME)
+    found = store.get("ab12")
+    assert repr(found) == repr(OUTCOME)
+    (file,) = tmp_path.rglob("*.json")
+    assert json.loads(file.read_text())["document"] == {"seed": 3}
+    assert not list(tmp_path.rglob("*.new"))
+
+
+@pytest.mark.parametrize("damage", ["", '{"status": ', "{}", "[]", '{"status": "walking"}'])
+def test_half_a_row_is_none(tmp_path, damage):
+    """As a file system may leave it when power fails."""
+    store = RowStore(tmp_path)
+    store.put(ORDER, OUTCOME)
+    (file,) = tmp_path.rglob("*.json")
+    file.write_text(damage)
+    assert store.get("ab12") is None
+
+
+def test_two_do_not_work_at_the_same_rows(tmp_path):
+    store = RowStore(tmp_path)
+    refused = pytest.raises(InvalidInputError, match="another process is working")
+    with store.claimed(), refused, RowStore(tmp_path).claimed():
+        pass
+    with store.claimed():
+        pass
+
+
+def test_a_folder_that_cannot_be_made_is_a_sentence(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InvalidInputError, match=r"^rows .*Not a directory$"):
+        RowStore(tmp_path / "file" / "rows")

@@ -1,0 +1,50 @@
+"""Fixtures of the tests of the command line."""
+
+import math
+
+import pytest
+
+from drake_rnn import SimultaneousLearning
+from drake_rnn.runs import simulation
+
+
+@pytest.fixture
+def drawn():
+    """For tests in which figures are drawn; it takes seconds."""
+
+
+@pytest.fixture
+def undrawn(request, monkeypatch):
+    """No figures, except in tests that ask for them; they take seconds."""
+    if "drawn" not in request.fixturenames:
+        monkeypatch.setattr("drake_rnn.cli.saving.draw_figures", lambda result, folder: [])
+
+
+@pytest.fixture
+def breaks(monkeypatch):
+    """A law whose numbers end at a time."""
+
+    def at(when):
+        step = SimultaneousLearning.step
+
+        def broken(self, t, x, u, period):
+            x = step(self, t, x, u, period)
+            return x * math.nan if t >= when - 1e-9 else x
+
+        monkeypatch.setattr(SimultaneousLearning, "step", broken)
+
+    return at
+
+
+@pytest.fixture
+def simulated(monkeypatch):
+    """Whether anything has been simulated."""
+    times = []
+    simulator = simulation.Simulator
+
+    def watched(diagram):
+        times.append(1)
+        return simulator(diagram)
+
+    monkeypatch.setattr(simulation, "Simulator", watched)
+    return times

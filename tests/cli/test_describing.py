@@ -1,0 +1,39 @@
+"""What the command line tells of an arm."""
+
+import re
+
+import pytest
+from cli_helpers import call, metrics
+
+from drake_rnn.models import MODELS
+
+pytestmark = pytest.mark.usefixtures("undrawn")
+
+
+def test_arm_shows_what_a_shipped_arm_is(tmp_path):
+    result = call("arm", "planar6", "--out", tmp_path)
+    assert result.exit_code == 0, result.stderr
+    for text in ("joint6", "unknown", "home: [0.261799, ", "planar6/limits.yaml", "yes"):
+        assert text in result.stdout
+    assert result.stderr.startswith("warning acceleration: not known for all joints")
+    assert (tmp_path / "planar6.png").stat().st_size > 5000
+
+
+def test_arm_proposes_a_home_that_runs(tmp_path):
+    """What it prints is pasted into an experiment; there is a tool, and a joint is locked."""
+    model = MODELS / "ur5" / "ur5.urdf"
+    tool, lock = "{length: 0.15, mass: 0.3}", "lock={wrist_3_joint: 0.5}"
+    arguments = ("--frame", "tool0", "--tool", tool, "--set", lock, "--set", "mass_scale=1.0")
+    result = call("arm", model, *arguments, "--no-picture", "--out", tmp_path)
+    assert result.exit_code == 0, result.stderr
+    assert "0.3 kg on tool0, ball of 12 mm at tip" in result.stdout
+    home = re.search(r"home, proposed +(home: \[.*\])", result.stdout)[1]
+    file = tmp_path / "mine.yaml"
+    file.write_text(
+        f"arm: {{model: {model}, frame: tool0, tool: {tool}, lock: {{wrist_3_joint: 0.5}}, "
+        f"{home}}}\npath: {{kind: circle, size: 0.02, period: 4}}\nlaw: {{kind: pseudoinverse}}\n"
+        "period: 1e-3\nduration: 0.1\n"
+    )
+    assert call("run", file, "--out", tmp_path, "--no-playback").exit_code == 0
+    assert metrics(tmp_path / "mine")["position_error_max_m"] < 1e-3
+    assert not list(tmp_path.glob("*.png"))

@@ -1,0 +1,112 @@
+"""Runs that fail, are stopped or cannot begin: what is kept, and what is said."""
+
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from cli_helpers import KNOWN, SHORT, call, run, sentence, statuses
+
+from drake_rnn import Result
+from drake_rnn.runs import simulation
+
+pytestmark = pytest.mark.usefixtures("undrawn")
+
+
+def test_a_path_out_of_reach_is_told_before_another_experiment_runs(tmp_path, simulated):
+    mine = run(tmp_path / "a", *SHORT) / "experiment.yaml"
+    simulated.clear()
+    far = tmp_path / "far.yaml"
+    far.write_text(
+        mine.read_text()
+        .replace(f"name: {KNOWN}", "name: far")
+        .replace("size: 0.04", "size: 2")
+        .replace("duration: 0.05", "duration: 1")
+    )
+    result = call("run", mine, far, "--out", tmp_path / "b", "--no-playback")
+    assert sentence(result).startswith("far: path: out of reach")
+    assert not simulated
+
+
+def test_a_folder_that_cannot_be_written_to_is_told_before_anything_runs(tmp_path, simulated):
+    (tmp_path / "file").write_text("here")
+    message = sentence(call("run", KNOWN, *SHORT, "--out", tmp_path / "file"))
+    assert "file" in message
+    assert "Not a directory" in message
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / KNOWN).write_text("here")
+    message = sentence(call("run", KNOWN, *SHORT, "--out", tmp_path / "out", "--no-playback"))
+    assert KNOWN in message
+    assert not simulated
+    assert (tmp_path / "out" / KNOWN).read_text() == "here"
+
+
+def test_a_run_that_fails_saves_what_there_was_and_names_the_time(tmp_path, breaks, drawn):
+    breaks(0.03)
+    result = call("run", KNOWN, "--out", tmp_path, "--no-playback", *SHORT)
+    assert result.exit_code == 1
+    assert "Traceback" not in result.stderr
+    (line,) = result.stderr.splitlines()
+    assert line.startswith("failed controller: ")
+    assert line.endswith("is no longer finite (at t = 0.03 s)")
+    until_then = Result.load(tmp_path / KNOWN)
+    np.testing.assert_allclose(until_then.time, [0, 0.01, 0.02, 0.03], atol=1e-12)
+    assert np.isfinite(until_then.series["position"]).all()
+    assert until_then.metrics["joint_velocity_max_rad_s"] > 0
+    assert list((tmp_path / KNOWN / "figures").iterdir())
+
+
+def test_a_law_that_fails_at_once_is_refused_before_anything_runs(tmp_path, breaks, simulated):
+    breaks(0.0)
+    message = sentence(call("run", KNOWN, "--out", tmp_path, *SHORT))
+    assert message.startswith("SimultaneousLearning.step: must return finite numbers, not [nan, ")
+    assert message.endswith("(at t = 0 s)")
+    assert not simulated
+
+
+def test_after_a_run_that_fails_the_others_run(tmp_path, breaks):
+    breaks(0.03)
+    text = (run(tmp_path / "a", "--duration", 0.02) / "experiment.yaml").read_text()
+    for name, duration in {"broken": 0.05, "calm": 0.02}.items():
+        changed = text.replace(f"name: {KNOWN}", f"name: {name}")
+        changed = changed.replace("duration: 0.02", f"duration: {duration}")
+        (tmp_path / f"{name}.yaml").write_text(changed)
+    files = [tmp_path / "broken.yaml", tmp_path / "calm.yaml"]
+    result = call("run", *files, "--out", tmp_path / "b", "--no-playback")
+    assert result.exit_code == 1
+    assert Result.load(tmp_path / "b" / "broken").time[-1] == pytest.approx(0.03)
+    assert Result.load(tmp_path / "b" / "calm").time[-1] == pytest.approx(0.02)
+
+
+def test_a_queue_that_is_cut_names_what_was_not_run(tmp_path, monkeypatch):
+    def interrupt(self, context):
+        if context.get_time() > 0.02:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(simulation.Recorder, "__call__", interrupt)
+    names = ("pinv_line", "pinv_line_ur5", "pinv_csv")
+    result = call("run", *names, "--no-playback", "--out", tmp_path, "--duration", "0.1")
+    assert result.exit_code == 1
+    assert "not run pinv_line_ur5, pinv_csv" in result.stderr
+    assert statuses(tmp_path)["pinv_line"]["status"] == "interrupted"
+
+
+def test_a_terminated_run_keeps_what_it_had(tmp_path):
+    """As Ctrl-C does; the folder says that the run was interrupted."""
+    command = [sys.executable, "-m", "drake_rnn", "run", KNOWN, "--no-playback"]
+    process = subprocess.Popen(
+        [*command, "--duration", "3000", "--out", tmp_path], stderr=subprocess.PIPE, text=True
+    )
+    # Its folder is made just before it runs.
+    while not (tmp_path / KNOWN).exists() and process.poll() is None:
+        time.sleep(0.1)
+    time.sleep(2.0)
+    process.terminate()
+    _, said = process.communicate(timeout=120)
+    assert process.returncode == 1
+    assert "failed interrupted (at t = " in said
+    record = statuses(tmp_path)[KNOWN]
+    assert record["status"] == "interrupted"
+    assert 0.0 < record["until_s"] < 3000.0
+    assert Result.load(tmp_path / KNOWN).time[-1] == record["until_s"]

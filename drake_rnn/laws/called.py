@@ -16,7 +16,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ..arrays.namespace import namespace
+from ..arrays.namespace import is_foreign, namespace
 from ..errors import InvalidInputError
 from ..inputs.complaints import short
 
@@ -93,7 +93,7 @@ def _is_array(value: Any, shape: tuple[int, ...]) -> bool:
 
 def _check(law: Any, t: object, x: object, u: object) -> None:
     """Raise an InvalidInputError unless time, state and signals are those of the law."""
-    if not (_is_number(t) or (law.takes_many and _is_foreign(t))):
+    if not (_is_number(t) or (law.takes_many and is_foreign(t))):
         raise InvalidInputError(f"t: must be a finite time [s], not {short(t)}")
     require = _require_of_many if law.takes_many else _require
     if isinstance(x, np.ndarray) and x.shape[1:] and x.shape[-1] == law.state.size:
@@ -119,7 +119,7 @@ def require_many(law: Any) -> None:
 
 def _require_of_many(name: str, value: Any, shape: tuple[int, ...]) -> None:
     """Raise an InvalidInputError unless an array has this shape after axes of robots, if any."""
-    if not _is_foreign(value):
+    if not is_foreign(value):
         own = value.shape[-len(shape) :] if isinstance(value, np.ndarray) else ()
         _require(name, value, value.shape if own == shape else shape)
         return
@@ -128,11 +128,6 @@ def _require_of_many(name: str, value: Any, shape: tuple[int, ...]) -> None:
         raise InvalidInputError(
             f"{name}: must be an array of numbers, shape {shape}, not {value.shape}"
         )
-
-
-def _is_foreign(value: Any) -> bool:
-    """Return whether a value is an array of JAX; its entries may not be known yet."""
-    return hasattr(value, "__array_namespace__") and not isinstance(value, np.ndarray)
 
 
 def _require(name: str, value: object, shape: tuple[int, ...]) -> None:

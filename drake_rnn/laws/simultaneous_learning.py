@@ -424,7 +424,7 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
 def _slowed(v_dot: Array, multipliers_dot: Array, inverse_bound: Array) -> tuple[Array, Array]:
     """Return both rates divided by the largest ratio of a joint's acceleration to its bound."""
     scaled = v_dot * inverse_bound
-    if is_one(v_dot):
+    if is_one(scaled):
         # For a handful of joints Python's max is three times as fast as NumPy's.
         ratios = scaled.tolist()
         slowing = max(max(ratios), -min(ratios))

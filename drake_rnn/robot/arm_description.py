@@ -80,7 +80,9 @@ class ArmDescription:
         Raises:
             InvalidInputError: If a field is invalid.
         """
-        new = construct(ArmDescription, fields_of(self) | dict(changes), "arm")
+        # A tool has a tip of its own, in place of the model's.
+        kept = fields_of(self) | ({"tip": None} if changes.get("tool") is not None else {})
+        new = construct(ArmDescription, kept | dict(changes), "arm")
         if "tool" not in changes or self.tool is None or new.frame != self.tool.tip:
             return new
         # E was the tip of a tool that is there no longer.

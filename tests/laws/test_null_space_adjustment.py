@@ -135,6 +135,20 @@ def test_outside_its_limits_a_joint_is_brought_back_as_the_pull_sets_in():
     assert step(law, q, jacobian(5), t=0.0)[0] == 0.0
 
 
+@pytest.mark.parametrize("t", [0.0, 0.3, 10.0])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_only_joints_outside_their_limits_wait_for_the_pull(t, side):
+    """Inside, and where a joint outside may go anyway, the box is that of the limits at once."""
+    law, q = make(ramp_time=1.0), side * np.array([3.5, 3.0, 2.9, 0.0, -1.0, -2.9, 2.0])
+    box = np.array(law.velocity_box(t, q))
+    whole = np.array(LIMITS.velocity_box(q, law.limit_stiffness))
+    back = 1 if side > 0 else 0
+    assert box[back, 0] == pytest.approx(smooth_rise(t, 1.0) * whole[back, 0], abs=1e-15)
+    assert abs(whole[back, 0]) == 1.5
+    box[back, 0] = whole[back, 0]
+    np.testing.assert_array_equal(box, whole)
+
+
 def test_diagnostics_of_many_instants_are_those_of_each():
     rng = np.random.default_rng(6)
     law = make(target=rng.uniform(-2, 2, N))

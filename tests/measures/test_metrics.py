@@ -319,6 +319,13 @@ def test_the_networks_acceleration_is_told_where_it_is_not_the_arms():
     assert "network_acceleration_max_rad_s2" not in same
 
 
+def test_singular_values_are_those_of_motions_of_the_tip():
+    """Along x by 0.25 m a radian of the second joint, along y by 2 m a radian of the first."""
+    turned = np.array([[0.0, 0.25], [2.0, 0.0]])
+    found = metrics(motion([0, 1], J=np.array([turned, turned])))
+    assert found["singular_value_min"] == pytest.approx(0.25, rel=1e-8)
+
+
 def test_smallest_singular_value_is_that_of_the_worst_posture():
     """1e-8: it is found as the root of an eigenvalue of J J^T."""
     found = metrics(motion([0, 1], J=np.array([J, [[1.0, 0.0], [0.0, 0.5]]])))

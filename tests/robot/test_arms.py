@@ -532,7 +532,9 @@ def test_fields_that_do_not_fit_are_refused_by_name(gripper):
 
 def test_limits_that_cannot_be_are_refused(tmp_path):
     text = GRIPPER.replace('velocity="1.5"', 'velocity="-1.5"')
-    assert "cannot be read" in refusal(write(tmp_path, "backwards.urdf", text), frame="hand")
+    assert "velocity must not be negative, as -1.5 is" in refusal(
+        write(tmp_path, "backwards.urdf", text), frame="hand"
+    )
     text = GRIPPER.replace('lower="-2" upper="2"', 'lower="2" upper="2"')
     assert "arm.model.position_lower: must be below position_upper" in refusal(
         write(tmp_path, "stuck.urdf", text), frame="hand"

@@ -355,7 +355,8 @@ def test_whatever_velocity_is_asked_for_no_bound_is_ever_broken(start, kind, see
 @pytest.mark.parametrize("period", [1e-3, 1e-2, 0.1])
 def test_a_held_velocity_stops_at_the_limit_itself_and_could_not_be_larger(period):
     """Braked from it in whole samples: at the limit to 1e-12 rad, and beyond it if faster."""
-    for room in (1e-6, 0.0123, 0.5, 1.9):
+    # Also what takes one sample, two and three: to a h^2, to 3 a h^2 and to 6 a h^2.
+    for room in (1e-6, 0.0123, 0.5, 1.9, *(2.0 * period**2 * np.array([0.5, 2.0, 5.0]))):
         _, upper = BRAKING.stopping_box(np.array([1.0 - room]), period)
         assert stopped(1.0 - room, upper[0], period) == pytest.approx(1.0, abs=1e-12)
         assert stopped(1.0 - room, upper[0] + 1e-6, period) > 1.0 + 0.9e-6 * period

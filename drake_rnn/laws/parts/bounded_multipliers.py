@@ -25,9 +25,9 @@ def within(multipliers: Array, limit: Any, rows: Array | None = None) -> Array:
     """
     sized = multipliers if rows is None else vecmat(multipliers, rows)
     square = dot(sized, sized)
-    inside = square <= limit * limit
     if isinstance(square, float):
-        return multipliers if inside else multipliers * (limit / sqrt(square))
+        return multipliers if square <= limit * limit else multipliers * (limit / sqrt(square))
+    inside = square <= limit * limit
     xp = functions_of(multipliers)
     # No derivative of the root at 0.
     return xp.where(

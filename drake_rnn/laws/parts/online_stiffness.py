@@ -82,9 +82,10 @@ class OnlineStiffness:
         gain = covariance * x / (self.forgetting + covariance * x * x)
         relative = slope / self._initial_slope
         relative += gain * (y - relative * x)
+        # At most 1, as x is at least 1 in size.
         covariance = (covariance - gain * x * covariance) / self.forgetting
         relative = max(relative, self.floor)
-        return np.array([relative * self._initial_slope, min(covariance, 1.0), root, depth])
+        return np.array([relative * self._initial_slope, covariance, root, depth])
 
     def retreat_speed(self, state: Array, force: float, desired: float, gain: float) -> float:
         """Return the speed out of the surface that corrects the force error [m/s].

@@ -1,6 +1,7 @@
 """What all tests share."""
 
 import os
+import signal
 
 import pytest
 from hypothesis import settings
@@ -12,11 +13,13 @@ settings.load_profile("repeatable")
 
 @pytest.fixture(scope="session", autouse=True)
 def surroundings(tmp_path_factory):
-    """A cache folder of the tests' own, and no ROS: results depend on nobody's machine."""
+    """A cache folder of the tests' own, no ROS, and Ctrl-C: results depend on nobody's machine."""
     before = os.environ.copy()
     os.environ["XDG_CACHE_HOME"] = str(tmp_path_factory.mktemp("cache"))
     for name in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"):
         os.environ.pop(name, None)
+    # A shell that starts the tests in the background lets them, and what they start, ignore it.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     os.environ.clear()
     os.environ.update(before)

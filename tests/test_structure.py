@@ -116,3 +116,11 @@ def test_the_folders_that_users_asked_for_are_rooms_of_the_package():
         link = PACKAGE / room
         assert link.is_symlink()
         assert link.resolve() == ROOT / room
+
+
+def test_files_of_tests_have_names_of_their_own():
+    """Pytest, which imports them without packages, would refuse to collect two of one name."""
+    names = [
+        file.name for file in Path(__file__).parent.rglob("*.py") if file.name != "conftest.py"
+    ]
+    assert not {name for name in names if names.count(name) > 1}

@@ -14,6 +14,7 @@ from ..inputs.complaints import require_type
 from ..inputs.dataclass_fields import fields_of
 from ..inputs.documents import to_yaml
 from ..runs.result import versions
+from ..runs.whole_file import written_whole
 from .cluster import workers_of
 from .document import CampaignDocument, read_campaign
 from .engine import carry_out
@@ -191,5 +192,5 @@ def _write(result: CampaignResult, outcomes: Mapping[str, Outcome]) -> None:
         "versions": versions(),
         "timings": {"runs_wall_time_s": sum(each.wall_time_s for each in outcomes.values())},
     }
-    with suppress(OSError):
-        (result.folder / "campaign.json").write_text(json.dumps(record, indent=2) + "\n")
+    with suppress(OSError), written_whole(result.folder / "campaign.json") as stream:
+        stream.write(json.dumps(record, indent=2) + "\n")

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import fcntl
 import json
-import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from ..errors import InvalidInputError
+from ..runs.whole_file import written_whole
 from .outcome import Order, Outcome
 
 
 class RowStore:
     """A folder with the outcome of each run that has ended.
 
-    A file is written beside its place and then renamed, so that whatever happens to this process it
-    is whole or not there. Its name stands for all that its numbers depend on.
+    Whatever happens to this process, a file is whole or not there. Its name stands for all that its
+    numbers depend on.
 
     Args:
         folder: The folder, which is created if missing.
@@ -48,18 +48,13 @@ class RowStore:
             InvalidInputError: If it cannot be written.
         """
         file = self._file(order.key)
-        new = file.with_suffix(f".{os.getpid()}.new")
         contents = {**outcome.contents(), "versions": order.stamp, "document": order.document}
         try:
             file.parent.mkdir(exist_ok=True)
-            new.write_text(json.dumps(contents, default=repr))
-            os.replace(new, file)
+            with written_whole(file) as stream:
+                stream.write(json.dumps(contents, default=repr))
         except OSError as error:
             raise InvalidInputError(f"row {file}: {error.strerror}") from None
-
-    def forget(self, key: str) -> None:
-        """Forget what is kept under a key."""
-        self._file(key).unlink(missing_ok=True)
 
     def remove(self) -> None:
         """Remove the folder with all that is in it."""

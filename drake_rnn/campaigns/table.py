@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ import numpy as np
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..measures import METRIC_NAMES
+from ..runs.whole_file import written_whole
 from .outcome import Outcome
 from .plan import PlannedRow
 
@@ -91,13 +91,11 @@ def write_table(
     Raises:
         InvalidInputError: If the file cannot be written.
     """
-    new = file.with_name(f".{file.name}.new")
     try:
-        with new.open("w", newline="", encoding="utf-8") as stream:
+        with written_whole(file) as stream:
             writer = csv.writer(stream)
             writer.writerow(["row", *keys, "status", "until_s", *metrics, "not_kept", "failure"])
             writer.writerows(_cells(line, keys, metrics) for line in lines)
-        os.replace(new, file)
     except OSError as error:
         raise InvalidInputError(f"table {file}: {error.strerror}") from None
 

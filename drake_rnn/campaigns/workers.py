@@ -123,7 +123,7 @@ class Processes(Workers):
                 return self._handed(process, task, *arguments)
             except BrokenExecutor:
                 # It died while it had nothing to do.
-                process.shutdown(wait=False)
+                continue
         return self._handed(self._started(), task, *arguments)
 
     def stop(self) -> None:
@@ -140,9 +140,9 @@ class Processes(Workers):
         return future
 
     def _back(self, process: ProcessPoolExecutor, future: Future[Any]) -> None:
-        if not future.cancelled() and isinstance(future.exception(), BrokenExecutor):
-            process.shutdown(wait=False)
-        else:
+        # A pool whose process died ends by itself. It must not be shut down here: Python 3.12 calls
+        # this while it holds the lock that a shutdown waits for.
+        if future.cancelled() or not isinstance(future.exception(), BrokenExecutor):
             self._idle.append(process)
 
     def _started(self) -> ProcessPoolExecutor:

@@ -4,27 +4,15 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from time import perf_counter
 from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 
 from ..campaigns import (
     CampaignResult,
-    Outcome,
     Plan,
     cluster_at,
     kept_rows,
@@ -32,10 +20,10 @@ from ..campaigns import (
     read_campaign,
     run_campaign,
 )
-from ..campaigns.campaign import Progress as Done
 from ..campaigns.plan import unique_orders
 from ..campaigns.store import RowStore
 from ..figures.campaign_page import write_campaign_page
+from .campaign_progress import campaign_progress
 from .campaign_tables import shares_table, statistics_table, status_text
 from .completing import complete_campaigns
 from .console import FAILED, NOT_MET, err, errors, out, silenced, status
@@ -54,8 +42,8 @@ from .options import (
 )
 from .tables import WIDE
 
-# Time between two lines about the progress where there is no terminal [s].
-_TELL_AGAIN = 30.0
+# Rows that did not come to their end that are told of one by one.
+_TOLD = 10
 
 
 def campaign(  # noqa: PLR0913  one argument for each option
@@ -103,7 +91,7 @@ def campaign(  # noqa: PLR0913  one argument for each option
                 return
             require_writable(folder)
             workers = None if scheduler is None else cluster_at(scheduler)
-            with _progress(plan) as done:
+            with campaign_progress(plan) as done:
                 result = run_campaign(
                     plan, folder, jobs=jobs, executor=workers, done=done, again=again
                 )
@@ -128,10 +116,6 @@ def _print(result: CampaignResult, page: Path) -> None:
         err.print(f"[red]and {left} more rows[/] that did not come to their end")
     out.print(escape(f"table    {result.folder / 'table.csv'}"), soft_wrap=True)
     out.print(escape(f"summary  {page}"), soft_wrap=True)
-
-
-#: Rows that did not come to their end that are told of one by one.
-_TOLD = 10
 
 
 def _exit(result: CampaignResult, check: bool) -> None:
@@ -210,53 +194,3 @@ def _finite(value: Any) -> Any:
     if isinstance(value, list):
         return [_finite(entry) for entry in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-@contextmanager
-def _progress(plan: Plan) -> Iterator[Done]:
-    """Show how many runs have ended and the time that remains; lines where there is no terminal."""
-    if not err.is_terminal or out.quiet:
-        yield _Lines(plan.campaign.name).tell
-        return
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[troubles]}"),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(elapsed_when_finished=False),
-    )
-    troubles = 0
-    with Progress(*columns, console=err, transient=True, speed_estimate_period=120) as bar:
-        task = bar.add_task(escape(plan.campaign.name), total=None, troubles="")
-
-        def done(ended: int, runs: int, outcome: Outcome | None) -> None:
-            nonlocal troubles
-            troubles += outcome is not None and outcome.status != "complete"
-            told = f"{troubles} not complete" if troubles else ""
-            bar.update(task, completed=ended, total=runs, troubles=told)
-
-        yield done
-
-
-class _Lines:
-    """A line from time to time about how many runs have ended, as for the log of a server."""
-
-    def __init__(self, name: str) -> None:
-        self._name = name
-        self._began = self._told = perf_counter()
-        self._kept = 0
-
-    def tell(self, ended: int, runs: int, outcome: Outcome | None) -> None:
-        """Tell of the progress, unless that was done just now."""
-        now = perf_counter()
-        if outcome is None:
-            self._kept = ended
-        if now - self._told < _TELL_AGAIN or out.quiet or ended == self._kept:
-            return
-        self._told = now
-        left = (now - self._began) / (ended - self._kept) * (runs - ended)
-        err.print(
-            escape(f"{self._name}: {ended} of {runs} runs have ended; some {left:.0f} s left")
-        )

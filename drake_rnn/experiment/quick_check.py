@@ -18,6 +18,9 @@ from .experiment import OUTSIDE, limited_arm
 from .law import make_law
 from .path import path_of
 
+# Arms with limits of their own that are kept, for documents that share them.
+_MOST_KEPT = 100
+
 
 class QuickCheck:
     """Checks each section of documents by itself, as far as no plant is needed for it.
@@ -67,10 +70,6 @@ class QuickCheck:
         if name not in self._kinds:
             self._kinds[name] = LAWS.named_by(document.law)
         return self._kinds[name]
-
-
-#: Arms with limits of their own that are kept, for documents that share them.
-_MOST_KEPT = 100
 
 
 def _text(*values: Any) -> str:

@@ -22,7 +22,8 @@ table { border-collapse: collapse; margin: 0 0 1.5em; display: block; overflow-x
 th, td { padding: .15em .7em; text-align: right; border-bottom: 1px solid #ddd }
 td { white-space: nowrap }
 th:first-child, td:first-child, td.text { text-align: left }
-code { font-size: 12px } img { max-width: 100% } small { color: #666 }
+code { font-size: 12px } .picture { overflow-x: auto }
+img { min-width: 50em; max-width: 100% } small { color: #666 }
 """
 #: Rows that did not come to their end that are listed; all are in the table.
 _LISTED = 50
@@ -38,10 +39,10 @@ def write_campaign_page(result: CampaignResult, file: Path) -> Path:
     Raises:
         InvalidInputError: If it cannot be written.
     """
-    summary = result.summary
+    summary, expect = result.summary, result.plan.campaign.expect
     parts = [
         f"<h1>{escape(summary.name or 'Campaign')}</h1>",
-        f"<p>{escape(result.plan.campaign.expect)}</p>",
+        *([f"<p>Expected: {escape(expect)}</p>"] if expect else []),
         _rows(result),
         _shares(summary),
         _metrics(summary),
@@ -108,7 +109,7 @@ def _metrics(summary: Summary) -> str:
     ]
     note = (
         f"over the rows that came to their end; intervals between order statistics cover the true "
-        f"quantile with {summary.confidence:.0%}"
+        f"quantile with {summary.confidence:.0%}; ? where there are too few rows for a bound"
     )
     return f"<h2>Metrics</h2><p><small>{note}</small></p>" + _table([*head, "largest"], rows)
 
@@ -171,7 +172,8 @@ def _unlike(summary: Summary) -> str:
 
 
 def _image(picture: BytesIO) -> str:
-    return f'<img alt="" src="data:image/png;base64,{b64encode(picture.getvalue()).decode()}">'
+    data = b64encode(picture.getvalue()).decode()
+    return f'<div class="picture"><img alt="" src="data:image/png;base64,{data}"></div>'
 
 
 def _head(head: Sequence[str]) -> str:

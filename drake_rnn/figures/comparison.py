@@ -24,6 +24,9 @@ _LEAST, _LEAST_ERROR = 1e-3, 1e-10
 #: Room for the names in a line of the legend [characters].
 _LEGEND = 110
 
+#: Times [s] and shares of bounds [-] for each order of derivative, shape (k,) both.
+Shares = list[tuple[Array, Array]]
+
 _LOOKS: tuple[dict[str, Any], ...] = (
     {"color": COLOURS[1], "linewidth": 0.8},
     {"color": COLOURS[0], "linewidth": 0.8},
@@ -36,7 +39,8 @@ def comparison_figure(groups: Mapping[str, Mapping[str, Result]], file: Path) ->
     """Draw the runs of several laws over one another, a column of panels for each group of runs.
 
     The first panel of a column shows the position error. Each of the others shows, for one order of
-    derivative, the largest share of its bound that any joint uses; 1 is the bound.
+    derivative that is bounded in any run, the largest share of its bound that any joint uses; 1 is
+    the bound.
 
     Args:
         groups: Runs by law, in groups by path; each group has the same laws in the same order.
@@ -45,15 +49,19 @@ def comparison_figure(groups: Mapping[str, Mapping[str, Result]], file: Path) ->
     Returns:
         The file.
     """
-    names = ["position error [m]"]
-    names += [f"{name} / bound [-]" for name in ("angle", *DERIVATIVE_UNITS)]
+    shares = {
+        title: [shares_of_bounds(run) for run in runs.values()] for title, runs in groups.items()
+    }
+    orders = _bounded_orders([share for each in shares.values() for share in each])
+    kinds = ("angle", *DERIVATIVE_UNITS)
+    names = ["position error [m]", *(f"{kinds[order]} / bound [-]" for order in orders)]
     with styled():
         figure = Figure(figsize=(PAGE, 0.8 + 1.25 * len(names)), layout="constrained")
         axes: Any = figure.subplots(len(names), len(groups), squeeze=False, sharex="col")
         for column, (title, runs) in zip(axes.T, groups.items(), strict=True):
             column[0].set_title(title)
             _plot_errors(column[0], runs)
-            _plot_shares(column[1:], runs)
+            _plot_shares(dict(zip(orders, column[1:], strict=True)), shares[title])
             time_axis(column[-1], max(runs.values(), key=lambda run: float(run.time[-1])))
             leave_room(column[-1])
         for ax, name in zip(axes[:, 0], names, strict=True):
@@ -73,10 +81,16 @@ def _plot_errors(ax: Axes, runs: Mapping[str, Result]) -> None:
     _log_axis_from(ax, _LEAST_ERROR, [result.position_error for result in runs.values()])
 
 
-def _plot_shares(axes: Sequence[Axes], runs: Mapping[str, Result]) -> None:
-    """Plot the share of its bound that each order of derivative uses, a panel for each."""
-    shares = [shares_of_bounds(result) for result in runs.values()]
-    for order, (ax, curves) in enumerate(zip(axes, zip(*shares, strict=True), strict=True)):
+def _bounded_orders(shares: Sequence[Shares]) -> list[int]:
+    """Return the orders of derivatives that are bounded in any of some runs."""
+    every = zip(*shares, strict=True)
+    return [k for k, runs in enumerate(every) if any(np.isfinite(share).any() for _, share in runs)]
+
+
+def _plot_shares(axes: Mapping[int, Axes], shares: Sequence[Shares]) -> None:
+    """Plot the share of its bound that each order of derivative uses, a panel for each order."""
+    for order, ax in axes.items():
+        curves = [each[order] for each in shares]
         for (time, share), look in zip(curves, cycle(_LOOKS), strict=False):
             ax.plot(time, share, **look)
         ax.axhline(1.0, **BOUND)
@@ -94,7 +108,7 @@ def _log_axis_from(ax: Axes, least: float, curves: list[Array]) -> None:
     ax.yaxis.set_minor_locator(NullLocator())
 
 
-def shares_of_bounds(result: Result) -> list[tuple[Array, Array]]:
+def shares_of_bounds(result: Result) -> Shares:
     """Return the largest share of its bound that any joint uses, for derivatives of order 0 to 5.
 
     Returns:

@@ -15,36 +15,33 @@ from ..inputs.fields import Array
 Numbers = Array | NDArray[np.bool_]
 
 
-class Largest:
-    """The largest of all numbers; not a number if one of them is none.
+class _Extreme:
+    """The extreme of all numbers; not a number if one of them is none.
 
     Attributes:
-        value: The largest; None if there were no numbers.
+        value: The extreme; None if there were no numbers.
     """
 
     value: float | None = None
+    _of: np.ufunc
 
     def add(self, numbers: Array) -> None:
         """Add numbers of any shape."""
         if numbers.size:
-            top = numbers.max()
-            self.value = float(top if self.value is None else np.maximum(self.value, top))
+            found = self._of.reduce(numbers, axis=None)
+            self.value = float(found if self.value is None else self._of(self.value, found))
 
 
-class Smallest:
-    """The smallest of all numbers; not a number if one of them is none.
+class Largest(_Extreme):
+    """The largest of all numbers."""
 
-    Attributes:
-        value: The smallest; None if there were no numbers.
-    """
+    _of = np.maximum
 
-    value: float | None = None
 
-    def add(self, numbers: Array) -> None:
-        """Add numbers of any shape."""
-        if numbers.size:
-            low = numbers.min()
-            self.value = float(low if self.value is None else np.minimum(self.value, low))
+class Smallest(_Extreme):
+    """The smallest of all numbers."""
+
+    _of = np.minimum
 
 
 class Mean:

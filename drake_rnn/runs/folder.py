@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from ..errors import InvalidInputError
+from .whole_file import written_whole
 
 #: File that says what the folder holds; the first to be written and the last.
 RECORD = "run.json"
@@ -74,7 +74,5 @@ def read_record(folder: Path) -> dict[str, Any]:
 
 
 def _write_record(folder: Path, record: Mapping[str, Any]) -> None:
-    # Replaced in one step, so that it is never half a record.
-    new = folder / f".{RECORD}.new"
-    new.write_text(json.dumps(record, indent=2) + "\n")
-    os.replace(new, folder / RECORD)
+    with written_whole(folder / RECORD) as stream:
+        stream.write(json.dumps(record, indent=2) + "\n")

@@ -154,6 +154,7 @@ def test_a_run_that_kills_its_worker_is_named_and_disturbs_no_other(tmp_path, un
     assert run_campaign(FATAL, tmp_path, jobs=2).kept == 4
 
 
+@pytest.mark.long
 def test_a_run_that_loses_its_worker_once_is_run_again(tmp_path):
     changes = {**FATAL["changes"], "law.mark": str(tmp_path / "mark")}
     campaign = {**FATAL, "changes": changes, "vary": {"law.fate": ["live", "once"]}, "together": []}
@@ -327,6 +328,7 @@ def disturbed(file, out, victims):
     assert process.returncode == 0
 
 
+@pytest.mark.long
 def test_killed_with_9_it_goes_on_and_the_table_is_the_same(file, tmp_path, undisturbed):
     disturbed(file, tmp_path / "out", [2])
     table = (tmp_path / "out" / "campaign_lines" / "table.csv").read_bytes()

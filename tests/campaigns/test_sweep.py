@@ -102,6 +102,7 @@ def test_a_key_that_is_swept_may_not_be_set_as_well():
         sweep(KNOWN, {"law.kappa": [1, 2]}, {"law.kappa": 3})
 
 
+@pytest.mark.long
 def test_numbers_do_not_depend_on_how_many_run_at_a_time():
     """Bit for bit."""
     over = {"law.kappa": [2, 4, 8]}

@@ -74,6 +74,7 @@ def test_a_dry_run_checks_warns_and_estimates_but_runs_nothing(tmp_path, monkeyp
     assert not out.exists()
 
 
+@pytest.mark.long
 def test_several_at_a_time_give_the_same_bits_and_are_told_of_in_order(tmp_path):
     for jobs in (1, 2):
         out = tmp_path / str(jobs)

@@ -253,6 +253,7 @@ def test_overview_of_a_target(modified, null_space):
     assert levels == {-1.5, 1.5}
 
 
+@pytest.mark.long
 def test_values_that_are_not_finite_and_a_single_sample(modified, tmp_path):
     series = {name: values.copy() for name, values in modified.series.items()}
     for values in series.values():

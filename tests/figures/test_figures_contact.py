@@ -414,6 +414,7 @@ def test_overview(level, inclined, learned):
     } <= texts
 
 
+@pytest.mark.long
 def test_values_that_are_not_finite(level, tmp_path):
     series = {name: values.astype(float) for name, values in level.series.items()}
     for name in series.keys() - {"p_WE_desired", "v_WE_desired", "normal_force_desired"}:

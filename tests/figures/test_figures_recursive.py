@@ -218,6 +218,19 @@ def test_the_comparison(filters, printed, smooth, tmp_path, monkeypatch):
     assert legend == ["printed", "stretched"]
 
 
+def test_what_no_run_bounds_has_no_panel(smooth, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(
+        "drake_rnn.figures.comparison.save", lambda figure, file: drawn.append(figure)
+    )
+    arm = smooth.experiment.arm
+    free = arm.with_limits(arm.limits.replace(snap=None, crackle=None))
+    some = replace(smooth, experiment=replace(smooth.experiment, arm=free))
+    for runs, panels in (({"a": some, "b": some}, 5), ({"a": some, "b": smooth}, 7)):
+        comparison_figure({"": runs}, tmp_path / "x.png")
+        assert len(drawn.pop().get_axes()) == panels
+
+
 def test_the_comparison_is_a_page_wide(printed, smooth, tmp_path):
     file = comparison_figure({"circle": {"a": printed, "b": smooth}}, tmp_path / "compared.png")
     with Image.open(file) as image:

@@ -6,6 +6,7 @@ import pytest
 from drake_rnn import load_experiment, simulate
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("shape", "at_start"), [("circle", 3.83e-2), ("square", 1.61e-2)])
 def test_it_joins_a_path_at_speed_with_every_bound_held(shape, at_start):
     """At the start it is as far off as any law must be: within a tenth of the optimum."""

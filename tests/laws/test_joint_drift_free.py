@@ -463,6 +463,7 @@ def run(name, **changes):
     return simulate(load_experiment(name, {**FIXED, **changes}))
 
 
+@pytest.mark.long
 def test_an_outstretched_arm_is_warned_of_and_stays_finite():
     """J has no full rank at the start: errors of 2 mm on a circle of 10 mm."""
     path = {"kind": "circle", "size": 0.01, "period": 2, "timing": "sin2", "laps": 1}
@@ -522,7 +523,9 @@ class TestPositionLimit:
         assert result.metrics["saturated_fraction"] == 0.0
 
 
-@pytest.mark.parametrize("name", ["naljdf_clover", "galjdf_clover"])
+@pytest.mark.parametrize(
+    "name", ["naljdf_clover", pytest.param("galjdf_clover", marks=pytest.mark.long)]
+)
 def test_the_sampled_reading_nears_the_continuous_one(name):
     """Joint angles against Radau's, good to 1e-8 rad: each half of the period is a quarter off."""
     moving = {"path.period": 1.2, "limits.acceleration": 100, "duration": 0.3, "log_period": 0.05}

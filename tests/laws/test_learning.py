@@ -1,6 +1,7 @@
 """Learning a Jacobian from measured motion, and what holds of the paper's Theorem 1."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -19,6 +20,7 @@ def test_the_error_never_grows(J, J_hat, v, rho, period):
     assert after <= before * (1 + 1e-12)
 
 
+@pytest.mark.long
 @given(matrices, matrices, velocities, st.floats(1e-3, 1e-1))
 @settings(max_examples=25)
 def test_the_update_solves_the_differential_equation(J, J_hat, v, rho):

@@ -22,6 +22,7 @@ def test_without_active_bounds_it_rests_at_the_least_norm(seed):
     np.testing.assert_allclose(z[:7], np.linalg.pinv(one.rows) @ one.aims, atol=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scale", [0.01, 1.0, 100.0])
 def test_however_large_its_rows_a_period_is_stepped_without_growing(scale):
     """In one step of Runge and Kutta's method, rows of norm 100 would leave nothing finite."""

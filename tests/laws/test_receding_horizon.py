@@ -92,6 +92,7 @@ def test_what_lies_beyond_a_limit_ends_inside_it(shape):
     assert ratios.max() <= 1.0
 
 
+@pytest.mark.long
 @settings(max_examples=6)
 @given(seed=st.integers(0, 2**31), shape=st.sampled_from(list(BOUNDS)))
 def test_no_reference_breaks_a_bound(seed, shape):

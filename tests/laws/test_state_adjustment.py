@@ -78,6 +78,7 @@ class TestTheorem1:
     moves: see the drift in test_adjustment.py.
     """
 
+    @pytest.mark.long
     @settings(max_examples=15)
     @given(
         seed=st.integers(0, 2**32 - 1), rise_time=st.sampled_from([None, 3.0]), t=st.floats(0.1, 3)

@@ -67,7 +67,9 @@ def test_the_jacobian_is_known_when_it_is_over():
     assert moved[-1].max() < 1e-12
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(1, 5))]
+)
 def test_without_noise_it_tracks_and_every_bound_holds(seed):
     metrics = simulate(load_experiment("slc_nephroid_warm_up", {"seed": seed})).metrics
     assert metrics["position_error_max_m"] <= 0.5e-3

@@ -100,6 +100,7 @@ def test_the_invariant_is_lost_by_eulers_method():
     assert 1e-6 < lost["invariant_error_max_m"] < 1e-5
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name", ["state_adjustment", pytest.param("modified_state_adjustment", marks=pytest.mark.long)]
 )
@@ -149,6 +150,7 @@ def test_the_targets_error_is_traded_for_the_end_effectors_where_it_cannot_be_re
 class TestPastItsTime:
     """MSA for four times as long as its rise time."""
 
+    @pytest.mark.long
     def test_the_arm_rests_and_only_comes_nearer(self):
         result = run(CASE[1], duration=12.0, accept=None)
         after = result.time >= 3.0
@@ -243,7 +245,9 @@ def end_of(experiment, law, duration):
 
 class TestEveryLawOnEveryArm:
     @pytest.mark.parametrize("law", LAWS)
-    @pytest.mark.parametrize("name", [CASE[1], *ELSEWHERE])
+    @pytest.mark.parametrize(
+        "name", [CASE[1], *(pytest.param(name, marks=pytest.mark.long) for name in ELSEWHERE)]
+    )
     def test_every_bound_holds_and_the_target_is_reached(self, name, law):
         found = run(name, accept=None, **LAWS[law]).metrics
         assert broken(found) == {}

@@ -62,6 +62,7 @@ def connections(experiment):
 # The experiments.
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "error", "delay"),
     [(CIRCLE, 5e-3, 4.499), pytest.param(SQUARE, 2e-3, 2.716, marks=pytest.mark.long)],
@@ -199,6 +200,7 @@ def known():
     return metrics(LEARNING, **KNOWN)
 
 
+@pytest.mark.long
 def test_the_loop_is_stable_while_gain_times_delay_is_below_one(known, monkeypatch):
     """D is .22 s, kappa 4. Twice that gain is refused, and is lost; the bounds are not."""
     assert known["position_error_max_m"] < 1.5e-2

@@ -42,6 +42,7 @@ def test_the_end_effector_stays_on_its_path(found):
     assert found[0].result.metrics["position_error_max_m"] < 1e-6
 
 
+@pytest.mark.long
 def test_derivatives_scale_with_powers_of_the_stretch(found):
     """For a law that stays on its path; two per cent for differences over 10 ms."""
     path = {**found[0].experiment.document.contents()["path"]}

@@ -22,6 +22,14 @@ NAMES = [
     for name in shipped_experiments()
     if ("jdf" in name or name == "man_clover") and not name.endswith("_pen")
 ]
+# One run of each law, the last with motors.
+QUICK = (
+    "man_clover",
+    "galjdf_clover",
+    "naljdf_clover",
+    "moaljdf_parallelogram",
+    "naljdf_clover_dynamic",
+)
 # Runs that are there to be cut to their bound.
 CUT = ("galjdf_clover_bound",)
 # Largest position error [m] and velocity error [m/s], mean joint drift [rad], by lambda.
@@ -64,7 +72,10 @@ def clover():
     return get
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=() if name in QUICK else pytest.mark.long) for name in NAMES],
+)
 def test_it_comes_to_what_its_document_expects(name):
     result = run(name)
     for metric, accepted in result.experiment.document.accept.items():
@@ -229,6 +240,7 @@ class TestMoaljdf:
         assert left["moaljdf_parallelogram"] < 0.05
         assert left["moaljdf_parallelogram_printed"] > 0.7
 
+    @pytest.mark.long
     def test_weighing_torque_does_not_lower_it_along_the_path(self):
         """It is least at every instant, where the arm then is: greed that does not pay."""
         effort, drift = {}, {}
@@ -253,6 +265,7 @@ class TestWrongMasses:
             for arm in arms
         ]
 
+    @pytest.mark.long
     def test_the_printed_laws_error_is_that_of_the_masses_it_is_told_right_or_wrong(self):
         """Half the true masses: a third of the error with the true ones; twice: four times it."""
         light, right, heavy = self.errors("moaljdf_parallelogram_printed", 0.5, 1.0, 2.0)
@@ -299,13 +312,18 @@ class TestReference:
 
     @pytest.mark.parametrize(
         ("name", "bound"),
-        [("naljdf_clover", 5e-8), ("galjdf_clover", 5e-8), ("moaljdf_parallelogram", 1.5e-5)],
+        [
+            ("naljdf_clover", 5e-8),
+            ("galjdf_clover", 5e-8),
+            pytest.param("moaljdf_parallelogram", 1.5e-5, marks=pytest.mark.long),
+        ],
     )
     def test_the_joints_end_where_the_differential_equation_has_them(self, name, bound):
         result = run(name)
         exact = integrate(result.experiment)
         np.testing.assert_allclose(result.series["position"][-1], exact, atol=bound)
 
+    @pytest.mark.long
     def test_the_step_is_of_second_order(self):
         exact = integrate(load_experiment("naljdf_clover"))
         off = [

@@ -50,6 +50,7 @@ def test_it_comes_to_what_its_document_expects(name):
 
 
 class TestKinematic:
+    @pytest.mark.long
     def test_sampled_and_continuous_agree_as_the_period_shrinks(self):
         """The joints after 4 s: of second order, against Radau's method at 1e-8."""
         tight = {"scheme": "radau3", "accuracy": 1e-8}
@@ -182,6 +183,7 @@ class TestContact:
         assert fast["force_error_rms_N"] < 5e-4
         assert 5.5 < fast["normal_force_peak_N"] < 6.2
 
+    @pytest.mark.long
     def test_around_weak_motors_it_bounces(self):
         """Equal gains, with which the arm is slower than the force loop."""
         plant = {"stiffness": 2000, "damping": 60}
@@ -190,11 +192,13 @@ class TestContact:
         assert fast["force_error_rms_N"] > 3.7
         assert fast["normal_force_peak_N"] > 10.0
 
+    @pytest.mark.long
     def test_a_loop_that_is_ten_times_too_slow_is_not_there_yet(self):
         slow = metrics("contact_circle", duration=4, window=[2, 4], law__stiffness=80000)
         assert slow["force_error_mean_N"] < -1.5
         assert slow["normal_force_peak_N"] < 5.0
 
+    @pytest.mark.long
     @pytest.mark.parametrize(
         ("force", "gap"),
         [

@@ -67,6 +67,7 @@ def test_it_runs_by_yaml_in_a_fresh_folder(folder, changes, bound):
     assert metrics["position_error_max_m"] < bound
 
 
+@pytest.mark.long
 def test_it_is_swept_in_processes_of_their_own(folder):
     over = ("--over", "law.gain=5,10")
     run = command(folder, "sweep", "own_law.yaml", *over, "--jobs", "2", *SHORT)

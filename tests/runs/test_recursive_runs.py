@@ -15,6 +15,8 @@ LAWS = ["recursive_{}_printed", "recursive_{}", "pinv_{}", "rnn_{}_smooth", "str
 NAMES = [law.format(shape) for shape in SHAPES for law in LAWS]
 # Runs that are others under another name, see below.
 SAME = [law.format(shape) for shape in SHAPES for law in ("rnn_{}", "pinv_{}_smooth")]
+# One run of each law.
+QUICK = ("recursive_circle", "rnn_circle_smooth", "pinv_circle")
 # Of the errors as they were first measured [m].
 ERRORS = {
     "recursive_circle": 9.36e-4,
@@ -38,7 +40,11 @@ def ratios(result):
 
 
 @pytest.mark.parametrize(
-    "name", [*NAMES, *(pytest.param(name, marks=pytest.mark.long) for name in SAME)]
+    "name",
+    [
+        pytest.param(name, marks=() if name in QUICK else pytest.mark.long)
+        for name in (*NAMES, *SAME)
+    ],
 )
 def test_it_comes_to_what_its_document_expects(name):
     result = simulate(load_experiment(name))
@@ -120,7 +126,13 @@ def test_printed_with_one_or_two_levels_it_follows_within_its_bounds(shape, n, e
 
 @pytest.mark.parametrize(
     ("shape", "n", "error"),
-    [("circle", 3, 0.2), ("square", 3, 0.2), ("circle", 4, 0.5), ("square", 4, 0.5)],
+    [
+        ("circle", 3, 0.2),
+        *(
+            pytest.param(*case, marks=pytest.mark.long)
+            for case in (("square", 3, 0.2), ("circle", 4, 0.5), ("square", 4, 0.5))
+        ),
+    ],
 )
 def test_printed_with_more_it_swings_and_breaks_what_is_below_its_top(shape, n, error):
     """At the top, the rounding of differences over 10 ms is a few parts in 1e6."""

@@ -41,6 +41,7 @@ def test_encoders_of_20_bits_track_as_well_and_of_10_bits_worse(true):
     assert 1.5 * off(true) < off(run(sensing={"encoder_bits": 10})) < 1e-2
 
 
+@pytest.mark.long
 def test_so_it_is_with_an_arm_that_has_mass():
     changes = {"duration": 2.6, "window": [2.4, 2.6]}
     ideal = off(run(DYNAMIC, **changes))

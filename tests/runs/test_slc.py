@@ -104,12 +104,14 @@ def assert_it_is_faster(got):
     assert got["settling_time_s"] <= 2.6
 
 
+@pytest.mark.long
 def test_it_tracks_while_it_learns_from_random():
     got = metrics("slc_nephroid")
     assert_it_tracks_and_learns(got)
     assert got["joint_drift_max_rad"] <= 1e-3
 
 
+@pytest.mark.long
 def test_bounding_the_feedback_allows_a_larger_gain():
     assert_it_is_faster(metrics("slc_nephroid_fast"))
 
@@ -126,6 +128,7 @@ def test_a_larger_gain_learns_from_every_seed(seed):
     assert_it_is_faster(metrics("slc_nephroid_fast", seed=seed, accept={}, **SETTLED))
 
 
+@pytest.mark.long
 def test_with_virtual_noise_the_arm_keeps_the_acceleration_bound():
     got = metrics("slc_nephroid_virtual")
     assert got["joint_acceleration_max_rad_s2"] <= 1 + 1e-9
@@ -154,6 +157,7 @@ def test_an_arm_that_noise_moves_accelerates_whenever_noise_or_law_change(hold, 
     assert result.metrics["network_acceleration_max_rad_s2"] <= 1 + 1e-9
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name", ["slc_four_ring", pytest.param("slc_four_ring_per_joint", marks=pytest.mark.long)]
 )
@@ -208,6 +212,7 @@ class TestOnAnArmWithMotors:
 class TestAsPrinted:
     """Negative: v_WE = J v while the law sees v - n. See docs/simultaneous_learning.md."""
 
+    @pytest.mark.long
     def test_it_does_not_follow_the_path(self):
         got = metrics("slc_nephroid_printed", accept={}, **SETTLED)
         assert got["position_error_max_m"] > 50e-3
@@ -238,6 +243,7 @@ def test_it_starts_from_nothing_if_it_is_excited():
 PRINTED = {"law.multiplier_limit": "none", "law.position_bound": "printed"}
 
 
+@pytest.mark.long
 def test_a_large_gain_without_bounded_feedback_cycles_for_ever():
     """What slowing by eta costs: kappa 15 from .1 m off asks for more than it can accelerate."""
     free = metrics("slc_nephroid_known", **{"law.kappa": 15, **PRINTED})
@@ -322,6 +328,7 @@ class TestContinuousAndSampled:
         assert (orders > 0.85).all(), f"errors {errors}, orders {orders}"
         assert errors[-1] < 1e-3
 
+    @pytest.mark.long
     def test_the_continuous_reading_meets_the_same_figures(self):
         got = metrics("slc_nephroid_known_continuous")
         assert got["position_error_max_m"] <= 0.9e-3

@@ -82,7 +82,7 @@ class OnlineStiffness:
             return state
         slope, covariance = self._fitted(slope, covariance, root - last_root, depth - last_depth)
         slope = max(slope, self.floor) * self._initial_slope
-        return np.array([slope, min(covariance, 1.0), root, depth])
+        return np.array([slope, covariance, root, depth])
 
     def _update(self, state: Array, force: Any, desired: Any, depth: Any) -> Array:
         """Return what `update` does, of many robots."""
@@ -97,7 +97,7 @@ class OnlineStiffness:
         return joined(
             (
                 xp.where(learns, xp.maximum(relative, self.floor) * self._initial_slope, slope),
-                xp.where(learns, xp.minimum(narrower, 1.0), covariance),
+                xp.where(learns, narrower, covariance),
                 xp.where(kept, last_root, xp.where(presses, root, _NONE)),
                 xp.where(kept, last_depth, xp.where(presses, depth, 0.0)),
             )
@@ -118,6 +118,7 @@ class OnlineStiffness:
         gain = covariance * x / (self.forgetting + covariance * x * x)
         relative = slope / self._initial_slope
         relative = relative + gain * (y - relative * x)
+        # At most 1, as x is at least 1 in size.
         return relative, (covariance - gain * x * covariance) / self.forgetting
 
     def retreat_speed(self, state: Array, force: Any, desired: Any, gain: Any) -> Any:

@@ -118,11 +118,18 @@ class _Choice:
         if self._asked == "simulate":
             return "simulate"
         reason = why_not_law(checked.document, checked.law) or self._arms.shared(
-            "kinematics", checked.document.arm, lambda: why_not_arm(checked.arm)
+            "why not", _joints_of(checked.document.arm), lambda: why_not_arm(checked.arm)
         )
         if reason is not None and self._asked == "batch":
             raise InvalidInputError(f"method: may not be batch here; {reason}")
         return "batch" if reason is None else "simulate"
+
+
+def _joints_of(arm: str | Mapping[str, Any]) -> Any:
+    """Return what a document says of the kind of an arm's joints."""
+    if isinstance(arm, str):
+        return arm
+    return {key: value for key, value in arm.items() if key != "link_errors"}
 
 
 def shared_document(experiment: Described, changes: Mapping[str, Any]) -> dict[str, Any]:

@@ -8,7 +8,9 @@ from typing import Any, TypeVar
 
 from ..errors import InvalidInputError
 from ..inputs.complaints import plain
+from ..inputs.documents import construct
 from ..robot.arm import Arm
+from ..robot.link_error_settings import LinkErrorSettings
 from ..robot.load_arm import load_arm
 
 T = TypeVar("T")
@@ -35,6 +37,11 @@ class Arms:
         Raises:
             InvalidInputError: If there is no such arm, or a key of it is wrong.
         """
+        if isinstance(description, Mapping) and description.get("link_errors") is not None:
+            # There may be thousands of them, and to make one of another is quick.
+            rest = {key: value for key, value in description.items() if key != "link_errors"}
+            errors = construct(LinkErrorSettings, description["link_errors"], "arm.link_errors")
+            return self.of(rest).with_link_errors(errors)
         name = _text(description)
         if name not in self._known:
             self._known[name] = _loaded(description)

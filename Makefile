@@ -20,6 +20,7 @@ bench: $(VENV)/installed-dev
 	$(BIN)/python benchmarks/bench.py
 	$(BIN)/python benchmarks/contact_bench.py
 	$(BIN)/python benchmarks/batch_kinematics.py
+	$(BIN)/python benchmarks/many.py
 	$(BIN)/python benchmarks/run_bench.py
 
 mutants: $(VENV)/installed-mutants

@@ -27,6 +27,10 @@ from ..systems.normal_force import NormalForce
 from .checks import check_arguments, check_offers, check_parts, given_signals
 from .wiring import Ports, Wiring, ports_of
 
+#: Samples from one check of the force sensor to the next: each costs time, and a stuck sensor stays
+#: stuck.
+WATCHED = 10
+
 
 @dataclass(frozen=True)
 class Loop:
@@ -298,7 +302,6 @@ def _offer_contact(
 
 def _add_watch(wiring: Wiring, body: Body, normal_force: OutputPort, period: float) -> None:
     position = body.GetOutputPort("position")
-    # Every tenth sample only: each check costs time, and a stuck sensor stays stuck.
-    watch = wiring.add("force_watch", ForceWatch(position.size(), 10 * period))
+    watch = wiring.add("force_watch", ForceWatch(position.size(), WATCHED * period))
     wiring.connect(normal_force, watch.GetInputPort("normal_force"))
     wiring.connect(position, watch.GetInputPort("position"))

@@ -50,6 +50,7 @@ from .laws import (
 from .laws.parts.contact_loss import ContactLoss
 from .laws.parts.online_stiffness import OnlineStiffness
 from .laws.parts.warm_up import WarmUp
+from .many import Many, run_many, why_not
 from .measures import METRICS
 from .paths import (
     PATHS,
@@ -171,6 +172,7 @@ __all__ = [
     "Line",
     "LinkErrors",
     "Loop",
+    "Many",
     "ModelSurface",
     "MotionForce",
     "MovingAverage",
@@ -231,6 +233,7 @@ __all__ = [
     "read_campaign",
     "require_jax",
     "run_campaign",
+    "run_many",
     "screws_of",
     "shipped_arms",
     "shipped_experiments",
@@ -238,6 +241,7 @@ __all__ = [
     "simulate",
     "sweep",
     "validated",
+    "why_not",
     "with_link_errors",
     "write_figures",
     "write_playback",

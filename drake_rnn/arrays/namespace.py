@@ -41,6 +41,14 @@ def namespace(name: str, array: AnyArray) -> Any:
     return xp
 
 
+def is_foreign(value: AnyArray) -> bool:
+    """Return whether a value is an array, but not NumPy's; its entries may not be known yet."""
+    try:
+        return value.__array_namespace__() is not np and not isinstance(value, np.ndarray)
+    except AttributeError:
+        return False
+
+
 def robots_last(array: AnyArray, axes: int) -> AnyArray:
     """Return an array with the last ``axes`` of its axes in front, and robots side by side.
 

@@ -11,6 +11,16 @@ def field_names(cls: type) -> tuple[str, ...]:
     return tuple(getattr(cls, "__dataclass_fields__", ()))
 
 
+def unchecked(value: Any, **fields: Any) -> Any:
+    """Return a copy of a dataclass object with other values of some fields, which nothing checks.
+
+    So a field is set to what is no argument, as an entry for each of many robots.
+    """
+    made = object.__new__(type(value))
+    made.__dict__.update(fields_of(value) | fields)
+    return made
+
+
 def fields_of(value: object) -> dict[str, Any]:
     """Return the fields of a dataclass object by name; an empty mapping for any other object."""
     # Not listed one by one, so that code that copies or writes an object covers new fields too.

@@ -16,6 +16,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from ..arrays.namespace import is_foreign, namespace
 from ..errors import InvalidInputError
 from ..inputs.complaints import short
 
@@ -92,9 +93,12 @@ def _is_array(value: Any, shape: tuple[int, ...]) -> bool:
 
 def _check(law: Any, t: object, x: object, u: object) -> None:
     """Raise an InvalidInputError unless time, state and signals are those of the law."""
-    if not _is_number(t):
+    if not (_is_number(t) or (law.takes_many and is_foreign(t))):
         raise InvalidInputError(f"t: must be a finite time [s], not {short(t)}")
-    _require("x", x, (law.state.size,))
+    require = _require_of_many if law.takes_many else _require
+    if isinstance(x, np.ndarray) and x.shape[1:] and x.shape[-1] == law.state.size:
+        require_many(law)
+    require("x", x, (law.state.size,))
     if not isinstance(u, Mapping):
         raise InvalidInputError(f"u: must be a mapping of signals by name, not {short(u)}")
     for name, (_, shape) in law.inputs.parts.items():
@@ -102,7 +106,28 @@ def _check(law: Any, t: object, x: object, u: object) -> None:
             raise InvalidInputError(
                 f"u: {type(law).__name__} sees {', '.join(law.inputs.parts)}; there is no {name}"
             )
-        _require(name, u[name], shape)
+        require(name, u[name], shape)
+
+
+def require_many(law: Any) -> None:
+    """Raise an InvalidInputError if a law, or a reading of one, runs one robot at a time."""
+    if not law.takes_many:
+        raise InvalidInputError(
+            f"law: {type(law).__name__} runs one robot at a time; it has no algebra for many"
+        )
+
+
+def _require_of_many(name: str, value: Any, shape: tuple[int, ...]) -> None:
+    """Raise an InvalidInputError unless an array has this shape after axes of robots, if any."""
+    if not is_foreign(value):
+        own = value.shape[-len(shape) :] if isinstance(value, np.ndarray) else ()
+        _require(name, value, value.shape if own == shape else shape)
+        return
+    namespace(name, value)
+    if value.shape[-len(shape) :] != shape:
+        raise InvalidInputError(
+            f"{name}: must be an array of numbers, shape {shape}, not {value.shape}"
+        )
 
 
 def _require(name: str, value: object, shape: tuple[int, ...]) -> None:

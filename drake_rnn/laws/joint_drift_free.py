@@ -70,6 +70,17 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from ..arrays.algebra import (
+    acts,
+    clipped,
+    functions_of,
+    joined,
+    matmul,
+    matvec,
+    scaled,
+    solved,
+    transposed,
+)
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Gain, GainOrZero, Positive, Vector, Weight, between, validated
 from ..robot.limits import JointLimits
@@ -125,6 +136,7 @@ class JointDriftFree(ContinuousLaw):
     velocity: Literal["own", "measured"] = "own"
 
     stays_on_path = True
+    takes_many = True
 
     def __post_init__(self) -> None:
         if self.home.size != self.limits.size:
@@ -172,7 +184,7 @@ class JointDriftFree(ContinuousLaw):
 
     @cached_property
     def state(self) -> Layout:
-        return Layout(v=(self.home.size,), omega=(self.task_size,))
+        return Layout(v=(self.limits.size,), omega=(self.task_size,))
 
     @cached_property
     def inputs(self) -> Layout:
@@ -183,7 +195,7 @@ class JointDriftFree(ContinuousLaw):
     @cached_property
     def measured(self) -> dict[str, tuple[int, ...]]:
         """Shapes of the input signals that come from the arm, by name."""
-        n, m = self.home.size, self.task_size
+        n, m = self.limits.size, self.task_size
         shapes: dict[str, tuple[int, ...]] = {"position": (n,), "p_WE": (m,)}
         shapes |= {"J": (m, n), "Jdot_v": (m,)}
         if self.velocity == "measured":
@@ -194,7 +206,7 @@ class JointDriftFree(ContinuousLaw):
 
     @cached_property
     def observables(self) -> Layout:
-        n, m = self.home.size, self.task_size
+        n, m = self.limits.size, self.task_size
         shapes = {"acceleration_demand": (n,), "saturated": (1,)}
         own = {"torque": (n,)} if self.weighs_torque else {"velocity_error_predicted": (m,)}
         return Layout(**shapes, **own)
@@ -205,24 +217,25 @@ class JointDriftFree(ContinuousLaw):
         Args:
             u: J, Jdot_v, the desired signals and, for MOALJDF, M, bias and gravity, all at that
                 posture and time.
-            q: Joint positions, shape (n,) [rad].
-            p_WE: End effector's position, shape (m,) [m].
+            q: Joint positions, shape (..., n) [rad].
+            p_WE: End effector's position, shape (..., m) [m].
             ahead: Time for which q and p_WE advance with the unknown v [s].
         """
         J = u["J"]
-        gram = J.dot(J.T)
+        J_T = transposed(J)
+        gram = matmul(J, J_T)
         feedback = self.task_beta * self.task_gamma
         slip = self.task_beta + self.task_gamma
         error_0 = p_WE - u["p_WE_desired"]
         v_desired = u["v_WE_desired"]
 
-        pull = self.velocity_gain * J.T
+        pull = scaled(self.velocity_gain, J_T)
         composite = self.composite_gain
-        a_v = pull.dot((-1.0 - composite * ahead) * J)
-        a_0 = pull.dot(v_desired - composite * error_0 if composite else v_desired)
-        a_omega = J.T
-        weight = 0.0 if self.scheme == "man" else self.return_weight
-        if weight:
+        a_v = matmul(pull, scaled(-1.0 - composite * ahead, J))
+        a_0 = matvec(pull, v_desired - composite * error_0 if self._composes else v_desired)
+        a_omega = J_T
+        if self._returns:
+            weight = self.return_weight
             stiffness = self.return_beta * self.return_gamma
             drift_v = weight * (self.return_beta + self.return_gamma + stiffness * ahead)
             drift_0 = weight * stiffness * (q - self.home)
@@ -231,38 +244,49 @@ class JointDriftFree(ContinuousLaw):
                 drift_v, drift_0 = alpha * drift_v, alpha * drift_0
             if self.scheme in ("naljdf", "moaljdf"):
                 # I - J^+ J is symmetric: J^+ J = J^T S.
-                S = np.linalg.solve(gram + self._damping_matrix, J)
-                a_v += J.T.dot(drift_v * S)
-                drift_0 = drift_0 - J.T.dot(S.dot(drift_0))
-            a_v -= drift_v * self._identity
+                S = solved(gram + self._damping_matrix, J)
+                a_v = a_v + matmul(J_T, scaled(drift_v, S))
+                drift_0 = drift_0 - matvec(J_T, matvec(S, drift_0))
+            a_v = a_v - scaled(drift_v, self._identity)
             a_0 = a_0 - drift_0
         if self.weighs_torque:
             a_v, a_omega, a_0 = self._torque_weighted(u, a_v, a_omega, a_0)
 
         eta, delta = self.rate, self.position_gain
-        b_v = (-eta * delta * (slip + feedback * ahead)) * J
+        b_v = scaled(-eta * delta * (slip + feedback * ahead), J)
         b_0 = eta * (
             u["a_WE_desired"] - u["Jdot_v"] - delta * (feedback * error_0 - slip * v_desired)
         )
-        b_omega = -eta * gram
         if self.scheme == "moaljdf":
-            b_v, b_omega, b_0 = b_v - eta * (J @ a_v), -eta * (J @ a_omega), b_0 - eta * (J @ a_0)
+            b_v = b_v - scaled(eta, matmul(J, a_v))
+            b_omega = scaled(-eta, matmul(J, a_omega))
+            b_0 = b_0 - eta * matvec(J, a_0)
+        else:
+            b_omega = scaled(-eta, gram)
         return LinearForm(a_v, a_omega, a_0, b_v, b_omega, b_0)
+
+    @cached_property
+    def _composes(self) -> bool:
+        return acts(self.composite_gain)
+
+    @cached_property
+    def _returns(self) -> bool:
+        return self.scheme != "man" and acts(self.return_weight)
 
     def _torque_weighted(
         self, u: Signals, a_v: Array, a_omega: Array, a_0: Array
     ) -> tuple[Array, Array, Array]:
         """Return a_v, a_omega and a_0 with the torque weighted: (43), printed or corrected."""
-        n, m, alpha = self.home.size, self.task_size, self._kinematic_weight
+        n, m, alpha = self.limits.size, self.task_size, self._kinematic_weight
         M, zeta = u["M"], 1.0 - alpha
         kept = alpha if self.scheme == "moaljdf" else 1.0
         if self.scheme == "moaljdf_printed":
-            a_omega = alpha * a_omega
-        a_0 = a_0 - zeta * (M @ (u["bias"] - u["gravity"]))
-        terms = np.column_stack((a_v, a_omega, a_0))
-        solved = np.linalg.solve(kept * self._identity + zeta * (M @ M), terms)
-        a_v, a_omega, a_0 = (np.asarray(part) for part in np.split(solved, (n, n + m), axis=1))
-        return a_v, a_omega, a_0[:, 0]
+            a_omega = scaled(alpha, a_omega)
+        a_0 = a_0 - zeta * matvec(M, u["bias"] - u["gravity"])
+        terms = joined((a_v, a_omega, a_0[..., None]))
+        weighted = scaled(kept, self._identity) + scaled(zeta, matmul(M, M))
+        found = solved(weighted, terms)
+        return found[..., :n], found[..., n : n + m], found[..., n + m]
 
     def derivatives(self, t: float, x: Array, u: Signals) -> Array:
         """Return the right-hand side of (19), (29) or (43)."""
@@ -273,39 +297,42 @@ class JointDriftFree(ContinuousLaw):
         """Return the demanded accelerations and the rate of omega at one instant."""
         v, omega = self.state.split(x)
         form = self.linear_form(u, u["position"], u["p_WE"])
-        demand = form.a_v @ v + form.a_omega @ omega + form.a_0
-        return demand, form.b_v @ v + form.b_omega @ omega + form.b_0
+        demand = matvec(form.a_v, v) + matvec(form.a_omega, omega) + form.a_0
+        return demand, matvec(form.b_v, v) + matvec(form.b_omega, omega) + form.b_0
 
     def clipped(self, demand: Array) -> Array:
         """Return the accelerations clipped to their bounds, shape (..., n) [rad/s^2]."""
-        bound = self._bound
-        return np.minimum(np.maximum(demand, -bound), bound)
+        return clipped(demand, self._least, self._bound)
 
     def bounded(self, demand: Array, q: Array, v: Array, period: float) -> Array:
-        """Return the accelerations clipped to what ``bounds`` allows, shape (n,) [rad/s^2].
+        """Return the accelerations clipped to what ``bounds`` allows, shape (..., n) [rad/s^2].
 
         Args:
-            demand: Demanded accelerations, shape (n,) [rad/s^2].
-            q: Joint positions, shape (n,) [rad].
-            v: Joint velocities, shape (n,) [rad/s].
+            demand: Demanded accelerations, shape (..., n) [rad/s^2].
+            q: Joint positions, shape (..., n) [rad].
+            v: Joint velocities, shape (..., n) [rad/s].
             period: Time for which the accelerations are held [s].
         """
         if self.bounds == "acceleration":
             return self.clipped(demand)
         lower, upper = self.limits.acceleration_box(q, v, period)
-        return np.minimum(np.maximum(demand, lower), upper)
+        return clipped(demand, lower, upper)
 
     @cached_property
     def _damping_matrix(self) -> Array:
-        return self.damping**2 * np.eye(self.task_size)
+        return scaled(self.damping**2, np.eye(self.task_size))
 
     @cached_property
     def _identity(self) -> Array:
-        return np.eye(self.home.size)
+        return np.eye(self.limits.size)
 
     @cached_property
     def _bound(self) -> Array:
         return self.limits.require("acceleration", f"scheme: {self.scheme}")
+
+    @cached_property
+    def _least(self) -> Array:
+        return -self._bound
 
     @property
     def keeps(self) -> tuple[str, ...]:
@@ -351,13 +378,7 @@ class JointDriftFree(ContinuousLaw):
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         v = self.state.part(x, "v")
-        if x.ndim == 1:
-            demand, _ = self._rates(x, u)
-        else:
-            instants = ({name: value[k] for name, value in u.items()} for k in range(len(x)))
-            each = [self._rates(row, then)[0] for row, then in zip(x, instants, strict=True)]
-            # The reshape also handles a history without any instants.
-            demand = np.array(each).reshape(v.shape)
+        demand, _ = self._rates(x, u)
         return self.observed(demand, self.clipped(demand), v, u)
 
     def observed(self, demand: Array, v_dot: Array, v: Array, u: Signals) -> Signals:
@@ -369,23 +390,25 @@ class JointDriftFree(ContinuousLaw):
             v: Joint velocities, shape (..., n) [rad/s].
             u: Signals at the same instants.
         """
-        cut = (np.abs(v_dot - demand) > 1e-9).any(axis=-1, keepdims=True)
+        xp = functions_of(demand)
+        cut = (xp.abs(v_dot - demand) > 1e-9).any(axis=-1, keepdims=True)
         seen: dict[str, Array] = {"acceleration_demand": demand, "saturated": cut.astype(float)}
         if self.weighs_torque:
-            effort = np.einsum("...ij,...j->...i", u["M"], v_dot)
+            effort = xp.einsum("...ij,...j->...i", u["M"], v_dot)
             return seen | {"torque": effort + u["bias"] - u["gravity"]}
         return seen | {"velocity_error_predicted": self._velocity_error(v, u)}
 
     def _velocity_error(self, v: Array, u: Signals) -> Array:
         """Return the limit of the velocity error by Theorem 1, shape (..., m) [m/s]."""
         J, error = u["J"], u["p_WE"] - u["p_WE_desired"]
-        slip = np.einsum("...mn,...n->...m", J, v) - u["v_WE_desired"]
+        xp = functions_of(J)
+        slip = xp.einsum("...mn,...n->...m", J, v) - u["v_WE_desired"]
         d = (self.task_beta + self.task_gamma) * slip + self.task_beta * self.task_gamma * error
         towards = self.position_gain * d
         if self.scheme == "galjdf":
             stiffness = self.return_beta * self.return_gamma
             c = (self.return_beta + self.return_gamma) * v + stiffness * (u["position"] - self.home)
-            towards = towards + self.return_weight * np.einsum("...mn,...n->...m", J, c)
-        gram = J @ np.swapaxes(J, -1, -2) + self._damping_matrix
-        sigma = np.linalg.solve(gram, towards[..., np.newaxis])[..., 0]
-        return np.asarray(-sigma / self.velocity_gain - self.composite_gain * error)
+            towards = towards + self.return_weight * xp.einsum("...mn,...n->...m", J, c)
+        gram = J @ J.swapaxes(-1, -2) + self._damping_matrix
+        sigma = xp.linalg.solve(gram, towards[..., np.newaxis])[..., 0]
+        return -sigma / self.velocity_gain - self.composite_gain * error

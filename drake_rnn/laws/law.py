@@ -1,5 +1,13 @@
 """The base classes of all laws: neural dynamics as functions of arrays, without Drake.
 
+A law that `takes_many` robots is written once for one and for any number of them: states, signals,
+gains and results may have leading axes, the same or such as broadcast, in arrays of NumPy or of
+JAX, all of one kind. The functions in `drake_rnn.arrays.algebra` take either. For one robot in
+NumPy they are the plain ones. Where its numbers would decide which way the program goes, those of
+many choose between results: `drake_rnn.arrays.algebra.is_one`. `drake_rnn.laws.stacked` makes one
+law of many that differ in their numbers. A robot's result has the same bits in any company, and
+those that it has alone but for rounding.
+
 Each scheme is a `Law`. A controller runs one of its readings: the sampled one at a fixed period, or
 the continuous one with a Drake integrator. Most laws are their own readings and extend
 `SampledLaw`, `ContinuousLaw`, or both.
@@ -30,6 +38,10 @@ class Reading(ABC):
     `SampledReading.step` and `ContinuousReading.derivatives` check what they are given and raise an
     InvalidInputError that names it: a law's signals come from its user.
     """
+
+    #: Whether `step`, `derivatives`, `commanded_velocity` and `diagnostics` take leading axes of
+    #: robots, as the top of this file says. Else they take one robot at a time.
+    takes_many = False
 
     def __init_subclass__(cls, **options: object) -> None:
         super().__init_subclass__(**options)
@@ -76,8 +88,8 @@ class Reading(ABC):
         return np.zeros(self.state.size)
 
     def commanded_velocity(self, t: float, x: Array) -> Array:
-        """Return the commanded joint velocities, shape (n,) [rad/s], from time and state alone."""
-        return x[self._v]
+        """Return the commanded joint velocities, of time and state, shape (..., n) [rad/s]."""
+        return x[self._v] if x.ndim == 1 else x[..., self._v]
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         """Return the observables, by name; they are recorded, and nothing in the loop may use them.
@@ -101,12 +113,12 @@ class SampledReading(Reading):
 
     @abstractmethod
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
-        """Return the state one period later, shape (state.size,).
+        """Return the state one period later, shape (..., state.size).
 
         Args:
             t: Time of the sample [s].
-            x: State, shape (state.size,); must not be modified.
-            u: Signals at the sample.
+            x: State, shape (..., state.size); must not be modified.
+            u: Signals at the sample, by name, of the shape in `inputs` after any leading axes.
             period: Time until the next sample [s].
         """
 
@@ -116,7 +128,7 @@ class ContinuousReading(Reading):
 
     @abstractmethod
     def derivatives(self, t: float, x: Array, u: Signals) -> Array:
-        """Return the time derivative of the state, shape (state.size,)."""
+        """Return the time derivative of the state, shape (..., state.size)."""
 
 
 @dataclass(frozen=True)

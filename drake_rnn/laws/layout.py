@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ..arrays.algebra import functions_of
 from ..errors import InvalidInputError
 from ..inputs.complaints import short
 from ..inputs.fields import Array
@@ -51,9 +52,35 @@ class Layout:
         at, shape = self.parts[name]
         return x[..., at].reshape(x.shape[:-1] + shape)
 
+    def replaced(self, x: Array, **values: Array) -> Array:
+        """Return a copy of ``x``, shape (..., size), with other values of some parts."""
+        places = [(self.parts[name][0], name) for name in values]
+        if not isinstance(x, np.ndarray):
+            for at, name in places:
+                x = x.at[..., at].set(values[name].reshape((*x.shape[:-1], -1)))
+            return x
+        # In the order of memory of what is copied.
+        x = x.copy(order="K")
+        for at, name in places:
+            x[..., at] = values[name].reshape((*x.shape[:-1], -1))
+        return x
+
     def join(self, *values: Array) -> Array:
-        """Return the flat vector of the given parts, shape (size,)."""
-        return np.concatenate([value.ravel() for value in values])
+        """Return the flat vector of the given parts, shape (..., size).
+
+        Their leading axes are broadcast against each other.
+        """
+        if values[0].ndim == len(self._places[0][1]) and isinstance(values[0], np.ndarray):
+            return np.concatenate([value.ravel() for value in values])
+        xp = functions_of(*values)
+        shapes = [shape for _, shape in self._places]
+        leads = [v.shape[: v.ndim - len(s)] for v, s in zip(values, shapes, strict=True)]
+        lead = np.broadcast_shapes(*leads)
+        whole = (
+            xp.broadcast_to(v, lead + s).reshape((*lead, -1))
+            for v, s in zip(values, shapes, strict=True)
+        )
+        return xp.concatenate(list(whole), axis=-1)
 
 
 def _check_shape(name: str, shape: object) -> None:

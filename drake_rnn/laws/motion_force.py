@@ -74,6 +74,7 @@ from typing import Literal
 
 import numpy as np
 
+from ..arrays.algebra import acts, flat, functions_of, joined, matmul, matvec
 from ..errors import InvalidInputError
 from ..inputs.fields import (
     Array,
@@ -156,6 +157,8 @@ class MotionForce(SampledLaw, ContinuousLaw):
     time_constant: TimeConstant = 1e-3
     multiplier_limit: Positive | Literal["none"] = 10.0
     limit_stiffness: Gain = 10.0
+
+    takes_many = True
 
     def __post_init__(self) -> None:
         learned = isinstance(self.stiffness, OnlineStiffness)
@@ -293,30 +296,29 @@ class MotionForce(SampledLaw, ContinuousLaw):
         """Return the right-hand side of (19), (21) or (22)."""
         self.continuous()  # refuses a law that is not
         J_hat = self.state.part(x, "J_hat") if self._learns else u["J"]
-        z = x[: self._dual_end]
+        z = x[..., : self._dual_end]
         z_dot = self._bounded_rate(self._network(x, u, J_hat).rate(z), z, u)
         if not self._learns:
             return z_dot
         rate = gradient(J_hat, u["velocity"], u["v_WE"], self.rho)
-        return np.concatenate((z_dot, rate.ravel()))
+        return joined((z_dot, flat(rate)))
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
         """Integrate the learning exactly, with its inputs held; then the network by Runge-Kutta."""
         x = self._learn(x, u, period)
         J_hat = self.state.part(x, "J_hat") if self._learns else u["J"]
-        z = self._network(x, u, J_hat).after(x[: self._dual_end], period)
-        z = self._bounded(z, u)
-        if z.size == x.size:
-            return np.asarray(z)
-        return np.concatenate((z, x[z.size :]))
+        end = self._dual_end
+        z = self._bounded(self._network(x, u, J_hat).after(x[..., :end], period), u)
+        return z if end == self.state.size else joined((z, x[..., end:]))
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         J = u["J"] if self.jacobian != "learned" else self.state.part(x, "J_hat")
         dual = x[..., self.limits.size : self._dual_end]
         _, columns = self._rows(J, J, u)
-        sought = -np.einsum("...m,...mn->...n", dual, columns)
-        if self.return_gain > 0.0:
-            sought += self._preferred(u)
+        xp = functions_of(x, columns)
+        sought = -xp.einsum("...m,...mn->...n", dual, columns)
+        if acts(self.return_gain):
+            sought = sought + self._preferred(u)
         lower, upper = self.limits.velocity_box(u["position"], self.limit_stiffness)
         outside = ((sought < lower) | (sought > upper)).any(axis=-1, keepdims=True)
         told = {
@@ -325,7 +327,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
             "saturated": outside.astype(float),
         }
         if self.orientation == "printed":
-            singular = np.linalg.svd(self._orientation_rows(u), compute_uv=False)
+            singular = xp.linalg.svd(self._orientation_rows(u), compute_uv=False)
             told["orientation_rank"] = (singular > 0.02).sum(axis=-1, keepdims=True).astype(float)
         if self.contact_loss is not None:
             phase = self.state.part(x, "contact")[..., :1]
@@ -376,27 +378,34 @@ class MotionForce(SampledLaw, ContinuousLaw):
 
     def _bounded(self, z: Array, u: Signals) -> Array:
         """Return the network's state with its multipliers bounded."""
-        if self.multiplier_limit == "none":
-            return z
         limit = self.multiplier_limit
-        v, multipliers, turning = np.split(z, self._dual_starts)
+        if isinstance(limit, str):
+            return z
+        v, multipliers, turning = self._parts(z)
         pushing = within(multipliers, limit, self._split(u))
-        return np.concatenate((v, pushing, within(turning, limit)))
+        return joined((v, pushing, within(turning, limit)))
 
     def _bounded_rate(self, rate: Array, z: Array, u: Signals) -> Array:
         """Return the network's rate, which does not lead beyond the bound of the multipliers."""
-        if self.multiplier_limit == "none":
-            return rate
         limit = self.multiplier_limit
-        _, multipliers, turning = np.split(z, self._dual_starts)
-        v_dot, pushing, turning_rate = np.split(rate, self._dual_starts)
+        if isinstance(limit, str):
+            return rate
+        _, multipliers, turning = self._parts(z)
+        v_dot, pushing, turning_rate = self._parts(rate)
         pushing = not_outward(pushing, multipliers, limit, self._split(u))
-        return np.concatenate((v_dot, pushing, not_outward(turning_rate, turning, limit)))
+        return joined((v_dot, pushing, not_outward(turning_rate, turning, limit)))
+
+    def _parts(self, z: Array) -> tuple[Array, Array, Array]:
+        """Return velocities, multipliers and those of the orientation."""
+        first, second = self._dual_starts
+        return z[..., :first], z[..., first:second], z[..., second:]
 
     @cached_property
-    def _dual_starts(self) -> list[int]:
-        names = ("multipliers", "orientation_multipliers")
-        return [self.state.parts[name][0].start for name in names]
+    def _dual_starts(self) -> tuple[int, int]:
+        first, second = (
+            self.state.parts[name][0].start for name in ("multipliers", "orientation_multipliers")
+        )
+        return first, second
 
     def _split(self, u: Signals) -> Array | None:
         """Return the rows A of the literal form, by which its multipliers act on the tip."""
@@ -406,16 +415,13 @@ class MotionForce(SampledLaw, ContinuousLaw):
 
     def _learn(self, x: Array, u: Signals, period: float) -> Array:
         """Return the state with Jacobian, stiffness and contact updated from one sample."""
-        feels = bool(self._task.parts())
-        if not (self._learns or feels):
-            return x
-        x = x.copy()
+        known: dict[str, Array] = {}
         if self._learns:
             J_hat = self.state.part(x, "J_hat")
-            J_hat[:] = rank_one_update(J_hat, u["velocity"], u["v_WE"], self.rho, period)
-        if feels:
-            self._task.feel(self.state, x, u, period)
-        return x
+            known["J_hat"] = rank_one_update(J_hat, u["velocity"], u["v_WE"], self.rho, period)
+        if self._task.parts():
+            known |= self._task.felt(self.state, x, u, period)
+        return self.state.replaced(x, **known) if known else x
 
     def _network(self, x: Array, u: Signals, J_hat: Array) -> PrimalDual:
         """Return the network with its inputs held for one sample."""
@@ -424,14 +430,14 @@ class MotionForce(SampledLaw, ContinuousLaw):
         wanted = self._task.tip_velocity(self.state, x, u)
         split = self._split(u)
         if split is not None:
-            wanted = split @ wanted
-        turn = np.zeros(4)
+            wanted = matvec(split, wanted)
+        turn = np.zeros((*wanted.shape[:-1], 4))
         if self.orientation == "rotation":
             back = self.orientation_gain * rotation_error(u["R_WE"], u["R_WE_desired"])
             turn = u["w_WE_desired"] + back
         lower, upper = self.limits.velocity_box(u["position"], self.limit_stiffness)
-        aims = np.concatenate((wanted, turn))
-        preferred = self._preferred(u) if self.return_gain > 0.0 else None
+        aims = joined((wanted, turn))
+        preferred = self._preferred(u) if acts(self.return_gain) else None
         return PrimalDual(drive, rows, aims, lower, upper, self.time_constant, preferred)
 
     def _preferred(self, u: Signals) -> Array:
@@ -451,7 +457,8 @@ class MotionForce(SampledLaw, ContinuousLaw):
         A = self._split(u)
 
         def stacked(J: Array) -> Array:
-            return np.concatenate((J if A is None else A @ J, H), axis=-2)
+            rows = (J if A is None else matmul(A, J), H)
+            return functions_of(*rows).concatenate(rows, axis=-2)
 
         rows = stacked(J_sense)
         return rows, rows if J_drive is J_sense else stacked(J_drive)

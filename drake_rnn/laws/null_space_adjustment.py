@@ -18,12 +18,12 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Literal
 
-import numpy as np
-
+from ..arrays.algebra import functions_of, joined
 from ..inputs.fields import Array, GainOrZero, Time, Weight, validated
 from ..robot.rotation import rotation_error
 from .layout import Layout, Signals
-from .parts.rise import smooth_rise
+from .parts.held_joints import velocity_within
+from .parts.rise import column, smooth_rise
 from .posture_law import PostureLaw
 
 
@@ -45,6 +45,8 @@ class NullSpaceAdjustment(PostureLaw):
     feedback: GainOrZero = 50.0
     damping: Weight = 1e-3
 
+    takes_many = True
+
     @property
     def rates(self) -> dict[str, float]:
         """See `PostureLaw.rates`."""
@@ -57,18 +59,18 @@ class NullSpaceAdjustment(PostureLaw):
 
     @cached_property
     def state(self) -> Layout:
-        return Layout(v=self.target.shape)
+        return Layout(v=(self.limits.size,))
 
     @cached_property
     def inputs(self) -> Layout:
-        n, m = self.target.size, self.task_size
+        n, m = self.limits.size, self.task_size
         position = {"p_WE": (min(m, 3),), "p_WE_desired": (min(m, 3),)}
         rotation = {"R_WE": (3, 3), "R_WE_desired": (3, 3)} if m == 6 else {}
         return Layout(position=(n,), J=(m, n), **position, **rotation)
 
     @cached_property
     def observables(self) -> Layout:
-        n = self.target.size
+        n = self.limits.size
         return Layout(velocity_lower=(n,), velocity_upper=(n,), saturated=(1,))
 
     def velocity_box(self, t: float | Array, q: Array) -> tuple[Array, Array]:
@@ -77,16 +79,18 @@ class NullSpaceAdjustment(PostureLaw):
         A joint that starts outside its limits is brought back gradually, like the pull.
         """
         lower, upper = self.limits.velocity_box(q, self.limit_stiffness)
-        share = np.asarray(smooth_rise(t, self.ramp_time))[..., np.newaxis]
-        return np.where(lower > 0, share * lower, lower), np.where(upper < 0, share * upper, upper)
+        share = smooth_rise(column(t), self.ramp_time)
+        where = functions_of(q).where
+        return where(lower > 0, share * lower, lower), where(upper < 0, share * upper, upper)
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
         q = u["position"]
         error = u["p_WE_desired"] - u["p_WE"]
         if self.task_size == 6:
-            error = np.concatenate((rotation_error(u["R_WE"], u["R_WE_desired"]), error))
+            error = joined((rotation_error(u["R_WE"], u["R_WE_desired"]), error))
         pull = smooth_rise(t, self.ramp_time) * self.rate * (self.target - q)
-        return self._bounded(u["J"], self.feedback * error, pull, *self.velocity_box(t, q))
+        bounds = self.velocity_box(t, q)
+        return velocity_within(u["J"], self.feedback * error, pull, bounds, self.damping)
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         lower, upper = self.velocity_box(t, u["position"])
@@ -97,30 +101,3 @@ class NullSpaceAdjustment(PostureLaw):
             "velocity_upper": upper,
             "saturated": at_bound.any(axis=-1, keepdims=True).astype(float),
         }
-
-    def _bounded(
-        self, J: Array, task_velocity: Array, pull: Array, lower: Array, upper: Array
-    ) -> Array:
-        """Return the velocities within bounds, nearest to ``pull``, that give ``task_velocity``."""
-        m, n = J.shape
-        damping = self.damping**2 * np.eye(m)
-        free = np.ones(n)
-        held = np.zeros(n)
-        for _ in range(n):
-            J_free = J * free
-            v = held + free * pull
-            v = v + J_free.T @ np.linalg.solve(J_free @ J_free.T + damping, task_velocity - J @ v)
-            excess = np.maximum(lower - v, v - upper) * free
-            worst = int(np.argmax(excess))
-            if excess[worst] <= 0.0:
-                return v
-            if free.sum() <= m or not np.isfinite(v).all():
-                break
-            free[worst] = 0.0
-            held[worst] = min(max(v[worst], lower[worst]), upper[worst])
-        # Go from the allowed velocity nearest to rest towards v, as far as all bounds permit.
-        rest = np.minimum(np.maximum(0.0, lower), upper)
-        change = v - rest
-        room = np.where(change > 0, upper - rest, rest - lower)
-        share = np.divide(room, np.abs(change), out=np.ones(n), where=np.abs(change) > room)
-        return rest + float(share.min()) * change

@@ -15,8 +15,7 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Literal
 
-import numpy as np
-
+from ..arrays.algebra import joined
 from ..inputs.fields import Array, Flag, GainOrZero, Weight, validated
 from ..robot.limits import JointLimits
 from ..robot.rotation import rotation_error
@@ -46,6 +45,7 @@ class Pseudoinverse(SampledLaw):
     damping: Weight = 1e-6
 
     stays_on_path = True
+    takes_many = True
 
     @cached_property
     def state(self) -> Layout:
@@ -83,11 +83,11 @@ class Pseudoinverse(SampledLaw):
         if self.feed_forward:
             asked = asked + (u["p_preview"] - desired) / period
         if self._turns:
-            asked = np.concatenate((self._turning(u, period), asked))
+            asked = joined((self._turning(u, period), asked))
         return damped_joint_velocity(u["J"], asked, self.damping)
 
     def _turning(self, u: Signals, period: float) -> Array:
-        """Return the angular velocity that is asked for, shape (3,) [rad/s]."""
+        """Return the angular velocity that is asked for, shape (..., 3) [rad/s]."""
         desired = u["R_WE_desired"]
         asked = self.feedback * rotation_error(u["R_WE"], desired)
         if self.feed_forward:

@@ -43,6 +43,7 @@ from typing import Literal
 
 import numpy as np
 
+from ..arrays.algebra import clipped, functions_of, is_one, matmul, vecmat
 from ..inputs.fields import Array, Gain, Vector, validated
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
 from .law import SampledLaw
@@ -74,6 +75,7 @@ class Recursive(SampledLaw):
     task_size: Literal[2, 3] = 3
 
     stays_on_path = True
+    takes_many = True
 
     def __post_init__(self) -> None:
         n = self.gains.size
@@ -108,7 +110,7 @@ class Recursive(SampledLaw):
 
     @cached_property
     def state(self) -> Layout:
-        joints, n = self.limits.size, self.gains.size
+        joints, n = self.limits.size, self.gains.shape[-1]
         levels = max(1, n - 1) if self.reading == "printed" else n
         return Layout(v=(joints,), **({"levels": (levels - 1, joints)} if levels > 1 else {}))
 
@@ -123,30 +125,33 @@ class Recursive(SampledLaw):
 
     @cached_property
     def _bounds(self) -> list[Array]:
-        return [self.limits.require(name, "its level") for name in _ORDERS[: self.gains.size]]
+        return [self.limits.require(name, "its level") for name in _ORDERS[: self.gains.shape[-1]]]
 
     def targets(self, x: Array, u: Signals) -> Array:
         """Return the targets w_1 to w_n of (8), shape (..., n, joints)."""
         levels = x.reshape(*x.shape[:-1], -1, self.limits.size)
         error = u["p_WE"] - u["p_WE_desired"]
         lower, upper = self.limits.velocity_box(u["position"], self.limit_stiffness)
-        sought = -self.gains[0] * np.einsum("...mn,...m->...n", u["J"], error)
-        found = [np.minimum(np.maximum(sought, lower), upper)]
-        for i in range(1, self.gains.size):
-            sought = -self.gains[i] * (levels[..., i - 1, :] - found[-1])
-            found.append(np.clip(sought, -self._bounds[i], self._bounds[i]))
-        return np.stack(found, axis=-2)
+        descent = _descent(u["J"], error)
+        found = [clipped(-self.gains[..., :1] * descent, lower, upper)]
+        for i in range(1, self.gains.shape[-1]):
+            sought = -self.gains[..., i : i + 1] * (levels[..., i - 1, :] - found[-1])
+            found.append(clipped(sought, -self._bounds[i], self._bounds[i]))
+        return functions_of(*found).stack(found, axis=-2)
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
         """Integrate the chain or the filters exactly, with the targets held over the period."""
         targets = self.targets(x, u)
         if self.time_constants is not None:
-            left = np.exp(-period / self.time_constants)[:, np.newaxis]
-            return (targets + left * (x.reshape(targets.shape) - targets)).ravel()
-        if self.gains.size == 1:
-            return targets[0]
-        chain = np.vstack((x.reshape(-1, self.limits.size), targets[-1]))
-        return (self._powers(period, len(chain)) @ chain)[:-1].ravel()
+            exp = functions_of(self.time_constants).exp
+            left = exp(-period / self.time_constants)[..., np.newaxis]
+            return (targets + left * (x.reshape(targets.shape) - targets)).reshape(x.shape)
+        if self.gains.shape[-1] == 1:
+            return targets[..., 0, :]
+        levels = x.reshape(*x.shape[:-1], -1, self.limits.size)
+        chain = functions_of(x, targets).concatenate((levels, targets[..., -1:, :]), axis=-2)
+        powers = self._powers(period, chain.shape[-2])
+        return matmul(powers, chain)[..., :-1, :].reshape(x.shape)
 
     @staticmethod
     def _powers(period: float, size: int) -> Array:
@@ -160,6 +165,14 @@ class Recursive(SampledLaw):
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         targets = self.targets(x, u)
-        top = np.abs(targets[..., -1, :])
+        top = functions_of(targets).abs(targets[..., -1, :])
         bound = self._bounds[-1]
         return {"saturated": (top >= bound * (1 - 1e-9)).any(axis=-1, keepdims=True).astype(float)}
+
+
+def _descent(J: Array, error: Array) -> Array:
+    """Return J^T e, shape (..., n)."""
+    if is_one(error):
+        # Its bits are older than the other function.
+        return np.einsum("...mn,...m->...n", J, error)
+    return vecmat(error, J)

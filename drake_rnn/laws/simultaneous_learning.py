@@ -56,11 +56,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from math import ceil, sqrt
-from typing import Literal
+from math import ceil
+from typing import Any, Literal
 
 import numpy as np
 
+from ..arrays.algebra import (
+    Product,
+    chosen,
+    clipped,
+    flat,
+    functions_of,
+    is_one,
+    joined,
+    products,
+)
+from ..arrays.substeps import Parts, in_steps
 from ..errors import InvalidInputError
 from ..inputs.fields import (
     Array,
@@ -81,12 +92,16 @@ from .parts.braking import Braking
 from .parts.few_substeps import check_substeps
 from .parts.kept_limits import kept_with_lag
 from .parts.learning import gradient, rank_one_update
+from .parts.stable_steps import stable_steps
 from .parts.warm_up import WarmUp
 
 # Distance from the path that counts as none [m].
 _NEAR = 1e-6
 # Ratio of the deceleration asked for to that possible, from which on some arms cycled for ever.
 _CYCLES = 8.0
+
+# v -> J v and y -> J^T y; pull, lower, upper, task velocity; inverse of the acceleration bounds.
+_Held = tuple[Product, Product, Array, Array, Array, Array, Array | None]
 
 
 @validated
@@ -136,6 +151,8 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
     J_hat_initial: Literal["uniform", "zero", "exact"] = "uniform"
     warm_up: WarmUp | None = None
     substeps: Count | None = None
+
+    takes_many = True
 
     def __post_init__(self) -> None:
         if self.home.size != self.limits.size:
@@ -201,14 +218,14 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
 
     @cached_property
     def state(self) -> Layout:
-        n, m = self.home.size, self.task_size
+        n, m = self.limits.size, self.task_size
         if self.jacobian == "known":
             return Layout(v=(n,), multipliers=(m,))
         return Layout(v=(n,), multipliers=(m,), J_hat=(m, n))
 
     @cached_property
     def inputs(self) -> Layout:
-        n, m = self.home.size, self.task_size
+        n, m = self.limits.size, self.task_size
         task = {"p_WE": (m,), "p_WE_desired": (m,), "v_WE_desired": (m,)}
         if self.jacobian == "known":
             return Layout(position=(n,), **task, J=(m, n))
@@ -216,7 +233,7 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
 
     @cached_property
     def observables(self) -> Layout:
-        n = self.home.size
+        n = self.limits.size
         return Layout(
             velocity_lower=(n,), velocity_upper=(n,), acceleration_demand=(n,), saturated=(1,)
         )
@@ -228,7 +245,7 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
             return None
         bound = self.limits.require("acceleration", "the acceleration bound")
         if self.acceleration_bound == "scalar":
-            bound = np.full(bound.size, bound.min())
+            return bound.min(axis=-1, keepdims=True) + np.zeros(bound.shape[-1])
         return bound
 
     @cached_property
@@ -244,7 +261,7 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
         return Braking(self.limits, self._bound, self.limit_stiffness)
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
-        n, m = self.home.size, self.task_size
+        n, m = self.limits.size, self.task_size
         at_rest = [np.zeros(n), np.zeros(m)]
         if self.jacobian == "known":
             return self.state.join(*at_rest)
@@ -283,14 +300,22 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
 
     def derivatives(self, t: float, x: Array, u: Signals) -> Array:
         """Return the right-hand side of (16), (19) or (20)."""
-        if self.warm_up is not None and t < self.warm_up.duration(self.home.size):
-            return self._warm_up_derivatives(self.warm_up, t, x, u)
+        warm_up = self.warm_up
+        if warm_up is None:
+            return self._rates(x, u)
+        return chosen(
+            t < warm_up.duration(self.limits.size),
+            lambda: self._warm_up_derivatives(warm_up, t, x, u),
+            lambda: self._rates(x, u),
+        )
+
+    def _rates(self, x: Array, u: Signals) -> Array:
         v, multipliers, *learned = self.state.split(x)
         J = learned[0] if learned else u["J"]
-        v_dot, multipliers_dot = self._network(v, multipliers, J, *self._terms(u))
+        v_dot, multipliers_dot = self._network(v, multipliers, self._held(u, J))
         if self._braking is not None:
             v_dot = self._braking.rate(v_dot, v, u["position"])
-        if self.multiplier_limit != "none":
+        if not isinstance(self.multiplier_limit, str):
             multipliers_dot = not_outward(multipliers_dot, multipliers, self.multiplier_limit)
         if not learned:
             return self.state.join(v_dot, multipliers_dot)
@@ -303,42 +328,48 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
         The velocity that is then cut to brake in time is also the network's own, and its
         multipliers are bounded, so that neither winds up.
         """
-        if self.warm_up is not None and t + period <= self.warm_up.duration(self.home.size):
-            return self._warm_up_step(self.warm_up, t, x, u, period)
-        if self.jacobian == "known":
-            v, multipliers = self.state.split(x)
+        warm_up = self.warm_up
+        if warm_up is None:
+            return self._task_step(x, u, period)
+        return chosen(
+            t + period <= warm_up.duration(self.limits.size),
+            lambda: self._warm_up_step(warm_up, t, x, u, period),
+            lambda: self._task_step(x, u, period),
+        )
+
+    def _task_step(self, x: Array, u: Signals, period: float) -> Array:
+        before, multipliers, *learned = self.state.split(x)
+        if learned:
+            J = rank_one_update(learned[0], u["velocity"], u["v_WE"], self.rho, period)
+        else:
             J = u["J"]
-        else:
-            v, multipliers, J_hat = self.state.split(x)
-            J = rank_one_update(J_hat, u["velocity"], u["v_WE"], self.rho, period)
-        terms = self._terms(u)
-        if self.substeps is None:
-            J_flat = J.ravel()
-            substeps = max(1, ceil(self.rate * period * max(1.0, J_flat.dot(J_flat)) - 1e-9))
-        else:
-            substeps = self.substeps
-        h = period / substeps
-        for _ in range(substeps):
-            v_dot, multipliers_dot = self._network(v, multipliers, J, *terms)
-            v = v + h * v_dot
-            multipliers = multipliers + h * multipliers_dot
+        held = self._held(u, J)
+
+        def advance(parts: Parts, k: Any, h: Any) -> Parts:
+            v, multipliers = parts
+            v_dot, multipliers_dot = self._network(v, multipliers, held)
+            return v + h * v_dot, multipliers + h * multipliers_dot
+
+        count: Any = self.substeps
+        if count is None:
+            count = stable_steps(self.rate * period, J)
+        v, multipliers = in_steps(advance, (before, multipliers), period, count)
         braking = self._braking
-        if braking is not None and not braking.is_idle(terms[1], terms[2], period):
-            v = braking.held(v, x[: v.size], u["position"], period)
-        if self.multiplier_limit != "none":
+        if braking is not None and not braking.is_idle(held[3], held[4], period):
+            v = braking.held(v, before, u["position"], period)
+        if not isinstance(self.multiplier_limit, str):
             multipliers = within(multipliers, self.multiplier_limit)
-        if self.jacobian == "known":
-            return np.concatenate((v, multipliers))
-        return np.concatenate((v, multipliers, J.ravel()))
+        return joined((v, multipliers, flat(J)) if learned else (v, multipliers))
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         v, multipliers, *learned = self.state.split(x)
         J = learned[0] if learned else u["J"]
         q = u["position"]
         lower, upper = self.limits.velocity_box(q, self.limit_stiffness)
-        drawn = np.einsum("...m,...mn->...n", multipliers, J) - self.return_gain * (q - self.home)
-        demand = self.rate * (_clip(drawn, lower, upper) - v)
-        ratio = np.zeros(1) if self._inverse_bound is None else np.abs(demand * self._inverse_bound)
+        xp = functions_of(x)
+        drawn = xp.einsum("...m,...mn->...n", multipliers, J) - self.return_gain * (q - self.home)
+        demand = self.rate * (clipped(drawn, lower, upper) - v)
+        ratio = np.zeros(1) if self._inverse_bound is None else xp.abs(demand * self._inverse_bound)
         return {
             "velocity_lower": lower,
             "velocity_upper": upper,
@@ -347,7 +378,7 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
         }
 
     def _warm_up_derivatives(self, warm_up: WarmUp, t: float, x: Array, u: Signals) -> Array:
-        v_dot = warm_up.joint_acceleration(t, self.home.size)
+        v_dot = self._of_each(warm_up.joint_acceleration(t, self.limits.size), x)
         still = np.zeros(self.task_size)
         if self.jacobian == "known":
             return self.state.join(v_dot, still)
@@ -357,7 +388,7 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
     def _warm_up_step(
         self, warm_up: WarmUp, t: float, x: Array, u: Signals, period: float
     ) -> Array:
-        v = warm_up.joint_velocity(t + period, self.home.size)
+        v = self._of_each(warm_up.joint_velocity(t + period, self.limits.size), x)
         still = np.zeros(self.task_size)
         if self.jacobian == "known":
             return self.state.join(v, still)
@@ -365,44 +396,41 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
         learned = rank_one_update(J_hat, u["velocity"], u["v_WE"], warm_up.rho, period)
         return self.state.join(v, still, learned)
 
-    def _terms(self, u: Signals) -> tuple[Array, Array, Array, Array]:
-        """Return what is constant within a sample: pull, lower, upper, task velocity."""
+    @staticmethod
+    def _of_each(v: Array, x: Array) -> Array:
+        """Return a velocity that robots may share, with the leading axes of their states."""
+        return functions_of(v, x).broadcast_to(v, (*x.shape[:-1], v.shape[-1]))
+
+    def _held(self, u: Signals, J: Array) -> _Held:
+        """Return what is constant within a sample."""
         q = u["position"]
         lower, upper = self.limits.velocity_box(q, self.limit_stiffness)
         feedback = self.kappa * (u["p_WE_desired"] - u["p_WE"])
         if self.feedback_limit is not None:
-            speed = sqrt(feedback.dot(feedback))
-            if speed > self.feedback_limit:
-                feedback *= self.feedback_limit / speed
-        return self.return_gain * (q - self.home), lower, upper, u["v_WE_desired"] + feedback
+            feedback = within(feedback, self.feedback_limit)
+        pull, task_velocity = self.return_gain * (q - self.home), u["v_WE_desired"] + feedback
+        return *products(J), pull, lower, upper, task_velocity, self._inverse_bound
 
-    def _network(
-        self,
-        v: Array,
-        multipliers: Array,
-        J: Array,
-        pull: Array,
-        lower: Array,
-        upper: Array,
-        task_velocity: Array,
-    ) -> tuple[Array, Array]:
+    def _network(self, v: Array, multipliers: Array, held: _Held) -> tuple[Array, Array]:
         """Return the time derivatives of v and of the multipliers."""
-        v_dot = self.rate * (_clip(multipliers.dot(J) - pull, lower, upper) - v)
-        multipliers_dot = self.rate * (task_velocity - J.dot(v))
-        if self._inverse_bound is not None:
-            slowing = _slowing(v_dot, self._inverse_bound)
-            if slowing > 1.0:
-                return v_dot / slowing, multipliers_dot / slowing
-        return v_dot, multipliers_dot
+        task, joints, pull, lower, upper, task_velocity, inverse_bound = held
+        v_dot = self.rate * (clipped(joints(multipliers) - pull, lower, upper) - v)
+        multipliers_dot = self.rate * (task_velocity - task(v))
+        if inverse_bound is None:
+            return v_dot, multipliers_dot
+        return _slowed(v_dot, multipliers_dot, inverse_bound)
 
 
-def _clip(value: Array, lower: Array, upper: Array) -> Array:
-    # np.clip costs three times as much for arrays of this size.
-    return np.minimum(np.maximum(value, lower), upper)
-
-
-def _slowing(v_dot: Array, inverse_bound: Array) -> float:
-    """Return the largest ratio of a joint's acceleration to its bound."""
-    # For a handful of joints Python's max is three times as fast as NumPy's.
-    ratios = (v_dot * inverse_bound).tolist()
-    return float(max(max(ratios), -min(ratios)))
+def _slowed(v_dot: Array, multipliers_dot: Array, inverse_bound: Array) -> tuple[Array, Array]:
+    """Return both rates divided by the largest ratio of a joint's acceleration to its bound."""
+    scaled = v_dot * inverse_bound
+    if is_one(scaled):
+        # For a handful of joints Python's max is three times as fast as NumPy's.
+        ratios = scaled.tolist()
+        slowing = max(max(ratios), -min(ratios))
+        if slowing <= 1.0:
+            return v_dot, multipliers_dot
+    else:
+        xp = functions_of(scaled)
+        slowing = xp.maximum(xp.abs(scaled).max(axis=-1, keepdims=True), 1.0)
+    return v_dot / slowing, multipliers_dot / slowing

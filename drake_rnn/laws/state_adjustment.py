@@ -46,17 +46,19 @@ Not in the paper:
 from __future__ import annotations
 
 from functools import cached_property
-from math import ceil
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
+from ..arrays.algebra import clipped, functions_of, matvec, vecmat
+from ..arrays.substeps import Parts, in_steps
 from ..inputs.fields import Array, Time, TimeConstant, validated
 from .law import ContinuousLaw, SampledReading
 from .layout import Layout, Signals
 from .parts.few_substeps import check_substeps
 from .parts.kept_limits import kept_with_lag
-from .parts.rise import sine_rise, smooth_rise
+from .parts.rise import column, sine_rise, smooth_rise
+from .parts.stable_steps import stable_steps
 from .posture_law import PostureLaw
 
 
@@ -78,6 +80,8 @@ class StateAdjustment(PostureLaw, ContinuousLaw):
     ramp_time: Time | None = None
     time_constant: TimeConstant = 1e-3
 
+    takes_many = True
+
     def __post_init__(self) -> None:
         super().__post_init__()
         unbounded = ~np.isfinite(self.limits.velocity)
@@ -93,15 +97,16 @@ class StateAdjustment(PostureLaw, ContinuousLaw):
 
     @cached_property
     def state(self) -> Layout:
-        return Layout(v=self.target.shape, multipliers=(self.task_size,))
+        return Layout(v=(self.limits.size,), multipliers=(self.task_size,))
 
     @cached_property
     def inputs(self) -> Layout:
-        return Layout(position=self.target.shape, J=(self.task_size, self.target.size))
+        n = self.limits.size
+        return Layout(position=(n,), J=(self.task_size, n))
 
     @cached_property
     def observables(self) -> Layout:
-        n = self.target.size
+        n = self.limits.size
         return Layout(
             velocity_lower=(n,),
             velocity_upper=(n,),
@@ -111,22 +116,28 @@ class StateAdjustment(PostureLaw, ContinuousLaw):
 
     def velocity_box(self, t: float | Array, q: Array) -> tuple[Array, Array]:
         """Return the velocities allowed at time ``t``: lower and upper, shape (..., n) [rad/s]."""
+        return self._box(column(t), q)
+
+    def _box(self, t: Any, q: Array) -> tuple[Array, Array]:
+        """Return the velocities allowed at a time, a number or of shape (..., 1)."""
         lower, upper = self.limits.velocity_box(q, self.limit_stiffness)
         if self.rise_time is None:
             return lower, upper
-        opening = np.asarray(sine_rise(t, self.rise_time))[..., np.newaxis]
+        opening = sine_rise(t, self.rise_time)
         return opening * lower, opening * upper
 
     def derivatives(self, t: float, x: Array, u: Signals) -> Array:
         """Return the right-hand side of (18) and (19)."""
         return self._rates(t, x, u)
 
-    def _rates(self, t: float, x: Array, u: Signals) -> Array:
+    def _rates(self, t: Any, x: Array, u: Signals) -> Array:
+        """Return the right-hand side at a time, a number or of shape (..., 1)."""
         v, multipliers = self.state.split(x)
-        sought = self._pull(t, u["position"]) - multipliers @ u["J"]
-        lower, upper = self.velocity_box(t, u["position"])
-        v_dot = np.minimum(np.maximum(sought, lower), upper) - v
-        return self.state.join(v_dot, u["J"] @ v) / self.time_constant
+        J, q = u["J"], u["position"]
+        sought = self._pull(t, q) - vecmat(multipliers, J)
+        lower, upper = self._box(t, q)
+        v_dot = clipped(sought, lower, upper) - v
+        return self.state.join(v_dot, matvec(J, v)) / self.time_constant
 
     def sampled(self, period: float) -> SampledReading:
         """Return the law itself.
@@ -140,21 +151,23 @@ class StateAdjustment(PostureLaw, ContinuousLaw):
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
         """Integrate by Heun's method, with inputs held, in steps that keep the network stable."""
-        J = u["J"].ravel()
-        substeps = max(1, ceil(period / self.time_constant * max(1.0, float(J @ J)) - 1e-9))
-        h = period / substeps
-        for k in range(substeps):
+
+        def advance(parts: Parts, k: Any, h: Any) -> Parts:
+            (x,) = parts
             begin = t + k * h
             k1 = self._rates(begin, x, u)
             k2 = self._rates(begin + h, x + h * k1, u)
-            x = x + h / 2 * (k1 + k2)
+            return (x + h / 2 * (k1 + k2),)
+
+        count = stable_steps(period / self.time_constant, u["J"])
+        (x,) = in_steps(advance, (x,), period, count)
         return x
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         multipliers = self.state.part(x, "multipliers")
         lower, upper = self.velocity_box(t, u["position"])
-        drawn = np.einsum("...m,...mn->...n", multipliers, u["J"])
-        sought = self._pull(t, u["position"]) - drawn
+        drawn = functions_of(x).einsum("...m,...mn->...n", multipliers, u["J"])
+        sought = self._pull(column(t), u["position"]) - drawn
         outside = ((sought < lower) | (sought > upper)).any(axis=-1, keepdims=True)
         return {
             "velocity_lower": lower,
@@ -163,8 +176,8 @@ class StateAdjustment(PostureLaw, ContinuousLaw):
             "displacement": self.time_constant * multipliers[..., -3:],
         }
 
-    def _pull(self, t: float | Array, q: Array) -> Array:
+    def _pull(self, t: Any, q: Array) -> Array:
         pull = self.rate * (self.target - q)
         if self.ramp_time is None:
             return pull
-        return np.asarray(smooth_rise(t, self.ramp_time))[..., np.newaxis] * pull
+        return smooth_rise(t, self.ramp_time) * pull

@@ -24,11 +24,23 @@ def secant(time: Array, values: Array, tick: float | None, origin: float) -> Arr
     """
     if time.size < 2:
         return np.zeros((0, values.shape[1]))
-    number = _numbers(time, tick, origin)
-    last = np.flatnonzero(np.diff(number, append=number[-1] + 1))
-    ends = time[last] if tick is None else number[last] * tick
+    last, ends = tick_ends(time, tick, origin)
     quotients = np.diff(values[last], axis=0) / np.diff(ends)[:, np.newaxis]
     return np.asarray(quotients[np.searchsorted(last, np.arange(1, time.size)) - 1])
+
+
+def tick_ends(time: Array, tick: float | None, origin: float) -> tuple[NDArray[np.int_], Array]:
+    """Return the last step of each tick and the time at which the tick ends [s].
+
+    Args:
+        time: Time of each step, shape (k,) [s], of at least two; see `secant`.
+        tick: Time for which a value is held [s]; None if it changes at every step.
+        origin: Time at which the first tick begins [s].
+    """
+    number = _numbers(time, tick, origin)
+    last = np.flatnonzero(np.diff(number, append=number[-1] + 1))
+    ends = time[last] if tick is None else np.asarray(number[last] * tick, dtype=float)
+    return last, ends
 
 
 def last_end(time: Array, ticks: Iterable[float | None], origin: float) -> int:

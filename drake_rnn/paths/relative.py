@@ -235,6 +235,18 @@ class _Placed(PlacedPath):
         return self.start + self.path.sample(count)
 
 
+def displacement_of(placed: PlacedPath) -> tuple[RelativePath, Array] | None:
+    """Return the path whose displacement a placed path adds to its first point, and that point.
+
+    So many that begin elsewhere can share what is computed for one. None for a path along the axes
+    of another frame, and for one that is not given by its motion from its first pose.
+
+    Args:
+        placed: The placed path.
+    """
+    return (placed.path, placed.start) if type(placed) is _Placed else None
+
+
 @dataclass(frozen=True, eq=False)
 class _Turned(_Placed):
     """A path along the axes of another frame F.

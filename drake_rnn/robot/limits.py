@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays.algebra import clipped, differentiable, functions_of, is_one
 from ..errors import InvalidInputError
 from ..inputs.complaints import short
 from ..inputs.dataclass_fields import fields_of
@@ -30,6 +31,8 @@ LIMIT_UNITS = {"position": "rad", **DERIVATIVE_UNITS}
 @validated
 class JointLimits:
     """Limits of each joint; infinite where a joint has none, None where none is known.
+
+    Bounds on velocity and acceleration take leading axes of robots, in NumPy or in JAX arrays.
 
     Args:
         position_lower, position_upper: Position limits, shape (n,) [rad].
@@ -88,7 +91,7 @@ class JointLimits:
     @property
     def size(self) -> int:
         """Number of joints."""
-        return int(self.position_lower.size)
+        return self.position_lower.shape[-1]
 
     def merged(self, bounds: Mapping[str, Any]) -> dict[str, Any]:
         """Return these limits' fields, updated by ``bounds``; a number applies to every joint."""
@@ -128,7 +131,7 @@ class JointLimits:
             raise InvalidInputError(
                 f"limits.{name}: not known for this arm, but needed for {reason}; give it"
             )
-        return np.asarray(bound)
+        return bound
 
     @cached_property
     def _position(self) -> Array:
@@ -145,9 +148,19 @@ class JointLimits:
         ``stiffness`` [1/s] times the remaining distance. From beyond the position limit it returns
         at its largest speed or slower, so the box is never empty.
         """
-        box = np.maximum(stiffness * (self._position - q[..., np.newaxis, :]), self._velocity_lower)
-        np.minimum(box, self.velocity, out=box)
-        return box[..., 0, :], box[..., 1, :]
+        if is_one(q):
+            box = np.maximum(stiffness * (self._position - q), self._velocity_lower)
+            np.minimum(box, self.velocity, out=box)
+            return box[0], box[1]
+        slowest, fastest = -self.velocity, self.velocity
+        lower = clipped(stiffness * (self.position_lower - q), slowest, fastest)
+        return lower, clipped(stiffness * (self.position_upper - q), slowest, fastest)
+
+    def _room(self, q: Array) -> Array:
+        """Return the ways to the lower and to the upper position limit, shape (2, ..., n) [rad]."""
+        if is_one(q):
+            return self._position - q
+        return functions_of(q).stack((self.position_lower - q, self.position_upper - q))
 
     def acceleration_box(self, q: Array, v: Array, period: float) -> tuple[Array, Array]:
         """Return bounds on the accelerations of a period after which all limits can still be kept.
@@ -158,12 +171,12 @@ class JointLimits:
         any other state, the box brings the joint back, to rest at the limit that it violates.
 
         Args:
-            q: Joint positions, shape (n,) [rad].
-            v: Joint velocities, shape (n,) [rad/s].
+            q: Joint positions, shape (..., n) [rad].
+            v: Joint velocities, shape (..., n) [rad/s].
             period: Time for which the accelerations are held [s].
 
         Returns:
-            Lower and upper accelerations, shape (n,) [rad/s^2].
+            Lower and upper accelerations, shape (..., n) [rad/s^2].
 
         Raises:
             InvalidInputError: If the acceleration limits are not known.
@@ -173,13 +186,15 @@ class JointLimits:
         # because it may not stop between samples. With the ramp from v to w before,
         # q + h (v + w) / 2 + w^2 / 2a + w h / 2 must stay below the limit; this is solved for w.
         # Beyond the limit, the same holds for the way back.
-        room = self._position - (q + period / 2 * v)
+        room = self._room(q + period / 2 * v)
+        xp = functions_of(room)
+        way = differentiable(room)
         with np.errstate(invalid="ignore"):
-            ends = 2.0 * room / (period + np.sqrt(period**2 + 2.0 * np.abs(room) / most))
-        ends = np.where(np.isfinite(room), ends, room)
-        slowest, fastest = np.clip(ends, -self.velocity, self.velocity)
-        lower = np.clip((slowest - v) / period, -most, most)
-        upper = np.clip((fastest - v) / period, -most, most)
+            ends = 2.0 * way / (period + xp.sqrt(period**2 + 2.0 * xp.abs(way) / most))
+        ends = xp.where(xp.isfinite(room), ends, room)
+        slowest, fastest = xp.clip(ends, -self.velocity, self.velocity)
+        lower = xp.clip((slowest - v) / period, -most, most)
+        upper = xp.clip((fastest - v) / period, -most, most)
         return lower, upper
 
     def stopping_box(
@@ -193,13 +208,13 @@ class JointLimits:
         rest at that limit.
 
         Args:
-            q: Joint positions, shape (n,) [rad].
+            q: Joint positions, shape (..., n) [rad].
             period: Time for which a velocity is held [s].
-            acceleration: Deceleration of each joint, shape (n,) [rad/s^2], may be infinite; by
-                default its acceleration limit.
+            acceleration: Deceleration of each joint, shape (..., n) [rad/s^2], may be infinite;
+                by default its acceleration limit.
 
         Returns:
-            Lower and upper velocities, shape (n,) [rad/s]; infinite where nothing limits them.
+            Lower and upper velocities, shape (..., n) [rad/s]; infinite where nothing limits them.
 
         Raises:
             InvalidInputError: If no acceleration is given, and the limits are not known.
@@ -207,15 +222,16 @@ class JointLimits:
         brakes = acceleration
         if brakes is None:
             brakes = self.require("acceleration", "braking in time")
-        room = self._position - q
+        room = self._room(q)
+        xp = functions_of(room)
         # A joint that has w now, then w - a h, w - 2 a h ... down to zero, stops in m + 1 samples,
         # after (m + 1) w h - m (m + 1) / 2 a h^2. That is solved for w, with the m that fits.
-        distance = np.abs(room)
+        distance = xp.abs(differentiable(room))
         with np.errstate(invalid="ignore"):
-            more = np.floor((np.sqrt(1.0 + 8.0 * distance / (brakes * period**2)) - 1.0) / 2.0)
-            slower = np.where(more > 0.0, brakes * period * more / 2.0, 0.0)
+            more = xp.floor((xp.sqrt(1.0 + 8.0 * distance / (brakes * period**2)) - 1.0) / 2.0)
+            slower = xp.where(more > 0.0, brakes * period * more / 2.0, 0.0)
             fastest = distance / ((more + 1.0) * period) + slower
-        ends = np.where(np.isfinite(room), np.copysign(fastest, room), room)
+        ends = xp.where(xp.isfinite(room), xp.copysign(fastest, room), room)
         return ends[0], ends[1]
 
     def held_velocity_box(self, q: Array, v: Array, period: float) -> tuple[Array, Array]:
@@ -227,19 +243,20 @@ class JointLimits:
         kept. From any other, the acceleration limit comes first, and then the velocity's.
 
         Args:
-            q: Joint positions, shape (n,) [rad].
-            v: Velocities held until now, shape (n,) [rad/s].
+            q: Joint positions, shape (..., n) [rad].
+            v: Velocities held until now, shape (..., n) [rad/s].
             period: Time for which the velocity is held [s].
 
         Returns:
-            Lower and upper velocities, shape (n,) [rad/s].
+            Lower and upper velocities, shape (..., n) [rad/s].
 
         Raises:
             InvalidInputError: If the acceleration limits are not known.
         """
         reach = self.require("acceleration", "braking in time") * period
-        ends = np.clip(np.stack(self.stopping_box(q, period)), self._velocity_lower, self.velocity)
-        lower, upper = np.clip(ends, v - reach, v + reach)
+        xp = functions_of(q, v)
+        ends = xp.clip(xp.stack(self.stopping_box(q, period)), -self.velocity, self.velocity)
+        lower, upper = xp.clip(ends, v - reach, v + reach)
         return lower, upper
 
     def violation(self, q: Array) -> Array:

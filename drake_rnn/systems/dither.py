@@ -29,6 +29,16 @@ class DitherSettings:
     hold: Positive
 
 
+def dither_noise(size: int, seed: int) -> WhiteNoise:
+    """Return the noise of a dither of standard deviation 1.
+
+    Args:
+        size: Number of joints.
+        seed: Seed of the experiment.
+    """
+    return WhiteNoise(size, seed, stream=1, clip=3.0)
+
+
 class Dither(LeafSystem):
     """Normal white noise, clipped at three sigma, with a new value every ``hold``.
 
@@ -47,7 +57,7 @@ class Dither(LeafSystem):
         settings = DitherSettings(sigma=sigma, hold=hold)
         self._sigma = settings.sigma
         self._hold = settings.hold
-        self._noise = WhiteNoise(size, seed, stream=1, clip=3.0)
+        self._noise = dither_noise(size, seed)
         state = self.DeclareDiscreteState(size)
         self.DeclareStateOutputPort("dither", state)
         self.DeclarePeriodicDiscreteUpdateEvent(self._hold, 0.0, self._update)

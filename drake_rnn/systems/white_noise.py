@@ -8,7 +8,8 @@ from ..errors import InvalidInputError
 from ..inputs.complaints import short
 from ..inputs.fields import Array
 
-_BLOCK = 1024
+#: Samples that are drawn together.
+BLOCK = 1024
 
 
 class WhiteNoise:
@@ -40,12 +41,23 @@ class WhiteNoise:
 
     def sample(self, number: int) -> Array:
         """Return the values of one sample, shape (size,)."""
-        block, row = divmod(number, _BLOCK)
+        block, row = divmod(number, BLOCK)
         if self._block[0] != block:
-            rng = np.random.default_rng([*self._key, block])
-            values = rng.standard_normal((_BLOCK, self._size))
-            self._block = (block, np.clip(values, -self._clip, self._clip))
+            self._block = (block, self.block(block))
         return self._block[1][row]
+
+    def block(self, number: int) -> Array:
+        """Return the values of `BLOCK` samples, of which that block is the ``number``-th.
+
+        Args:
+            number: Number of the block, from 0.
+
+        Returns:
+            Shape (BLOCK, size).
+        """
+        rng = np.random.default_rng([*self._key, number])
+        values = rng.standard_normal((BLOCK, self._size))
+        return np.clip(values, -self._clip, self._clip)
 
 
 def require_seed(seed: object) -> None:

@@ -37,6 +37,22 @@ def test_of_half_a_turn_it_is_one_way_or_the_other(axis, posed):
     assert abs(error @ axis) == pytest.approx(np.pi, abs=1e-6)
 
 
+def test_many_errors_are_those_of_one():
+    """Also at no turn, at hardly any, and at half a turn about each axis and between."""
+    turns = [np.zeros(3), *(np.pi * np.eye(3)), *(1e-8 * np.eye(3)), *(-2.0 * np.eye(3))]
+    turns += [np.pi * np.array([1.0, 1.0, 0.0]) / np.sqrt(2.0), np.array([1.0, -2.0, 0.5])]
+    posed = turn(np.array([0.3, -0.2, 0.9]))
+    for R in (np.eye(3), posed):
+        desired = np.array([turn(vector) @ R for vector in turns])
+        many = rotation_error(np.broadcast_to(R, desired.shape), desired)
+        alone = np.array([rotation_error(R, each) for each in desired])
+        # Half a turn is one way or the other.
+        signs = np.sign(np.einsum("ki,ki->k", many, alone) + 1e-300)
+        is_half = np.linalg.norm(alone, axis=1) > 3.14
+        assert (signs[~is_half] > 0).all()
+        np.testing.assert_allclose(many * signs[:, np.newaxis], alone, atol=2e-8)
+
+
 @settings(max_examples=12)
 @given(axes, st.sampled_from([10.0, 90.0, 170.0]), components)
 def test_an_angular_velocity_along_it_brings_the_orientation_there(axis, degrees, posed):

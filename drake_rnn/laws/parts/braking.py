@@ -9,9 +9,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
+from ...arrays.algebra import clipped, differentiable, functions_of, is_one
+from ...inputs.dataclass_fields import unchecked
 from ...inputs.fields import Array
 from ...robot.limits import JointLimits
 
@@ -28,13 +31,13 @@ class Braking:
 
     Attributes:
         limits: Limits of the joints.
-        acceleration: Largest acceleration of each joint, shape (n,) [rad/s^2].
+        acceleration: Largest acceleration of each joint, shape (..., n) [rad/s^2].
         stiffness: Velocity that the law's velocity box allows per radian left [1/s].
     """
 
     limits: JointLimits
     acceleration: Array
-    stiffness: float
+    stiffness: Any
 
     def held(self, v: Array, before: Array, q: Array, period: float) -> Array:
         """Return the velocity to hold for a period; ``v`` itself wherever it allows to stop.
@@ -42,25 +45,30 @@ class Braking:
         From a state in which each joint could stop, as from rest, each can after the period.
 
         Args:
-            v: Velocity that is wanted, shape (n,) [rad/s].
+            v: Velocity that is wanted, shape (..., n) [rad/s].
             before: Velocity held until now, which is changed at the largest acceleration or less.
-            q: Joint positions at the beginning of the period, shape (n,) [rad].
+            q: Joint positions at the beginning of the period, shape (..., n) [rad].
             period: Time for which the velocity is held [s].
         """
         # Far enough from its limits for any way of sampling, a joint needs no closer look.
-        room = np.minimum(q - self._inner.position_lower, self._inner.position_upper - q)
-        fast = np.abs(v) + self.acceleration * (period / 2.0)
-        if (fast * fast < 2.0 * self.acceleration * room).all():
+        xp = functions_of(v, q)
+        room = xp.minimum(q - self._inner.position_lower, self._inner.position_upper - q)
+        fast = xp.abs(v) + self.acceleration * (period / 2.0)
+        far = fast * fast < 2.0 * self.acceleration * room
+        if xp is np and far.all():
             return v
         lower, upper = self._inner.stopping_box(q, period, self.acceleration)
-        cut = np.minimum(np.maximum(v, lower), upper)
-        if (cut == v).all():
-            return v
+        cut = clipped(v, lower, upper)
         reach = self.acceleration * period
-        return np.where(cut == v, v, np.clip(cut, before - reach, before + reach))
+        free = (cut == v) | far.all(axis=-1, keepdims=True)
+        if xp is np and free.all():
+            return v
+        return xp.where(free, v, xp.clip(cut, before - reach, before + reach))
 
     def is_idle(self, lower: Array, upper: Array, period: float) -> bool:
         """Return whether `held` would change nothing, at hardly any cost; False if in doubt.
+
+        It is in doubt about all but one robot alone.
 
         Args:
             lower: Lower end of the law's velocity box, shape (n,) [rad/s].
@@ -70,7 +78,8 @@ class Braking:
         # Where the box is the velocity limit on both sides, the way left is at least velocity over
         # stiffness. Comparing lists of a few numbers is faster than arrays.
         return (
-            period <= self._longest_period
+            is_one(upper)
+            and period <= self._longest_period
             and upper.tolist() == self._fastest
             and lower.tolist() == self._slowest
         )
@@ -83,33 +92,35 @@ class Braking:
         sees no jump.
 
         Args:
-            v_dot: Acceleration that is wanted, within its bound, shape (n,) [rad/s^2].
-            v: Velocity, shape (n,) [rad/s].
-            q: Joint positions, shape (n,) [rad].
+            v_dot: Acceleration that is wanted, within its bound, shape (..., n) [rad/s^2].
+            v: Velocity, shape (..., n) [rad/s].
+            q: Joint positions, shape (..., n) [rad].
         """
         most, k = self.acceleration, _STIFFER * self.stiffness
         to_lower, to_upper = q - self._inner.position_lower, self._inner.position_upper - q
-        upper = np.maximum(self._steepest(v, to_upper, k), -most)
-        lower = -np.maximum(self._steepest(-v, to_lower, k), -most)
-        return np.minimum(np.maximum(v_dot, lower), upper)
+        xp = functions_of(v_dot, q)
+        upper = xp.maximum(self._steepest(v, to_upper, k), -most)
+        lower = -xp.maximum(self._steepest(-v, to_lower, k), -most)
+        return clipped(v_dot, lower, upper)
 
-    def _steepest(self, v: Array, room: Array, k: float) -> Array:
+    def _steepest(self, v: Array, room: Array, k: Any) -> Array:
         """Return the largest acceleration towards a limit, ``room`` [rad] ahead."""
+        xp, way = functions_of(room), differentiable(room)
         most = self.acceleration
         last = most / k**2
         with np.errstate(invalid="ignore"):
-            braked = np.sqrt(2.0 * most * np.maximum(room - last / 2.0, last / 2.0))
-            allowed = np.where(room < last, k * room, braked)
+            braked = xp.sqrt(2.0 * most * xp.maximum(way - last / 2.0, last / 2.0))
+            allowed = xp.where(way < last, k * way, braked)
             # How fast what is allowed changes as the joint moves on.
-            slope = np.where(room < last, k, most / np.maximum(allowed, most / k))
+            slope = xp.where(way < last, k, most / xp.maximum(allowed, most / k))
             steepest = k * (allowed - v) - slope * v
-        return np.where(np.isfinite(room), steepest, np.inf)
+        return xp.where(xp.isfinite(room), steepest, np.inf)
 
     @cached_property
     def _inner(self) -> JointLimits:
         lower, upper = self.limits.position_lower, self.limits.position_upper
-        slack = np.minimum(_SLACK, (upper - lower) / 4.0)
-        return self.limits.replace(position_lower=lower + slack, position_upper=upper - slack)
+        slack = functions_of(lower, upper).minimum(_SLACK, (upper - lower) / 4.0)
+        return unchecked(self.limits, position_lower=lower + slack, position_upper=upper - slack)
 
     @cached_property
     def _fastest(self) -> list[float]:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
+from ...arrays.algebra import functions_of, outer, scaled
 from ...inputs.fields import Array
 
 
-def surface_split(normal_WE: Array, stiffness: float) -> Array:
+def surface_split(normal_WE: Array, stiffness: Any) -> Array:
     """Return the rows that split a tip velocity into pressing and sliding, shape (..., 6, 3).
 
     Args:
@@ -15,8 +18,8 @@ def surface_split(normal_WE: Array, stiffness: float) -> Array:
         stiffness: Scale of the pressing rows [N/m].
     """
     n = normal_WE
-    P_n = n[..., :, np.newaxis] * n[..., np.newaxis, :]
-    return np.concatenate((stiffness * P_n, np.eye(3) - P_n), axis=-2)
+    P_n = outer(n, n)
+    return functions_of(n).concatenate((scaled(stiffness, P_n), np.eye(3) - P_n), axis=-2)
 
 
 def printed_orientation_rows(J_omega: Array, R_WE: Array) -> Array:
@@ -27,7 +30,8 @@ def printed_orientation_rows(J_omega: Array, R_WE: Array) -> Array:
         R_WE: Orientation of the tool with the axes a, b, c as columns, shape (..., 3, 3).
     """
     # The columns b and c of R rotate with the angular velocity: b' = omega x b.
+    xp = functions_of(J_omega, R_WE)
     turned = [
-        np.cross(J_omega, R_WE[..., :, axis, np.newaxis], axis=-2)[..., 1:, :] for axis in (1, 2)
+        xp.cross(J_omega, R_WE[..., :, axis, np.newaxis], axis=-2)[..., 1:, :] for axis in (1, 2)
     ]
-    return np.concatenate(turned, axis=-2)
+    return xp.concatenate(turned, axis=-2)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
+from ...arrays.algebra import functions_of, is_one, joined
 from ...inputs.fields import Array, NonNegative, Speed, validated
 
 APPROACHING, IN_CONTACT, LOST = 0.0, 1.0, 2.0
@@ -41,15 +42,17 @@ class ContactLoss:
         """Return the initial state, shape (3,): not yet in contact."""
         return np.array([APPROACHING, 0.0, 0.0])
 
-    def update(self, state: Array, force: float, desired: float, period: float) -> Array:
-        """Return the state one period later, shape (3,).
+    def update(self, state: Array, force: Any, desired: Any, period: float) -> Array:
+        """Return the state one period later, shape (..., 3).
 
         Args:
-            state: State, shape (3,).
-            force: Measured force [N].
-            desired: Desired force [N].
+            state: State, shape (..., 3).
+            force: Measured force [N], a float, or one for each robot, shape (..., 1).
+            desired: Desired force [N], likewise.
             period: Sampling period [s].
         """
+        if not is_one(state):
+            return self._update(state, force, desired, period)
         phase, missing, retreated = state.tolist()
         touching = force > max(self.threshold * desired, self.floor)
         if phase == LOST:
@@ -60,8 +63,27 @@ class ContactLoss:
         lost = phase == IN_CONTACT and missing > self.patience
         return np.array([LOST if lost else phase, missing, 0.0])
 
-    def retreat(self, state: Array) -> float:
-        """Return the speed off the surface after a loss of contact [m/s]; 0 to stay in place."""
-        if self.reaction == "hold" or state[2] >= self.retreat_distance:
+    def _update(self, state: Array, force: Any, desired: Any, period: float) -> Array:
+        """Return what `update` does, of many robots."""
+        xp = functions_of(state, force)
+        phase, missing, retreated = (state[..., k, None] for k in range(3))
+        touching = force > xp.maximum(self.threshold * desired, self.floor)
+        gone = phase == LOST
+        away = retreated + period * self.retreat(state)
+        longer = missing + period
+        lost = (phase == IN_CONTACT) & (longer > self.patience)
+        phase = xp.where(gone | lost & ~touching, LOST, xp.where(touching, IN_CONTACT, phase))
+        missing = xp.where(gone, missing, xp.where(touching, 0.0, longer))
+        return joined((phase, missing, xp.where(gone, away, 0.0)))
+
+    def retreat(self, state: Array) -> Any:
+        """Return the speed off the surface after a loss of contact [m/s]; 0 to stay in place.
+
+        It is a float, or an array of shape (..., 1) of many robots.
+        """
+        if self.reaction == "hold":
             return 0.0
-        return self.retreat_speed
+        if not is_one(state):
+            arrived = state[..., 2, None] >= self.retreat_distance
+            return functions_of(state).where(arrived, 0.0, self.retreat_speed)
+        return 0.0 if state[2] >= self.retreat_distance else self.retreat_speed

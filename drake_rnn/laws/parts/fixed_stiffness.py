@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ class FixedStiffness:
         value: Stiffness [N/m].
     """
 
-    value: float
+    value: Any
 
     #: Size of the state: nothing is stored.
     size = 0
@@ -26,15 +27,15 @@ class FixedStiffness:
         """Return the initial state, shape (0,)."""
         return np.zeros(0)
 
-    def update(self, state: Array, force: float, desired: float, depth: float) -> Array:
+    def update(self, state: Array, force: Any, desired: Any, depth: Any) -> Array:
         """Return the state unchanged, because nothing is learned."""
         return state
 
-    def retreat_speed(self, state: Array, force: float, desired: float, gain: float) -> float:
+    def retreat_speed(self, state: Array, force: Any, desired: Any, gain: Any) -> Any:
         """Return the speed out of the surface that corrects the force error [m/s].
 
         Args:
-            state: State, shape (0,).
+            state: State, shape (..., 0).
             force: Measured force [N].
             desired: Desired force [N].
             gain: Gain of the feedback [1/s].

@@ -10,25 +10,33 @@ velocities must cover all directions.
 from __future__ import annotations
 
 from math import expm1
+from typing import Any
 
 import numpy as np
 
+from ...arrays.algebra import dot, functions_of, is_one, matvec, outer
 from ...inputs.fields import Array
 
 
-def gradient(J_hat: Array, v: Array, v_WE: Array, rho: float) -> Array:
-    """Return the time derivative of ``J_hat``, shape (m, n) [m/s]; ``rho`` is in rad^2/s."""
-    return ((v_WE - J_hat @ v) / rho)[:, np.newaxis] * v
+def gradient(J_hat: Array, v: Array, v_WE: Array, rho: Any) -> Array:
+    """Return the time derivative of ``J_hat``, shape (..., m, n) [m/s]; ``rho`` is in rad^2/s."""
+    return outer((v_WE - matvec(J_hat, v)) / rho, v)
 
 
-def rank_one_update(J_hat: Array, v: Array, v_WE: Array, rho: float, period: float) -> Array:
-    """Return ``J_hat`` one period later, shape (m, n), with ``v`` and ``v_WE`` held.
+def rank_one_update(J_hat: Array, v: Array, v_WE: Array, rho: Any, period: float) -> Array:
+    """Return ``J_hat`` one period later, shape (..., m, n), with ``v`` and ``v_WE`` held.
 
     The result is exact: the residual along v decays as exp(-|v|^2 t / rho), so the differential
     equation, which is stiff for a small rho, never has to be integrated.
     """
-    square = float(v @ v)
-    if square * period < 1e-16 * rho:
-        return J_hat
-    share = -expm1(-square * period / rho) / square
-    return J_hat + ((v_WE - J_hat @ v) * share)[:, np.newaxis] * v
+    square = dot(v, v)
+    still = square * period < 1e-16 * rho
+    if is_one(v):
+        if still:
+            return J_hat
+        share = -expm1(-square * period / rho) / square
+        return J_hat + ((v_WE - J_hat.dot(v)) * share)[:, np.newaxis] * v
+    xp = functions_of(v)
+    moving = xp.where(still, 1.0, square)
+    share = xp.where(still, 0.0, -xp.expm1(-moving * period / rho) / moving)
+    return J_hat + outer((v_WE - matvec(J_hat, v)) * share, v)

@@ -9,11 +9,23 @@ lies within the bounds; the one of least norm if g is left out.
 
 from __future__ import annotations
 
-from math import ceil, sqrt
-from typing import NamedTuple
+from math import sqrt
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...arrays.algebra import (
+    clipped,
+    functions_of,
+    is_one,
+    joined,
+    larger,
+    matmul,
+    matvec,
+    transposed,
+    vecmat,
+)
+from ...arrays.substeps import Parts, in_steps, rounded_up
 from ...inputs.fields import Array
 
 # Angle of the fastest mode per step [rad]; the fourth-order Runge-Kutta method is stable up to 2.8.
@@ -23,15 +35,15 @@ _PER_STEP = 2.2
 class PrimalDual(NamedTuple):
     """The network with its inputs held, of n variables v and m multipliers y.
 
-    Its state z is v and y in one vector, shape (n + m,).
+    Its state z is v and y in one vector, shape (..., n + m).
 
     Attributes:
-        drive: Matrix D, by which the multipliers drive v, shape (m, n).
-        rows: Matrix R of the constraints, shape (m, n).
-        aims: Right-hand side b of the constraints, shape (m,).
-        lower, upper: Bounds of v, shape (n,).
+        drive: Matrix D, by which the multipliers drive v, shape (..., m, n).
+        rows: Matrix R of the constraints, shape (..., m, n).
+        aims: Right-hand side b of the constraints, shape (..., m).
+        lower, upper: Bounds of v, shape (..., n).
         time_constant: Time constant delta [s].
-        preferred: Preferred value g of v, shape (n,); None for zero.
+        preferred: Preferred value g of v, shape (..., n); None for zero.
     """
 
     drive: Array
@@ -39,11 +51,13 @@ class PrimalDual(NamedTuple):
     aims: Array
     lower: Array
     upper: Array
-    time_constant: float
+    time_constant: Any
     preferred: Array | None = None
 
     def rate(self, z: Array) -> Array:
-        """Return the time derivative of the state, shape (n + m,)."""
+        """Return the time derivative of the state, shape (..., n + m)."""
+        if not is_one(z):
+            return self._rate(z)
         drive, rows, aims, lower, upper, time_constant, preferred = self
         n = lower.size
         rate = np.empty(z.size)
@@ -59,27 +73,49 @@ class PrimalDual(NamedTuple):
 
     def after(self, z: Array, period: float) -> Array:
         """Return the state a period [s] later, by Runge-Kutta substeps that are stable."""
-        # The largest row sum of R R^T bounds its largest eigenvalue, which sets the fastest mode.
-        square = float(np.abs(self.rows.dot(self.rows.T)).sum(axis=0).max())
-        count = substeps(period, sqrt(square), self.time_constant)
-        h, rate = period / count, self.rate
-        for _ in range(count):
+        rate = self.rate
+
+        def advance(parts: Parts, k: Any, h: Any) -> Parts:
+            (z,) = parts
             k1 = rate(z)
             k2 = rate(z + h / 2 * k1)
             k3 = rate(z + h / 2 * k2)
             k4 = rate(z + h * k3)
             k2 += k3
-            z = z + h / 6 * (k1 + 2 * k2 + k4)
+            return (z + h / 6 * (k1 + 2 * k2 + k4),)
+
+        count = substeps(period, self._norm(is_one(z)), self.time_constant)
+        (z,) = in_steps(advance, (z,), period, count)
         return z
 
+    def _rate(self, z: Array) -> Array:
+        """Return what `rate` does, of many robots."""
+        n = self.lower.shape[-1]
+        v, y = z[..., :n], z[..., n:]
+        sought = -vecmat(y, self.drive)
+        if self.preferred is not None:
+            sought = sought + self.preferred
+        target = clipped(sought, self.lower, self.upper)
+        return joined((target - v, matvec(self.rows, v) - self.aims)) / self.time_constant
 
-def substeps(period: float, norm: float, time_constant: float) -> int:
-    """Return the number of stable substeps in a period.
+    def _norm(self, of_one: bool) -> Any:
+        """Return a bound on the norm of R, a float or of shape (..., 1)."""
+        # The largest row sum of R R^T bounds its largest eigenvalue, which sets the fastest mode.
+        if of_one:
+            return sqrt(float(np.abs(self.rows.dot(self.rows.T)).sum(axis=0).max()))
+        gram = matmul(self.rows, transposed(self.rows))
+        xp = functions_of(gram)
+        sums = vecmat(xp.ones(gram.shape[:-1]), xp.abs(gram))
+        return xp.sqrt(sums.max(axis=-1, keepdims=True))
+
+
+def substeps(period: float, norm: Any, time_constant: Any) -> Any:
+    """Return the number of stable substeps in a period: an int, or one for each of many robots.
 
     Args:
         period: Sampling period [s].
         norm: Norm of the matrix R.
         time_constant: Time constant delta [s].
     """
-    fastest = max(1.0, norm) / time_constant
-    return ceil(period * fastest / _PER_STEP - 1e-9)
+    fastest = larger(1.0, norm) / time_constant
+    return rounded_up(period * fastest / _PER_STEP)

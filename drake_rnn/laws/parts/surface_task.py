@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from ...arrays.algebra import clipped, dot, functions_of, is_one
 from ...inputs.fields import Array
 from ..layout import Layout, Signals
 from .contact_loss import LOST, ContactLoss
@@ -24,10 +25,10 @@ class SurfaceTask(NamedTuple):
         contact_loss: Reaction to a lost contact; None to ignore it.
     """
 
-    gain: float
+    gain: Any
     surface: FixedStiffness | OnlineStiffness
     measured: bool
-    approach_speed: float | None
+    approach_speed: Any
     contact_loss: ContactLoss | None
 
     @property
@@ -36,7 +37,7 @@ class SurfaceTask(NamedTuple):
         return self.surface.size > 0
 
     @property
-    def stiffness(self) -> float:
+    def stiffness(self) -> Any:
         """The given stiffness [N/m], for options with which it cannot be learned."""
         assert isinstance(self.surface, FixedStiffness)
         return self.surface.value
@@ -59,45 +60,68 @@ class SurfaceTask(NamedTuple):
             parts["contact"] = self.contact_loss.start()
         return parts
 
-    def feel(self, state: Layout, x: Array, u: Signals, period: float) -> None:
-        """Update stiffness and contact from the measured force, in place.
+    def felt(self, state: Layout, x: Array, u: Signals, period: float) -> dict[str, Array]:
+        """Return stiffness and contact after one more sample of the force, as far as they are kept.
 
         Args:
             state: Layout of the law's state, which has these parts.
-            x: State of the law, shape (state.size,).
+            x: State of the law, shape (..., state.size).
             u: Signals at the sample.
             period: Sampling period [s].
         """
-        force, desired = float(u["normal_force"][0]), float(u["normal_force_desired"][0])
+        force, desired = _number(u["normal_force"]), _number(u["normal_force_desired"])
+        felt = {}
         if self.learns_stiffness:
+            depth = -dot(u["normal_WE"], u["p_WE"])
             known = state.part(x, "stiffness")
-            depth = -float(u["normal_WE"].dot(u["p_WE"]))
-            known[:] = self.surface.update(known, force, desired, depth)
+            felt["stiffness"] = self.surface.update(known, force, desired, depth)
         if self.contact_loss is not None:
             contact = state.part(x, "contact")
-            contact[:] = self.contact_loss.update(contact, force, desired, period)
+            felt["contact"] = self.contact_loss.update(contact, force, desired, period)
+        return felt
 
     def tip_velocity(self, state: Layout, x: Array, u: Signals) -> Array:
-        """Return the desired velocity of the tip, shape (3,) [m/s].
+        """Return the desired velocity of the tip, shape (..., 3) [m/s].
 
         Args:
             state: Layout of the law's state, which has these parts.
-            x: State of the law, shape (state.size,).
+            x: State of the law, shape (..., state.size).
             u: Signals at the sample.
         """
+        if self.contact_loss is None:
+            return self._pressing(state, x, u)
+        contact = state.part(x, "contact")
+        if not is_one(contact):
+            away = self.contact_loss.retreat(contact) * u["normal_WE"]
+            pressing = self._pressing(state, x, u)
+            return functions_of(x, pressing).where(contact[..., :1] == LOST, away, pressing)
+        if contact[0] == LOST:
+            return self.contact_loss.retreat(contact) * u["normal_WE"]
+        return self._pressing(state, x, u)
+
+    def _pressing(self, state: Layout, x: Array, u: Signals) -> Array:
+        """Return the desired velocity of a tip that has not lost its contact."""
         n = u["normal_WE"]
-        if self.contact_loss is not None:
-            contact = state.part(x, "contact")
-            if contact[0] == LOST:
-                return self.contact_loss.retreat(contact) * n
         along = u["v_WE_desired"] + self.gain * (u["p_WE_desired"] - u["p_WE"])
-        desired = float(u["normal_force_desired"][0])
+        out = dot(n, along)
+        desired = _number(u["normal_force_desired"])
         if self.measured:
-            known = state.part(x, "stiffness") if self.learns_stiffness else x[:0]
-            force = float(u["normal_force"][0])
+            known = state.part(x, "stiffness") if self.learns_stiffness else x[..., :0]
+            force = _number(u["normal_force"])
             rise = self.surface.retreat_speed(known, force, desired, self.gain)
         else:
-            rise = float(n.dot(along)) - self.gain * desired / self.stiffness
+            rise = out - self.gain * desired / self.stiffness
         if self.approach_speed is not None:
-            rise = min(max(rise, -self.approach_speed), self.approach_speed)
-        return along + (rise - float(n.dot(along))) * n
+            rise = _limited(rise, self.approach_speed)
+        return along + (rise - out) * n
+
+
+def _number(signal: Array) -> Any:
+    """Return a signal of one entry: a float, or an array of shape (..., 1) of many robots."""
+    return float(signal[0]) if is_one(signal) else signal
+
+
+def _limited(value: Any, largest: Any) -> Any:
+    if isinstance(value, float):
+        return min(max(value, -largest), largest)
+    return clipped(value, -largest, largest)

@@ -6,8 +6,11 @@ noise violates the acceleration bound for as long as it lasts.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
+from ...arrays.algebra import functions_of, larger
 from ...inputs.fields import Array, Positive, Time, Weight, validated
 
 
@@ -30,26 +33,29 @@ class WarmUp:
         """Return the duration of the warm-up of ``size`` joints [s]."""
         return size * self.pulse
 
-    def joint_velocity(self, t: float, size: int) -> Array:
-        """Return the velocity of every joint at time ``t``, shape (size,) [rad/s]."""
-        v = np.zeros(size)
+    def joint_velocity(self, t: Any, size: int) -> Array:
+        """Return the velocity of every joint at time ``t``, shape (..., size) [rad/s]."""
         joint, share = self._place(t)
-        if 0 <= joint < size:
-            # A triangle wave through 0, 1, 0, -1, 0.
-            height = 1.0 - abs(4.0 * ((share + 0.25) % 1.0) - 2.0)
-            v[joint] = height * self.acceleration * self.pulse / 4.0
-        return v
+        # A triangle wave through 0, 1, 0, -1, 0.
+        height = 1.0 - abs(4.0 * ((share + 0.25) % 1.0) - 2.0)
+        return self._of_one(joint, height * self.acceleration * self.pulse / 4.0, size)
 
-    def joint_acceleration(self, t: float, size: int) -> Array:
-        """Return the acceleration of every joint at time ``t``, shape (size,) [rad/s^2]."""
-        v_dot = np.zeros(size)
+    def joint_acceleration(self, t: Any, size: int) -> Array:
+        """Return the acceleration of every joint at time ``t``, shape (..., size) [rad/s^2]."""
         joint, share = self._place(t)
-        if 0 <= joint < size:
-            rising = share < 0.25 or share >= 0.75
-            v_dot[joint] = self.acceleration if rising else -self.acceleration
-        return v_dot
+        rising = (share < 0.25) | (share >= 0.75)
+        acceleration = functions_of(joint).where(rising, self.acceleration, -self.acceleration)
+        return self._of_one(joint, acceleration, size)
 
-    def _place(self, t: float) -> tuple[int, float]:
-        """Return the number of the moving joint and the fraction of its pulse that has passed."""
-        joint = int((t + 1e-9 * self.pulse) // self.pulse)
-        return joint, max(t / self.pulse - joint, 0.0)
+    def _place(self, t: Any) -> tuple[Any, Any]:
+        """Return the number of the moving joint and the fraction of its pulse that has passed.
+
+        Both have shape (), or (..., 1) for robots with pulses of their own.
+        """
+        joint = (t + 1e-9 * self.pulse) // self.pulse
+        return joint, larger(0.0, t / self.pulse - joint)
+
+    @staticmethod
+    def _of_one(joint: Any, value: Any, size: int) -> Array:
+        """Return a value for one joint, and 0 for all others."""
+        return functions_of(joint, value).where(np.arange(size) == joint, value, 0.0)

@@ -10,11 +10,11 @@ from ..motion import Motion, Pressing
 from ..running import Largest, Mean
 from .group import Found
 
-# A gap in the contact that is longer than this counts as its loss [s].
-_LOST = 0.05
+#: A gap in the contact that is longer than this counts as its loss [s].
+LOST = 0.05
 
-# Share of the desired force at which it has risen.
-_RISEN = 0.95
+#: Share of the desired force at which it has risen.
+RISEN = 0.95
 
 
 class ContactMetrics:
@@ -87,7 +87,7 @@ class _Rise:
         record = force > np.maximum.accumulate(before)[:-1]
         self._records.append((time[record], force[record]))
         self._peak.add(force)
-        self._enough = _RISEN * pressing.desired[-1]
+        self._enough = RISEN * pressing.desired[-1]
 
     @property
     def peak(self) -> float | None:
@@ -113,7 +113,7 @@ class _Gap:
         # Time of the last contact.
         last = np.maximum.accumulate(np.where(touching, time, -np.inf))
         last = np.maximum(last, self._last)
-        lost = (time - last > _LOST) & np.isfinite(last)
+        lost = (time - last > LOST) & np.isfinite(last)
         if self.since is None and lost.any():
             self.since = float(last[int(np.argmax(lost))])
         self._last = float(last[-1])

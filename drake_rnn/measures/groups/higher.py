@@ -12,8 +12,8 @@ from .bound import BoundMetrics
 from .group import Found
 
 _HIGHER = tuple(DERIVATIVE_UNITS)[2:]
-# Time between the velocities that these derivatives are differences of [s].
-_DIFFERENCE = 0.01
+#: Time between the velocities that these derivatives are differences of [s].
+DIFFERENCE = 0.01
 
 
 class HigherMetrics:
@@ -45,7 +45,7 @@ class HigherMetrics:
         for order, name in enumerate(_HIGHER, start=2):
             # A difference that the kept velocities alone make was taken before.
             part = velocities[max(0, len(kept) - order) :]
-            values = np.abs(np.diff(part, n=order, axis=0)) / _DIFFERENCE**order
+            values = np.abs(np.diff(part, n=order, axis=0)) / DIFFERENCE**order
             self._bounds[name].add(values)
             if name == "jerk":
                 self._jerk.add(values)
@@ -55,7 +55,7 @@ class HigherMetrics:
     def _steps(self, time: Array) -> Array:
         """Return, for each further 10 ms, the step that ends there, or the first one after it."""
         # Each time is computed as np.arange does it, which does not add up rounding errors.
-        step = (self._begin + _DIFFERENCE) - self._begin
+        step = (self._begin + DIFFERENCE) - self._begin
         most = int((time[-1] - self._begin) / step) + 2
         times = self._begin + np.arange(self._count, max(most, self._count)) * step
         times = times[times - 1e-9 <= time[-1]]
@@ -64,7 +64,7 @@ class HigherMetrics:
 
     def found(self) -> Found:
         """Return the metrics, by name; none of a run that is too short for differences."""
-        if self._length < 6 * _DIFFERENCE:
+        if self._length < 6 * DIFFERENCE:
             return {}
         found: Found = {
             "joint_jerk_max_rad_s3": self._jerk.value,

@@ -8,8 +8,8 @@ from ..motion import Motion
 from ..running import Largest, Median
 from .group import Found
 
-# Joint speed above which an arm moves [rad/s].
-_MOVING = 1e-6
+#: Joint speed above which an arm moves [rad/s].
+MOVING = 1e-6
 
 
 class JacobianMetrics:
@@ -33,7 +33,7 @@ class JacobianMetrics:
         difference = (motion.J - motion.J_hat)[within]
         v = motion.network_velocity[within]
         speed = np.linalg.norm(v, axis=1)
-        moving = speed > _MOVING
+        moving = speed > MOVING
         size = np.linalg.norm(difference, axis=(1, 2))
         along = np.linalg.norm(np.einsum("kmn,kn->km", difference, v), axis=1)
         self._median.add(size)

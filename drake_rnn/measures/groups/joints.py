@@ -13,8 +13,8 @@ from ..running import Largest, Mean, Smallest
 from .bound import BoundMetrics
 from .group import Found
 
-# Share of a bound at which a joint is said to be at it: laws approach their bounds smoothly.
-_AT_BOUND = 0.99
+#: Share of a bound at which a joint is said to be at it: laws approach their bounds smoothly.
+AT_BOUND = 0.99
 
 
 class JointMetrics:
@@ -99,7 +99,7 @@ class _Reached:
         """Add magnitudes, shape (k, n)."""
         self._beyond.add(values)
         if self._bound is not None:
-            at = values >= _AT_BOUND * self._bound
+            at = values >= AT_BOUND * self._bound
             self._any.add(np.any(at, axis=1))
             often = at.sum(axis=0)
             self._often = often if self._often is None else self._often + often

@@ -1,0 +1,119 @@
+"""The desired motion of many robots, evaluated once for all that share a path."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..experiment import Experiment
+from ..inputs.fields import Array
+from ..paths import Motion
+from ..paths.relative import displacement_of
+from ..robot.rotations import product
+from .grouping import contents
+
+# Steps whose tables are made together.
+_ROWS = 256
+
+
+class Tables:
+    """Desired motions at given times: their functions are called once for each time and path.
+
+    Args:
+        experiments: The robots' experiments.
+        times: The times, shape (k,) [s], asked for one after the other.
+        rotates: Whether orientations are asked for.
+    """
+
+    def __init__(self, experiments: Sequence[Experiment], times: Array, rotates: bool) -> None:
+        self._times = times
+        places = [_Place.of(experiment) for experiment in experiments]
+        self._start = np.stack([place.start for place in places], axis=-1)
+        self._positions = _Shared([(place.key, place.position) for place in places], (3,))
+        self._orientations = None
+        if rotates:
+            turning = [_turning(experiment) for experiment in experiments]
+            self._R_start = np.stack([R for _, _, R in turning], axis=-1)
+            self._orientations = _Shared([(key, turn) for key, turn, _ in turning], (3, 3))
+
+    def position(self, k: int) -> tuple[Array, Array, Array]:
+        """Return p_WE, v_WE and a_WE at the time of that number, each of shape (robots, 3)."""
+        p, v, a = self._positions.at(k, self._times)
+        return (self._start + p).T, v.T, a.T
+
+    def orientation(self, k: int) -> tuple[Array, Array, Array]:
+        """Return R_WE, shape (robots, 3, 3), w_WE and alpha_WE, shape (robots, 3), likewise."""
+        assert self._orientations is not None
+        R, w, alpha = self._orientations.at(k, self._times)
+        turned = product(R.transpose(2, 0, 1), self._R_start.transpose(2, 0, 1))
+        return turned, w.T, alpha.T
+
+
+class _Place(NamedTuple):
+    """A path's displacement from a start: what identifies it, its function, and the start."""
+
+    key: object
+    position: Callable[[float], Motion]
+    start: Array
+
+    @classmethod
+    def of(cls, experiment: Experiment) -> _Place:
+        desired = experiment.desired
+        if (shared := displacement_of(desired)) is None:
+            return cls(id(desired), desired.position, np.zeros(3))
+        path, start = shared
+        return cls(contents(path), path.evaluate, start)
+
+
+def _turning(experiment: Experiment) -> tuple[object, Callable[[float], Motion], Array]:
+    """Return what identifies a rotation, its function, and the orientation that it turns."""
+    desired = experiment.desired
+    if desired.turns:
+        return id(desired), desired.orientation, np.eye(3)
+    return None, _still, desired.orientation(0.0)[0]
+
+
+def _still(t: float) -> Motion:
+    return np.eye(3), np.zeros(3), np.zeros(3)
+
+
+class _Shared:
+    """Functions of time that robots share, in tables of which a part at a time is kept.
+
+    Args:
+        functions: For each robot what identifies its function, and the function.
+        shape: Shape of the first of the three values of a function.
+    """
+
+    def __init__(
+        self, functions: Sequence[tuple[object, Callable[[float], Motion]]], shape: tuple[int, ...]
+    ) -> None:
+        distinct = dict(functions)
+        keys = {key: number for number, key in enumerate(distinct)}
+        self._functions = list(distinct.values())
+        self._which = np.array([keys[key] for key, _ in functions])
+        self._shape = shape
+        self._part = -1
+        self._tables: list[Array] = []
+
+    def at(self, k: int, times: Array) -> list[Array]:
+        """Return the three values of each robot at the time of a number, shape (..., robots)."""
+        part, row = divmod(k, _ROWS)
+        if part != self._part:
+            self._fill(times[part * _ROWS : (part + 1) * _ROWS].tolist())
+            self._part = part
+        if len(self._functions) > 1:
+            return [table[row][..., self._which] for table in self._tables]
+        robots = self._which.shape
+        return [np.broadcast_to(t[row], (*t.shape[1:-1], *robots)) for t in self._tables]
+
+    def _fill(self, times: list[float]) -> None:
+        count = len(self._functions)
+        shapes = (self._shape, (3,), (3,))
+        self._tables = [np.empty((len(times), *shape, count)) for shape in shapes]
+        for number, function in enumerate(self._functions):
+            for row, t in enumerate(times):
+                for table, value in zip(self._tables, function(t), strict=True):
+                    table[row, ..., number] = value

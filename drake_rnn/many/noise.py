@@ -1,0 +1,46 @@
+"""The dither of many robots: the same numbers as `drake_rnn.systems.Dither` has."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..experiment import Experiment
+from ..inputs.fields import Array
+from ..systems.dither import DitherSettings, dither_noise
+from ..systems.white_noise import BLOCK
+
+
+class Noises:
+    """Held white noise on the joint velocities of robots with seeds of their own.
+
+    Args:
+        experiments: Their experiments, all with dither of one hold.
+    """
+
+    def __init__(self, experiments: Sequence[Experiment]) -> None:
+        settings = [_settings(experiment) for experiment in experiments]
+        seeds = [experiment.document.seed for experiment in experiments]
+        distinct = list(dict.fromkeys(seeds))
+        n = experiments[0].arm.n
+        self._noises = [dither_noise(n, seed) for seed in distinct]
+        self._which = np.array([distinct.index(seed) for seed in seeds])
+        self._sigma = np.array([each.sigma for each in settings])
+        self._hold = settings[0].hold
+        # Memo of a pure function: samples are asked for one after the other.
+        self._block, self._values = -1, np.empty(0)
+
+    def at(self, t: float) -> Array:
+        """Return the noise from a time on, shape (robots, n) [rad/s]."""
+        block, row = divmod(round(t / self._hold), BLOCK)
+        if block != self._block:
+            self._values = np.stack([noise.block(block) for noise in self._noises], axis=-1)
+            self._block = block
+        values: Array = self._sigma * self._values[row][:, self._which]
+        return values.T
+
+
+def _settings(experiment: Experiment) -> DitherSettings:
+    assert experiment.document.dither is not None
+    return experiment.document.dither

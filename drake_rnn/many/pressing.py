@@ -1,0 +1,74 @@
+"""Elastic surfaces that many robots press on, and the forces between them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..environments import ElasticSurface
+from ..experiment import Experiment
+from ..inputs.fields import Array
+from ..systems import Contact
+from .grouping import contents
+from .step import Pressed, summed
+
+
+class Surfaces:
+    """The surface of each robot, a spring as in `drake_rnn.systems.spring_contact`.
+
+    Args:
+        experiments: The robots' experiments, each with an `ElasticSurface`.
+    """
+
+    def __init__(self, experiments: Sequence[Experiment]) -> None:
+        contacts = [_contact(experiment) for experiment in experiments]
+        surfaces = [contact.surface for contact in contacts]
+        self._normal = np.stack([surface.normal_W for surface in surfaces], axis=-1)
+        self._believed = np.stack([surface.believed_normal_W for surface in surfaces], axis=-1)
+        self._stiffness = np.array([_stiffness(contact) for contact in contacts])
+        places = zip(contacts, experiments, strict=True)
+        p_WS = [contact.place(each.arm, each.start) for contact, each in places]
+        self._height = summed(self._normal * np.stack(p_WS, axis=-1))
+        keys = [contents(contact.force) for contact in contacts]
+        distinct = list(dict.fromkeys(keys))
+        self._profiles = [contacts[keys.index(key)].force for key in distinct]
+        self._which = np.array([distinct.index(key) for key in keys])
+
+    def pressed(self, t: float, p_WE: Array) -> Pressed:
+        """Return the forces at a time [s].
+
+        Args:
+            t: The time.
+            p_WE: Positions of the end effectors, shape (robots, 3) [m].
+        """
+        depth = self._height - summed(self._normal * p_WE.T)
+        force = np.where(depth > 0.0, self._stiffness * depth, 0.0) * self._normal
+        return Pressed(self._normal, summed(force * self._normal), self._desired(t))
+
+    def signals(self, pressed: Pressed) -> dict[str, Array]:
+        """Return what the laws are told of the contact, by name.
+
+        Args:
+            pressed: The forces, along the true normals.
+        """
+        force = pressed.force * self._normal
+        return {
+            "normal_WE": self._believed.T,
+            "normal_force": summed(self._believed * force)[:, np.newaxis],
+            "normal_force_desired": pressed.desired[:, np.newaxis],
+        }
+
+    def _desired(self, t: float) -> Array:
+        forces = np.array([profile.at(t) for profile in self._profiles])
+        return np.asarray(forces[self._which])
+
+
+def _contact(experiment: Experiment) -> Contact:
+    assert experiment.contact is not None
+    return experiment.contact
+
+
+def _stiffness(contact: Contact) -> float:
+    assert isinstance(contact.surface, ElasticSurface)
+    return contact.surface.stiffness

@@ -1,0 +1,85 @@
+"""Many robots at one step of their runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..inputs.fields import Array
+from ..laws import Signals
+
+#: Values of a metric by name, each of shape (robots,).
+Found = dict[str, Array]
+
+
+@dataclass(frozen=True)
+class Pressed:
+    """The contact of many robots.
+
+    Attributes:
+        normal: Outward unit normals of the surfaces, shape (3, robots).
+        force: Pressing forces along these, shape (robots,) [N].
+        desired: Desired ones, likewise.
+    """
+
+    normal: Array
+    force: Array
+    desired: Array
+
+
+@dataclass(frozen=True)
+class Step:
+    """Many robots at the end of a step, before what happens then.
+
+    Attributes:
+        number: Number of the step.
+        time: Its time [s].
+        position, velocity: Joint positions and velocities, shape (n, robots) [rad, rad/s].
+        network_velocity: The laws' own joint velocities, shape (n, robots) [rad/s].
+        p_WE, p_WE_desired, v_WE, v_WE_desired: Positions and velocities of the end effectors and
+            their desired values along the task's axes, shape (m, robots) [m, m/s].
+        J: Jacobians, shape (size of the task, n, robots).
+        turned: Angles to the desired orientations, shape (robots,) [rad]; None without these.
+        J_hat: Learned Jacobians, shape (m, n, robots); None without learning.
+        observed: Observables of the laws, each of shape (robots, ...).
+        pressed: Contact with surfaces; None without these.
+    """
+
+    number: int
+    time: float
+    position: Array
+    velocity: Array
+    network_velocity: Array
+    p_WE: Array
+    p_WE_desired: Array
+    v_WE: Array
+    v_WE_desired: Array
+    J: Array
+    turned: Array | None
+    J_hat: Array | None
+    observed: Signals
+    pressed: Pressed | None = None
+
+    def aside(self, vectors: Array) -> Array:
+        """Return ``vectors``, shape (m, robots); in contact, only their part along the surface."""
+        if self.pressed is None:
+            return vectors
+        normal = self.pressed.normal
+        return vectors - summed(vectors * normal) * normal
+
+
+def summed(rows: Array) -> Array:
+    """Return the sum over the first axis, one row after the other, however many robots there are.
+
+    NumPy's own sum of a single column may add in another order than that of several.
+    """
+    total = rows[0]
+    for k in range(1, len(rows)):
+        total = total + rows[k]
+    return total
+
+
+def lengths(vectors: Array) -> Array:
+    """Return the norms of vectors, shape (m, robots)."""
+    return np.sqrt(summed(vectors * vectors))

@@ -1,0 +1,189 @@
+"""Laws, and states and signals of many robots at random, for tests of leading axes."""
+
+from contextlib import suppress
+
+import numpy as np
+
+from drake_rnn import (
+    ContactLoss,
+    InvalidInputError,
+    JointDriftFree,
+    JointLimits,
+    MotionForce,
+    NullSpaceAdjustment,
+    OnlineStiffness,
+    Pseudoinverse,
+    Recursive,
+    SimultaneousLearning,
+    StateAdjustment,
+    WarmUp,
+)
+
+N = 7
+LIMITS = JointLimits(
+    position_lower=np.array([-2.9, -1.8, -2.9, -3.1, -2.9, 0.0, -np.inf]),
+    position_upper=np.array([2.9, 1.8, 2.9, -0.1, 2.9, 3.8, np.inf]),
+    velocity=np.array([2.2, 2.2, 2.2, 2.2, 2.6, 2.6, 2.6]),
+    acceleration=np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0]),
+    jerk=np.full(N, 5000.0),
+    snap=np.full(N, 1e6),
+    crackle=np.full(N, 1e8),
+)
+HOME = np.array([0.0, 0.3, 0.1, -1.8, 0.2, 2.0, 0.5])
+PERIOD = 1e-3
+
+
+def slc(**options):
+    return SimultaneousLearning(limits=LIMITS, home=HOME, **options)
+
+
+def drift_free(scheme, **options):
+    return JointDriftFree(scheme=scheme, limits=LIMITS, home=HOME, **options)
+
+
+def pressing(**options):
+    return MotionForce(limits=LIMITS, **{"stiffness": 8000.0, **options})
+
+
+RETREAT = ContactLoss(reaction="retreat", patience=0.01)
+FIVE = [100.0, 1e2, 2e2, 2e2, 2e2]
+FILTERS = {"reading": "filters", "time_constants": [1e-2, 0.9, 0.8, 0.7, 0.7]}
+
+LAWS = {
+    "slc_known": slc(jacobian="known"),
+    "slc_learned": slc(),
+    "slc_warm_up": slc(warm_up=WarmUp()),
+    "slc_known_warm_up": slc(jacobian="known", warm_up=WarmUp()),
+    "slc_slow_feedback": slc(jacobian="known", feedback_limit=0.05),
+    "slc_per_joint": slc(jacobian="known", acceleration_bound="per_joint", limit_stiffness=9.0),
+    "slc_unbounded": slc(jacobian="known", acceleration_bound="none"),
+    "slc_printed": slc(multiplier_limit="none", position_bound="printed", substeps=2),
+    "man": drift_free("man"),
+    "galjdf": drift_free("galjdf", composite_gain=2.0),
+    "naljdf": drift_free("naljdf"),
+    "naljdf_all": drift_free("naljdf", bounds="all"),
+    "naljdf_measured": drift_free("naljdf", velocity="measured"),
+    "moaljdf": drift_free("moaljdf", alpha=0.99),
+    "moaljdf_printed": drift_free("moaljdf_printed"),
+    "pseudoinverse": Pseudoinverse(limits=LIMITS),
+    "pseudoinverse_plain": Pseudoinverse(limits=LIMITS, feed_forward=False),
+    "pseudoinverse_pose": Pseudoinverse(limits=LIMITS, task_size=6),
+    "rnn": Recursive(limits=LIMITS, gains=[30.0]),
+    "recursive": Recursive(limits=LIMITS, gains=FIVE),
+    "recursive_filters": Recursive(limits=LIMITS, gains=FIVE, **FILTERS),
+    "motion_force": pressing(),
+    "motion_force_return": pressing(jacobian="learned", return_gain=0.5, home=HOME),
+    "motion_force_printed": pressing(jacobian="printed", orientation="printed"),
+    "motion_force_literal": pressing(stiffness=5.0, form="literal", force_feedback="assumed"),
+    "motion_force_contact": pressing(
+        stiffness=OnlineStiffness(), approach_speed=0.05, contact_loss=RETREAT
+    ),
+    "motion_force_hold": pressing(contact_loss=ContactLoss(), multiplier_limit="none"),
+    "sa": StateAdjustment(target=HOME, limits=LIMITS),
+    "msa": StateAdjustment(target=HOME, limits=LIMITS, rise_time=1.0),
+    "sa_ramped": StateAdjustment(target=HOME, limits=LIMITS, ramp_time=1.0, task_size=6),
+    "nsa": NullSpaceAdjustment(target=HOME, limits=LIMITS),
+    "nsa_pose": NullSpaceAdjustment(target=HOME, limits=LIMITS, task_size=6, feedback=2.0),
+}
+#: Gains that may differ from robot to robot, by law.
+GAINS = {
+    "slc_known": ("kappa", "rate", "return_gain", "home", "limits.velocity"),
+    "slc_learned": ("kappa", "rho", "limit_stiffness", "limits.acceleration"),
+    "slc_warm_up": ("kappa", "warm_up.acceleration", "warm_up.rho"),
+    "slc_known_warm_up": ("warm_up.pulse",),
+    "slc_slow_feedback": ("feedback_limit", "multiplier_limit", "limits.position_upper"),
+    "slc_unbounded": ("kappa", "limits.position_lower"),
+    "galjdf": ("composite_gain", "return_weight", "task_beta", "home"),
+    "naljdf": ("return_gamma", "velocity_gain", "rate", "damping", "limits.acceleration"),
+    "naljdf_all": ("position_gain", "limits.velocity"),
+    "moaljdf": ("alpha", "return_beta"),
+    "pseudoinverse_pose": ("feedback", "damping"),
+    "rnn": ("gains", "limit_stiffness"),
+    "recursive": ("gains", "limits.velocity", "limits.snap"),
+    "recursive_filters": ("gains", "time_constants"),
+    "sa": ("rate", "time_constant", "target"),
+    "msa": ("rise_time", "limits.velocity"),
+    "sa_ramped": ("ramp_time",),
+    "nsa": ("feedback", "rate", "target"),
+    "nsa_pose": ("ramp_time", "damping", "limits.position_upper"),
+    "motion_force": ("gain", "stiffness", "orientation_gain", "time_constant", "multiplier_limit"),
+    "motion_force_return": ("return_gain", "rho", "home"),
+    "motion_force_literal": ("stiffness", "limit_stiffness"),
+    "motion_force_contact": (
+        "approach_speed",
+        "stiffness.initial",
+        "stiffness.forgetting",
+        "contact_loss.floor",
+        "contact_loss.retreat_speed",
+    ),
+}
+
+
+def readings(law):
+    """Return the name of the method that steps each reading of a law, and the reading."""
+    found = {"step": law.sampled(PERIOD)}
+    with suppress(InvalidInputError):
+        found["derivatives"] = law.continuous()
+    return found
+
+
+def moment(method):
+    """Return the arguments of a method after time, state and signals."""
+    return (PERIOD,) if method == "step" else ()
+
+
+def orientations(rng, count):
+    """Return random rotation matrices, shape (count, 3, 3)."""
+    Q, R = np.linalg.qr(rng.normal(size=(count, 3, 3)))
+    Q = Q * np.sign(np.einsum("kii->ki", R))[:, np.newaxis, :]
+    return Q * np.sign(np.linalg.det(Q))[:, np.newaxis, np.newaxis]
+
+
+_SIZES = {"J": 0.5, "J_omega": 0.7, "p_WE": 0.3, "position": 1.0, "Jdot_v": 0.1}
+
+
+def signals(layout, rng, count):
+    """Return random signals of the size of an arm's, each of shape (count, ...)."""
+    u = {}
+    for name, (_, shape) in layout.parts.items():
+        if name.startswith("R_"):
+            u[name] = orientations(rng, count)
+        else:
+            u[name] = _SIZES.get(name, 0.3) * rng.normal(size=(count, *shape))
+    if "position" in u:
+        # Some joints are close to a limit, or beyond.
+        u["position"] += HOME
+    if "M" in u:
+        u["M"] = np.einsum("...ij,...kj->...ik", u["M"], u["M"]) + 0.5 * np.eye(N)
+    if "normal_force_desired" in u:
+        u["normal_force_desired"] = 0.5 + np.abs(u["normal_force_desired"])
+    if "normal_WE" in u:
+        u["normal_WE"] /= np.linalg.norm(u["normal_WE"], axis=-1, keepdims=True)
+    return u
+
+
+def states(reading, rng, count):
+    """Return random states, shape (count, state.size); some robots of a `TwoStep` just begin."""
+    x = rng.normal(size=(count, reading.state.size))
+    for name, size in (("multipliers", 8.0), ("slope", 5.0)):
+        if name in reading.state:
+            x[:, reading.state.parts[name][0]] *= size
+    if "since" in reading.state:
+        x[:, reading.state.parts["since"][0]] = np.where(rng.random((count, 1)) < 0.3, -1.0, 0.299)
+    if "contact" in reading.state:
+        phases = rng.integers(0, 3, size=count)
+        x[:, reading.state.parts["contact"][0]] = np.stack(
+            (phases, 0.02 * rng.random(count), 0.04 * rng.random(count)), axis=-1
+        )
+    if "stiffness" in reading.state:
+        last = np.where(rng.random(count) < 0.3, -1.0, 1.0 + rng.random(count))
+        x[:, reading.state.parts["stiffness"][0]] = np.stack(
+            (1e3 * (1.0 + rng.random(count)), rng.random(count), last, 1e-5 * rng.random(count)),
+            axis=-1,
+        )
+    return x
+
+
+def row(values, k):
+    """Return what belongs to one robot."""
+    return {name: value[k] for name, value in values.items()}

@@ -1,0 +1,188 @@
+"""Many runs at once: company does not matter, and failures stay alone."""
+
+import numpy as np
+import pytest
+
+from drake_rnn import (
+    InvalidInputError,
+    JointLimits,
+    Layout,
+    Positive,
+    SampledLaw,
+    SimulationError,
+    load_experiment,
+    make_experiment,
+    run_many,
+    simulate,
+    validated,
+)
+from drake_rnn.arrays.algebra import solved, vecmat
+
+GAINS = {"slc_nephroid_known": "kappa", "slc_four_ring_fast": "rho", "naljdf_table1": "rate"}
+
+
+def varied(name, count, duration, tool=False):
+    """Return variants of a shipped experiment, each with its own start, gain, limits and seed."""
+    base = load_experiment(name, {"duration": duration, "window": None})
+    rng = np.random.default_rng(1)
+    document = base.document.contents()
+    gain = document["law"].get(GAINS[name], 4.0)
+    made = []
+    for seed in range(count):
+        law = {**document["law"], GAINS[name]: gain * rng.uniform(0.8, 1.2)}
+        start = base.start + rng.normal(0.0, 0.02, base.start.size)
+        limits = {"acceleration": rng.uniform(3.0, 8.0)}
+        own = {"law": law, "start": start.tolist(), "limits": limits, "seed": seed}
+        if tool:
+            length = rng.uniform(0.05, 0.15)
+            ball = {"ball": 0.003, "shaft": 0.005, "length": length, "mass": 0.05}
+            own["arm"] = {"model": document["arm"], "tool": ball}
+        made.append(make_experiment({**document, **own}))
+    return made
+
+
+@pytest.mark.parametrize("name", GAINS)
+def test_a_run_has_the_same_bits_alone_and_in_any_company(name):
+    experiments = varied(name, 37, 0.08)
+    whole = run_many(experiments, record=["position"])
+    few = run_many(experiments[3:11], record=["position"])
+    for number in (3, 10):
+        alone = run_many([experiments[number]], record=["position"])
+        for many, row in ((whole, number), (few, number - 3)):
+            assert np.array_equal(many.series["position"][row], alone.series["position"][0])
+            assert many.row(row) == alone.row(0)
+
+
+def test_arms_and_paths_of_their_own_are_run_as_drake_runs_them():
+    experiments = varied("slc_nephroid_known", 5, 0.05, tool=True)
+    document = experiments[0].document.contents()
+    circle = {"kind": "circle", "size": 0.05, "period": 2.0}
+    experiments.append(make_experiment({**document, "path": circle}))
+    many = run_many(experiments)
+    for number, experiment in enumerate(experiments):
+        q = simulate(experiment, series="none").series["position"][-1]
+        assert many.position[number] == pytest.approx(q, abs=1e-12)
+
+
+def test_different_laws_periods_and_durations_keep_their_order():
+    names = ["slc_nephroid_known", "naljdf_table1", "slc_nephroid_known", "fastest_square"]
+    durations = [0.02, 0.04, 0.06, 0.02]
+    pairs = zip(names, durations, strict=True)
+    experiments = [load_experiment(name, {"duration": d, "window": None}) for name, d in pairs]
+    many = run_many(experiments, record=["position"])
+    assert [times[-1] for times in many.time] == durations
+    for number, experiment in enumerate(experiments):
+        assert many.row(number) == run_many([experiment]).row(0)
+    # Only some have a bound on the jerk, or a demand that it cuts.
+    assert "saturated_fraction" not in many.row(3)
+    assert "saturated_fraction" in many.row(0)
+
+
+def test_window_laps_and_settling_are_those_of_simulate():
+    base = load_experiment("slc_nephroid_known").document.contents()
+    circle = {"kind": "circle", "size": 1e-5, "period": 0.05, "offset": [1e-4, 0.0, 0.0]}
+    own = {"path": circle, "duration": 0.13, "window": [0.03, 0.1], "settling_tolerance_m": 5e-5}
+    law = {**base["law"], "kappa": 20.0}
+    experiment = make_experiment({**base, **own, "law": law})
+    row, metrics = run_many([experiment]).row(0), simulate(experiment).metrics
+    assert {"lap_drift_max_rad", "joint_drift_max_rad", "settling_time_s"} <= row.keys()
+    assert 0.0 < row["settling_time_s"] < 0.13
+    # Differences of velocities over a tick and over 10 ms enlarge rounding.
+    assert row == pytest.approx(metrics, rel=1e-7, abs=1e-9)
+
+
+def test_a_start_outside_of_limits_and_a_target_are_measured():
+    experiment = load_experiment("null_space_adjustment", {"duration": 0.08})
+    row, metrics = run_many([experiment]).row(0), simulate(experiment).metrics
+    for name in ("joint_error_max_rad", "end_effector_drift_max_m", "joint_limit_margin_min_rad"):
+        assert row[name] == pytest.approx(metrics[name], abs=1e-9)
+
+
+@validated
+class Fragile(SampledLaw):
+    """A law that follows its path, and breaks where it is told to."""
+
+    limits: JointLimits
+    gain: Positive = 5.0
+    breaks_at: Positive = 1e9
+    solves: bool = False
+
+    takes_many = True
+
+    @property
+    def state(self):
+        return Layout(v=(self.limits.size,))
+
+    @property
+    def inputs(self):
+        return Layout(p_WE=(3,), p_WE_desired=(3,), J=(3, self.limits.size))
+
+    def step(self, t, x, u, period):
+        off = self.gain * (u["p_WE_desired"] - u["p_WE"])
+        broken = np.asarray(t >= self.breaks_at - 1e-9)
+        if self.solves:
+            # Singular where it breaks: NumPy then solves for no robot at all.
+            scale = np.where(broken, 0.0, np.ones((*off.shape[:-1], 1)))
+            off = solved(scale[..., None] * np.eye(3), off[..., None])[..., 0]
+            return vecmat(off, u["J"])
+        return np.where(broken, np.nan, vecmat(off, u["J"]))
+
+
+def fragile(**law):
+    return make_experiment(
+        {
+            "arm": "panda",
+            "path": {"kind": "circle", "size": 0.05, "period": 1.0, "offset": [0.001, 0.0, 0.0]},
+            "law": {"kind": f"{__name__}:Fragile", **law},
+            "period": 1e-3,
+            "duration": 0.05,
+        }
+    )
+
+
+@pytest.mark.parametrize("solves", [False, True])
+def test_a_run_that_fails_is_a_row_and_stops_no_other(solves):
+    gains, breaks = (4.0, 5.0, 6.0, 7.0), (1e9, 0.02, 1e9, 0.001)
+    experiments = [
+        fragile(gain=gain, breaks_at=at, solves=solves)
+        for gain, at in zip(gains, breaks, strict=True)
+    ]
+    many = run_many(experiments)
+    assert many.status == ("complete", "failed", "complete", "failed")
+    assert many.until == pytest.approx([0.05, 0.02, 0.05, 0.001])
+    reason = r"Fragile.step raised LinAlgError" if solves else "Fragile.step: v is no longer finite"
+    assert list(many.failures) == [1, 3]
+    assert many.failures[1].startswith(reason)
+    for number in (0, 2):
+        # As if the others were not there.
+        assert many.row(number) == run_many([experiments[number]]).row(0)
+    for number in (1, 3):
+        with pytest.raises(SimulationError) as failure:
+            simulate(experiments[number])
+        assert failure.value.time == pytest.approx(many.until[number])
+        assert many.row(number) == pytest.approx(failure.value.result.metrics, abs=1e-9)
+
+
+def test_a_law_that_never_works_fails_at_once():
+    many = run_many([fragile(breaks_at=1e-6), fragile()])
+    assert many.status == ("failed", "complete")
+    assert many.until[0] == pytest.approx(0.001)
+
+
+def test_progress_ends_at_the_whole():
+    told = []
+    run_many(varied("slc_nephroid_known", 2, 0.3), told.append)
+    assert len(told) <= 100
+    assert told == sorted(told)
+    assert told[-1] == pytest.approx(1.0, abs=0.011)
+
+
+def test_nothing_to_run_is_an_empty_table():
+    many = run_many([])
+    assert len(many) == 0
+    assert not many.metrics
+
+
+def test_only_known_series_are_recorded():
+    with pytest.raises(InvalidInputError, match=r"^record: may be position, not 'force'"):
+        run_many([], record=["force"])

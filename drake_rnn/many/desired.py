@@ -7,12 +7,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..arrays.algebra import functions_of
+from ..arrays.namespace import AnyArray
 from ..experiment import Experiment
 from ..inputs.fields import Array
 from ..paths import Motion
 from ..paths.relative import displacement_of
 from ..robot.rotations import product
 from .grouping import contents
+
+#: Values at a time, of each function that robots share, shape (..., functions).
+Row = tuple[AnyArray, ...]
 
 # Steps whose tables are made together.
 _ROWS = 256
@@ -38,15 +43,27 @@ class Tables:
             self._R_start = np.stack([R for _, _, R in turning], axis=-1)
             self._orientations = _Shared([(key, turn) for key, turn, _ in turning], (3, 3))
 
-    def position(self, k: int) -> tuple[Array, Array, Array]:
-        """Return p_WE, v_WE and a_WE at the time of that number, each of shape (robots, 3)."""
-        p, v, a = self._positions.at(k, self._times)
+    def row(self, k: int) -> Row:
+        """Return what robots share at the time of that number."""
+        position = self._positions.row(k, self._times)
+        if self._orientations is None:
+            return position
+        return *position, *self._orientations.row(k, self._times)
+
+    def rows(self) -> Row:
+        """Return the same for all times, with these in front."""
+        each = [self.row(k) for k in range(self._times.size)]
+        return tuple(np.stack(values) for values in zip(*each, strict=True))
+
+    def position(self, row: Row) -> tuple[Array, Array, Array]:
+        """Return p_WE, v_WE and a_WE, each of shape (robots, 3), of a row in NumPy or in JAX."""
+        p, v, a = self._positions.of_each(row[:3])
         return (self._start + p).T, v.T, a.T
 
-    def orientation(self, k: int) -> tuple[Array, Array, Array]:
+    def orientation(self, row: Row) -> tuple[Array, Array, Array]:
         """Return R_WE, shape (robots, 3, 3), w_WE and alpha_WE, shape (robots, 3), likewise."""
         assert self._orientations is not None
-        R, w, alpha = self._orientations.at(k, self._times)
+        R, w, alpha = self._orientations.of_each(row[3:])
         turned = product(R.transpose(2, 0, 1), self._R_start.transpose(2, 0, 1))
         return turned, w.T, alpha.T
 
@@ -98,16 +115,20 @@ class _Shared:
         self._part = -1
         self._tables: list[Array] = []
 
-    def at(self, k: int, times: Array) -> list[Array]:
-        """Return the three values of each robot at the time of a number, shape (..., robots)."""
+    def row(self, k: int, times: Array) -> Row:
+        """Return the three values of each function at the time of a number."""
         part, row = divmod(k, _ROWS)
         if part != self._part:
             self._fill(times[part * _ROWS : (part + 1) * _ROWS].tolist())
             self._part = part
+        return tuple(table[row] for table in self._tables)
+
+    def of_each(self, row: Row) -> list[AnyArray]:
+        """Return the values of a row for each robot, shape (..., robots)."""
         if len(self._functions) > 1:
-            return [table[row][..., self._which] for table in self._tables]
-        robots = self._which.shape
-        return [np.broadcast_to(t[row], (*t.shape[1:-1], *robots)) for t in self._tables]
+            return [values[..., self._which] for values in row]
+        robots, xp = self._which.shape, functions_of(*row)
+        return [xp.broadcast_to(values, (*values.shape[:-1], *robots)) for values in row]
 
     def _fill(self, times: list[float]) -> None:
         count = len(self._functions)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..arrays.namespace import AnyArray
 from ..experiment import Experiment
 from ..inputs.fields import Array
 from ..systems.dither import DitherSettings, dither_noise
@@ -31,14 +32,18 @@ class Noises:
         # Memo of a pure function: samples are asked for one after the other.
         self._block, self._values = -1, np.empty(0)
 
-    def at(self, t: float) -> Array:
-        """Return the noise from a time on, shape (robots, n) [rad/s]."""
+    def row(self, t: float) -> Array:
+        """Return the noise of each seed from a time on, of standard deviation 1, (n, seeds)."""
         block, row = divmod(round(t / self._hold), BLOCK)
         if block != self._block:
             self._values = np.stack([noise.block(block) for noise in self._noises], axis=-1)
             self._block = block
-        values: Array = self._sigma * self._values[row][:, self._which]
-        return values.T
+        values: Array = self._values[row]
+        return values
+
+    def of_each(self, row: AnyArray) -> AnyArray:
+        """Return the noise of each robot, shape (robots, n) [rad/s], of NumPy's row or JAX's."""
+        return (self._sigma * row[:, self._which]).T
 
 
 def _settings(experiment: Experiment) -> DitherSettings:

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..arrays.algebra import functions_of
+from ..arrays.namespace import AnyArray
 from ..environments import ElasticSurface
 from ..experiment import Experiment
 from ..inputs.fields import Array
@@ -35,16 +37,21 @@ class Surfaces:
         self._profiles = [contacts[keys.index(key)].force for key in distinct]
         self._which = np.array([distinct.index(key) for key in keys])
 
-    def pressed(self, t: float, p_WE: Array) -> Pressed:
-        """Return the forces at a time [s].
+    def row(self, t: float) -> Array:
+        """Return the desired force of each profile at a time [s], shape (profiles,) [N]."""
+        return np.array([profile.at(t) for profile in self._profiles])
+
+    def pressed(self, row: AnyArray, p_WE: AnyArray) -> Pressed:
+        """Return the forces, in NumPy or in JAX.
 
         Args:
-            t: The time.
+            row: The desired force of each profile, shape (profiles,) [N].
             p_WE: Positions of the end effectors, shape (robots, 3) [m].
         """
         depth = self._height - summed(self._normal * p_WE.T)
-        force = np.where(depth > 0.0, self._stiffness * depth, 0.0) * self._normal
-        return Pressed(self._normal, summed(force * self._normal), self._desired(t))
+        pushes = functions_of(depth).where(depth > 0.0, self._stiffness * depth, 0.0)
+        force = pushes * self._normal
+        return Pressed(self._normal, summed(force * self._normal), row[self._which])
 
     def signals(self, pressed: Pressed) -> dict[str, Array]:
         """Return what the laws are told of the contact, by name.
@@ -58,10 +65,6 @@ class Surfaces:
             "normal_force": summed(self._believed * force)[:, np.newaxis],
             "normal_force_desired": pressed.desired[:, np.newaxis],
         }
-
-    def _desired(self, t: float) -> Array:
-        forces = np.array([profile.at(t) for profile in self._profiles])
-        return np.asarray(forces[self._which])
 
 
 def _contact(experiment: Experiment) -> Contact:

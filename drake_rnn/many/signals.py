@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Set
+from typing import NamedTuple
 
-import numpy as np
-
-from ..arrays.algebra import matvec
+from ..arrays.algebra import functions_of, matvec
 from ..arrays.namespace import AnyArray, in_front, robots_first
 from ..inputs.fields import Array
 from ..robot.moved_screws import MovedScrews
 from ..robot.task import Task
-from .desired import Tables
+from .desired import Row, Tables
 
 _AHEAD = {
     "p_preview": "p_WE_desired",
@@ -88,44 +87,82 @@ class Sight:
         return R
 
 
+class Rows(NamedTuple):
+    """What is known of the desired motions at a step.
+
+    Attributes:
+        now: What robots share of them.
+        ahead: The same one period later; empty if no law sees ahead.
+        late: The same as long before as the arms are late; empty if they are not.
+    """
+
+    now: Row
+    ahead: Row
+    late: Row
+
+
 class Desired:
     """Desired motions of many robots, by the names of signals.
 
     Args:
         tables: The motions at each step.
         ahead: The motions one period after each step; None if no law sees ahead.
+        late: The motions that arms behind filters make at each step; None if they are not late.
         task: Their task.
     """
 
-    def __init__(self, tables: Tables, ahead: Tables | None, task: Task) -> None:
-        self._tables, self._ahead = tables, ahead
+    def __init__(
+        self, tables: Tables, ahead: Tables | None, late: Tables | None, task: Task
+    ) -> None:
+        self._tables, self._ahead, self._late = tables, ahead, late
         self._axes = slice(task.axes[0], task.axes[-1] + 1)
 
-    def at(self, number: int, names: Set[str]) -> Found:
-        """Return the signals of a step, by name; position and velocity whatever the names are."""
-        return self._named(self._tables, number, names)
+    def row(self, number: int) -> Rows:
+        """Return what is known of a step."""
+        ahead, late = (
+            () if tables is None else tables.row(number) for tables in (self._ahead, self._late)
+        )
+        return Rows(self._tables.row(number), ahead, late)
 
-    def ahead(self, number: int, names: Set[str]) -> Found:
+    def rows(self) -> Rows:
+        """Return the same for all steps, with these in front."""
+        ahead, late = (
+            () if tables is None else tables.rows() for tables in (self._ahead, self._late)
+        )
+        return Rows(self._tables.rows(), ahead, late)
+
+    def at(self, rows: Rows, names: Set[str]) -> Found:
+        """Return the signals of a step, by name; position and velocity whatever the names are."""
+        return self._named(self._tables, rows.now, names)
+
+    def ahead(self, rows: Rows, names: Set[str]) -> Found:
         """Return those of the signals that are seen ahead of time at a step."""
         if self._ahead is None:
             return {}
         wanted = {_AHEAD[name] for name in names & PREVIEWS}
-        known = self._named(self._ahead, number, wanted)
+        known = self._named(self._ahead, rows.ahead, wanted)
         return {name: known[_AHEAD[name]] for name in names & PREVIEWS}
 
-    def _named(self, tables: Tables, number: int, names: Set[str]) -> Found:
-        p, v, a = tables.position(number)
+    def late(self, rows: Rows, names: Set[str]) -> Found:
+        """Return the signals that arms behind filters should have; none if they are not late."""
+        if self._late is None or not names:
+            return {}
+        known = self._named(self._late, rows.late, names)
+        return {name: value for name, value in known.items() if name in names}
+
+    def _named(self, tables: Tables, row: Row, names: Set[str]) -> Found:
+        p, v, a = tables.position(row)
         axes = self._axes
         found: Found = {"p_WE_desired": p[..., axes], "v_WE_desired": v[..., axes]}
         found["a_WE_desired"] = a[..., axes]
         if names & {"R_WE_desired", "w_WE_desired", "alpha_WE_desired"}:
-            R, w, alpha = tables.orientation(number)
+            R, w, alpha = tables.orientation(row)
             found |= {"R_WE_desired": R, "w_WE_desired": w, "alpha_WE_desired": alpha}
         return found
 
 
 def _below(first: AnyArray, second: AnyArray) -> Array:
     """Return matrices of the rows of two, with robots side by side."""
-    rows = np.concatenate((in_front(first, 2), in_front(second, 2)))
+    rows = functions_of(first).concatenate((in_front(first, 2), in_front(second, 2)))
     joined: Array = robots_first(rows, 2)
     return joined

@@ -78,7 +78,7 @@ def _followed(robots: Sequence[Robot], times: Array) -> NDArray[np.bool_]:
     sure = np.ones(len(robots), dtype=bool)
     with np.errstate(all="ignore"):
         for number in range(times.size):
-            target = (tables.position(number)[0] - shift)[:, rows]
+            target = (tables.position(tables.row(number))[0] - shift)[:, rows]
             for _ in range(_FIRST if number == 0 else _NEXT):
                 sight = Sight(task, arm.at(q), q)
                 q = q + _step(np.ascontiguousarray(sight.J), target - sight.p_WE)

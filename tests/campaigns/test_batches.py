@@ -18,7 +18,7 @@ KNOWN = {
     "name": "known",
     "experiment": "slc_nephroid_known",
     "changes": {
-        "duration": 0.05,
+        "duration": 0.03,
         "window": None,
         "accept": {"position_error_max_m": {"at_most": 0.1}},
     },
@@ -28,7 +28,7 @@ KNOWN = {
 #: Some are out of reach, and some have a law that fails on its way or at its start.
 MIXED = {
     "experiment": "pinv_line",
-    "changes": {"duration": 4.5, "period": 5e-3, "law.kind": "fatal_law:Fatal"},
+    "changes": {"duration": 4.5, "period": 2e-2, "law.kind": "fatal_law:Fatal"},
     "vary": {
         "law.fate": ["live", "fail", "live", "fail", "live", "live"],
         "path.by": [

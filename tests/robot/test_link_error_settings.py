@@ -75,7 +75,8 @@ def test_what_no_arm_has_is_refused_by_name(errors, complaint):
 
 def test_only_urdf_can_be_displaced(tmp_path):
     (tmp_path / "arm.xml").write_text(
-        '<mujoco model="m"><worldbody><body name="a"><inertial mass="1" pos="0 0 0" diaginertia="1 1 1"/>'
+        '<mujoco model="m"><worldbody><body name="a">'
+        '<inertial mass="1" pos="0 0 0" diaginertia="1 1 1"/>'
         '<joint name="j" type="hinge" axis="0 0 1"/></body></worldbody></mujoco>'
     )
     with pytest.raises(InvalidInputError, match=r"^arm\.link_errors: only for models in URDF"):

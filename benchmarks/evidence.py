@@ -23,6 +23,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from drake_rnn import Experiment, Result, load_experiment, run_many, simulate
+from drake_rnn.campaigns.statistics import rank_correlation
 from drake_rnn.experiment import forecasts, read_document
 from markdown_table import head, row
 
@@ -41,6 +42,8 @@ CLASSES = {
     "0.5 mm to 2 cm": (NEAR, FAR),
     "beyond 2 cm": (FAR, np.inf),
 }
+#: Least singular value above which no clover errs by more than its bound [m].
+APART = 0.12
 #: The same law with the arm's Jacobian.
 KNOWN = {
     "kind": "simultaneous_learning",
@@ -133,6 +136,21 @@ def fates(folder: Path) -> None:
         row(name, len(some), f"{foreseen} of {len(among)}", f"{np.median(limits):.2f} (median)")
 
 
+def singular(folder: Path) -> None:
+    """Print how errors of clovers go with the distance from a singular posture."""
+    lines = lines_of(folder)
+    error, least = numbers(lines, ERROR), numbers(lines, "singular_value_min")
+    drift, ratio = numbers(lines, "joint_drift_max_rad"), numbers(lines, "limit_ratio_2_max")
+    far = least >= APART
+    print(
+        f"\nclovers: rank correlation of error and least singular value "
+        f"{rank_correlation(error, least):.2f}; {(error > 1e-5).sum()} rows err by over 10 um, "
+        f"{(error[~far] > 1e-5).sum()} of them among the {(~far).sum()} below {APART:g} m; above, "
+        f"the largest error is {error[far].max():.2g} m; {(drift > 0.01).sum()} come back further "
+        f"than 0.01 rad from home; {(ratio > 1.0 - 1e-9).sum()} reach the bound"
+    )
+
+
 def _too_low(experiment: Experiment) -> bool:
     """Return whether the path is foreseen to ask for more than a limit."""
     return any(forecast.limit is not None for forecast in forecasts(experiment))
@@ -199,6 +217,7 @@ def main() -> None:
             told(name, options.out / f"campaign_{name}")
     print()
     fates(options.out / f"campaign_{LEARNING}")
+    singular(options.out / "campaign_drift_free_clovers")
     if options.figure is not None:
         figure(options.out, options.figure)
 

@@ -2,7 +2,7 @@
 
 Each time at a random moment, in turn: the command itself, one of its processes, and the scheduler
 of a Dask cluster that it runs on. Needs the extra `cluster`. Prints one line for each kill, and
-whether both tables are the same to the last bit.
+whether both tables are the same to the last bit. Rows are run in batches unless told otherwise.
 
     python benchmarks/campaign_kills.py --rows 2000 --kills 10
 """
@@ -25,6 +25,7 @@ experiment: pinv_line
 changes: {{duration: 0.05}}
 vary: {{law.damping: {{kind: log_uniform, low: 1.0e-6, high: 1.0e-2}}}}
 samples: {rows}
+method: {method}
 """
 CLUSTER = """
 import time
@@ -96,7 +97,9 @@ def _started(command: list[str]) -> subprocess.Popen:
 
 
 def disturb(campaign: Campaign, victim: str, count: int, rng: random.Random) -> None:
-    """Run a campaign until some rows are kept, and kill a part of it."""
+    """Run a campaign until some rows are kept, at least one of them new, and kill a part of it."""
+    # Rows of a batch are kept at once, perhaps beyond this moment.
+    count = max(count, campaign.kept + 1)
     campaign.start(on_cluster=victim == "scheduler")
     campaign.wait(count)
     if campaign.process.poll() is not None:
@@ -120,13 +123,16 @@ def main() -> None:
     parser.add_argument("--rows", type=int, default=2000)
     parser.add_argument("--kills", type=int, default=10)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--method", default="batch")
     given = parser.parse_args()
     rng = random.Random(given.seed)
     tables = []
     for disturbed in (True, False):
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
-            (folder / "kills.yaml").write_text(CAMPAIGN.format(rows=given.rows))
+            (folder / "kills.yaml").write_text(
+                CAMPAIGN.format(rows=given.rows, method=given.method)
+            )
             (folder / "cluster.py").write_text(CLUSTER)
             campaign, began = Campaign(folder), time.monotonic()
             moments = sorted(rng.sample(range(given.rows), given.kills)) if disturbed else []

@@ -6,6 +6,7 @@ from .document import CampaignDocument, read_campaign, shipped_campaigns
 from .outcome import Order, Outcome
 from .perform import simulate_each
 from .plan import Plan, plan_campaign
+from .side_by_side import run_each
 
 __all__ = [
     "CampaignDocument",
@@ -18,6 +19,7 @@ __all__ = [
     "plan_campaign",
     "read_campaign",
     "run_campaign",
+    "run_each",
     "shipped_campaigns",
     "simulate_each",
     "workers_of",

@@ -19,11 +19,13 @@ from .cluster import workers_of
 from .document import CampaignDocument, read_campaign
 from .engine import carry_out
 from .outcome import Order, Outcome
-from .perform import Perform, simulate_each
+from .perform import Perform
 from .plan import Plan, plan_campaign, unique_orders
+from .side_by_side import run_each
 from .store import RowStore
 from .summary import Summary, summarize
 from .table import Line, lines_of, metrics_in, write_table
+from .tasks import tasks_of
 from .workers import Executor, LostWorkersError, Processes, ThisProcess, Workers
 
 #: Called with the number of runs that have ended, the number of all, and the outcome that is new;
@@ -68,8 +70,8 @@ def run_campaign(
     *,
     jobs: int = 1,
     executor: Executor | Workers | None = None,
-    perform: Perform = simulate_each,
-    batch: int = 1,
+    perform: Perform = run_each,
+    batch: int | None = None,
     done: Progress | None = None,
     again: bool = False,
 ) -> CampaignResult:
@@ -86,8 +88,9 @@ def run_campaign(
             registered here, and which a run may kill.
         executor: Where to run instead: anything with ``submit``, such as an executor of
             `concurrent.futures` or a client of Dask. It is not shut down.
-        perform: What carries out a list of orders, in any process.
-        batch: Number of rows that are handed to it at a time.
+        perform: What carries out a list of orders, in any process; by default each by its method,
+            as the campaign's document says.
+        batch: Number of rows that are handed to it at a time; by default as is best for it.
         done: Called when a run has ended.
         again: Whether rows that killed their worker are tried again.
 
@@ -140,7 +143,7 @@ def _carry_out(
     store: RowStore,
     outcomes: dict[str, Outcome],
     workers: Workers,
-    how: tuple[Perform, int],
+    how: tuple[Perform, int | None],
     done: Progress | None,
 ) -> tuple[Ending, str]:
     """Carry out what is missing, add it to ``outcomes``, and return how that ended and why."""
@@ -157,7 +160,8 @@ def _carry_out(
 
     perform, batch = how
     try:
-        if carry_out(missing, perform, workers, take, batch):
+        tasks = tasks_of(missing, workers.slots, batch)
+        if carry_out(tasks, perform, workers, take):
             return "complete", ""
     except LostWorkersError as error:
         return "lost", str(error)
@@ -188,6 +192,7 @@ def _write(result: CampaignResult, outcomes: Mapping[str, Outcome]) -> None:
         "reason": result.reason,
         "rows": len(result.plan.rows),
         "statuses": result.summary.statuses,
+        "methods": result.summary.methods,
         "shares": {name: list(found) for name, found in result.summary.shares.items()},
         "versions": versions(),
         "timings": {"runs_wall_time_s": sum(each.wall_time_s for each in outcomes.values())},

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -55,6 +55,8 @@ class CampaignDocument:
         metrics: Metrics of the table and the summary; by default all in the table, and in the
             summary those that vary.
         statistics: What the summary says.
+        method: What carries runs out: ``auto``, a batch of runs side by side where that can do it,
+            and else `simulate`; ``batch``, refused where it cannot; or ``simulate``.
     """
 
     name: str = ""
@@ -67,6 +69,7 @@ class CampaignDocument:
     seed: Seed = 0
     metrics: list[str] = Field(default_factory=list)
     statistics: StatisticsSettings = Field(default_factory=StatisticsSettings)
+    method: Literal["auto", "simulate", "batch"] = "auto"
 
     def __post_init__(self) -> None:
         if re.search(r"[/\\\x00-\x1f]|^\.+$", self.name):

@@ -20,24 +20,19 @@ _LOOK = 0.5
 
 
 def carry_out(
-    orders: Sequence[Order],
-    perform: Perform,
-    workers: Workers,
-    take: Take,
-    batch: int = 1,
+    tasks: Sequence[Sequence[Order]], perform: Perform, workers: Workers, take: Take
 ) -> bool:
     """Carry out orders; return whether all were, or False if the user has interrupted it.
 
-    A task whose worker dies is split, and its orders are tried again when all others are done, one
+    A task whose worker dies is halved, and its parts are tried again when all others are done, one
     at a time with nothing beside them, so that they cost no other run its worker. After a few
-    deaths an order's outcome is that it killed its worker.
+    deaths, the last one of them alone, an order's outcome is that it killed its worker.
 
     Args:
-        orders: The orders, each once.
+        tasks: The orders, each once, in lists that are handed over as a whole.
         perform: What carries out a task, a function that can be sent to the workers.
         workers: Where it is carried out.
         take: Called with each order and its outcome, in the order in which they come.
-        batch: Number of orders in a task.
 
     Raises:
         LostWorkersError: If the workers are there no more. What has come is taken.
@@ -45,7 +40,7 @@ def carry_out(
     """
     engine = _Engine(perform, workers, take)
     try:
-        engine.run([orders[k : k + batch] for k in range(0, len(orders), batch)])
+        engine.run(tasks)
     except KeyboardInterrupt:
         engine.cancel()
         return False
@@ -63,7 +58,7 @@ class _Engine:
         self._take = take
         self._running: dict[Handle, Sequence[Order]] = {}
         self._done: SimpleQueue[Handle] = SimpleQueue()
-        self._suspects: deque[Order] = deque()
+        self._suspects: deque[Sequence[Order]] = deque()
         self._deaths: dict[str, int] = {}
 
     def run(self, tasks: Sequence[Sequence[Order]]) -> None:
@@ -73,7 +68,7 @@ class _Engine:
             while waiting and len(self._running) < self._workers.slots:
                 self._submit(waiting.popleft())
             if not self._running:
-                self._submit([self._suspects.popleft()])
+                self._submit(self._suspects.popleft())
             self._wait()
 
     def cancel(self) -> None:
@@ -117,9 +112,14 @@ class _Engine:
     def _mourn(self, task: Sequence[Order], error: BaseException) -> None:
         """Note that a task has lost its worker."""
         for order in task:
-            deaths = self._deaths[order.key] = self._deaths.get(order.key, 0) + 1
-            if deaths < self._workers.attempts:
-                self._suspects.append(order)
-            else:
-                failure = f"its worker died {deaths} times, the last time alone: {described(error)}"
-                self._take(order, Outcome("killed its worker", failure))
+            self._deaths[order.key] = self._deaths.get(order.key, 0) + 1
+        if len(task) > 1:
+            middle = len(task) // 2
+            self._suspects.extend((task[:middle], task[middle:]))
+            return
+        (order,) = task
+        if (deaths := self._deaths[order.key]) < self._workers.attempts:
+            self._suspects.append(task)
+            return
+        failure = f"its worker died {deaths} times, the last time alone: {described(error)}"
+        self._take(order, Outcome("killed its worker", failure))

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal, get_args
 
+#: What carries a run out: a simulation of its diagram, or a batch of runs side by side.
+Method = Literal["simulate", "batch"]
 #: How a run ended: at its end; before it; not begun, as its input is bad; or with its process.
 Ended = Literal["complete", "failed", "refused", "killed its worker"]
 
@@ -20,6 +22,7 @@ class Order:
         around: Digest of them and of the files that the document names.
         anyway: Whether it may take as many steps as it likes.
         learning: Whether the error of a learned Jacobian is wanted over time.
+        method: What is to carry it out; its key tells it too.
     """
 
     key: str
@@ -28,6 +31,7 @@ class Order:
     around: str
     anyway: bool = False
     learning: bool = False
+    method: Method = "simulate"
 
 
 @dataclass(frozen=True)
@@ -42,7 +46,8 @@ class Outcome:
         kept: Whether each metric that is expected to keep a bound keeps it, by name.
         accepted: Those of them whose bounds stand in the document, under ``accept``.
         learning: Times [s] and Frobenius norms of J - J_hat; empty unless asked for and learned.
-        wall_time_s: What the run took on its machine, loading included [s].
+        wall_time_s: What the run took on its machine, loading included [s]; of a batch, its part.
+        method: What has carried it out: a run that a batch refuses is simulated.
     """
 
     status: Ended
@@ -53,6 +58,7 @@ class Outcome:
     accepted: tuple[str, ...] = ()
     learning: tuple[list[float], ...] = ()
     wall_time_s: float = 0.0
+    method: Method = "simulate"
 
     @property
     def not_met(self) -> tuple[str, ...]:
@@ -70,6 +76,7 @@ class Outcome:
             "accepted": list(self.accepted),
             "learning": [list(values) for values in self.learning],
             "wall_time_s": self.wall_time_s,
+            "method": self.method,
         }
 
     @classmethod
@@ -84,6 +91,8 @@ class Outcome:
             raise ValueError("no outcome of a run")
         if contents["status"] not in get_args(Ended):
             raise ValueError(f"no status of a run: {contents['status']!r}")
+        if contents["method"] not in get_args(Method):
+            raise ValueError(f"no method of a run: {contents['method']!r}")
         values = {name: contents[name] for name in names}
         values["accepted"] = tuple(values["accepted"])
         values["learning"] = tuple(values["learning"])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from threading import local
 from time import perf_counter
 
 import numpy as np
@@ -33,12 +33,17 @@ def simulate_each(orders: Sequence[Order]) -> list[Outcome]:
     return [_timed(order) for order in orders]
 
 
-def _timed(order: Order) -> Outcome:
+def require_stamp(order: Order) -> None:
+    """Raise an InvalidInputError if this process has other versions than an order asks for."""
     if order.stamp != stamp():
         raise InvalidInputError(
             f"worker: has {stamp()}; the campaign was started with {order.stamp}; install the same "
             "on both"
         )
+
+
+def _timed(order: Order) -> Outcome:
+    require_stamp(order)
     began = perf_counter()
     outcome = _outcome(order)
     return replace(outcome, wall_time_s=perf_counter() - began)
@@ -46,7 +51,7 @@ def _timed(order: Order) -> Outcome:
 
 def _outcome(order: Order) -> Outcome:
     try:
-        experiment = make_experiment(order.document, arms=_arms(order.around))
+        experiment = make_experiment(order.document, arms=arms_of(order))
         series: Series = "full" if order.learning else "none"
         return _told(simulate(experiment, anyway=order.anyway, series=series), order.learning)
     except InterruptedRunError:
@@ -64,10 +69,26 @@ def _outcome(order: Order) -> Outcome:
         return Outcome("failed", described(error))
 
 
-@lru_cache(maxsize=1)
-def _arms(around: str) -> Arms:
-    """Return the arms of this process, which are read once for the files as they are."""
-    return Arms()
+class _Known(local):
+    """What a thread keeps between two tasks.
+
+    Attributes:
+        around: Digest of the files that the arms were read from.
+        arms: The arms.
+    """
+
+    around = ""
+    arms = Arms()
+
+
+_KNOWN = _Known()
+
+
+def arms_of(order: Order) -> Arms:
+    """Return the arms of this thread, which are read once for the files as they are."""
+    if _KNOWN.around != order.around:
+        _KNOWN.around, _KNOWN.arms = order.around, Arms()
+    return _KNOWN.arms
 
 
 def _told(result: Result, learning: bool) -> Outcome:

@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInputError
-from ..experiment import Described, QuickCheck, load_experiment, read_document
+from ..experiment import Arms, Checked, Described, QuickCheck, load_experiment, read_document
 from ..inputs.complaints import plain
+from ..many.why_not import why_not_arm, why_not_law
 from ..runs.effort import effort_of, require_effort
 from .document import CampaignDocument
 from .fingerprint import forget_files, row_key, stamp, surroundings
-from .outcome import Order
+from .outcome import Method, Order
 from .variation import Distribution
 
 
@@ -52,8 +53,10 @@ class Plan:
     time: float
 
 
-#: What loading, checking and evaluating a run takes, however short it is [s].
-_EACH = 0.1
+#: What loading, checking and evaluating a run takes, however short it is [s], by its method.
+_EACH = {"simulate": 0.1, "batch": 0.01}
+#: What a step of a run costs in a batch [s].
+_STEP = 3e-6
 
 
 def plan_campaign(
@@ -76,21 +79,57 @@ def plan_campaign(
         if key in campaign.vary:
             raise InvalidInputError(f"--set: {key!r} varies in this campaign; it cannot be both")
     base = shared_document(campaign.experiment, {**campaign.changes, **(changes or {})})
-    check, rows, time = QuickCheck(), [], 0.0
+    check, choice, rows, time = QuickCheck(), _Choice(campaign.method), [], 0.0
     for number, values in enumerate(row_values(campaign)):
         try:
             if number == 0:
                 load_experiment(base, values)
             contents = read_document(base, values)
-            document = check.check(contents)
-            effort = effort_of(document)
+            checked = check.check(contents)
+            effort = effort_of(checked.document)
             if not anyway:
-                require_effort(effort, document.duration)
+                require_effort(effort, checked.document.duration)
+            method = choice.of(checked)
         except InvalidInputError as error:
             raise InvalidInputError(f"{error} (row {number})") from None
-        rows.append(PlannedRow(number, values, order_of(contents, anyway=anyway)))
-        time += effort.time + _EACH
+        order = order_of(contents, anyway=anyway, method=method)
+        rows.append(PlannedRow(number, values, order))
+        time += _EACH[method] + (_STEP * effort.steps if method == "batch" else effort.time)
     return Plan(campaign, base, rows, time)
+
+
+class _Choice:
+    """Chooses what carries a run out, by its document alone.
+
+    Args:
+        asked: What the campaign asks for.
+    """
+
+    def __init__(self, asked: str) -> None:
+        self._asked = asked
+        self._arms = Arms()
+
+    def of(self, checked: Checked) -> Method:
+        """Return what carries out the run of a document.
+
+        Raises:
+            InvalidInputError: If a batch is asked for and cannot.
+        """
+        if self._asked == "simulate":
+            return "simulate"
+        reason = why_not_law(checked.document, checked.law) or self._arms.shared(
+            "why not", _joints_of(checked.document.arm), lambda: why_not_arm(checked.arm)
+        )
+        if reason is not None and self._asked == "batch":
+            raise InvalidInputError(f"method: may not be batch here; {reason}")
+        return "batch" if reason is None else "simulate"
+
+
+def _joints_of(arm: str | Mapping[str, Any]) -> Any:
+    """Return what a document says of the kind of an arm's joints."""
+    if isinstance(arm, str):
+        return arm
+    return {key: value for key, value in arm.items() if key != "link_errors"}
 
 
 def shared_document(experiment: Described, changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -100,19 +139,27 @@ def shared_document(experiment: Described, changes: Mapping[str, Any]) -> dict[s
     return contents
 
 
-def order_of(contents: Mapping[str, Any], *, anyway: bool = False, learning: bool = False) -> Order:
+def order_of(
+    contents: Mapping[str, Any],
+    *,
+    anyway: bool = False,
+    learning: bool = False,
+    method: Method = "simulate",
+) -> Order:
     """Return the order of the run of a document.
 
     Args:
         contents: Contents of the document.
         anyway: Whether it may take as many steps as it likes.
         learning: Whether the error of a learned Jacobian is wanted over time.
+        method: What is to carry it out.
     """
     document: dict[str, Any] = plain(contents)
     around = surroundings(document)
     # Without the limit on its steps a run that was refused is another one.
-    key = row_key(document, around, f"row 1{' learning' * learning}{' anyway' * anyway}")
-    return Order(key, document, stamp(), around, anyway, learning)
+    said = f"row 2 {method}{' learning' * learning}{' anyway' * anyway}"
+    key = row_key(document, around, said)
+    return Order(key, document, stamp(), around, anyway, learning, method)
 
 
 def row_values(campaign: CampaignDocument) -> Iterator[dict[str, Any]]:

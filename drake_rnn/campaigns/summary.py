@@ -66,6 +66,7 @@ class Summary:
         name: Name of the campaign.
         rows: Number of rows that were asked for.
         statuses: Number of rows of each status; those that were not run have none.
+        methods: Number of rows that each method has carried out.
         shares: Share of all rows that have ended which keep what they are expected to keep: all
             bounds, those of ``accept``, those of the limits, and each by its metric. A row that has
             not come to its end keeps none.
@@ -79,6 +80,7 @@ class Summary:
     name: str
     rows: int
     statuses: dict[str, int]
+    methods: dict[str, int]
     shares: dict[str, Interval]
     metrics: list[MetricSummary]
     unlike: list[tuple[int, str, str, str]]
@@ -113,6 +115,7 @@ def summarize(
         name=campaign.name,
         rows=rows,
         statuses=dict(sorted(Counter(line.outcome.status for line in lines).items())),
+        methods=dict(sorted(Counter(line.outcome.method for line in lines).items())),
         shares=_shares(lines, settings.confidence),
         metrics=[
             _metric(name, complete, numbers, settings, experiment)

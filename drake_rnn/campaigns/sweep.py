@@ -137,7 +137,8 @@ def run_planned(
     with nullcontext() if store is None else store.claimed():
         rows = _Rows(orders, store, processes > 1, done)
         workers = Processes(processes) if processes > 1 else ThisProcess()
-        finished = carry_out(rows.missing(), simulate_each, workers, rows.take)
+        tasks = [[order] for order in rows.missing()]
+        finished = carry_out(tasks, simulate_each, workers, rows.take)
         if not finished:
             raise InterruptedSweepError(rows.ended(), rows.lacking())
         if store is not None:

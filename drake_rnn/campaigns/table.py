@@ -84,7 +84,7 @@ def metric_column(lines: Sequence[Line], name: str) -> Array:
 def write_table(
     file: Path, keys: Sequence[str], lines: Sequence[Line], metrics: Sequence[str]
 ) -> None:
-    """Write a CSV file: row, varied keys, status, time until then, metrics, bounds not kept.
+    """Write a CSV file: row, varied keys, status, method, time, metrics, bounds not kept.
 
     Numbers read back bit for bit; values that are no single numbers or texts are JSON.
 
@@ -94,7 +94,9 @@ def write_table(
     try:
         with written_whole(file) as stream:
             writer = csv.writer(stream)
-            writer.writerow(["row", *keys, "status", "until_s", *metrics, "not_kept", "failure"])
+            writer.writerow(
+                ["row", *keys, "status", "method", "until_s", *metrics, "not_kept", "failure"]
+            )
             writer.writerows(_cells(line, keys, metrics) for line in lines)
     except OSError as error:
         raise InvalidInputError(f"table {file}: {error.strerror}") from None
@@ -106,6 +108,7 @@ def _cells(line: Line, keys: Sequence[str], metrics: Sequence[str]) -> list[Any]
         line.number,
         *(cell(line.values[key]) for key in keys),
         outcome.status,
+        outcome.method,
         repr(outcome.until_s),
         *(repr(found[name]) if name in found else "" for name in metrics),
         " ".join(outcome.not_met),

@@ -57,18 +57,21 @@ class _Lines:
 
     def __init__(self, name: str) -> None:
         self._name = name
-        self._began = self._told = perf_counter()
-        self._kept = 0
+        self._began = self._told = self._last = perf_counter()
+        self._kept = self._ended = 0
 
     def tell(self, ended: int, runs: int, outcome: Outcome | None) -> None:
         """Tell of the progress, unless that was done just now."""
-        now = perf_counter()
+        now, before, known = perf_counter(), self._last, self._ended
+        self._last, self._ended = now, ended
         if outcome is None:
             self._kept = ended
-        if now - self._told < _TELL_AGAIN or out.quiet or ended == self._kept:
+            return
+        # Rows of a batch end at once: its first row says nothing of how quick the others are.
+        if now - self._told < _TELL_AGAIN or out.quiet or known <= self._kept:
             return
         self._told = now
-        left = (now - self._began) / (ended - self._kept) * (runs - ended)
+        left = (before - self._began) / (known - self._kept) * (runs - known)
         err.print(
-            escape(f"{self._name}: {ended} of {runs} runs have ended; some {left:.0f} s left")
+            escape(f"{self._name}: {known} of {runs} runs have ended; some {left:.0f} s left")
         )

@@ -17,6 +17,8 @@ def status_text(result: CampaignResult) -> str:
     told = [f"{count} {status}" for status, count in result.summary.statuses.items()]
     if result.missing:
         told.append(f"{result.missing} not run")
+    if count := result.summary.methods.get("batch", 0):
+        told.append(f"{count} in batches")
     before = f", {result.kept} of them before" if result.kept else ""
     return f"{len(result.plan.rows)} rows: {', '.join(told)}{before}"
 

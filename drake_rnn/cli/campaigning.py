@@ -41,6 +41,15 @@ from .options import (
 )
 from .tables import WIDE
 
+AskedMethod = Annotated[
+    str | None,
+    typer.Option(
+        "--method",
+        metavar="METHOD",
+        help="auto, batch or simulate, in place of the campaign's.",
+        autocompletion=lambda: ["auto", "batch", "simulate"],
+    ),
+]
 # Rows that did not come to their end that are told of one by one.
 _TOLD = 10
 
@@ -60,6 +69,7 @@ def campaign(  # noqa: PLR0913  one argument for each option
     samples: Annotated[
         int | None, typer.Option(min=1, help="Number of samples, in place of the campaign's.")
     ] = None,
+    method: AskedMethod = None,
     jobs: Jobs = 1,
     scheduler: Annotated[
         str | None,
@@ -79,7 +89,8 @@ def campaign(  # noqa: PLR0913  one argument for each option
     """Run many variations of an experiment; what has ended is kept, and not run again."""
     with silenced(quiet or as_json):
         with errors():
-            given = {} if samples is None else {"samples": samples}
+            asked = {"samples": samples, "method": method}
+            given = {key: value for key, value in asked.items() if value is not None}
             with status(f"{campaign}: checking the rows"):
                 changed = changes_of(changes, None, duration)
                 plan = plan_campaign(read_campaign(campaign, **given), changed, anyway=anyway)
@@ -166,6 +177,7 @@ def _contents(result: CampaignResult, page: Path) -> dict[str, Any]:
         "reason": result.reason,
         "rows": summary.rows,
         "statuses": summary.statuses,
+        "methods": summary.methods,
         "shares": {name: interval._asdict() for name, interval in summary.shares.items()},
         "metrics": {
             metric.name: {

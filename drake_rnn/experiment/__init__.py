@@ -12,13 +12,15 @@ from .files import (
     set_key,
     shipped_experiments,
 )
-from .quick_check import QuickCheck
-from .reach import Forecast, Reach, check_reach, follow, forecasts
+from .quick_check import Checked, QuickCheck
+from .reach import MISS, Forecast, Reach, check_reach, follow, forecasts
 
 __all__ = [
+    "MISS",
     "OUTSIDE",
     "Acceptance",
     "Arms",
+    "Checked",
     "Described",
     "Experiment",
     "ExperimentDocument",

@@ -1,26 +1,35 @@
-"""Arms that several experiments share, so that model and limits are read once."""
+"""What several experiments share, so that it is made once: arms, and other parts that are equal."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
 
 from ..errors import InvalidInputError
 from ..inputs.complaints import plain
+from ..inputs.documents import construct
 from ..robot.arm import Arm
+from ..robot.link_error_settings import LinkErrorSettings
 from ..robot.load_arm import load_arm
+
+T = TypeVar("T")
+
+# Parts of a kind that are kept, for documents that come next: plants are large.
+_MOST_KEPT = 100
 
 
 class Arms:
     """Arms by what a document says of them, each loaded when it is first asked for.
 
-    An arm never changes after it was made, so experiments may share it. Files that change
-    meanwhile are not read again: keep this for one batch of experiments.
+    An arm never changes after it was made, so experiments may share it, and so do paths, limits and
+    classes of laws. Files that change meanwhile are not read again: keep this for one batch of
+    experiments, and in one thread, as kinematics are shared too.
     """
 
     def __init__(self) -> None:
         self._known: dict[str, Arm] = {}
+        self._parts: dict[str, dict[str, Any]] = {}
 
     def of(self, description: str | Mapping[str, Any]) -> Arm:
         """Return the arm that the section ``arm`` of a document describes.
@@ -28,10 +37,35 @@ class Arms:
         Raises:
             InvalidInputError: If there is no such arm, or a key of it is wrong.
         """
-        name = json.dumps(plain(description), sort_keys=True, default=repr)
+        if isinstance(description, Mapping) and description.get("link_errors") is not None:
+            # There may be thousands of them, and to make one of another is quick.
+            rest = {key: value for key, value in description.items() if key != "link_errors"}
+            errors = construct(LinkErrorSettings, description["link_errors"], "arm.link_errors")
+            return self.of(rest).with_link_errors(errors)
+        name = _text(description)
         if name not in self._known:
             self._known[name] = _loaded(description)
         return self._known[name]
+
+    def shared(self, part: str, said: Any, make: Callable[[], T]) -> T:
+        """Return a part of an experiment, made once for all documents that say the same of it.
+
+        Args:
+            part: What it is.
+            said: All that it depends on, as plain data.
+            make: What makes it.
+        """
+        kept, text = self._parts.setdefault(part, {}), _text(said)
+        if text not in kept:
+            if len(kept) >= _MOST_KEPT:
+                kept.clear()
+            kept[text] = make()
+        found: T = kept[text]
+        return found
+
+
+def _text(said: Any) -> str:
+    return json.dumps(plain(said), sort_keys=True, default=repr)
 
 
 def _loaded(description: str | Mapping[str, Any]) -> Arm:

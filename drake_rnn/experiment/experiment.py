@@ -19,6 +19,7 @@ from ..laws import LAWS, Circumstances, Law, PostureLaw
 from ..laws.checks import doubts_of
 from ..paths import Path, PlacedPath, as_path
 from ..robot.arm import Arm
+from ..robot.kinematics import ArmKinematics
 from ..robot.limits import JointLimits
 from ..robot.task import Task, named_task
 from ..systems import BODIES, Body, Contact, Feedback, PlantSettings, start_posture
@@ -131,29 +132,34 @@ def make_experiment(
             experiment's document then only says that one was given.
         modules: Modules that may be imported for a ``kind`` of the form ``module:Class``: True for
             any, False for none, or their names. What has been imported already may be used.
-        arms: Arms that were loaded for other experiments; one that is missing is added.
+        arms: Arms that were loaded for other experiments, with what else they share; what is
+            missing is added.
 
     Raises:
         InvalidInputError: If a key is wrong; the message names it, its value and what it may be.
     """
     document = _checked(document, path is not None)
+    arms = Arms() if arms is None else arms
     feedback = _feedback(document)
     _require_plant(document)
-    arm, warnings = limited_arm(document, Arms() if arms is None else arms)
-    kind = LAWS.named_by(document.law, modules)
+    arm, known = limited_arm(document, arms)
+    warnings = list(known)
+    kind = arms.shared(
+        "kind", document.law.get("kind"), lambda: LAWS.named_by(document.law, modules)
+    )
     seeks_posture = issubclass(kind, PostureLaw)
     start = start_posture(arm, document.start, OUTSIDE if seeks_posture else 0.0)
-    path = path_of(document, seeks_posture, as_path(path), modules)
+    path = _path(document, seeks_posture, as_path(path), modules, arms)
     law = make_law(document, kind, arm.limits, start)
     delay = filter_delay(document, feedback, arm.limits, law)
     warnings += doubts_of_path(path, document.duration)
     warnings += [*_outside(arm, start), *loop_delay_doubts(document, law, delay.loop)]
     law, changes = _with_reachable_target(document, arm, start, law)
     warnings += changes
-    desired = path.placed_on(arm, start)
+    kinematics = arms.shared("kinematics", document.arm, arm.kinematics)
+    desired = path.placed_by(kinematics, start)
     _require_orientation_seen(law, desired)
     contact, doubts = make_contact(document, law, desired, arm, start, modules)
-    kinematics = arm.kinematics()
     found = Experiment(
         document=document,
         arm=arm,
@@ -167,18 +173,37 @@ def make_experiment(
         feedback=feedback,
         path_delay=delay.path,
     )
-    unsure = doubts_of(law, _circumstances(found, delay))
+    unsure = doubts_of(law, _circumstances(found, delay, kinematics))
     return replace(found, warnings=(*warnings, *unsure, *doubts))
 
 
-def _circumstances(experiment: Experiment, delay: FilterDelay) -> Circumstances:
+def _path(
+    document: ExperimentDocument,
+    seeks_posture: bool,
+    given: Path | None,
+    modules: Modules,
+    arms: Arms,
+) -> Path:
+    """Return the path of an experiment, the same for all that describe the same one."""
+    if given is not None:
+        return path_of(document, seeks_posture, given, modules)
+    return arms.shared(
+        "path",
+        [document.path, document.on_unreachable, seeks_posture],
+        lambda: path_of(document, seeks_posture, None, modules),
+    )
+
+
+def _circumstances(
+    experiment: Experiment, delay: FilterDelay, kinematics: ArmKinematics
+) -> Circumstances:
     """Return what a law may have doubts about."""
     desired, contact = experiment.desired, experiment.contact
     offset = J = None
     if experiment.target is None:
         position = experiment.task.position
         offset = position(desired.position(0.0)[0] - experiment.p_WE_start)
-        J = position(experiment.arm.kinematics().J(experiment.start))
+        J = position(kinematics.J(experiment.start))
     return Circumstances(
         loop_delay=delay.loop,
         reference_is_delayed=delay.path > 0.0,
@@ -266,8 +291,10 @@ def _outside(arm: Arm, start: Array) -> list[str]:
     ]
 
 
-def limited_arm(document: ExperimentDocument, arms: Arms) -> tuple[Arm, list[str]]:
+def limited_arm(document: ExperimentDocument, arms: Arms) -> tuple[Arm, tuple[str, ...]]:
     """Return the arm with the limits of the experiment, and warnings about both.
+
+    Documents that say the same of arm and limits share it.
 
     Args:
         document: Document of the experiment.
@@ -276,10 +303,14 @@ def limited_arm(document: ExperimentDocument, arms: Arms) -> tuple[Arm, list[str
     Raises:
         InvalidInputError: If a key of arm or limits is wrong.
     """
-    published = arms.of(document.arm)
-    limits = _limits(published, document.limits)
-    arm = published.with_limits(limits)
-    return arm, [*arm.warnings, *_widened(published, limits)]
+
+    def made() -> tuple[Arm, tuple[str, ...]]:
+        published = arms.of(document.arm)
+        limits = _limits(published, document.limits)
+        arm = published.with_limits(limits)
+        return arm, (*arm.warnings, *_widened(published, limits))
+
+    return arms.shared("arm", [document.arm, document.limits], made)
 
 
 def _limits(arm: Arm, bounds: Mapping[str, Any] | str) -> JointLimits:

@@ -18,7 +18,8 @@ from .experiment import Experiment
 _SAMPLES, _MOST_SAMPLES = 400, 10_000
 # Largest distance between two points on a long path [m].
 _SPACING = 0.01
-_MISS = 1e-3
+#: Distance from its path that a posture may miss it by [m].
+MISS = 1e-3
 _DAMPING = 1e-6
 # Lever that converts a rotation to a length [m].
 _LEVER = 0.2
@@ -62,7 +63,7 @@ def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
     shift = np.zeros(3)
     if experiment.contact is not None:
         shift = experiment.contact.surface.gap * experiment.contact.surface.normal_W
-    times = _times(experiment, samples)
+    times = reach_times(experiment, samples)
     # Of a path that is lost, a few points show where it is farthest.
     stride = math.ceil(times.size / samples)
     q = experiment.start.copy()
@@ -85,7 +86,7 @@ def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
         position.append(q)
         desired.append(target)
         miss.append(_miss(aim, q, target))
-        lost = lost or miss[-1] > _MISS
+        lost = lost or miss[-1] > MISS
         singular.append(np.linalg.svd(J, compute_uv=False)[-1])
         asked = np.concatenate((_LEVER * w, v[rows]))
         velocity.append(_damped_inverse(J) @ asked)
@@ -100,8 +101,13 @@ def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
     )
 
 
-def _times(experiment: Experiment, samples: int) -> Array:
-    """Return the times at which a path is followed, shape (k,) [s]."""
+def reach_times(experiment: Experiment, samples: int = _SAMPLES) -> Array:
+    """Return the times at which a path is followed, shape (k,) [s].
+
+    Args:
+        experiment: The experiment.
+        samples: Number of times; more on a path that is long.
+    """
     end = min(experiment.desired.traversal, experiment.document.duration)
     position = experiment.desired.position
     points = np.array([position(t)[0] for t in np.linspace(0.0, end, samples).tolist()])
@@ -146,8 +152,8 @@ def forecasts(experiment: Experiment) -> list[Forecast]:
     _require_within_task(experiment)
     reach = follow(experiment)
     worst = int(np.argmax(reach.miss))
-    if reach.miss[worst] > _MISS:
-        first = int(np.argmax(reach.miss > _MISS))
+    if reach.miss[worst] > MISS:
+        first = int(np.argmax(reach.miss > MISS))
         place = ", ".join(f"{value:.4g}" for value in reach.desired[first])
         raise InvalidInputError(
             f"path: out of reach: {experiment.arm.name} misses the point ({place}) m, at "
@@ -262,7 +268,7 @@ class _Aim:
 def _towards(aim: _Aim, q: Array, target: Array) -> Array:
     """Return the posture near ``q`` that reaches ``target``, or comes as close as it can."""
     best = _descend(aim, q, target)
-    if _miss(aim, best, target) > _MISS:
+    if _miss(aim, best, target) > MISS:
         # J may be singular in the direction of the target, e.g. for an outstretched arm: start
         # again from slightly different postures.
         aside = 0.1 * np.cos(np.arange(1, q.size + 1))

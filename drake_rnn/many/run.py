@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from ..errors import InvalidInputError
-from ..experiment import Described, Experiment, load_experiment
+from ..experiment import Arms, Described, Experiment, load_experiment
 from ..inputs.fields import Array
 from ..measures import METRIC_NAMES
 from ..robot.arm_screws import screws_of
@@ -87,7 +87,13 @@ def run_many(
     for name in record:
         if name != "position":
             raise InvalidInputError(f"record: may be position, not {name!r}")
-    robots = _robots(experiments)
+    return run_robots(robots_of(experiments), progress, record)
+
+
+def run_robots(
+    robots: Sequence[Robot], progress: Progress | None = None, record: Sequence[str] = ()
+) -> Many:
+    """Run robots at once; arguments and result are those of `run_many`."""
     groups = blocks(robots)
     table = _Table(robots)
     meter = _Meter(progress, groups, robots)
@@ -98,14 +104,20 @@ def run_many(
     return table.result(record)
 
 
-def _robots(described: Sequence[Described]) -> list[Robot]:
-    """Return the robots, of which those with the same model share its kinematics."""
+def robots_of(described: Sequence[Described]) -> list[Robot]:
+    """Return the robots of experiments; those with the same model share its kinematics.
+
+    Raises:
+        InvalidInputError: As `run_many` does.
+    """
     arms: dict[object, Screws] = {}
-    robots = []
+    robots, shared = [], Arms()
     for number, each in enumerate(described):
-        experiment = each if isinstance(each, Experiment) else load_experiment(each)
         try:
-            reading = able_reading(experiment)
+            experiment = (
+                each if isinstance(each, Experiment) else load_experiment(each, arms=shared)
+            )
+            reading = able_reading(experiment.document, experiment.law)
             model = contents(experiment.arm.description)
             if model not in arms:
                 arms[model] = screws_of(experiment.arm)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from ..errors import InvalidInputError
-from ..experiment import Experiment
-from ..laws import SampledReading
+from ..experiment import Experiment, ExperimentDocument
+from ..laws import Law, SampledReading
 from ..laws.called import require_many
+from ..robot.arm import Arm
 from ..robot.arm_screws import screws_of
+from ..systems import BODIES
 from .signals import PREVIEWS
 
 #: Signals that a law in a batch may see.
@@ -27,22 +29,43 @@ def why_not(experiment: Experiment) -> str | None:
     Args:
         experiment: The experiment.
     """
+    return why_not_law(experiment.document, experiment.law) or why_not_arm(experiment.arm)
+
+
+def why_not_law(document: ExperimentDocument, law: Law) -> str | None:
+    """Return why a batch cannot run a document with its law, whatever the arm is; None if it can.
+
+    Args:
+        document: The document.
+        law: Its law.
+    """
     try:
-        able_reading(experiment)
-        screws_of(experiment.arm)
+        able_reading(document, law)
     except InvalidInputError as error:
         return str(error)
     return None
 
 
-def able_reading(experiment: Experiment) -> SampledReading:
+def why_not_arm(arm: Arm) -> str | None:
+    """Return why a batch knows no kinematics of an arm; None if it does.
+
+    Args:
+        arm: The arm.
+    """
+    try:
+        screws_of(arm)
+    except InvalidInputError as error:
+        return str(error)
+    return None
+
+
+def able_reading(document: ExperimentDocument, law: Law) -> SampledReading:
     """Return the reading of the law that a batch runs, whatever the arm is.
 
     Raises:
         InvalidInputError: If a batch cannot run the experiment; the message says why.
     """
-    document = experiment.document
-    if experiment.level.has_motors:
+    if BODIES[document.level].has_motors:
         raise InvalidInputError(
             f"level: {document.level} needs Drake's plant; a batch has kinematics alone"
         )
@@ -59,23 +82,23 @@ def able_reading(experiment: Experiment) -> SampledReading:
             raise InvalidInputError(f"{name}: a batch has none; simulate has")
     if document.filter is not None and document.environment is not None:
         raise InvalidInputError("filter: a batch has none in contact; simulate has")
-    return _able_reading(experiment, document.period)
+    return _able_reading(law, document.period)
 
 
-def _able_reading(experiment: Experiment, period: float) -> SampledReading:
-    law = type(experiment.law).__name__
-    if experiment.law.joint_preview is not None:
-        raise InvalidInputError(f"law: {law} plans ahead; a batch knows no future joint positions")
+def _able_reading(law: Law, period: float) -> SampledReading:
+    name = type(law).__name__
+    if law.joint_preview is not None:
+        raise InvalidInputError(f"law: {name} plans ahead; a batch knows no future joint positions")
     # What it declares was checked when the experiment was made.
-    reading = experiment.law.sampled(period)
+    reading = law.sampled(period)
     require_many(reading)
     if unknown := sorted(reading.inputs.parts.keys() - SIGNALS):
         raise InvalidInputError(
-            f"law: {law} sees {', '.join(unknown)}, which a batch does not compute"
+            f"law: {name} sees {', '.join(unknown)}, which a batch does not compute"
         )
     if (scheme := reading.integration_scheme) not in _SCHEMES:
         raise InvalidInputError(
-            f"law: the command of {law} is integrated by {scheme}; a batch knows "
+            f"law: the command of {name} is integrated by {scheme}; a batch knows "
             f"{' and '.join(_SCHEMES)}"
         )
     return reading

@@ -11,6 +11,7 @@ from ..errors import InvalidInputError
 from ..inputs.complaints import require_type
 from ..inputs.fields import Array, validated
 from ..robot.arm import Arm
+from ..robot.kinematics import ArmKinematics
 from .checks import require_count
 
 #: Value at a time, and its two derivatives.
@@ -173,7 +174,13 @@ class Path(ABC):
                 does.
         """
         require_type("arm", arm, Arm)
-        kinematics = arm.kinematics()
+        return self.placed_by(arm.kinematics(), q)
+
+    def placed_by(self, kinematics: ArmKinematics, q: Array) -> PlacedPath:
+        """Return the path in the world frame, for an arm with these kinematics.
+
+        Arguments and errors are those of `placed_on`.
+        """
         try:
             frames = {name: kinematics.X_WF(q, name) for name in self.frames}
         except InvalidInputError as error:

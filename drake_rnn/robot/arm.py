@@ -32,7 +32,8 @@ from .held_joints import poses_where_held, weld_joints
 from .kinematics import ArmKinematics
 from .limits import DERIVATIVE_UNITS, JointLimits
 from .limits_file import LimitsFile, read_limits
-from .model import read_model
+from .link_error_settings import LinkErrorSettings
+from .model import Model, displaced, moving_joints, read_model
 
 
 class Arm:
@@ -65,7 +66,8 @@ class Arm:
         self.description = description = description.mounted()
         self.name = name
         self.model = Path(description.model)
-        self._model = read_model(self.model, description.packages)
+        self._stated = read_model(self.model, description.packages)
+        self._model = self._with_errors()
         self._held: Mapping[str, RigidTransform] = {}
         self.warnings = self._model.warnings
         self.frame = description.frame
@@ -165,6 +167,28 @@ class Arm:
         arm = copy(self)
         arm.limits = limits
         return arm
+
+    def with_link_errors(self, errors: LinkErrorSettings | None) -> Arm:
+        """Return the same arm with links that differ from the model's.
+
+        Args:
+            errors: The errors, in place of those that it has; None for none.
+
+        Raises:
+            InvalidInputError: If the model is no URDF.
+        """
+        require_type("errors", errors, LinkErrorSettings, type(None))
+        arm = copy(self)
+        arm.description = replace(self.description, link_errors=errors)
+        arm._model = arm._with_errors()
+        return arm
+
+    def _with_errors(self) -> Model:
+        """Return the model with the errors of its links."""
+        if (settings := self.description.link_errors) is None:
+            return self._stated
+        errors = settings.drawn(len(moving_joints(self._stated)))
+        return displaced(self._stated, errors.translation[:-1], errors.rotation[:-1])
 
     def add_to(self, plant: MultibodyPlant) -> ModelInstanceIndex:
         """Parse the model into ``plant``, before it is finalized, and weld it to the world.

@@ -12,6 +12,7 @@ from pydantic import Field
 from ..inputs.dataclass_fields import fields_of
 from ..inputs.documents import construct
 from ..inputs.fields import Finite, Point, Positive, Vector, between, validated
+from .link_error_settings import LinkErrorSettings
 from .tool_description import ToolDescription
 
 _EARTH = (0.0, 0.0, -9.81)
@@ -43,6 +44,7 @@ class ArmDescription:
             is told wrong masses; by default ``mass_scale``.
         limits: File of joint limits, see `drake_rnn.robot.limits_file`; what it does not state, the
             model does.
+        link_errors: Errors in the dimensions of the model, a URDF file.
     """
 
     model: str
@@ -57,6 +59,7 @@ class ArmDescription:
     mass_scale: Scale = 1.0
     believed_mass_scale: Scale | None = None
     limits: str | None = None
+    link_errors: LinkErrorSettings | None = None
 
     def __post_init__(self) -> None:
         if self.tip is not None and self.tool is not None:

@@ -15,7 +15,7 @@ import numpy as np
 from pydrake.trajectories import Trajectory
 
 from ..errors import InvalidInputError
-from ..experiment import Experiment, expected_bounds, make_experiment
+from ..experiment import Experiment, make_experiment
 from ..inputs.complaints import require_type
 from ..inputs.documents import parse_yaml
 from ..inputs.fields import Array
@@ -24,7 +24,7 @@ from ..inputs.modules import Modules
 from ..measures import METRICS
 from ..paths import Path as MotionPath
 from .folder import filled, read_record
-from .verdict import Verdict
+from .verdict import Verdict, verdicts_of
 
 #: Whether a run came to its end, and if not, what stopped it.
 Status = Literal["complete", "failed", "interrupted"]
@@ -110,12 +110,7 @@ class Result:
         These are the document's ``accept``, and the limits that the law keeps by construction as
         far as the run has metrics of them.
         """
-        accepted = self.experiment.document.accept
-        return [
-            Verdict(name, bound, self.metrics.get(name))
-            for name, bound in expected_bounds(self.experiment).items()
-            if name in self.metrics or name in accepted
-        ]
+        return verdicts_of(self.experiment, self.metrics)
 
     @property
     def record(self) -> dict[str, Any]:

@@ -25,6 +25,7 @@ from drake_rnn.inputs.documents import to_yaml
 DAMPING = {"kind": "log_uniform", "low": 1e-6, "high": 1e-2}
 LINE = {
     "name": "lines",
+    "method": "simulate",
     "experiment": "pinv_line",
     "changes": {"duration": 0.05, "accept": {"position_error_max_m": {"at_most": 1e-8}}},
     "vary": {"law.damping": DAMPING, "path.by": [[0.1, 0.2, 0.1], [0.05, 0.1, 0.0]]},

@@ -116,7 +116,7 @@ def test_a_scheduler_that_is_lost_is_a_sentence_and_the_table_goes_on(
         if ended == 2:
             process.kill()
 
-    lost = run_campaign(LINE, tmp_path, executor=cluster_at(address), done=kill)
+    lost = run_campaign(LINE, tmp_path, executor=cluster_at(address), done=kill, batch=1)
     assert (lost.ending, lost.reason) == ("lost", f"the scheduler at {address} is lost")
     assert 2 <= len(lost.lines) < 6
     rest = run_campaign(LINE, tmp_path, jobs=0)

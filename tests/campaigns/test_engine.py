@@ -1,5 +1,6 @@
 """The engine alone, with workers and runs that are none: what is lost, what is tried again."""
 
+import math
 from concurrent.futures import BrokenExecutor, CancelledError, ThreadPoolExecutor
 from threading import Lock
 
@@ -8,6 +9,7 @@ import pytest
 from drake_rnn import DrakeRnnError, InvalidInputError
 from drake_rnn.campaigns.engine import carry_out
 from drake_rnn.campaigns.outcome import Order, Outcome
+from drake_rnn.campaigns.tasks import tasks_of
 from drake_rnn.campaigns.workers import LostWorkersError, ThisProcess, Workers
 
 
@@ -58,6 +60,10 @@ def orders(count):
     return [Order(str(k), {}, "", "") for k in range(count)]
 
 
+def each(count):
+    return tasks_of(orders(count), 2)
+
+
 def outcomes_of(runs, count=20, workers=None, batch=1):
     found = {}
 
@@ -65,7 +71,7 @@ def outcomes_of(runs, count=20, workers=None, batch=1):
         assert order.key not in found
         found[order.key] = outcome
 
-    assert carry_out(orders(count), runs, workers or Threads(), take, batch)
+    assert carry_out(tasks_of(orders(count), 2, batch), runs, workers or Threads(), take)
     return found
 
 
@@ -85,16 +91,20 @@ def test_an_order_that_always_kills_is_named_and_the_others_end(batch):
     runs = Runs({"7": 1000})
     found = outcomes_of(runs, batch=batch)
     assert [key for key, each in found.items() if each.status == "killed its worker"] == ["7"]
-    assert found["7"].failure.startswith("its worker died 3 times, the last time alone: DeathError")
+    deaths = runs.begun.count("7")
+    assert found["7"].failure.startswith(
+        f"its worker died {deaths} times, the last time alone: DeathError"
+    )
     assert len(found) == 20
-    assert runs.begun.count("7") == 3
+    # A larger task is halved until its culprit is alone.
+    assert deaths <= max(3, 1 + math.ceil(math.log2(batch)))
 
 
-def test_who_was_beside_a_deadly_order_is_carried_out_alone_and_last():
+def test_who_was_beside_a_deadly_order_is_carried_out_by_halves_and_last():
     runs = Runs({"0": 1})
     found = outcomes_of(runs, batch=4)
     assert all(outcome.status == "complete" for outcome in found.values())
-    # The first task held 0 to 3; they come again after all others, one by one.
+    # The first task held 0 to 3; they come again after all others.
     assert runs.begun[-4:] == ["0", "1", "2", "3"]
 
 
@@ -113,7 +123,7 @@ def test_a_lost_executor_ends_it_with_a_sentence_and_keeps_what_had_come(error):
     found = []
     with pytest.raises(LostWorkersError, match="the workers are lost"):
         carry_out(
-            orders(20), perform, Workers(ThreadPoolExecutor(1), 1), lambda o, _: found.append(o)
+            each(20), perform, Workers(ThreadPoolExecutor(1), 1), lambda o, _: found.append(o)
         )
     assert [order.key for order in found] == ["0", "1", "2", "3", "4"]
 
@@ -131,7 +141,7 @@ def test_workers_that_are_silently_lost_are_noticed():
             return "the scheduler is lost"
 
     with pytest.raises(LostWorkersError, match="the scheduler is lost"):
-        carry_out(orders(3), Runs(), Silent(None, 2), lambda *_: None)
+        carry_out(each(3), Runs(), Silent(None, 2), lambda *_: None)
 
 
 def test_a_task_that_cannot_be_done_at_all_is_a_sentence():
@@ -139,7 +149,7 @@ def test_a_task_that_cannot_be_done_at_all_is_a_sentence():
         raise ModuleNotFoundError("No module named 'drake_rnn'")
 
     with pytest.raises(DrakeRnnError, match="a worker cannot do its task: ModuleNotFoundError"):
-        carry_out(orders(3), perform, Threads(), lambda *_: None)
+        carry_out(each(3), perform, Threads(), lambda *_: None)
 
 
 def test_a_worker_that_refuses_is_quoted():
@@ -147,7 +157,7 @@ def test_a_worker_that_refuses_is_quoted():
         raise InvalidInputError("worker: has drake 1.0")
 
     with pytest.raises(InvalidInputError, match=r"^worker: has drake 1\.0$"):
-        carry_out(orders(3), perform, Threads(), lambda *_: None)
+        carry_out(each(3), perform, Threads(), lambda *_: None)
 
 
 def test_an_interrupt_keeps_what_had_come():
@@ -158,5 +168,5 @@ def test_an_interrupt_keeps_what_had_come():
         if len(found) == 4:
             raise KeyboardInterrupt
 
-    assert not carry_out(orders(20), Runs(), ThisProcess(), take)
+    assert not carry_out(each(20), Runs(), ThisProcess(), take)
     assert len(found) == 4

@@ -95,10 +95,9 @@ def _check(law: Any, t: object, x: object, u: object) -> None:
     """Raise an InvalidInputError unless time, state and signals are those of the law."""
     if not (_is_number(t) or (law.takes_many and is_foreign(t))):
         raise InvalidInputError(f"t: must be a finite time [s], not {short(t)}")
-    require = _require_of_many if law.takes_many else _require
     if isinstance(x, np.ndarray) and x.shape[1:] and x.shape[-1] == law.state.size:
         require_many(law)
-    require("x", x, (law.state.size,))
+    robots = _require("x", x, (law.state.size,), of_many=law.takes_many)
     if not isinstance(u, Mapping):
         raise InvalidInputError(f"u: must be a mapping of signals by name, not {short(u)}")
     for name, (_, shape) in law.inputs.parts.items():
@@ -106,7 +105,12 @@ def _check(law: Any, t: object, x: object, u: object) -> None:
             raise InvalidInputError(
                 f"u: {type(law).__name__} sees {', '.join(law.inputs.parts)}; there is no {name}"
             )
-        require(name, u[name], shape)
+        own = _require(name, u[name], shape, of_many=law.takes_many)
+        if own not in ((), robots):
+            wanted = " or ".join(str((*axes, *shape)) for axes in dict.fromkeys(((), robots)))
+            raise InvalidInputError(
+                f"{name}: must be an array of numbers, shape {wanted}, not {(*own, *shape)}"
+            )
 
 
 def require_many(law: Any) -> None:
@@ -117,27 +121,25 @@ def require_many(law: Any) -> None:
         )
 
 
-def _require_of_many(name: str, value: Any, shape: tuple[int, ...]) -> None:
-    """Raise an InvalidInputError unless an array has this shape after axes of robots, if any."""
-    if not is_foreign(value):
-        own = value.shape[-len(shape) :] if isinstance(value, np.ndarray) else ()
-        _require(name, value, value.shape if own == shape else shape)
-        return
-    namespace(name, value)
-    if value.shape[-len(shape) :] != shape:
-        raise InvalidInputError(
-            f"{name}: must be an array of numbers, shape {shape}, not {value.shape}"
-        )
+def _require(name: str, value: Any, shape: tuple[int, ...], *, of_many: bool) -> tuple[int, ...]:
+    """Return the axes of robots before a shape.
 
-
-def _require(name: str, value: object, shape: tuple[int, ...]) -> None:
+    Raises:
+        InvalidInputError: Unless an array of numbers has this shape after these axes, of which
+            there are some of many only, and, of NumPy's, only finite numbers.
+    """
     wanted = f"{name}: must be an array of numbers, shape {shape}"
-    if not isinstance(value, np.ndarray) or value.dtype.kind not in "iuf":
+    foreign = of_many and is_foreign(value)
+    if foreign:
+        namespace(name, value)
+    elif not isinstance(value, np.ndarray) or value.dtype.kind not in "iuf":
         raise InvalidInputError(f"{wanted}, not {short(value)}")
-    if value.shape != shape:
+    robots: tuple[int, ...] = value.shape[: value.ndim - len(shape)]
+    if value.shape != (*robots, *shape) or (robots and not of_many):
         raise InvalidInputError(f"{wanted}, not {value.shape}")
-    if not np.isfinite(value).all():
+    if not foreign and not np.isfinite(value).all():
         raise InvalidInputError(f"{name}: must be finite, not {short(value)}")
+    return robots
 
 
 def _is_number(value: Any) -> bool:

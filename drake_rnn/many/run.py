@@ -87,7 +87,7 @@ def run_many(
     for name in record:
         if name != "position":
             raise InvalidInputError(f"record: may be position, not {name!r}")
-    robots = _robots(experiments)
+    robots = robots_of(experiments)
     groups = blocks(robots)
     table = _Table(robots)
     meter = _Meter(progress, groups, robots)
@@ -98,8 +98,15 @@ def run_many(
     return table.result(record)
 
 
-def _robots(described: Sequence[Described]) -> list[Robot]:
-    """Return the robots, of which those with the same model share its kinematics."""
+def robots_of(described: Sequence[Described]) -> list[Robot]:
+    """Return the robots, of which those with the same model share its kinematics.
+
+    Args:
+        described: Experiments, or what `load_experiment` takes.
+
+    Raises:
+        InvalidInputError: If a batch cannot run one; the message says which and why.
+    """
     arms: dict[object, Screws] = {}
     robots = []
     for number, each in enumerate(described):

@@ -33,7 +33,7 @@ def tuning_figure(tuned: Tuned, file: Path) -> Path:
     steps = np.arange(len(tuned.history))
     values = np.array([trial.value for trial in tuned.history])
     with styled():
-        figure = Figure(figsize=(PAGE, 2.6), layout="constrained")
+        figure = Figure(figsize=(PAGE, 2.5), layout="constrained")
         left, right = figure.subplots(1, 2)
         unit, scale = prefixed(values, _UNITS[tuned.metric])
         left.plot(steps, scale * values, label="compiled run", **_look(0))
@@ -43,15 +43,15 @@ def tuning_figure(tuned: Tuned, file: Path) -> Path:
         left.plot(
             list(verified), seen, color=COLOURS[1], linestyle="none", label="run by Drake", **square
         )
-        left.set_title(f"{tuned.metric} [{unit}]", fontsize="small")
+        left.set_ylabel(f"{tuned.metric} [{unit}]")
         _finish(left, tuned, scale * values)
         factors = []
         for k, key in enumerate(tuned.bounds):
             gains = np.array([trial.gains[key] for trial in tuned.history])
             factors.append(gains / gains[0])
-            name = f"{key}: {gains[0]:.3g} to {tuned.gains[key]:.3g}"
+            name = f"{key.removeprefix('law.')}: {gains[0]:.3g} to {tuned.gains[key]:.3g}"
             right.plot(steps, factors[-1], label=name, **_look(k))
-        right.set_title("gain as a factor of that at the start", fontsize="small")
+        right.set_ylabel("gain / gain at the start")
         _finish(right, tuned, np.concatenate(factors))
         save(figure, file)
     return file
@@ -75,5 +75,5 @@ def _finish(ax: Axes, tuned: Tuned, values: Array) -> None:
         ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     ax.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     ax.margins(x=0.05)
-    ax.set_xlabel("step that made it smaller; dotted: the gains that were taken")
+    ax.set_xlabel("step (dotted: the gains taken)")
     legend(ax)

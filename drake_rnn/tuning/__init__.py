@@ -1,5 +1,6 @@
 """Gains of a law tuned by descent along derivatives through the closed loop."""
 
-from .tune import Trial, Tuned, tune
+from .choosing import Trial
+from .tuned import Tuned, tune
 
 __all__ = ["Trial", "Tuned", "tune"]

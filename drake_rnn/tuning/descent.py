@@ -16,7 +16,7 @@ _LONGEST = 1.1
 # How much shorter steps are after none was good, and how often that may happen in a row.
 _SHORTER, _TRIES = 1e-2, 2
 # Share of a value below which its decrease over a few steps counts as none.
-_LITTLE, _STEPS = 1e-2, 3
+_LITTLE, _STEPS = 3e-2, 3
 
 #: Values, shape (rows,), and slopes, shape (rows, k), of points, shape (rows, k).
 Function = Callable[[Array], tuple[Array, Array]]
@@ -48,7 +48,7 @@ def descend(
 
     Each step goes along the direction of Broyden, Fletcher, Goldfarb and Shanno, 1970, cut at the
     bounds, by the best of some lengths. If none is lower, steps get shorter along the slope itself.
-    It ends when that does not help, when three steps gain less than 1 % of the value, or after a
+    It ends when that does not help, when three steps gain less than 3 % of the value, or after a
     number of steps. Nothing is random.
 
     Args:

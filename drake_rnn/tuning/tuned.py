@@ -13,25 +13,8 @@ from ..experiment import Described, Experiment, load_experiment
 from ..inputs.fields import Array
 from ..runs import Result, simulate
 from .bounds import Between, bounds_of
+from .choosing import Trial, choose, gains_at, written
 from .descent import SHARES, Point, descend
-
-# How near to the first gains that are not good those that are taken lie [steps].
-_FINEST = 0.125
-
-
-@dataclass(frozen=True)
-class Trial:
-    """Gains that were reached.
-
-    Attributes:
-        gains: Their values, by key.
-        value: The metric of the run with them.
-        slopes: Its derivatives with respect to their logarithms, by key.
-    """
-
-    gains: Mapping[str, float]
-    value: float
-    slopes: Mapping[str, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +24,7 @@ class Tuned:
     Attributes:
         metric: Name of the metric.
         history: Gains that were reached one after the other, from those of the start on.
-        chosen: Place in it of the last gains with which Drake's run has a smaller metric than
+        chosen: Place in it of the best gains with which Drake's run has a smaller metric than
             before, and breaks no bound that it kept before, of ``accept`` or of a limit that the
             law keeps: the number of a step, or a number between two; 0 if there are none.
         stopped_by: Names of the metrics whose bounds gains break beyond this place.
@@ -136,70 +119,5 @@ def tune(
     )
     history = tuple(trial(point) for point in points)
     bounds = {k: (float(a), float(b)) for k, a, b in zip(slopes.keys, low, high, strict=True)}
-    checked = _Checked(before, history, least)
-    chosen, after = checked.last_good()
-    return Tuned(least, history, chosen, checked.stopped_by, bounds, before, after)
-
-
-class _Checked:
-    """Drake's runs with gains along a history, of which the last good ones are wanted.
-
-    The last gains are tried first. If they break a bound, those before are searched by halves, as
-    if all were good before some place and none after; the place may lie between two steps.
-
-    Args:
-        before: Result of the run with the first gains.
-        history: The history.
-        metric: Name of the metric that is to become smaller.
-
-    Attributes:
-        stopped_by: Names of the metrics whose bounds the nearest gains break that are not good.
-    """
-
-    def __init__(self, before: Result, history: Sequence[Trial], metric: str) -> None:
-        self._before, self._history, self._metric = before, history, metric
-        self._good, self._result = 0.0, before
-        self.stopped_by: tuple[str, ...] = ()
-
-    def last_good(self) -> tuple[float, Result]:
-        """Return the place of the last good gains, and the run with them."""
-        last = len(self._history) - 1
-        if last == 0 or self._is_good(last):
-            return self._good, self._result
-        bad = float(last)
-        while bad - self._good > _FINEST:
-            middle = 0.5 * (self._good + bad)
-            # Whole steps first.
-            middle = float(int(middle)) if bad - self._good > 1.0 else middle
-            bad = bad if self._is_good(max(middle, self._good + _FINEST)) else middle
-        return self._good, self._result
-
-    def _is_good(self, place: float) -> bool:
-        gains = written(gains_at(self._history, place))
-        result = simulate(load_experiment(self._before.experiment, gains))
-        kept = {verdict.metric for verdict in self._before.verdicts if verdict.met}
-        broken = tuple(v.metric for v in result.verdicts if v.metric in kept and not v.met)
-        value, before = (each.metrics[self._metric] for each in (result, self._before))
-        if broken or not value < before:
-            self.stopped_by = broken
-            return False
-        self._good, self._result = place, result
-        return True
-
-
-def gains_at(history: Sequence[Trial], place: float) -> dict[str, float]:
-    """Return the gains at a place of a history, by key; between two steps, in geometric mean.
-
-    Args:
-        history: The history.
-        place: Number of a step, or a number between two.
-    """
-    number = min(int(place), len(history) - 1)
-    before, after = history[number].gains, history[min(number + 1, len(history) - 1)].gains
-    share = place - number
-    return {key: before[key] ** (1.0 - share) * after[key] ** share for key in before}
-
-
-def written(gains: Mapping[str, float]) -> dict[str, float]:
-    """Return gains as they are written, with six digits."""
-    return {key: float(f"{value:.6g}") for key, value in gains.items()}
+    chosen, stopped_by, after = choose(before, history, least)
+    return Tuned(least, history, chosen, stopped_by, bounds, before, after)

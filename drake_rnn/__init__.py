@@ -5,7 +5,7 @@ from importlib.metadata import version
 from .arrays.jax_module import require_jax
 from .campaigns import CampaignDocument, CampaignResult, read_campaign, run_campaign
 from .campaigns.sweep import sweep
-from .compiled import CompiledRuns, Slopes, value_and_gradient
+from .compiled import CompiledRuns, CompiledStep, Slopes, value_and_gradient
 from .diagrams import AddLoop, Loop
 from .environments import (
     ENVIRONMENTS,
@@ -141,6 +141,7 @@ __all__ = [
     "Circumstances",
     "Clover",
     "CompiledRuns",
+    "CompiledStep",
     "Contact",
     "ContactLoss",
     "ContactModel",

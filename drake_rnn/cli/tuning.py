@@ -16,7 +16,7 @@ from ..figures.tuning import tuning_figure
 from ..inputs.documents import to_yaml
 from ..runs.simulation import check_experiment
 from ..runs.whole_file import written_whole
-from ..tuning import Trial, Tuned, tune
+from ..tuning import Trial, Tuned, Tuning
 from ..tuning.bounds import Between, parse_between
 from .comparing import comparison_table
 from .console import NOT_MET, err, errors, out, silenced, status
@@ -81,14 +81,13 @@ def tune_gains(  # noqa: PLR0913  one argument for each option
             made = load(experiment, changes, seed, None)
             for warning in check_experiment(made):
                 err.print(f"[yellow]warning[/] {escape(warning)}")
+            tuning = Tuning(made, keys, least, between=bounds, duration=duration)
             folder = out_folder / f"tune_{made.name}_{'_'.join(keys)}"
             require_writable(folder)
             if duration is not None:
                 tell_of_window(experiment, changed | {"duration": duration})
             with status(f"{made.name}: tuning"):
-                tuned = tune(
-                    made, keys, least, between=bounds, duration=duration, steps=steps, told=_told
-                )
+                tuned = tuning.run(steps, _told)
             _print(tuned)
             if tuned.better:
                 named = {"name": f"{made.name}_tuned"}

@@ -2,5 +2,6 @@
 
 from .runs import CompiledRuns
 from .slopes import Slopes, value_and_gradient
+from .steps import CompiledStep, SteppedRobot
 
-__all__ = ["CompiledRuns", "Slopes", "value_and_gradient"]
+__all__ = ["CompiledRuns", "CompiledStep", "Slopes", "SteppedRobot", "value_and_gradient"]

@@ -20,6 +20,7 @@ from ..many.grouping import blocks
 from ..many.robots import Around, Moving, Robots
 from ..many.run import robots_of
 from ..many.step import Step
+from .in_order import compiled_in_order
 from .metrics import Counts, counts_of, metrics_of, require_metrics
 
 #: Numbers of a law by the names of its fields, each of shape (robots,).
@@ -77,7 +78,7 @@ class CompiledRuns:
         samples = self._robots.schedule.samples[:-1]
         self._always = bool(samples.all())
         self._table: _Row | None = None
-        self._compiled = self._jax.jit(self.of_gains)
+        self._compiled = compiled_in_order(self.of_gains)
 
     @property
     def law(self) -> SampledReading:

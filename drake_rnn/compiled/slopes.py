@@ -15,6 +15,7 @@ from ..inputs.complaints import short
 from ..inputs.dataclass_fields import fields_of
 from ..inputs.fields import Array
 from ..laws import SampledReading
+from .in_order import compiled_in_order
 from .runs import CompiledRuns
 
 _LAW = "law."
@@ -82,7 +83,7 @@ class Slopes:
         pairs = zip(self.keys, self._fields, strict=True)
         self.start = np.array([_number(made, key, field) for key, field in pairs])
         self._require_run_alone(self._runs.law)
-        self._compiled = self._jax.jit(self._derived)
+        self._compiled = compiled_in_order(self._derived)
 
     def at(self, gains: Array) -> tuple[Array, Array]:
         """Return metrics, shape (rows,), and derivatives, shape (rows, keys).

@@ -93,31 +93,60 @@ def tune(
         InvalidInputError: If JAX is not installed, the experiment cannot be run so, or a key, a
             metric or a bound is none.
     """
-    if not isinstance(steps, int) or steps < 1:
-        raise InvalidInputError(f"steps: must be a whole number of at least 1, not {steps!r}")
-    made = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
-    tuned_on = made if duration is None else load_experiment(made, {"duration": duration})
-    slopes = Slopes(tuned_on, over, least, rows=SHARES.size)
-    low, high = bounds_of(made, slopes.keys, slopes.start, between or {})
-    before = simulate(made)
+    return Tuning(experiment, over, least, between=between, duration=duration).run(steps, told)
 
-    def trial(point: Point) -> Trial:
-        gains = dict(zip(slopes.keys, np.exp(point.x).tolist(), strict=True))
-        return Trial(gains, point.value, dict(zip(slopes.keys, point.slope.tolist(), strict=True)))
 
-    def of_logarithms(x: Array) -> tuple[Array, Array]:
+class Tuning:
+    """A tuning that is checked and has not begun.
+
+    Args:
+        experiment, over, least, between, duration: See `tune`.
+
+    Raises:
+        InvalidInputError: As `tune` does.
+    """
+
+    def __init__(
+        self,
+        experiment: Described,
+        over: Sequence[str],
+        least: str,
+        *,
+        between: Mapping[str, Between] | None = None,
+        duration: float | None = None,
+    ) -> None:
+        made = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
+        tuned_on = made if duration is None else load_experiment(made, {"duration": duration})
+        self._experiment, self._metric = made, least
+        self._slopes = Slopes(tuned_on, over, least, rows=SHARES.size)
+        start = self._slopes.start
+        self._bounds = bounds_of(made, self._slopes.keys, start, between or {})
+
+    def run(self, steps: int = 30, told: Callable[[Trial], None] | None = None) -> Tuned:
+        """Tune; see `tune`."""
+        if not isinstance(steps, int) or steps < 1:
+            raise InvalidInputError(f"steps: must be a whole number of at least 1, not {steps!r}")
+        before = simulate(self._experiment)
+        low, high = self._bounds
+        points = descend(
+            self._of_logarithms,
+            np.log(self._slopes.start),
+            (np.log(low), np.log(high)),
+            steps,
+            lambda point: told(self._trial(point)) if told is not None else None,
+        )
+        history = tuple(self._trial(point) for point in points)
+        chosen, stopped_by, after = choose(before, history, self._metric)
+        keys = self._slopes.keys
+        bounds = {k: (float(a), float(b)) for k, a, b in zip(keys, low, high, strict=True)}
+        return Tuned(self._metric, history, chosen, stopped_by, bounds, before, after)
+
+    def _of_logarithms(self, x: Array) -> tuple[Array, Array]:
         gains = np.exp(x)
-        values, derivatives = slopes.at(gains)
+        values, derivatives = self._slopes.at(gains)
         return values, derivatives * gains
 
-    points = descend(
-        of_logarithms,
-        np.log(slopes.start),
-        (np.log(low), np.log(high)),
-        steps,
-        lambda point: told(trial(point)) if told is not None else None,
-    )
-    history = tuple(trial(point) for point in points)
-    bounds = {k: (float(a), float(b)) for k, a, b in zip(slopes.keys, low, high, strict=True)}
-    chosen, stopped_by, after = choose(before, history, least)
-    return Tuned(least, history, chosen, stopped_by, bounds, before, after)
+    def _trial(self, point: Point) -> Trial:
+        keys = self._slopes.keys
+        gains = dict(zip(keys, np.exp(point.x).tolist(), strict=True))
+        return Trial(gains, point.value, dict(zip(keys, point.slope.tolist(), strict=True)))

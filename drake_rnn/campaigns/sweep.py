@@ -9,7 +9,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from ..experiment import Arms, Described, Experiment, load_experiment, read_docu
 from ..inputs.complaints import require_type, short
 from ..inputs.documents import parse_yaml
 from ..inputs.fields import Array
+from ..runs.effort import expected_effort
 from ..runs.simulation import check_experiment
 from .campaign import kept_rows
 from .engine import carry_out
@@ -27,8 +28,19 @@ from .plan import order_of, shared_document
 from .store import RowStore
 from .workers import Processes, ThisProcess
 
-#: Values of the swept keys, and the run that they stand for.
-Planned = tuple[tuple[Any, ...], Order]
+
+class Planned(NamedTuple):
+    """A run of a sweep that is to be made.
+
+    Attributes:
+        values: Values of the swept keys, in their order.
+        order: The run that they stand for.
+        time: Time that it may take, within a factor of a few [s]; 0 if that is not known.
+    """
+
+    values: tuple[Any, ...]
+    order: Order
+    time: float
 
 
 @dataclass(frozen=True)
@@ -160,7 +172,8 @@ def planned(
         check_experiment(loaded, anyway, in_reach=path in followed)
         followed.add(path)
         contents = read_document(base, changed)
-        orders.append((values, order_of(contents, anyway=anyway, learning=True)))
+        order = order_of(contents, anyway=anyway, learning=True)
+        orders.append(Planned(values, order, expected_effort(loaded).time))
     return orders
 
 
@@ -210,12 +223,12 @@ class _Rows:
         self._outcomes: dict[str, Outcome] = {}
         self._told = 0
         if store is not None:
-            self._outcomes = kept_rows(store, [order for _, order in orders])
+            self._outcomes = kept_rows(store, [run.order for run in orders])
 
     def missing(self) -> list[Order]:
         """Return the orders that have no outcome, each once."""
         self._tell()
-        every = {order.key: order for _, order in self._orders}
+        every = {run.order.key: run.order for run in self._orders}
         return [order for key, order in every.items() if key not in self._outcomes]
 
     def take(self, order: Order, outcome: Outcome) -> None:
@@ -234,18 +247,18 @@ class _Rows:
     def ended(self) -> list[Row]:
         """Return the rows that have ended, in their order."""
         return [
-            _row(values, self._outcomes[order.key])
-            for values, order in self._orders
-            if order.key in self._outcomes
+            _row(run.values, self._outcomes[run.order.key])
+            for run in self._orders
+            if run.order.key in self._outcomes
         ]
 
     def lacking(self) -> list[tuple[Any, ...]]:
         """Return the values of the rows that have not ended."""
-        return [values for values, order in self._orders if order.key not in self._outcomes]
+        return [run.values for run in self._orders if run.order.key not in self._outcomes]
 
     def _tell(self) -> None:
         while self._told < len(self._orders):
-            values, order = self._orders[self._told]
+            values, order, _ = self._orders[self._told]
             if order.key not in self._outcomes:
                 return
             self._told += 1

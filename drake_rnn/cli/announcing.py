@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -16,6 +17,11 @@ from .options import tell_of_window
 from .queue import Outcome, Task
 
 
+def print_data(contents: Any) -> None:
+    """Print plain data as JSON, with null for numbers that are not finite, which it has not."""
+    typer.echo(json.dumps(_finite(contents), indent=2))
+
+
 def print_json(outcomes: Sequence[Outcome]) -> None:
     """Print the outcomes of runs as one JSON object, by name."""
     contents = {
@@ -26,7 +32,7 @@ def print_json(outcomes: Sequence[Outcome]) -> None:
         }
         for outcome in outcomes
     }
-    typer.echo(json.dumps(contents, indent=2))
+    print_data(contents)
 
 
 def print_plan(
@@ -56,12 +62,21 @@ def print_plan(
         tell_of_window(task.experiment, task.changes)
         for complaint in complaints:
             err.print(f"[yellow]warning[/] {escape(f'{task.name}: {complaint}')}")
-        out.print(escape(f"{task.name}: {_told(effort)}; {task.folder}"), soft_wrap=True)
+        out.print(escape(f"{task.name}: {told_of(effort)}; {task.folder}"), soft_wrap=True)
     if as_json:
-        typer.echo(json.dumps(plan, indent=2))
+        print_data(plan)
 
 
-def _told(effort: Effort) -> str:
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def told_of(effort: Effort) -> str:
+    """Return in words what a run is expected to take."""
     if not effort.key:
         return "an integrator chooses its steps, so there is no estimate"
     return (

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,6 +21,7 @@ from ..campaigns import (
 from ..campaigns.plan import unique_orders
 from ..campaigns.store import RowStore
 from ..figures.campaign_page import write_campaign_page
+from .announcing import print_data
 from .campaign_progress import campaign_progress
 from .campaign_tables import shares_table, statistics_table, status_text
 from .completing import complete_campaigns
@@ -99,7 +98,7 @@ def campaign(  # noqa: PLR0913  one argument for each option
                 page = write_campaign_page(result, folder / "summary.html")
         _print(result, page)
         if as_json:
-            typer.echo(json.dumps(_finite(_contents(result, page)), indent=2))
+            print_data(_contents(result, page))
     _exit(result, check)
 
 
@@ -144,7 +143,7 @@ def _print_plan(plan: Plan, folder: Path, jobs: int, as_json: bool) -> None:
             "kept": kept,
             "expected_time_s": left,
         }
-        typer.echo(json.dumps(contents, indent=2))
+        print_data(contents)
     known = f", {kept} of which have ended" if kept else ""
     out.print(
         escape(
@@ -185,12 +184,3 @@ def _contents(result: CampaignResult, page: Path) -> dict[str, Any]:
             for each in summary.unlike
         ],
     }
-
-
-def _finite(value: Any) -> Any:
-    """Return plain data with null for numbers that are not finite, which JSON does not know."""
-    if isinstance(value, dict):
-        return {key: _finite(entry) for key, entry in value.items()}
-    if isinstance(value, list):
-        return [_finite(entry) for entry in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

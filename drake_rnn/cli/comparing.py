@@ -17,19 +17,33 @@ from ..errors import InvalidInputError, SimulationError
 from ..experiment import Experiment, load_experiment
 from ..figures.comparison import comparison_figure
 from ..measures import METRICS
+from ..runs.effort import expected_effort
 from ..runs.result import Result
 from ..runs.simulation import check_experiment, simulate
 from ..runs.verdict import Verdict
+from .announcing import print_data, told_of
 from .completing import complete_experiments
-from .console import FAILED, NOT_MET, err, errors, out, progress_bar
-from .options import Check, Duration, Out, Seed, Set, changes_of, require_writable, tell_of_window
+from .console import FAILED, NOT_MET, err, errors, out, progress_bar, silenced
+from .options import (
+    AsJson,
+    Check,
+    DryRun,
+    Duration,
+    Out,
+    Quiet,
+    Seed,
+    Set,
+    changes_of,
+    require_writable,
+    tell_of_window,
+)
 from .tables import WIDE
 
 # Names that a folder of a comparison is called after.
 _NAMED = 3
 
 
-def compare(
+def compare(  # noqa: PLR0913  one argument for each option
     runs: Annotated[
         list[str],
         typer.Argument(
@@ -43,25 +57,50 @@ def compare(
     seed: Seed = None,
     duration: Duration = None,
     check: Check = False,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+    dry_run: DryRun = False,
 ) -> None:
     """Compare runs; experiments are run first, and their own results are not kept."""
-    with errors():
-        changed = changes_of(changes, seed, duration)
-        loaded = labelled(runs, [_load(run, changed) for run in runs])
-        names = list(loaded)
-        rest = [f"{len(names) - _NAMED}_more"] if len(names) > _NAMED else []
-        stems = [Path(name).name for name in names[:_NAMED]]
-        folder = out_folder / "_".join(["compare", *stems, *rest])
-        require_writable(folder)
-        for run, each in zip(runs, loaded.values(), strict=True):
-            if isinstance(each, Experiment):
-                tell_of_window(run, changed)
-        results = {name: _result(each) for name, each in loaded.items()}
-        _print_and_write(results, folder)
+    with silenced(quiet or as_json):
+        with errors():
+            changed = changes_of(changes, seed, duration)
+            loaded = labelled(runs, [_load(run, changed) for run in runs])
+            folder = out_folder / _folder_name(list(loaded))
+            for run, each in zip(runs, loaded.values(), strict=True):
+                if isinstance(each, Experiment):
+                    tell_of_window(run, changed)
+            if dry_run:
+                _print_plan(loaded, folder, as_json)
+                return
+            require_writable(folder)
+            results = {name: _result(each) for name, each in loaded.items()}
+            _print_and_write(results, folder)
+        if as_json:
+            print_data({name: {"metrics": r.metrics, **r.record} for name, r in results.items()})
     if any(result.status != "complete" for result in results.values()):
         raise typer.Exit(FAILED)
     if check and not all(v.met for result in results.values() for v in result.verdicts):
         raise typer.Exit(NOT_MET)
+
+
+def _folder_name(names: list[str]) -> str:
+    rest = [f"{len(names) - _NAMED}_more"] if len(names) > _NAMED else []
+    return "_".join(["compare", *(Path(name).name for name in names[:_NAMED]), *rest])
+
+
+def _print_plan(loaded: Mapping[str, Experiment | Result], folder: Path, as_json: bool) -> None:
+    plan: dict[str, float | None] = {}
+    for name, each in loaded.items():
+        if isinstance(each, Result):
+            plan[name], told = 0.0, "has run"
+        else:
+            effort = expected_effort(each)
+            plan[name], told = effort.time if effort.key else None, told_of(effort)
+        out.print(escape(f"{name}: {told}"), soft_wrap=True)
+    out.print(escape(f"compared in {folder}"), soft_wrap=True)
+    if as_json:
+        print_data({"folder": str(folder), "expected_time_s": plan})
 
 
 def _load(run: str, changes: Mapping[str, object]) -> Experiment | Result:
@@ -107,9 +146,8 @@ def _print_and_write(results: dict[str, Result], folder: Path) -> None:
         for warning in result.warnings:
             err.print(f"[yellow]warning[/] {escape(f'{name}: {warning}')}")
     # In a pipe or a file there is room for all columns.
-    (out if out.is_terminal else Console(width=WIDE, highlight=False)).print(
-        comparison_table(results)
-    )
+    wide = Console(width=WIDE, highlight=False, quiet=out.quiet)
+    (out if out.is_terminal else wide).print(comparison_table(results))
     rows = [Row((name,), each.metrics, each.failure or None) for name, each in results.items()]
     write_csv(folder / "comparison.csv", ["run"], rows)
     out.print(escape(f"table    {folder / 'comparison.csv'}"), soft_wrap=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,6 +12,7 @@ from rich.markup import escape
 
 from ..campaigns.sweep import (
     InterruptedSweepError,
+    Planned,
     Row,
     parse_axis,
     planned,
@@ -21,13 +23,17 @@ from ..errors import InvalidInputError
 from ..experiment import load_experiment
 from ..figures.learning import learning_figure
 from ..figures.sweep import sweep_figure
-from .console import FAILED, NOT_MET, err, errors, out
+from .announcing import print_data
+from .console import FAILED, NOT_MET, err, errors, out, silenced
 from .options import (
     Anyway,
+    AsJson,
     Check,
+    DryRun,
     Duration,
     One,
     Out,
+    Quiet,
     Seed,
     Set,
     changes_of,
@@ -54,42 +60,84 @@ def sweep(  # noqa: PLR0913  one argument for each option
     jobs: Annotated[int, typer.Option(min=1, help="Number of runs at a time.")] = 1,
     check: Check = False,
     anyway: Anyway = False,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+    dry_run: DryRun = False,
 ) -> None:
     """Run an experiment with several values; write a table, a CSV file and a figure."""
-    with errors():
-        changed = changes_of(changes, seed, duration)
-        axes = _axes(over) or load_experiment(experiment, changed).document.over
-        if not axes:
-            raise InvalidInputError(f"--over: must be given; {experiment} has no values of its own")
-        keys = list(axes)
-        orders = planned(experiment, axes, changed, anyway=anyway)
-        folder = out_folder / f"sweep_{Path(experiment).stem}_{'_'.join(keys)}"
-        require_writable(folder)
+    with silenced(quiet or as_json):
+        with errors():
+            changed = changes_of(changes, seed, duration)
+            axes = _axes(over) or load_experiment(experiment, changed).document.over
+            if not axes:
+                raise InvalidInputError(
+                    f"--over: must be given; {experiment} has no values of its own"
+                )
+            keys = list(axes)
+            orders = planned(experiment, axes, changed, anyway=anyway)
+            folder = out_folder / f"sweep_{Path(experiment).stem}_{'_'.join(keys)}"
+            for length in axes.get("duration", [None]):
+                swept = {} if length is None else {"duration": length}
+                tell_of_window(experiment, changed | swept)
+            if dry_run:
+                _print_plan(orders, folder, jobs, as_json)
+                return
+            require_writable(folder)
+            rows, missing = _rows(keys, orders, jobs, folder)
+            _print_and_write(keys, rows, folder)
+        if as_json:
+            print_data({"folder": str(folder), "runs": [_contents(keys, row) for row in rows]})
+        if missing:
+            told = "; ".join(_named(keys, values) for values in missing)
+            err.print(f"[red]not run[/] {escape(told)}; the same command goes on from here")
+    _exit(rows, bool(missing), check)
 
-        def done(row: Row) -> None:
+
+def _rows(
+    keys: list[str], orders: Sequence[Planned], jobs: int, folder: Path
+) -> tuple[list[Row], list[tuple[Any, ...]]]:
+    """Return the rows that have ended, and the values of those that have not."""
+
+    def done(row: Row) -> None:
+        if not out.quiet or row.failure:
             err.print(escape(f"{_named(keys, row.values)}: {row.failure or 'done'}"))
 
-        missing: list[tuple[Any, ...]] = []
-        try:
-            rows = run_planned(orders, jobs, done, keep=folder / ".rows")
-        except InterruptedSweepError as error:
-            rows, missing = error.rows, error.missing
-        write_csv(folder / "sweep.csv", keys, rows)
-        pictures = [
-            sweep_figure(keys, rows, varying_metrics(rows), folder / "sweep.png"),
-            learning_figure(keys, rows, folder / "learning.png"),
-        ]
-    for length in axes.get("duration", [None]):
-        swept = {} if length is None else {"duration": length}
-        tell_of_window(experiment, changed | swept)
-    _print_sweep(keys, rows)
+    try:
+        return run_planned(orders, jobs, done, keep=folder / ".rows"), []
+    except InterruptedSweepError as error:
+        return error.rows, error.missing
+
+
+def _print_and_write(keys: list[str], rows: list[Row], folder: Path) -> None:
+    write_csv(folder / "sweep.csv", keys, rows)
+    pictures = [
+        sweep_figure(keys, rows, varying_metrics(rows), folder / "sweep.png"),
+        learning_figure(keys, rows, folder / "learning.png"),
+    ]
+    # In a pipe or a file there is room for all columns in one table.
+    wide = Console(width=WIDE, highlight=False, quiet=out.quiet)
+    for table in sweep_tables(keys, rows, out.width if out.is_terminal else None):
+        wide.print(table)
     out.print(escape(f"table    {folder / 'sweep.csv'}"), soft_wrap=True)
     for picture in filter(None, pictures):
         out.print(escape(f"picture  {picture}"), soft_wrap=True)
-    if missing:
-        told = "; ".join(_named(keys, values) for values in missing)
-        err.print(f"[red]not run[/] {escape(told)}; the same command goes on from here")
-    _exit(rows, bool(missing), check)
+
+
+def _print_plan(orders: Sequence[Planned], folder: Path, jobs: int, as_json: bool) -> None:
+    time = sum(run.time for run in orders) / jobs
+    if as_json:
+        print_data({"folder": str(folder), "runs": len(orders), "expected_time_s": time or None})
+    told = f"some {time:.2g} s with {jobs} at a time" if time else "there is no estimate"
+    out.print(escape(f"{len(orders)} runs; {told}; {folder}"), soft_wrap=True)
+
+
+def _contents(keys: list[str], row: Row) -> dict[str, Any]:
+    return {
+        "values": dict(zip(keys, row.values, strict=True)),
+        "metrics": row.metrics,
+        "failure": row.failure or "",
+        "not_met": list(row.not_met),
+    }
 
 
 def _exit(rows: list[Row], interrupted: bool, check: bool) -> None:
@@ -111,10 +159,3 @@ def _axes(over: list[str] | None) -> dict[str, list[Any]]:
     if twice := [key for key in keys if keys.count(key) > 1]:
         raise InvalidInputError(f"--over: {twice[0]!r} is given twice; give all its values at once")
     return dict(named)
-
-
-def _print_sweep(keys: list[str], rows: list[Row]) -> None:
-    # In a pipe or a file there is room for all columns in one table.
-    wide = Console(width=WIDE, highlight=False)
-    for table in sweep_tables(keys, rows, out.width if out.is_terminal else None):
-        wide.print(table)

@@ -14,7 +14,7 @@ from ..laws.called import unchecked
 from ..laws.stacked import stacked
 from .grouping import Robot
 from .metrics import ManyMetrics
-from .robots import Look, Moving, Robots
+from .robots import Look, Moving, Robots, restarted
 from .schedule import Schedule
 from .step import Found
 
@@ -74,7 +74,7 @@ class Block:
         for robot, kept in self._kept.items():
             for name, values in found.items():
                 values[robot] = kept[name][robot] if name in kept else np.nan
-        return found, moving.q
+        return found, moving.position
 
     def _advanced(self, number: int, before: Moving, first: Moving) -> Moving:
         """Return the robots one step later; at the last step, as they are."""
@@ -86,7 +86,9 @@ class Block:
             return before
         x, noise, noises = before.x, before.noise, self._robots.noises
         if self.schedule.samples[number]:
-            x = self._stepped(t, x, self._robots.signals(look, before))
+            u = self._robots.signals(look, before)
+            self._robots.filter(before, t)
+            x = self._stepped(t, x, u)
         if self.schedule.noises[number] and noises is not None:
             noise = noises.of_each(noises.row(t))
         after = self._without_failed(replace(before, x=x, noise=noise), first, t)
@@ -117,7 +119,7 @@ class Block:
     def _measure(self, look: Look, now: Moving) -> None:
         """Take the metrics of a step, just before what happens at its time."""
         if self._recorded:
-            self.positions.append(now.q)
+            self.positions.append(now.position)
         observes = self._law.observables.size > 0
         self._metrics.add(self._robots.measured(self._law, look, now, observes=observes))
 
@@ -132,12 +134,7 @@ class Block:
         for robot in new:
             self._kept[robot] = found
             self.failures.setdefault(robot, Failure(t, self._reason(now, robot)))
-        return replace(
-            now,
-            q=np.where(failed, first.q.T, now.q.T).T,
-            x=np.where(failed, first.x.T, now.x.T).T,
-            command=np.where(failed, first.command.T, now.command.T).T,
-        )
+        return restarted(now, first, failed)
 
     def _reason(self, now: Moving, robot: int) -> str:
         parts = self._law.state.parts.items()

@@ -12,6 +12,7 @@ from ..experiment import Experiment
 from ..inputs.dataclass_fields import fields_of
 from ..laws import SampledReading
 from ..robot.screws import Screws
+from .filtering import alike
 
 #: Robots that run side by side; what they need then fits the cache of a processor.
 BLOCK = 1000
@@ -90,5 +91,6 @@ def _group(robot: Robot) -> object:
         (document.period, document.duration, document.window, document.task),
         None if dither is None else (dither.model, dither.hold),
         tuple(name for name, bound in bounds.items() if bound is not None),
+        alike(experiment),
         (experiment.holds_orientation, experiment.target is None, experiment.contact is None),
     )

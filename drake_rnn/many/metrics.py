@@ -40,6 +40,7 @@ class ManyMetrics:
     """
 
     def __init__(self, experiments: Sequence[Experiment], schedule: Schedule) -> None:
+        self._count, self._delay = len(experiments), experiments[0].path_delay
         self._groups: tuple[Group, ...] = (
             _ErrorMetrics(experiments, schedule),
             _DriftMetrics(experiments, schedule),
@@ -64,6 +65,8 @@ class ManyMetrics:
                 # A loss that the law detects counts even if some contact is left.
                 found[name] = np.where(np.isnan(found[name]), metrics[name], found[name])
             metrics |= found
+        if self._delay > 0.0:
+            metrics["path_delay_s"] = np.full(self._count, self._delay)
         return metrics
 
 
@@ -109,7 +112,7 @@ class _DriftMetrics:
         self._first: Array | None = None
         self._last: Array | None = None
         # The step at which each robot's last lap begins; -1 for none.
-        laps = [None if seeks else e.desired.last_lap(float(times[-1])) for e in experiments]
+        laps = [None if seeks else _last_lap(each, float(times[-1])) for each in experiments]
         self._lap_step = np.array(
             [-1 if lap is None else int(np.searchsorted(times, lap - 1e-9)) for lap in laps]
         )
@@ -149,6 +152,14 @@ class _DriftMetrics:
         if self._lap is not None and self._now == self._ended:
             found["lap_drift_max_rad"] = np.abs(self._position - self._lap).max(axis=0)
         return found
+
+
+def _last_lap(experiment: Experiment, until: float) -> float | None:
+    """Return the time at which the last whole lap of a run begins [s]; None without one."""
+    delay = experiment.path_delay
+    began = experiment.desired.last_lap(until - delay)
+    # The first lap begins with the run, whatever the delay.
+    return began + delay if began is not None and began > 0.0 else began
 
 
 class _PostureMetrics:
@@ -205,9 +216,9 @@ class _LawMetrics:
             lost = np.isnan(self._lost) & (observed["contact_lost"][:, 0] != 0.0)
             self._lost = np.where(lost, step.time, self._lost)
         if "displacement" in observed:
-            self._add_displacement(step.p_WE, observed["displacement"].T)
+            self._add_displacement(step.seen.p_WE, observed["displacement"].T)
         if step.J_hat is not None and self._within[step.number]:
-            self._add_jacobian(step.J - step.J_hat, step.network_velocity)
+            self._add_jacobian(step.seen.J - step.J_hat, step.network_velocity)
 
     def _add_jacobian(self, difference: Array, v: Array) -> None:
         size, speed = lengths(difference.reshape(-1, difference.shape[-1])), lengths(v)

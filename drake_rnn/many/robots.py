@@ -8,21 +8,28 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays.namespace import AnyArray, in_front
+from ..inputs.fields import Array
 from ..laws import SampledReading
 from ..laws.stacked import stacked
 from ..laws.trial import started
 from ..robot.screws import Screws, side_by_side
 from .desired import Tables
+from .filtering import filters_of
 from .grouping import Robot
 from .noise import Noises
 from .pressing import Surfaces
 from .rotation import angle_between
 from .schedule import Schedule, schedule_of
 from .signals import PREVIEWS, Desired, Rows, Sight
-from .step import Pressed, Step
+from .step import Pressed, Seen, Step
 
+# What a law sees of the past if its arm is late.
+_LATE = frozenset(("p_WE_desired", "R_WE_desired"))
+# What a late arm is compared with.
+_EVALUATED = _LATE | {"v_WE_desired"}
 _SEEN_ANYWAY = frozenset(("position", "p_WE", "J", "velocity", "v_WE"))
 
 
@@ -31,16 +38,26 @@ class Moving:
     """What varies in a block of robots, which lie side by side in memory.
 
     Attributes:
-        q: Joint positions, shape (robots, n) [rad].
+        q: Joint positions of the arms that the laws see, shape (robots, n) [rad].
         x: States of the laws, shape (robots, state.size).
-        command: Joint velocities that the laws command, shape (robots, n) [rad/s].
+        command: Joint velocities that move these, without noise, shape (robots, n) [rad/s].
         noise: Noise on these, likewise; None without dither.
+        averages: States of the filters, which change in place; None without filters.
+        behind: Joint positions of the arms behind the filters, if the laws see virtual arms ahead
+            of these, shape (robots, n) [rad]; else None.
     """
 
     q: AnyArray
     x: AnyArray
     command: AnyArray
     noise: AnyArray | None
+    averages: Array | None = None
+    behind: AnyArray | None = None
+
+    @property
+    def position(self) -> AnyArray:
+        """Joint positions of the arms themselves, shape (robots, n) [rad]."""
+        return self.q if self.behind is None else self.behind
 
     @cached_property
     def dithered(self) -> AnyArray:
@@ -108,14 +125,19 @@ class Robots:
         self.oriented = experiments[0].holds_orientation
         # Paths are told of their orientations only where these matter.
         turns = frozenset(("R_WE_desired",)) if self.oriented else frozenset()
-        self._around = self._observed | turns
+        self._around = self._observed | turns | {"p_WE_desired", "v_WE_desired"}
         self._model = None if document.dither is None else document.dither.model
         self.noises = None if document.dither is None else Noises(experiments)
         self._task = experiments[0].task
         ahead = None
         if self._sees & PREVIEWS:
             ahead = Tables(experiments, times + period, self.oriented)
-        self._desired = Desired(Tables(experiments, times, self.oriented), ahead, self._task)
+        late, delay = None, experiments[0].path_delay
+        if delay > 0.0:
+            late = Tables(experiments, times - delay, self.oriented)
+        now = Tables(experiments, times, self.oriented)
+        self._desired = Desired(now, ahead, late, self._task)
+        self._filters = filters_of(experiments)
         self._surfaces = None if document.environment is None else Surfaces(experiments)
 
     def started(self) -> Moving:
@@ -134,7 +156,12 @@ class Robots:
             states.append(started(reading, rng, seen, 0.0))
         x = np.stack(states, axis=-1).T
         noise = None if self.noises is None else still
-        return Moving(q, x, self.law.commanded_velocity(0.0, x), noise)
+        first = Moving(q, x, self.law.commanded_velocity(0.0, x), noise)
+        if (filters := self._filters) is None:
+            return first
+        if filters.apart:
+            return replace(first, averages=filters.started(), behind=q)
+        return replace(first, averages=filters.started(), command=still)
 
     def around(self, number: int) -> Around:
         """Return what is known of the surroundings at a step."""
@@ -173,7 +200,18 @@ class Robots:
     def _seen(self, look: Look, velocity: AnyArray, causes: AnyArray) -> dict[str, AnyArray]:
         u = {**look.sight.of_arms(self._sees, velocity, causes), **look.around}
         u |= self._desired.ahead(look.rows, self._sees)
+        if self._filters is not None and not self._filters.apart:
+            u |= self._desired.late(look.rows, _LATE & self._sees)
         return {name: u[name] for name in self._sees}
+
+    def filter(self, now: Moving, t: float) -> None:
+        """Let the filters take a sample of what moves the arms until a time [s], in place."""
+        if self._filters is None or now.averages is None:
+            return
+        taken = self.law.commanded_velocity(t, now.x)
+        if self._filters.apart:
+            taken = now.dithered if self._model == "actuated" else now.command
+        self._filters.add(now.averages, taken)
 
     def moved(self, law: SampledReading, now: Moving, t: float, until: float) -> Moving:
         """Return the robots after they have moved as they are commanded.
@@ -185,6 +223,11 @@ class Robots:
             until: Time at which they end [s].
         """
         h = until - t
+        if self._filters is not None and now.averages is not None:
+            filtered = self._filters.velocity(now.averages)
+            if now.behind is None:
+                return replace(now, q=now.q + h * filtered, command=filtered)
+            now = replace(now, behind=now.behind + h * filtered)
         command = law.commanded_velocity(t, now.x)
         acts = now.noise if self._model == "actuated" else None
         velocity = command if acts is None else command + acts
@@ -207,30 +250,72 @@ class Robots:
         state, sight = law.state, look.sight
         velocity = now.dithered if self._model == "actuated" else now.command
         network = state.part(now.x, "v")
-        if law.holds_command and velocity is now.command:
+        if law.holds_command and velocity is now.command and self._filters is None:
             network = velocity
         seen = {**sight.of_arms(self._observed, velocity, velocity), **look.around}
-        told, desired = velocity.T, look.around
-        turned = angle_between(sight.R_WE, desired["R_WE_desired"]) if self.oriented else None
-        observed = law.diagnostics(look.time, now.x, seen) if observes else {}
-        return Step(
+        desired = {**look.around, **self._desired.late(look.rows, _EVALUATED & self._around)}
+        step = Step(
             number=look.number,
             time=look.time,
             position=now.q.T,
-            velocity=told,
-            network_velocity=told if network is velocity else network.T,
+            velocity=velocity.T,
+            network_velocity=velocity.T if network is velocity else network.T,
             p_WE=sight.p_WE.T,
             p_WE_desired=desired["p_WE_desired"].T,
             v_WE=seen["v_WE"].T,
             v_WE_desired=desired["v_WE_desired"].T,
             J=in_front(sight.J, 2),
-            turned=turned,
+            turned=self._turned(sight, desired),
             J_hat=in_front(state.part(now.x, "J_hat"), 2) if "J_hat" in state else None,
-            observed=observed,
+            observed={},
             pressed=look.pressed,
         )
+        if now.behind is not None:
+            step = self._of_arms_behind(step, now, desired)
+        elif len(look.rows.late):
+            seen["p_WE_desired"] = desired["p_WE_desired"]
+        return replace(step, observed=law.diagnostics(look.time, now.x, seen) if observes else {})
+
+    def _of_arms_behind(self, step: Step, now: Moving, desired: Mapping[str, AnyArray]) -> Step:
+        """Return a step of virtual arms with the motion of those behind the filters."""
+        assert self._filters is not None
+        assert now.averages is not None
+        assert now.behind is not None
+        sight = Sight(self._task, self._arm.at(now.behind), now.behind)
+        velocity = self._filters.velocity(now.averages)
+        return replace(
+            step,
+            position=now.behind.T,
+            velocity=velocity.T,
+            p_WE=sight.p_WE.T,
+            v_WE=sight.v_WE(velocity).T,
+            J=in_front(sight.J, 2),
+            turned=self._turned(sight, desired),
+            virtual=Seen(step.p_WE, step.J),
+        )
+
+    def _turned(self, sight: Sight, desired: Mapping[str, AnyArray]) -> AnyArray | None:
+        return angle_between(sight.R_WE, desired["R_WE_desired"]) if self.oriented else None
 
 
 def _arm(arms: Sequence[Screws]) -> Screws:
     """Return the one arm that all robots have, or the arms of each."""
     return arms[0] if all(arm is arms[0] for arm in arms) else side_by_side(arms)
+
+
+def restarted(now: Moving, first: Moving, which: NDArray[np.bool_]) -> Moving:
+    """Return robots of which some, shape (robots,), start again."""
+
+    def chosen(then: AnyArray, otherwise: AnyArray) -> AnyArray:
+        return np.where(which, then.T, otherwise.T).T
+
+    if now.averages is not None:
+        # A chain at rest; how many samples it has taken, which robots share, does not matter.
+        now.averages[1:, which] = 0.0
+    return replace(
+        now,
+        q=chosen(first.q, now.q),
+        x=chosen(first.x, now.x),
+        command=chosen(first.command, now.command),
+        behind=None if now.behind is None else chosen(first.behind, now.behind),
+    )

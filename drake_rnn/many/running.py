@@ -111,9 +111,13 @@ class Median:
         if not self._often.size:
             return np.full(self._robots.size, np.nan)
         below = np.cumsum(self._often, axis=1)
-        place = (2 * below >= below[:, -1:]).argmax(axis=1)
-        middle = 10.0 ** ((place + 0.5) / _PER_DECADE - _LEAST)
-        return np.where(below[:, -1] > 0, middle, np.nan)
+        count = below[:, -1:]
+        # Of an even number of numbers two are in the middle, with a gap between them perhaps.
+        middle = [
+            10.0 ** (((below >= place).argmax(axis=1) + 0.5) / _PER_DECADE - _LEAST)
+            for place in ((count + 1) // 2, count // 2 + 1)
+        ]
+        return np.where(count[:, 0] > 0, 0.5 * (middle[0] + middle[1]), np.nan)
 
 
 class Settling:

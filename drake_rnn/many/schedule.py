@@ -61,7 +61,7 @@ def schedule_of(document: ExperimentDocument) -> Schedule:
         ends.append(_multiples(WATCHED * period, duration))
     times = np.append(np.unique(np.concatenate(ends)), duration)
     tick = period
-    if dither is not None and dither.model == "actuated":
+    if dither is not None and dither.model == "actuated" and document.filter is None:
         tick = min(dither.hold, period)
     return Schedule(
         times, np.isin(times, samples), np.isin(times, noises), period, tick, document.window

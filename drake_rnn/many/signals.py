@@ -93,10 +93,12 @@ class Rows(NamedTuple):
     Attributes:
         now: What robots share of them.
         ahead: The same one period later; empty if no law sees ahead.
+        late: The same as long before as the arms are late; empty if they are not.
     """
 
     now: Row
     ahead: Row
+    late: Row
 
 
 class Desired:
@@ -105,21 +107,29 @@ class Desired:
     Args:
         tables: The motions at each step.
         ahead: The motions one period after each step; None if no law sees ahead.
+        late: The motions that arms behind filters make at each step; None if they are not late.
         task: Their task.
     """
 
-    def __init__(self, tables: Tables, ahead: Tables | None, task: Task) -> None:
-        self._tables, self._ahead = tables, ahead
+    def __init__(
+        self, tables: Tables, ahead: Tables | None, late: Tables | None, task: Task
+    ) -> None:
+        self._tables, self._ahead, self._late = tables, ahead, late
         self._axes = slice(task.axes[0], task.axes[-1] + 1)
 
     def row(self, number: int) -> Rows:
         """Return what is known of a step."""
-        ahead = () if self._ahead is None else self._ahead.row(number)
-        return Rows(self._tables.row(number), ahead)
+        ahead, late = (
+            () if tables is None else tables.row(number) for tables in (self._ahead, self._late)
+        )
+        return Rows(self._tables.row(number), ahead, late)
 
     def rows(self) -> Rows:
         """Return the same for all steps, with these in front."""
-        return Rows(self._tables.rows(), () if self._ahead is None else self._ahead.rows())
+        ahead, late = (
+            () if tables is None else tables.rows() for tables in (self._ahead, self._late)
+        )
+        return Rows(self._tables.rows(), ahead, late)
 
     def at(self, rows: Rows, names: Set[str]) -> Found:
         """Return the signals of a step, by name; position and velocity whatever the names are."""
@@ -132,6 +142,13 @@ class Desired:
         wanted = {_AHEAD[name] for name in names & PREVIEWS}
         known = self._named(self._ahead, rows.ahead, wanted)
         return {name: known[_AHEAD[name]] for name in names & PREVIEWS}
+
+    def late(self, rows: Rows, names: Set[str]) -> Found:
+        """Return the signals that arms behind filters should have; none if they are not late."""
+        if self._late is None or not names:
+            return {}
+        known = self._named(self._late, rows.late, names)
+        return {name: value for name, value in known.items() if name in names}
 
     def _named(self, tables: Tables, row: Row, names: Set[str]) -> Found:
         p, v, a = tables.position(row)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from ..arrays.algebra import root
 from ..arrays.namespace import AnyArray
@@ -28,6 +29,18 @@ class Pressed:
     desired: Array
 
 
+class Seen(NamedTuple):
+    """The arms that the laws see, where they are not those that move.
+
+    Attributes:
+        p_WE: Positions of their end effectors along the task's axes, shape (m, robots) [m].
+        J: Their Jacobians, shape (size of the task, n, robots).
+    """
+
+    p_WE: Array
+    J: Array
+
+
 @dataclass(frozen=True)
 class Step:
     """Many robots at the end of a step, before what happens then.
@@ -44,6 +57,7 @@ class Step:
         J_hat: Learned Jacobians, shape (m, n, robots); None without learning.
         observed: Observables of the laws, each of shape (robots, ...).
         pressed: Contact with surfaces; None without these.
+        virtual: Virtual arms that the laws see; None if they see the arms themselves.
     """
 
     number: int
@@ -60,6 +74,12 @@ class Step:
     J_hat: Array | None
     observed: Signals
     pressed: Pressed | None = None
+    virtual: Seen | None = None
+
+    @property
+    def seen(self) -> Seen:
+        """The arms that the laws see."""
+        return self.virtual or Seen(self.p_WE, self.J)
 
     def aside(self, vectors: Array) -> Array:
         """Return ``vectors``, shape (m, robots); in contact, only their part along the surface."""

@@ -52,12 +52,13 @@ def able_reading(experiment: Experiment) -> SampledReading:
         )
     unable = {
         "sensor": document.sensor,
-        "filter": document.filter,
         "sensing": document.sensing,
     }
     for name, part in unable.items():
         if part is not None:
             raise InvalidInputError(f"{name}: a batch has none; simulate has")
+    if document.filter is not None and document.environment is not None:
+        raise InvalidInputError("filter: a batch has none in contact; simulate has")
     return _able_reading(experiment, document.period)
 
 

@@ -34,8 +34,8 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 from ..errors import InvalidInputError, SimulationError
 from ..inputs.complaints import require_type
 from ..inputs.fields import Flag, validated
-from ..laws.layout import Layout
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
+from .averages import Averages
 
 # Longer windows would take longer to fill than any run takes.
 _MOST_SAMPLES = 1e6
@@ -132,64 +132,29 @@ class MovingAverage(LeafSystem):
         if not (period > 0 and isfinite(period)):
             raise InvalidInputError(f"period: must be positive, not {period}")
         windows = averaging_windows(limits, period)
-        levels, n = windows.shape
+        n = windows.shape[1]
         self.period = period
         self.windows = windows
         self.delay = averaging_delay(windows, period)
-        gain = (windows.astype(float) ** 2 - 1.0).sum(axis=0) / 24.0
-        self._gain = gain if precompensate else None
-
-        # Sums of fewer than 2^53 lattice steps are exact. Adding and subtracting 1.5 * 2^52 steps
-        # rounds a number to the lattice, if it is small enough beside them.
-        _, exponent = np.frexp(np.maximum(windows, 4) * limits.velocity)
-        coarsest = np.ldexp(1.0, exponent.max(axis=0) - 53)
-        self._most = np.floor(limits.velocity / coarsest) * coarsest
-        self._least = -self._most
-
-        # ``entries`` holds all windows one after another; in each of them the newest value
-        # overwrites the oldest.
-        self._layout = Layout(
-            count=(1,), previous=(2, n), sums=(levels, n), entries=(int(windows.sum()),)
-        )
-        first = self._layout.parts["entries"][0].start
-        ends = np.cumsum(windows.ravel()).reshape(windows.shape)
-        self._starts = first + ends - windows
-        self._rounding = list(np.ldexp(1.5, exponent - 1))
-        self._lengths = list(windows.astype(float))
+        velocity = limits.require("velocity", "filter: moving_average")
+        self._averages = Averages(windows, velocity, precompensate=precompensate)
 
         input_port = self.DeclareVectorInputPort("commanded_velocity", n)
         self._read = input_port.Eval
-        self.DeclareDiscreteState(self._layout.size)
-        last = self._layout.parts["sums"][0]
-        at = slice(last.stop - n, last.stop)
-        length = self._lengths[-1]
+        self.DeclareDiscreteState(*self._averages.shape)
+        mean = self._averages.mean
 
         def filtered_velocity(context: Context, output: Any) -> None:
-            output.set_value(context.get_discrete_state_vector().value()[at] / length)
+            output.set_value(mean(context.get_discrete_state_vector().value()))
 
         self.DeclareVectorOutputPort("filtered_velocity", n, filtered_velocity, {self.xd_ticket()})
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
         x = state.get_mutable_vector(0).get_mutable_value()
-        count, previous, sums, _ = self._layout.split(x)
         u = self._read(context)
-        if self._gain is not None:
-            before, last = previous
-            compensated = u - self._gain * (u - 2.0 * last + before)
-            before[:] = last
-            last[:] = u
-            u = compensated
-        y = np.minimum(np.maximum(u, self._least), self._most)
-        if not isfinite(sum(y.tolist())):
+        added = self._averages.add(x, u)
+        if not isfinite(sum(added.tolist())):
             raise SimulationError(
                 f"{self.get_name()}: commanded_velocity is {u.tolist()}", context.get_time()
             )
-        places = self._starts + int(count[0]) % self.windows
-        levels = zip(places, sums, self._rounding, self._lengths, strict=True)
-        for place, total, rounding, length in levels:
-            y = (y + rounding) - rounding
-            total += y - x[place]
-            x[place] = y
-            y = total / length
-        count += 1.0

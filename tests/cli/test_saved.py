@@ -1,6 +1,7 @@
 """Commands about results that are there already, alone and side by side."""
 
 import csv
+import json
 
 import pytest
 from typer.testing import CliRunner
@@ -50,6 +51,23 @@ def test_folders_are_compared(folders, tmp_path):
         assert f"{saved['position_error_max_m']:.4g}" in line
     # A law that keeps a limit by construction has its bound beside the figure.
     assert "(<= 1)" in result.stdout
+
+
+def test_a_comparison_can_be_read_by_a_script_and_only_planned(folders, tmp_path):
+    arguments = ("compare", folders / LINE, KNOWN, "--duration", "0.05", "--out", tmp_path)
+    refused = call(*arguments)
+    assert "has run already" in sentence(refused)
+    arguments = ("compare", folders / LINE, KNOWN, "--out", tmp_path)
+    plan = json.loads(call(*arguments, "--dry-run", "--json").stdout)
+    assert plan["expected_time_s"][LINE] == 0.0
+    assert plan["expected_time_s"][KNOWN] > 0.1
+    assert not list(tmp_path.iterdir())
+    found = json.loads(
+        call("compare", folders / LINE, folders / KNOWN, "--out", tmp_path, "--json").stdout
+    )
+    assert found.keys() == {LINE, KNOWN}
+    assert found[KNOWN]["status"] == "complete"
+    assert found[KNOWN]["metrics"] == Result.load(folders / KNOWN).metrics
 
 
 def test_an_experiment_is_run_and_compared_with_a_folder(folders, tmp_path):

@@ -1,5 +1,7 @@
 """Sweeps on the command line."""
 
+import json
+
 import pytest
 from cli_helpers import KNOWN, SHORT, call, notes
 
@@ -36,3 +38,18 @@ def test_a_sweep_in_which_a_run_fails_ends_with_1_and_shows_the_others(tmp_path,
 def test_a_sweep_tells_of_windows_that_are_dropped(tmp_path):
     result = call("sweep", KNOWN, "--over", "duration=0.01,0.02", "--out", tmp_path)
     assert [note.split(" at ")[1] for note in notes(result)] == ["0.01 s", "0.02 s"]
+
+
+def test_a_sweep_can_be_read_by_a_script_and_only_planned(tmp_path):
+    arguments = ("sweep", KNOWN, "--over", "law.kappa=2,8", "--out", tmp_path, *SHORT, "--json")
+    plan = json.loads(call(*arguments, "--dry-run").stdout)
+    assert plan["runs"] == 2
+    # 50 steps each, some 50 us a step.
+    assert 1e-3 < plan["expected_time_s"] < 0.1
+    assert not list(tmp_path.iterdir())
+    result = call(*arguments)
+    assert all(line.startswith("note ") for line in result.stderr.splitlines())
+    found = json.loads(result.stdout)
+    assert [run["values"] for run in found["runs"]] == [{"law.kappa": 2}, {"law.kappa": 8}]
+    assert [run["failure"] for run in found["runs"]] == ["", ""]
+    assert all(run["metrics"]["position_error_max_m"] > 0 for run in found["runs"])

@@ -1,0 +1,71 @@
+"""Filters between the laws and the arms of many robots."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..experiment import Experiment
+from ..inputs.fields import Array
+from ..systems.averages import Averages
+from ..systems.moving_average import averaging_windows
+
+
+class Filters:
+    """Moving averages of the velocities that move the arms.
+
+    Args:
+        experiments: The robots' experiments, all with the same windows.
+
+    Attributes:
+        apart: Whether the laws see virtual arms, ahead of the filter, in place of their own.
+    """
+
+    def __init__(self, experiments: Sequence[Experiment]) -> None:
+        first = experiments[0]
+        assert first.document.filter is not None
+        self.apart = first.feedback == "unfiltered"
+        velocity = [each.limits.require("velocity", "filter") for each in experiments]
+        self._averages = Averages(
+            _windows(first),
+            np.stack(velocity, axis=-1),
+            precompensate=first.document.filter.precompensate,
+        )
+
+    def started(self) -> Array:
+        """Return states at rest, shape (size, robots)."""
+        return np.zeros(self._averages.shape)
+
+    def velocity(self, states: Array) -> Array:
+        """Return the filtered velocities, shape (robots, n) [rad/s]."""
+        return self._averages.mean(states).T
+
+    def add(self, states: Array, velocity: Array) -> None:
+        """Add velocities, shape (robots, n) [rad/s], to the states, in place."""
+        self._averages.add(states, velocity.T)
+
+
+def filters_of(experiments: Sequence[Experiment]) -> Filters | None:
+    """Return the filters of robots; None if they have none."""
+    return None if experiments[0].document.filter is None else Filters(experiments)
+
+
+def alike(experiment: Experiment) -> object:
+    """Return what robots side by side have in common of their filters."""
+    settings = experiment.document.filter
+    if settings is None:
+        return None
+    windows = _windows(experiment)
+    return (
+        experiment.feedback,
+        settings.precompensate,
+        settings.delay_desired,
+        windows.shape,
+        windows.tobytes(),
+    )
+
+
+def _windows(experiment: Experiment) -> np.ndarray:
+    assert experiment.document.period is not None
+    return averaging_windows(experiment.limits, experiment.document.period)

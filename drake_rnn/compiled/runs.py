@@ -18,9 +18,8 @@ from ..laws.called import unchecked
 from ..laws.stacked import with_gains
 from ..many.grouping import blocks
 from ..many.robots import Around, Moving, Robots
-from ..many.run import robots_of
 from ..many.step import Step
-from .in_order import compiled_in_order
+from .compiling import compilable, compiled_in_order
 from .metrics import Counts, counts_of, metrics_of, require_metrics
 
 #: Numbers of a law by the names of its fields, each of shape (robots,).
@@ -64,7 +63,7 @@ class CompiledRuns:
 
     def __init__(self, experiments: Sequence[Described], metrics: Sequence[str]) -> None:
         self._jax = require_jax()
-        robots = robots_of(experiments)
+        robots = compilable(experiments)
         if len(blocks(robots)) != 1:
             raise InvalidInputError(
                 "experiments: must be 1 to 1000, whose laws differ in nothing but numbers"

@@ -15,7 +15,7 @@ from ..inputs.complaints import short
 from ..inputs.dataclass_fields import fields_of
 from ..inputs.fields import Array
 from ..laws import SampledReading
-from .in_order import compiled_in_order
+from .compiling import compiled_in_order
 from .runs import CompiledRuns
 
 _LAW = "law."

@@ -16,8 +16,7 @@ from ..inputs.complaints import short
 from ..inputs.fields import Array
 from ..laws.called import unchecked
 from ..many.robots import Moving, Robots
-from ..many.run import robots_of
-from .in_order import compiled_in_order
+from .compiling import compilable, compiled_in_order
 
 _FLOAT = np.dtype(float)
 
@@ -51,7 +50,7 @@ class CompiledStep:
 
     def __init__(self, experiment: Described) -> None:
         jax = require_jax()
-        robots = robots_of([experiment])
+        robots = compilable([experiment])
         self.document = robots[0].experiment.document
         self._refuse_what_is_not_the_laws()
         self._robots = Robots(robots)

@@ -92,6 +92,7 @@ REFUSED = [
     ({"keys": ["law.feedback_limit"]}, "law.feedback_limit: is not given; give it a number"),
     ({"keys": ["law.jacobian"]}, "law.jacobian: must be a number, not 'known'"),
     ({"metric": "force_error_rms_N"}, "metric: 'force_error_rms_N' cannot be taken of this run"),
+    ({"experiment": "chain_circle"}, "filter: a compiled run has none; run_many has"),
     ({"experiment": "slc_nephroid_dynamic"}, "level: dynamic needs Drake's plant"),
 ]
 

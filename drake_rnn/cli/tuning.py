@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -37,7 +38,7 @@ from .tables import WIDE
 
 def tune_gains(  # noqa: PLR0913  one argument for each option
     experiment: One,
-    over: Annotated[
+    numbers: Annotated[
         list[str],
         typer.Option(
             "--over",
@@ -53,8 +54,7 @@ def tune_gains(  # noqa: PLR0913  one argument for each option
         typer.Option(
             "--between",
             metavar="KEY=LOW,HIGH",
-            help="Bounds of a number; repeatable. Default: a thirtieth and 30 times the start, or "
-            "what the law allows of that.",
+            help="Bounds of a number; repeatable. Default: a thirtieth and 30 times the start.",
         ),
     ] = None,
     out_folder: Out = Path("out"),
@@ -75,7 +75,7 @@ def tune_gains(  # noqa: PLR0913  one argument for each option
     with silenced(quiet):
         with errors():
             require_jax()
-            keys = [key.strip() for text in over for key in text.split(",")]
+            keys = [key.strip() for text in numbers for key in text.split(",")]
             bounds = _bounds(between)
             changed = changes_of(changes, seed, None)
             made = load(experiment, changes, seed, None)
@@ -91,10 +91,7 @@ def tune_gains(  # noqa: PLR0913  one argument for each option
             _print(tuned)
             if tuned.better:
                 named = {"name": f"{made.name}_tuned"}
-                document = read_document(experiment, {**changed, **tuned.gains, **named})
-                with written_whole(folder / "tuned.yaml") as stream:
-                    stream.write(to_yaml(document))
-                out.print(escape(f"document {folder / 'tuned.yaml'}"), soft_wrap=True)
+                _write(read_document(experiment, {**changed, **tuned.gains, **named}), folder)
             if figures:
                 picture = tuning_figure(tuned, folder / "tuning.png")
                 out.print(escape(f"picture  {picture}"), soft_wrap=True)
@@ -111,6 +108,14 @@ def _bounds(between: list[str] | None) -> dict[str, Between]:
             raise InvalidInputError(f"--between: {key} is given twice")
         bounds[key] = pair
     return bounds
+
+
+def _write(document: Mapping[str, Any], folder: Path) -> None:
+    """Write the tuned document."""
+    file = folder / "tuned.yaml"
+    with written_whole(file) as stream:
+        stream.write(to_yaml(document))
+    out.print(escape(f"document {file}"), soft_wrap=True)
 
 
 def _told(trial: Trial) -> None:

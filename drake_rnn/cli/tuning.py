@@ -35,35 +35,38 @@ from .options import (
 )
 from .tables import WIDE
 
+_Over = Annotated[
+    list[str],
+    typer.Option(
+        "--over",
+        metavar="KEY,KEY,...",
+        help="Numbers of the law to tune, e.g. law.kappa,law.rho; repeatable.",
+    ),
+]
+_Least = Annotated[str, typer.Option("--least", metavar="METRIC", help="Metric to make small.")]
+_Between = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--between",
+        metavar="KEY=LOW,HIGH",
+        help="Bounds of a number; repeatable. Default: a thirtieth and 30 times the start.",
+    ),
+]
+_Duration = Annotated[
+    float | None,
+    typer.Option(help="Simulated time to tune on [s]; Drake's runs have the document's own."),
+]
+
 
 def tune_gains(  # noqa: PLR0913  one argument for each option
     experiment: One,
-    numbers: Annotated[
-        list[str],
-        typer.Option(
-            "--over",
-            metavar="KEY,KEY,...",
-            help="Numbers of the law to tune, e.g. law.kappa,law.rho; repeatable.",
-        ),
-    ],
-    least: Annotated[
-        str, typer.Option("--least", metavar="METRIC", help="Metric to make small.")
-    ] = "position_error_rms_m",
-    between: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--between",
-            metavar="KEY=LOW,HIGH",
-            help="Bounds of a number; repeatable. Default: a thirtieth and 30 times the start.",
-        ),
-    ] = None,
+    numbers: _Over,
+    least: _Least = "position_error_rms_m",
+    between: _Between = None,
     out_folder: Out = Path("out"),
     changes: Set = None,
     seed: Seed = None,
-    duration: Annotated[
-        float | None,
-        typer.Option(help="Simulated time to tune on [s]; Drake's runs have the document's own."),
-    ] = None,
+    duration: _Duration = None,
     steps: Annotated[int, typer.Option(min=1, help="Largest number of steps.")] = 30,
     figures: Figures = True,
     check: Annotated[

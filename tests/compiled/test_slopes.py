@@ -75,7 +75,9 @@ def test_derivatives_are_those_of_differences(name, duration, keys, metric):
 )  # fmt: skip
 def test_compiled_runs_are_those_of_numpy(name):
     """All metrics that can be taken; 1e-7 of a metric that is itself rounding in part."""
-    runs = [experiment(name, 0.1, seed=seed) for seed in (1, 2)]
+    # As shipped, Drake integrates it.
+    sampled = {"period": 1e-3} if name == "modified_state_adjustment" else {}
+    runs = [experiment(name, 0.1, seed=seed, **sampled) for seed in (1, 2)]
     names = list(metrics_of(runs))
     wanted = run_many(runs).metrics
     found = CompiledRuns(runs, names).run()

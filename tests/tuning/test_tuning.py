@@ -134,6 +134,7 @@ def test_nothing_is_taken_that_is_not_better():
 
 @pytest.mark.long
 def test_tuning_lowers_the_error_and_keeps_bounds():
+    pytest.importorskip("jax")
     made = load_experiment(
         "slc_nephroid_known", {"law.feedback_limit": 0.1, "duration": 6, "window": [3, 6]}
     )
@@ -154,6 +155,7 @@ def test_tuning_lowers_the_error_and_keeps_bounds():
 @pytest.mark.long
 def test_a_law_that_learns_is_tuned():
     """Its value is Drake's to 1e-6: learning in the warm-up multiplies rounding."""
+    pytest.importorskip("jax")
     made = load_experiment("slc_nephroid_warm_up", {"duration": 8, "window": [4, 8]})
     tuned = tune(made, ["law.kappa", "law.rho"], RMS, steps=6)
     assert tuned.better

@@ -30,7 +30,7 @@ SUBJECTS = {
     "slc_nephroid_known": "kappa",
     "slc_nephroid_warm_up": "rho",
     "naljdf_table1": "position_gain",
-    "pinv_circle": "position_gain",
+    "pinv_circle": "feedback",
 }
 
 

@@ -5,6 +5,7 @@ from importlib.metadata import version
 from .arrays.jax_module import require_jax
 from .campaigns import CampaignDocument, CampaignResult, read_campaign, run_campaign
 from .campaigns.sweep import sweep
+from .compiled import CompiledRuns, CompiledStep, Slopes, value_and_gradient
 from .diagrams import AddLoop, Loop
 from .environments import (
     ENVIRONMENTS,
@@ -115,6 +116,7 @@ from .systems import (
     SensingSettings,
     SensorSettings,
 )
+from .tuning import Tuned, tune
 
 __version__ = version("drake-rnn")
 
@@ -138,6 +140,8 @@ __all__ = [
     "Circle",
     "Circumstances",
     "Clover",
+    "CompiledRuns",
+    "CompiledStep",
     "Contact",
     "ContactLoss",
     "ContactModel",
@@ -209,6 +213,7 @@ __all__ = [
     "Signals",
     "SimulationError",
     "SimultaneousLearning",
+    "Slopes",
     "Spline",
     "Square",
     "StateAdjustment",
@@ -216,6 +221,7 @@ __all__ = [
     "TipMaterial",
     "ToolDescription",
     "TrajectoryPath",
+    "Tuned",
     "Vector",
     "WarmUp",
     "Waypoints",
@@ -240,7 +246,9 @@ __all__ = [
     "side_by_side",
     "simulate",
     "sweep",
+    "tune",
     "validated",
+    "value_and_gradient",
     "why_not",
     "with_link_errors",
     "write_figures",

@@ -141,6 +141,14 @@ def larger(least: float, value: Any) -> Any:
     return functions_of(value).maximum(least, value)
 
 
+def root(square: AnyArray) -> AnyArray:
+    """Return the square root of what is not negative; in JAX, with the derivative 0 at 0."""
+    if isinstance(square, (_ndarray, np.generic)):
+        return np.sqrt(square)
+    xp = functions_of(square)
+    return xp.where(square > 0.0, xp.sqrt(xp.where(square > 0.0, square, 1.0)), 0.0)
+
+
 def differentiable(way: AnyArray) -> AnyArray:
     """Return a way that may be infinite, with 0 in its place then if JAX takes derivatives.
 

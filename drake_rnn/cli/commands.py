@@ -20,6 +20,7 @@ from .new import new
 from .running import run, run_fastest
 from .showing import show
 from .sweeping import sweep
+from .tuning import tune_gains
 from .usage import Commands
 
 
@@ -59,6 +60,7 @@ app.command()(run)
 app.command("fastest")(run_fastest)
 app.command()(sweep)
 app.command()(campaign)
+app.command("tune")(tune_gains)
 app.command()(compare)
 app.command()(plot)
 app.command()(replay)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
+from ..arrays.algebra import functions_of, root
+from ..arrays.namespace import AnyArray
 
-from ..inputs.fields import Array
 
-
-def angle_between(R: Array, R_desired: Array) -> Array:
+def angle_between(R: AnyArray, R_desired: AnyArray) -> AnyArray:
     """Return the angles of the rotations from one orientation to another, shape (robots,) [rad].
 
     Args:
@@ -15,12 +14,13 @@ def angle_between(R: Array, R_desired: Array) -> Array:
         R_desired: Those that they are compared with, likewise.
     """
 
-    def entry(i: int, k: int) -> Array:
+    def entry(i: int, k: int) -> AnyArray:
         # Of R_desired R^T.
         a, b = R_desired[:, i], R[:, k]
-        return np.asarray(a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2])
+        return a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2]
 
     # The antisymmetric part gives the axis times the sine, the trace gives the cosine.
     x, y, z = (entry(2, 1) - entry(1, 2), entry(0, 2) - entry(2, 0), entry(1, 0) - entry(0, 1))
-    sine = 0.5 * np.sqrt(x * x + y * y + z * z)
-    return np.asarray(np.arctan2(sine, 0.5 * (entry(0, 0) + entry(1, 1) + entry(2, 2) - 1.0)))
+    sine = 0.5 * root(x * x + y * y + z * z)
+    cosine = 0.5 * (entry(0, 0) + entry(1, 1) + entry(2, 2) - 1.0)
+    return functions_of(sine).arctan2(sine, cosine)

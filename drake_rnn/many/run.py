@@ -107,8 +107,11 @@ def run_robots(
 def robots_of(described: Sequence[Described]) -> list[Robot]:
     """Return the robots of experiments; those with the same model share its kinematics.
 
+    Args:
+        described: Experiments, or what `load_experiment` takes.
+
     Raises:
-        InvalidInputError: As `run_many` does.
+        InvalidInputError: If a batch cannot run one; the message says which and why.
     """
     arms: dict[object, Screws] = {}
     robots, shared = [], Arms()

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
-
+from ..arrays.algebra import root
+from ..arrays.namespace import AnyArray
 from ..inputs.fields import Array
 from ..laws import Signals
 
@@ -89,7 +89,7 @@ class Step:
         return vectors - summed(vectors * normal) * normal
 
 
-def summed(rows: Array) -> Array:
+def summed(rows: AnyArray) -> AnyArray:
     """Return the sum over the first axis, one row after the other, however many robots there are.
 
     NumPy's own sum of a single column may add in another order than that of several.
@@ -100,6 +100,6 @@ def summed(rows: Array) -> Array:
     return total
 
 
-def lengths(vectors: Array) -> Array:
+def lengths(vectors: AnyArray) -> AnyArray:
     """Return the norms of vectors, shape (m, robots)."""
-    return np.sqrt(summed(vectors * vectors))
+    return root(summed(vectors * vectors))

@@ -12,6 +12,7 @@ from drake_rnn import (
     LAWS,
     PATHS,
     ExperimentDocument,
+    InvalidInputError,
     check_reach,
     make_experiment,
     simulate,
@@ -63,7 +64,12 @@ def test_a_snippet_imports_only_what_is_public(page, line, code):
 @pytest.mark.usefixtures("registries")
 def test_a_snippet_runs(page, line, code, monkeypatch):
     monkeypatch.chdir(ROOT)
-    exec(compile("\n" * (line - 1) + code, page, "exec"), {"__name__": "snippet"})
+    try:
+        exec(compile("\n" * (line - 1) + code, page, "exec"), {"__name__": "snippet"})
+    except InvalidInputError as error:
+        if str(error).startswith("jax: is not installed"):
+            pytest.skip(str(error))
+        raise
 
 
 @pytest.mark.parametrize(("page", "line", "code"), blocks("yaml"))

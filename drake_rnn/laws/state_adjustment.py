@@ -114,12 +114,13 @@ class StateAdjustment(PostureLaw, ContinuousLaw):
             displacement=(min(self.task_size, 3),),
         )
 
-    def velocity_box(self, t: float | Array, q: Array) -> tuple[Array, Array]:
-        """Return the velocities allowed at time ``t``: lower and upper, shape (..., n) [rad/s]."""
-        return self._box(column(t), q)
+    def velocity_box(self, t: Any, q: Array) -> tuple[Array, Array]:
+        """Return the velocities allowed at a time: lower and upper, shape (..., n) [rad/s].
 
-    def _box(self, t: Any, q: Array) -> tuple[Array, Array]:
-        """Return the velocities allowed at a time, a number or of shape (..., 1)."""
+        Args:
+            t: The time, a number or of shape (..., 1) [s].
+            q: Joint positions, shape (..., n) [rad].
+        """
         lower, upper = self.limits.velocity_box(q, self.limit_stiffness)
         if self.rise_time is None:
             return lower, upper
@@ -135,7 +136,7 @@ class StateAdjustment(PostureLaw, ContinuousLaw):
         v, multipliers = self.state.split(x)
         J, q = u["J"], u["position"]
         sought = self._pull(t, q) - vecmat(multipliers, J)
-        lower, upper = self._box(t, q)
+        lower, upper = self.velocity_box(t, q)
         v_dot = clipped(sought, lower, upper) - v
         return self.state.join(v_dot, matvec(J, v)) / self.time_constant
 
@@ -165,7 +166,7 @@ class StateAdjustment(PostureLaw, ContinuousLaw):
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         multipliers = self.state.part(x, "multipliers")
-        lower, upper = self.velocity_box(t, u["position"])
+        lower, upper = self.velocity_box(column(t), u["position"])
         drawn = functions_of(x).einsum("...m,...mn->...n", multipliers, u["J"])
         sought = self._pull(column(t), u["position"]) - drawn
         outside = ((sought < lower) | (sought > upper)).any(axis=-1, keepdims=True)

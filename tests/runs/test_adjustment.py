@@ -167,7 +167,7 @@ class TestPastItsTime:
         class AsPrinted(StateAdjustment):
             def velocity_box(self, t, q):
                 lower, upper = self.limits.velocity_box(q, self.limit_stiffness)
-                opening = np.sin(np.pi * np.asarray(t)[..., np.newaxis] / (2 * self.rise_time))
+                opening = np.sin(np.pi * t / (2 * self.rise_time))
                 return opening * lower, opening * upper
 
         experiment = load_experiment(CASE[1])

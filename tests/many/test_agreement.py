@@ -127,7 +127,7 @@ def test_behind_a_filter_arms_move_as_in_the_diagram(name, changes):
 @pytest.mark.long
 @pytest.mark.parametrize("name", REST)
 def test_those_of_every_other_shipped_experiment_as_well(name):
-    check(name, 0.5)
+    check(name, load_experiment(name).path_delay + 0.5)
 
 
 @pytest.mark.long

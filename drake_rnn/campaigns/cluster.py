@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Callable
 from concurrent.futures import CancelledError
 from contextlib import suppress
@@ -31,6 +32,10 @@ def cluster_at(address: str) -> DaskWorkers:
         InvalidInputError: If Dask is not installed, or nobody answers.
     """
     distributed = _dask()
+    if not re.fullmatch(r"([a-z]+://)?\S+:\d+", str(address)):
+        raise InvalidInputError(
+            f"--scheduler: must be an address such as tcp://10.0.0.1:8786, not {address!r}"
+        )
     # It tells at length of what is told here in a sentence.
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     try:

@@ -16,7 +16,7 @@ from ..inputs.complaints import nearest, require_type
 from ..inputs.documents import construct, read_yaml
 from ..inputs.fields import Count, Seed, validated
 from ..measures import METRIC_NAMES
-from .variation import Axis, Distribution, variation_of
+from .variation import Axis, Distribution, require_none_lost, variation_of
 
 _Share = Annotated[float, Field(strict=True, gt=0, lt=1)]
 #: Rows of a campaign; each is a file while it is run.
@@ -84,6 +84,7 @@ class CampaignDocument:
         for key in self.vary:
             if key in self.changes:
                 raise ValueError(f"vary.{key}: is also in changes; it cannot be both")
+        require_none_lost([*self.changes, *self.vary], "vary")
         self._check_samples()
         self._check_together()
         if self.count > MOST_ROWS:

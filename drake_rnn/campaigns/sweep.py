@@ -26,6 +26,7 @@ from .outcome import Order, Outcome
 from .perform import simulate_each
 from .plan import order_of, shared_document
 from .store import RowStore
+from .variation import require_none_lost
 from .workers import Processes, ThisProcess
 
 
@@ -162,6 +163,7 @@ def planned(
     changes = changes or {}
     if both := sorted(over.keys() & changes.keys()):
         raise InvalidInputError(f"--over: {both[0]!r} is also set; it cannot be both")
+    require_none_lost([*changes, *over], "--over")
     base = shared_document(experiment, changes)
     arms, followed = Arms(), set[str]()
     orders = []

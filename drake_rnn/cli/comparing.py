@@ -74,7 +74,7 @@ def compare(  # noqa: PLR0913  one argument for each option
                 _print_plan(loaded, folder, as_json)
                 return
             require_writable(folder)
-            results = {name: _result(each) for name, each in loaded.items()}
+            results = _results(loaded)
             _print_and_write(results, folder)
         if as_json:
             print_data({name: {"metrics": r.metrics, **r.record} for name, r in results.items()})
@@ -127,6 +127,18 @@ def labelled(runs: list[str], loaded: list[Experiment | Result]) -> dict[str, Ex
     names = [each.experiment.name if isinstance(each, Result) else each.name for each in loaded]
     alike = len(set(names)) < len(names)
     return dict(zip(runs if alike else names, loaded, strict=True))
+
+
+def _results(loaded: Mapping[str, Experiment | Result]) -> dict[str, Result]:
+    """Return the results by name; leave the command if a run is interrupted."""
+    results: dict[str, Result] = {}
+    for name, each in loaded.items():
+        results[name] = _result(each)
+        if results[name].status == "interrupted":
+            if left := list(loaded)[len(results) :]:
+                err.print(f"[red]not run[/] {escape(', '.join(left))}")
+            raise typer.Exit(FAILED)
+    return results
 
 
 def _result(run: Experiment | Result) -> Result:

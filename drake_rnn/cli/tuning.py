@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import os
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,7 +23,7 @@ from ..runs.whole_file import written_whole
 from ..tuning import Trial, Tuned, Tuning
 from ..tuning.bounds import Between, parse_between
 from .comparing import comparison_table
-from .console import NOT_MET, err, errors, out, silenced, status
+from .console import FAILED, NOT_MET, err, errors, out, silenced, status
 from .options import (
     Figures,
     One,
@@ -89,7 +92,9 @@ def tune_gains(  # noqa: PLR0913  one argument for each option
             require_writable(folder)
             if duration is not None:
                 tell_of_window(experiment, changed | {"duration": duration})
-            with status(f"{made.name}: tuning"):
+            # What an earlier call has found must not stand beside the figure of this one.
+            (folder / "tuned.yaml").unlink(missing_ok=True)
+            with _left_at_once(), status(f"{made.name}: tuning"):
                 tuned = tuning.run(steps, _told)
             _print(tuned)
             if tuned.better:
@@ -100,6 +105,21 @@ def tune_gains(  # noqa: PLR0913  one argument for each option
                 out.print(escape(f"picture  {picture}"), soft_wrap=True)
         if check and not tuned.better:
             raise typer.Exit(NOT_MET)
+
+
+@contextmanager
+def _left_at_once() -> Iterator[None]:
+    """End this process when it is interrupted, while JAX computes on in threads of its own.
+
+    To take these down in the usual way ends in a crash.
+    """
+    try:
+        yield
+    except KeyboardInterrupt:
+        err.print("[red]failed[/] interrupted; nothing was written")
+        for stream in (sys.stdout, sys.stderr):
+            stream.flush()
+        os._exit(FAILED)
 
 
 def _bounds(between: list[str] | None) -> dict[str, Between]:

@@ -11,7 +11,7 @@ from ..arrays.jax_module import require_jax
 from ..arrays.namespace import AnyArray
 from ..errors import InvalidInputError
 from ..experiment import Described, Experiment, load_experiment
-from ..inputs.complaints import short
+from ..inputs.complaints import require_several, short
 from ..inputs.dataclass_fields import fields_of
 from ..inputs.fields import Array
 from ..laws import SampledReading
@@ -74,6 +74,7 @@ class Slopes:
         self, experiment: Described, keys: Sequence[str], metric: str, rows: int = 1
     ) -> None:
         self._jax = require_jax()
+        require_several("keys", keys)
         made = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
         self.experiment, self.keys, self._metric = made, tuple(keys), metric
         self._runs = CompiledRuns([made] * rows, [metric])
@@ -92,8 +93,11 @@ class Slopes:
             gains: Sets of gains, shape (rows, keys). Nothing checks whether the law allows them.
 
         Raises:
-            InvalidInputError: If the law needs to know one of the numbers before it runs.
+            InvalidInputError: If the gains have another shape, or the law needs to know one of the
+                numbers before it runs.
         """
+        if np.shape(gains) != (shape := (len(self._runs.experiments), len(self.keys))):
+            raise InvalidInputError(f"gains: must have shape {shape}, not {np.shape(gains)}")
         try:
             values, slopes = self._compiled(np.asarray(gains, float).T, self._runs.table)
         except self._jax.errors.ConcretizationTypeError:

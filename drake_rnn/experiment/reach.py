@@ -111,7 +111,10 @@ def reach_times(experiment: Experiment, samples: int = _SAMPLES) -> Array:
     end = min(experiment.desired.traversal, experiment.document.duration)
     position = experiment.desired.position
     points = np.array([position(t)[0] for t in np.linspace(0.0, end, samples).tolist()])
-    length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+    with np.errstate(over="ignore", invalid="ignore"):
+        length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+    if not math.isfinite(length):
+        raise InvalidInputError(f"path: must have a finite length, not {length} m")
     return np.linspace(0.0, end, min(max(samples, math.ceil(length / _SPACING)), _MOST_SAMPLES))
 
 

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from ..campaigns.summary import MetricSummary, Summary
 from ..campaigns.table import Line, metric_column, varied_numbers
 from ..inputs.fields import Array
-from .style import BOUND, COLOURS, PAGE, save, styled
+from .style import BOUND, COLOURS, PAGE, save, styled, ticks
 
 _COLUMNS = 3
 #: Largest number of panels; further metrics are in the tables alone.
@@ -106,6 +107,13 @@ def _histogram(ax: Axes, values: Array) -> None:
         edges = np.array([edges[0] - 0.5, edges[0] + 0.5])
     ax.hist(values, bins=edges.tolist(), color=COLOURS[0])
     ax.margins(x=0.05)
+    # Panels are narrow, and runs are whole.
+    if ax.get_xscale() == "log":
+        ax.xaxis.set_major_locator(LogLocator(numticks=4))
+        ax.xaxis.set_minor_formatter(NullFormatter())
+    else:
+        ticks(ax.xaxis, 3)
+    ax.yaxis.set_major_locator(MaxNLocator(4, integer=True))
 
 
 def _bins(values: Array) -> int:

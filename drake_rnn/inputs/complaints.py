@@ -194,6 +194,17 @@ def require_type(key: str, value: object, *kinds: type) -> None:
     raise InvalidInputError(f"{key}: must be of class {' or '.join(names)}, not {given}")
 
 
+def require_several(key: str, value: object) -> None:
+    """Raise an InvalidInputError unless a value is a list or a tuple.
+
+    Args:
+        key: Name of the value, for the message.
+        value: The value.
+    """
+    if not isinstance(value, (list, tuple)):
+        raise InvalidInputError(f"{key}: must be a list, not {short(value)}")
+
+
 def nearest(name: str, names: list[str]) -> str:
     """Return a hint what to use instead of ``name``: the closest of ``names``, or which there are.
 

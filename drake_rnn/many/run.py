@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import InvalidInputError
 from ..experiment import Arms, Described, Experiment, load_experiment
+from ..inputs.complaints import require_several
 from ..inputs.fields import Array
 from ..measures import METRIC_NAMES
 from ..robot.arm_screws import screws_of
@@ -52,7 +53,15 @@ class Many:
         return len(self.status)
 
     def row(self, number: int) -> dict[str, float]:
-        """Return the metrics of one run that apply, by name, as `Result.metrics` has them."""
+        """Return the metrics of one run that apply, by name, as `Result.metrics` has them.
+
+        Raises:
+            InvalidInputError: If there is no such row.
+        """
+        if not isinstance(number, (int, np.integer)) or not 0 <= number < len(self):
+            raise InvalidInputError(
+                f"row: must be a number from 0 to {len(self) - 1}, not {number!r}"
+            )
         row = {name: float(values[number]) for name, values in self.metrics.items()}
         return {name: value for name, value in row.items() if np.isfinite(value)}
 
@@ -113,6 +122,7 @@ def robots_of(described: Sequence[Described]) -> list[Robot]:
     Raises:
         InvalidInputError: If a batch cannot run one; the message says which and why.
     """
+    require_several("experiments", described)
     arms: dict[object, Screws] = {}
     robots, shared = [], Arms()
     for number, each in enumerate(described):

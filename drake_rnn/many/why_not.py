@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..errors import InvalidInputError
-from ..experiment import Experiment, ExperimentDocument
+from ..experiment import Described, Experiment, ExperimentDocument, load_experiment
 from ..laws import Law, SampledReading
 from ..laws.called import require_many
 from ..robot.arm import Arm
@@ -21,15 +21,16 @@ SIGNALS = PREVIEWS | {
 _SCHEMES = ("explicit_euler", "runge_kutta2")
 
 
-def why_not(experiment: Experiment) -> str | None:
+def why_not(experiment: Described) -> str | None:
     """Return why `run_many` cannot run an experiment, in a sentence; None if it can.
 
     What it cannot run, `simulate` runs, and `sweep` in processes.
 
     Args:
-        experiment: The experiment.
+        experiment: The experiment, or what `load_experiment` takes.
     """
-    return why_not_law(experiment.document, experiment.law) or why_not_arm(experiment.arm)
+    made = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
+    return why_not_law(made.document, made.law) or why_not_arm(made.arm)
 
 
 def why_not_law(document: ExperimentDocument, law: Law) -> str | None:

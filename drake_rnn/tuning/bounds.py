@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import isfinite, sqrt
+from numbers import Real
 
 import numpy as np
 
@@ -74,7 +75,9 @@ def bounds_of(
 
 
 def _given(experiment: Experiment, key: str, start: float, pair: Between) -> Between:
-    if len(pair) != 2 or not all(isfinite(bound) for bound in pair) or not 0.0 < pair[0] < pair[1]:
+    numbers = isinstance(pair, (list, tuple)) and len(pair) == 2
+    numbers = numbers and all(isinstance(each, Real) and isfinite(each) for each in pair)
+    if not numbers or not 0.0 < pair[0] < pair[1]:
         raise InvalidInputError(
             f"between: {key}: must be two numbers greater than 0, the lower one first, not "
             f"{short(pair)}"

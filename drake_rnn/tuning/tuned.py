@@ -124,7 +124,7 @@ class Tuning:
 
     def run(self, steps: int = 30, told: Callable[[Trial], None] | None = None) -> Tuned:
         """Tune; see `tune`."""
-        if not isinstance(steps, int) or steps < 1:
+        if not isinstance(steps, int) or isinstance(steps, bool) or steps < 1:
             raise InvalidInputError(f"steps: must be a whole number of at least 1, not {steps!r}")
         before = simulate(self._experiment)
         low, high = self._bounds

@@ -92,6 +92,22 @@ def test_a_queue_that_is_cut_names_what_was_not_run(tmp_path, monkeypatch):
     assert statuses(tmp_path)["pinv_line"]["status"] == "interrupted"
 
 
+def test_a_comparison_that_is_interrupted_names_what_was_not_run(tmp_path, monkeypatch):
+    record = simulation.Recorder.__call__
+
+    def interrupt(self, context):
+        record(self, context)
+        if context.get_time() > 0.05:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(simulation.Recorder, "__call__", interrupt)
+    names = ("pinv_line", "pinv_line_ur5", "pinv_csv")
+    result = call("compare", *names, "--out", tmp_path, "--duration", "0.1")
+    assert result.exit_code == 1
+    assert "not run pinv_line_ur5, pinv_csv" in result.stderr
+    assert not list(tmp_path.rglob("comparison.csv"))
+
+
 def test_a_terminated_run_keeps_what_it_had(tmp_path):
     """As Ctrl-C does; the folder says that the run was interrupted."""
     command = [sys.executable, "-m", "drake_rnn", "run", KNOWN, "--no-playback"]

@@ -153,12 +153,11 @@ def _print(tuned: Tuned) -> None:
         why = f"; others break the bound of {told}" if told else ""
         err.print(f"[yellow]not tuned[/] no gains make {tuned.metric} smaller and keep bounds{why}")
         return
-    if told:
-        out.print(
-            f"[yellow]note[/] gains beyond step {tuned.chosen:g} of {len(tuned.history) - 1} break "
-            f"the bound of {told}, and were not taken",
-            soft_wrap=True,
-        )
+    if tuned.chosen < len(tuned.history) - 1:
+        why = f"break the bound of {told}" if told else "are no better in Drake's runs"
+        steps = f"step {tuned.chosen:g} of {len(tuned.history) - 1}"
+        told = f"[yellow]note[/] gains beyond {steps} {why}, and were not taken"
+        out.print(told, soft_wrap=True)
     wide = out if out.is_terminal or out.quiet else Console(width=WIDE, highlight=False)
     wide.print(comparison_table({"before": tuned.before, "tuned": tuned.after}))
     out.print(

@@ -16,7 +16,7 @@ the whole motion is slowed down.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 from ..arrays.algebra import functions_of, joined
 from ..inputs.fields import Array, GainOrZero, Time, Weight, validated
@@ -73,13 +73,17 @@ class NullSpaceAdjustment(PostureLaw):
         n = self.limits.size
         return Layout(velocity_lower=(n,), velocity_upper=(n,), saturated=(1,))
 
-    def velocity_box(self, t: float | Array, q: Array) -> tuple[Array, Array]:
-        """Return the velocities allowed at time ``t``: lower and upper, shape (..., n) [rad/s].
+    def velocity_box(self, t: Any, q: Array) -> tuple[Array, Array]:
+        """Return the velocities allowed at a time: lower and upper, shape (..., n) [rad/s].
 
         A joint that starts outside its limits is brought back gradually, like the pull.
+
+        Args:
+            t: The time, a number or of shape (..., 1) [s].
+            q: Joint positions, shape (..., n) [rad].
         """
         lower, upper = self.limits.velocity_box(q, self.limit_stiffness)
-        share = smooth_rise(column(t), self.ramp_time)
+        share = smooth_rise(t, self.ramp_time)
         where = functions_of(q).where
         return where(lower > 0, share * lower, lower), where(upper < 0, share * upper, upper)
 
@@ -93,7 +97,7 @@ class NullSpaceAdjustment(PostureLaw):
         return velocity_within(u["J"], self.feedback * error, pull, bounds, self.damping)
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
-        lower, upper = self.velocity_box(t, u["position"])
+        lower, upper = self.velocity_box(column(t), u["position"])
         at_bound = (x <= lower + 1e-9) | (x >= upper - 1e-9)
         at_bound &= upper - lower > 1e-9
         return {

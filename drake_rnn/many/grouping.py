@@ -11,7 +11,7 @@ import numpy as np
 from ..experiment import Experiment
 from ..inputs.dataclass_fields import fields_of
 from ..laws import SampledReading
-from ..robot.screws import Screws
+from ..robot.screws import Screws, side_by_side
 from .filtering import alike
 
 #: Robots that run side by side; what they need then fits the cache of a processor.
@@ -47,6 +47,12 @@ def blocks(robots: Sequence[Robot]) -> list[list[int]]:
         for numbers in groups.values()
         for begin in range(0, len(numbers), BLOCK)
     ]
+
+
+def arm_of_all(robots: Sequence[Robot]) -> Screws:
+    """Return the one arm that all robots have, or the arms of each, side by side."""
+    arms = [robot.arm for robot in robots]
+    return arms[0] if all(arm is arms[0] for arm in arms) else side_by_side(arms)
 
 
 def contents(value: object) -> object:

@@ -11,9 +11,8 @@ from ..experiment import MISS, Experiment
 from ..experiment.reach import reach_times
 from ..inputs.fields import Array
 from ..paths.relative import displacement_of
-from ..robot.screws import side_by_side
 from .desired import Tables
-from .grouping import BLOCK, Robot, contents
+from .grouping import BLOCK, Robot, arm_of_all, contents
 from .signals import Sight
 
 # Steps of Newton's method at the path's first point, which may be far, and at each of the others.
@@ -37,8 +36,8 @@ def surely_in_reach(robots: Sequence[Robot]) -> NDArray[np.bool_]:
     """
     # Those with a target posture have nothing to follow.
     sure = np.array([robot.experiment.target is not None for robot in robots], dtype=bool)
-    groups: dict[object, list[int]] = {}
     times: dict[object, Array] = {}
+    groups: dict[object, tuple[Array, list[int]]] = {}
     for number, robot in enumerate(robots):
         if sure[number] or not _can_tell(robot.experiment):
             continue
@@ -46,13 +45,12 @@ def surely_in_reach(robots: Sequence[Robot]) -> NDArray[np.bool_]:
         if path not in times:
             times[path] = reach_times(robot.experiment)
         at, arm = times[path], robot.arm
-        key = at.size, float(at[-1]), robot.experiment.document.task
-        groups.setdefault((*key, arm.slides, arm.columns, arm.n), []).append(number)
-    for numbers in groups.values():
+        key = at.tobytes(), robot.experiment.document.task, arm.slides, arm.columns, arm.n
+        groups.setdefault(key, (at, []))[1].append(number)
+    for at, numbers in groups.values():
         for begin in range(0, len(numbers), BLOCK):
             some = numbers[begin : begin + BLOCK]
-            among = [robots[number] for number in some]
-            sure[some] = _followed(among, times[_path(among[0].experiment)])
+            sure[some] = _followed([robots[number] for number in some], at)
     return sure
 
 
@@ -70,8 +68,7 @@ def _path(experiment: Experiment) -> object:
 def _followed(robots: Sequence[Robot], times: Array) -> NDArray[np.bool_]:
     """Return whether robots with the same task and the same times come close to their paths."""
     experiments = [robot.experiment for robot in robots]
-    arms, task = [robot.arm for robot in robots], experiments[0].task
-    arm = arms[0] if all(each is arms[0] for each in arms) else side_by_side(arms)
+    arm, task = arm_of_all(robots), experiments[0].task
     tables, rows = Tables(experiments, times, rotates=False), list(task.axes)
     shift = np.array([_shift(experiment) for experiment in experiments])
     q: Array = np.array([experiment.start for experiment in experiments])

@@ -15,10 +15,9 @@ from ..inputs.fields import Array
 from ..laws import SampledReading
 from ..laws.stacked import stacked
 from ..laws.trial import started
-from ..robot.screws import Screws, side_by_side
 from .desired import Tables
 from .filtering import filters_of
-from .grouping import Robot
+from .grouping import Robot, arm_of_all
 from .noise import Noises
 from .pressing import Surfaces
 from .rotation import angle_between
@@ -114,7 +113,7 @@ class Robots:
         experiments = [robot.experiment for robot in robots]
         document = experiments[0].document
         self._experiments = experiments
-        self._arm = _arm([robot.arm for robot in robots])
+        self._arm = arm_of_all(robots)
         self.schedule: Schedule = schedule_of(document)
         times, period = self.schedule.times, self.schedule.period
         self.readings = [robot.reading for robot in robots]
@@ -296,11 +295,6 @@ class Robots:
 
     def _turned(self, sight: Sight, desired: Mapping[str, AnyArray]) -> AnyArray | None:
         return angle_between(sight.R_WE, desired["R_WE_desired"]) if self.oriented else None
-
-
-def _arm(arms: Sequence[Screws]) -> Screws:
-    """Return the one arm that all robots have, or the arms of each."""
-    return arms[0] if all(arm is arms[0] for arm in arms) else side_by_side(arms)
 
 
 def restarted(now: Moving, first: Moving, which: NDArray[np.bool_]) -> Moving:

@@ -62,7 +62,8 @@ def descend(
     here = _best(function, np.tile(start, (SHARES.size, 1)))
     points = [here]
     told(here)
-    inverse, scale, tries = np.eye(start.size), 1.0, 0
+    inverse: Array | None = None
+    scale, tries = 1.0, 0
     for _ in range(steps - 1):
         if (direction := _direction(here, inverse, bounds, scale)) is None:
             break
@@ -72,7 +73,7 @@ def descend(
             tries += 1
             if tries > _TRIES:
                 break
-            inverse, scale = np.eye(start.size), scale * _SHORTER
+            inverse, scale = None, scale * _SHORTER
             continue
         inverse = _updated(inverse, there.x - here.x, there.slope - here.slope)
         here, scale, tries = there, 1.0, 0
@@ -93,29 +94,36 @@ def _best(function: Function, x: Array) -> Point:
 
 
 def _direction(
-    here: Point, inverse: Array, bounds: tuple[Array, Array], scale: float
+    here: Point, inverse: Array | None, bounds: tuple[Array, Array], scale: float
 ) -> Array | None:
-    """Return the longest step to try; None where no slope leads on within the bounds."""
+    """Return the longest step to try; None where no slope leads on within the bounds.
+
+    Args:
+        here: Where it begins.
+        inverse: Inverse of the curvature, shape (k, k); None if nothing is known of it.
+        bounds: Lowest and highest unknowns.
+        scale: Share of the step.
+    """
     low, high = bounds
     stuck = ((here.x <= low) & (here.slope > 0.0)) | ((here.x >= high) & (here.slope < 0.0))
     slope = np.where(stuck, 0.0, here.slope)
     if not slope.any():
         return None
-    free = np.outer(~stuck, ~stuck)
-    direction = -(inverse * free) @ slope
-    if direction @ slope >= 0.0 or (inverse == np.eye(len(slope))).all():
-        # Nothing is known of the curvature: as far as a step may go.
-        direction = -slope / np.abs(slope).max() * _LONGEST
+    # As far as a step may go, unless the curvature says better.
+    direction = -slope / np.abs(slope).max() * _LONGEST
+    if inverse is not None:
+        curved = -(inverse * np.outer(~stuck, ~stuck)) @ slope
+        direction = curved if curved @ slope < 0.0 else direction
     longest = np.abs(direction).max()
     return np.asarray(direction * min(1.0, _LONGEST / longest) * scale)
 
 
-def _updated(inverse: Array, moved: Array, turned: Array) -> Array:
+def _updated(inverse: Array | None, moved: Array, turned: Array) -> Array | None:
     """Return the inverse of the curvature with what a step tells of it."""
     along = float(moved @ turned)
     if along <= 1e-12 * float(np.linalg.norm(moved) * np.linalg.norm(turned)):
         return inverse
-    if (inverse == np.eye(moved.size)).all():
-        inverse = along / float(turned @ turned) * inverse
+    if inverse is None:
+        inverse = along / float(turned @ turned) * np.eye(moved.size)
     left = np.eye(moved.size) - np.outer(moved, turned) / along
     return np.asarray(left @ inverse @ left.T + np.outer(moved, moved) / along)

@@ -130,4 +130,4 @@ def test_the_command_runs_on_a_cluster(scheduler, tmp_path):
     options = ["--samples", "4", "--duration", "0.05", "--out", str(tmp_path)]
     result = CliRunner().invoke(app, ["campaign", "line_starts", "--scheduler", address, *options])
     assert result.exit_code == 0, result.output
-    assert result.stdout.startswith("line_starts: 4 rows: 4 complete\n")
+    assert result.stdout.startswith("line_starts: 4 rows: 4 complete, 4 in batches\n")

@@ -14,6 +14,7 @@ from ..errors import InvalidInputError
 from ..inputs.complaints import short
 from ..inputs.dataclass_fields import fields_of
 from ..inputs.fields import Array, Bounds, validated
+from .jerk_box import JerkLimits, jerk_box
 
 #: Limits of the derivatives of the joint positions, first to fifth, and their units.
 DERIVATIVE_UNITS = {
@@ -258,6 +259,33 @@ class JointLimits:
         ends = xp.clip(xp.stack(self.stopping_box(q, period)), -self.velocity, self.velocity)
         lower, upper = xp.clip(ends, v - reach, v + reach)
         return lower, upper
+
+    def held_acceleration_box(
+        self, q: Array, v: Array, a: Array, period: float
+    ) -> tuple[Array, Array]:
+        """Return bounds on the next acceleration, after which all limits to the jerk can be kept.
+
+        The velocity held for the next period is v + ``period`` times the acceleration. The box
+        leaves every joint a stop within its limits of position, velocity, acceleration and jerk,
+        see `drake_rnn.robot.jerk_box`. From a state that has one, as from rest, the box is never
+        empty. From any other, the joint stops as fast as it may.
+
+        Args:
+            q: Joint positions, shape (..., n) [rad].
+            v: Velocities held until now, shape (..., n) [rad/s].
+            a: Accelerations that led to them, shape (..., n) [rad/s^2].
+            period: Time for which a velocity is held [s].
+
+        Returns:
+            Lower and upper accelerations, shape (..., n) [rad/s^2].
+
+        Raises:
+            InvalidInputError: If the limits of acceleration or jerk are not known.
+        """
+        most = self.require("acceleration", "stopping in time")
+        jerk = self.require("jerk", "stopping in time")
+        known = JerkLimits(self._position, self.velocity, most, jerk)
+        return jerk_box(q, v, a, known, period)
 
     def violation(self, q: Array) -> Array:
         """Return how far ``q``, shape (..., n), is outside the position limits [rad]; 0 inside.

@@ -1,0 +1,130 @@
+r"""A velocity within a box that does a task as well as it can, found by block principal pivoting.
+
+.. math::
+    \min_v \tfrac12 |v - g|^2 + \tfrac12 (J v - b)^T S^{-1} (J v - b) \quad \text{s.t.} \quad
+    \underline v \le v \le \overline v
+
+with S diagonal and small: the task is soft, so there is always a solution, and its multipliers
+y = S^-1 (b - J v) stay bounded where no velocity in the box does the task. With the joints at their
+bounds known, y solves m equations, (S + J_F J_F^T) y = b - J v_0, where F are the free joints and
+v_0 has g for these and the bounds for the others. Each joint then wants g + J^T y, and who wants
+beyond the box is at its bound in the next round, while who is at a bound and wants away from it
+is free.
+
+All joints change sides at once as long as fewer are wrong each time, or three times more; then only
+the last one that is wrong does, as Murty's rule has it, which ends (Kim and Park, "Fast nonnegative
+matrix factorization: an active-set-like method and comparisons", SIAM Journal on Scientific
+Computing 33, 2011, describe the same for one-sided bounds). Mostly there is one round or two.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ...arrays.algebra import (
+    clipped,
+    functions_of,
+    is_one,
+    matmul,
+    matvec,
+    solved_for,
+    transposed,
+    vecmat,
+)
+from ...arrays.substeps import Parts, repeated
+from ...inputs.fields import Array
+
+# Rounds, of which a thousandth of all programs needs more than six.
+_ROUNDS = 60
+# Further rounds in which all joints may change sides though not fewer are wrong.
+_PATIENCE = 3.0
+
+
+def wanted(J: Array, b: Array, g: Array, softness: Array) -> Array:
+    """Return the velocity of the program without a box, shape (..., n) [rad/s].
+
+    Args:
+        J: Jacobian, shape (..., m, n).
+        b: Task velocity, shape (..., m).
+        g: Preferred joint velocities, shape (..., n) [rad/s].
+        softness: Diagonal of S, shape (..., m).
+    """
+    y = solved_for(matmul(J, transposed(J)) + _diagonal(softness), b - matvec(J, g))
+    return g + vecmat(y, J)
+
+
+def within_box(J: Array, b: Array, g: Array, softness: Array, lower: Array, upper: Array) -> Array:
+    """Return the velocity of the program, shape (..., n) [rad/s].
+
+    Args:
+        J, b, g, softness: As `wanted` takes them.
+        lower, upper: Bounds, shape (..., n) [rad/s].
+    """
+    v = wanted(J, b, g, softness)
+    if is_one(v):
+        return _of_one(v, J, b, g, softness, lower, upper)
+    xp = functions_of(v)
+    diagonal, J_T = _diagonal(softness), transposed(J)
+
+    def advance(parts: Parts) -> Parts:
+        low, high, fewest, patience, v, _ = parts
+        base = xp.where(low > 0.0, lower, xp.where(high > 0.0, upper, g))
+        free = 1.0 - low - high
+        system = matmul(J * free[..., None, :], J_T) + diagonal
+        v = g + vecmat(solved_for(system, b - matvec(J, base)), J)
+        return _turned(xp, (low, high, fewest, patience), v, lower, upper)
+
+    shape = np.broadcast_shapes(v.shape, lower.shape)
+    none = xp.zeros((*shape[:-1], 1))
+    low, high = 1.0 * (v < lower), 1.0 * (v > upper)
+    start = (low, high, none + shape[-1] + 1.0, none + _PATIENCE)
+    done = (low + high).max(axis=-1, keepdims=True) == 0.0
+    found = repeated(advance, (*start, xp.broadcast_to(v, shape), done), _ROUNDS)[4]
+    return clipped(found, lower, upper)
+
+
+def _turned(xp: Any, sides: Parts, v: Array, lower: Array, upper: Array) -> Parts:
+    """Return the sides after a round in which the joints want ``v``, ``v``, and who is done."""
+    low, high, fewest, patience = sides
+    # A joint at a bound that wants away from it is free in the next round, wherever it wants to.
+    free = 1.0 - low - high
+    new_low = xp.where(free > 0.0, 1.0 * (v < lower), low * (v <= lower))
+    new_high = xp.where(free > 0.0, 1.0 * (v > upper), high * (v >= upper))
+    wrong = xp.abs(new_low - low) + xp.abs(new_high - high)
+    count = wrong.sum(axis=-1, keepdims=True)
+    fewer = count < fewest
+    all_at_once = fewer | (patience > 0.0)
+    places = xp.arange(1.0, v.shape[-1] + 1.0)
+    last = places == (places * wrong).max(axis=-1, keepdims=True)
+    change = (wrong > 0.0) & (all_at_once | last)
+    low, high = xp.where(change, new_low, low), xp.where(change, new_high, high)
+    patience = xp.where(fewer, _PATIENCE, xp.maximum(patience - 1.0, 0.0))
+    return low, high, xp.where(fewer, count, fewest), patience, v, count == 0.0
+
+
+def _of_one(
+    v: Array, J: Array, b: Array, g: Array, softness: Array, lower: Array, upper: Array
+) -> Array:
+    """Return the velocity of one robot in NumPy, from the one without a box."""
+    sides = (1.0 * (v < lower), 1.0 * (v > upper))
+    if not (sides[0].any() or sides[1].any()):
+        return v
+    diagonal = _diagonal(softness)
+    state: Parts = (*sides, np.array([v.size + 1.0]), np.array([_PATIENCE]))
+    for _ in range(_ROUNDS):
+        low, high = state[0], state[1]
+        base = np.where(low > 0.0, lower, np.where(high > 0.0, upper, g))
+        system = (J * (1.0 - low - high)).dot(J.T) + diagonal
+        v = g + solved_for(system, b - J.dot(base)).dot(J)
+        *state_list, v, done = _turned(np, state, v, lower, upper)
+        state = tuple(state_list)
+        if done.all():
+            break
+    return clipped(v, lower, upper)
+
+
+def _diagonal(softness: Array) -> Array:
+    """Return diagonal matrices, shape (..., m, m)."""
+    return softness[..., None] * np.eye(softness.shape[-1])

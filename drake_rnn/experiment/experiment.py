@@ -211,6 +211,7 @@ def _circumstances(
         path_turns=desired.turns,
         start_offset=offset,
         J=J,
+        task_J=lambda q: experiment.task.J(kinematics, q),
     )
 
 

@@ -53,131 +53,264 @@ Letters 3 (2018), here for velocities that are held, and with the jerk.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
 
-from ..arrays.algebra import joined
-from ..inputs.fields import (
-    Array,
-    Gain,
-    GainOrZero,
-    Length,
-    Positive,
-    Speed,
-    Vector,
-    Weight,
-    validated,
-)
+from ..arrays.algebra import acts, joined, matvec
+from ..errors import InvalidInputError
+from ..inputs.fields import Array, Gain, Length, Speed, Vector, Weight, validated
 from ..robot.limits import JointLimits
 from ..robot.rotation import rotation_error
-from .law import SampledLaw, SampledReading
+from .law import Circumstances, Law, SampledReading
 from .layout import Layout, Signals
 from .parts.approach import approach
 from .parts.held_within import Program, WithinAcceleration, WithinJerk, unlimited_like
 from .parts.known_jacobian import MiddleJacobian
+from .parts.late import Late
 from .parts.learned_jacobian import LearnedJacobian
-from .parts.sampling_rate import check_sampling_rate
+from .parts.measurement import EXACT, Learning, Measurement, suited
+from .parts.secondary import Secondary, manipulability_gradient, pushed_back
+
+_ROUNDING = 1e-9
+# A posture target this close to a limit [rad], or with so small a singular value, is doubted.
+_NEAR_LIMIT, _SINGULAR = 0.1, 0.05
+# Share of the newest value in the reference of the acceleration, if J is learned.
+_SMOOTHED = 0.05
 
 
 @validated
-class Adaptive(SampledLaw):
+class Adaptive(Law):
+    """A sampled law within all bounds up to the acceleration, or to the jerk where it is limited.
+
+    Args:
+        limits: Limits of the joints. Where no limit of the acceleration is known, it is unbounded.
+            The jerk is bounded if its limits are given and can be reached within a period.
+        home: Posture at the start, shape (n,) [rad].
+        task_size: Number of rows of J; of 6 rows the first three are rotation.
+        jacobian: ``known`` reads J; ``learned`` learns it from ``position`` and ``p_WE``.
+        kappa: Gain of the feedback, at most one over the period [1/s]; 100 by default, or 30 for
+            a learned Jacobian where measurements have errors.
+        braking: Deceleration of the feedback [m/s^2].
+        feedback_limit: Largest speed of the feedback [m/s].
+        turn_braking: Deceleration of the feedback of the orientation [rad/s^2].
+        turn_limit: Largest speed of that feedback [rad/s].
+        lever: Length that makes an error of the orientation count like one of the position [m].
+        softness: Price mu of the task's error; 1e-6 by default, more where measurements have
+            errors.
+        secondary: What the joints do besides.
+        J_hat_initial: Initial J_hat: ``uniform`` in [0, 1], ``zero``, or ``exact``, the arm's own.
+        variance: Variance R of the measured velocity; by default as suits the measurement.
+        wander: Growth q_n of the variance of J_hat's entries [1/s]; likewise.
+        measurement: Quality of what the law sees.
+    """
+
     kind: Literal["adaptive"] = "adaptive"
     limits: JointLimits
     home: Vector
     task_size: Literal[2, 3, 6] = 3
     jacobian: Literal["known", "learned"] = "known"
-    kappa: Gain = 100.0
+    kappa: Gain | None = None
     braking: Gain = 0.05
     feedback_limit: Speed = 0.1
     turn_braking: Gain = 0.25
     turn_limit: Gain = 0.5
     lever: Length = 0.3
-    softness: Weight = 1e-6
-    posture: GainOrZero = 1.0
-    limits_push: GainOrZero = 3.0
-    limits_range: Positive = 0.3
-    samples: Annotated[int, Field(strict=True, ge=1, le=1000)] = 1
-    wander: Weight = 1.0
-    variance: Weight = 1e-5
-    smoothing: Positive = 1.0
+    softness: Weight | None = None
+    secondary: Secondary = Field(default_factory=Secondary)
     J_hat_initial: Literal["uniform", "zero", "exact"] = "uniform"
+    variance: Weight | None = None
+    wander: Weight | None = None
+    measurement: Measurement = Field(default_factory=Measurement)
 
     takes_many = True
 
+    def __post_init__(self) -> None:
+        n, target = self.limits.size, self.secondary.target
+        if self.home.size != n:
+            raise ValueError(f"home: must have {n} entries, one per joint, not {self.home.size}")
+        if target is not None and target.size != n:
+            raise ValueError(
+                f"secondary.target: must have {n} entries, one per joint, not {target.size}"
+            )
+        if self.seeks_manipulability and (self.jacobian == "learned" or self.task_size == 2):
+            raise ValueError(
+                "secondary.manipulability: needs jacobian: known and task: xyz or pose; leave it "
+                "out"
+            )
+
     @property
     def keeps(self) -> tuple[str, ...]:
-        known = [
-            name for name in ("acceleration", "jerk") if self.limits.bounds[name] is not None
-        ]
-        return ("position", "velocity", *known)
+        """See `Law.keeps`; all limits that are known, up to the jerk."""
+        higher = ("acceleration", "jerk")
+        return ("position", "velocity", *(n for n in higher if self.limits.bounds[n] is not None))
+
+    @property
+    def limits_remedy(self) -> str:
+        """See `Law.limits_remedy`."""
+        return "a filter behind it, which keeps snap and crackle as well"
 
     @property
     def loop_gains(self) -> Mapping[str, float]:
-        return {"kappa": self.kappa}
+        # Measurements that are known to be late are made up for.
+        return {"kappa": self.kappa or EXACT.kappa} if not self.measurement.delay else {}
+
+    @property
+    def seeks_manipulability(self) -> bool:
+        """Whether the joints are led away from singular postures."""
+        return acts(self.secondary.manipulability)
 
     def sampled(self, period: float) -> SampledReading:
-        check_sampling_rate(period, self.loop_gains)
-        if self.limits.jerk is None:
-            return self
-        # Whatever the acceleration does within its bounds, its jerk is less than this.
-        most = 2.0 * unlimited_like(self.limits).acceleration / period
-        jerk = None if (self.limits.jerk >= most).all() else np.minimum(self.limits.jerk, most)
-        return replace(self, limits=self.limits.replace(jerk=jerk))
+        """Return an `AdaptiveReading`, with the numbers that suit measurement and period.
+
+        Raises:
+            InvalidInputError: If ``kappa`` would overshoot at this period, or the delay of the
+                measurements is no multiple of it.
+        """
+        suits = self._suited(period)
+        kappa = suits.kappa if self.kappa is None else self.kappa
+        if kappa * period > 1.0 + _ROUNDING:
+            raise InvalidInputError(
+                f"law.kappa: may be at most {1.0 / period:.6g} /s at a period of {period:g} s, "
+                f"where it takes back the whole error in one sample, not {kappa:g}"
+            )
+        late = self.measurement.delay / period
+        if abs(late - round(late)) > _ROUNDING * max(late, 1.0):
+            raise InvalidInputError(
+                f"law.measurement.delay: must be a multiple of the period, {period:g} s, not "
+                f"{self.measurement.delay:g}"
+            )
+        law = replace(
+            self,
+            kappa=kappa,
+            softness=suits.softness if self.softness is None else self.softness,
+            variance=suits.variance if self.variance is None else self.variance,
+            wander=suits.wander if self.wander is None else self.wander,
+            limits=_reached(self.limits, period),
+        )
+        return AdaptiveReading(law, suits.samples, round(late))
+
+    def _suited(self, period: float) -> Learning:
+        """Return the numbers that suit the measurement; of a known Jacobian all but one are its."""
+        found = suited(self.measurement, period)
+        return found if self.jacobian == "learned" else EXACT
 
     @cached_property
     def state(self) -> Layout:
-        n = self.limits.size
-        own = {"v": (n,), "commanded": (n,)}
-        return Layout(**own, **self._within.shapes, **self._source.shapes)
+        m, n = self.task_size, self.limits.size
+        return Layout(v=(n,), **({"J_hat": (m, n)} if self.jacobian == "learned" else {}))
 
     @cached_property
     def inputs(self) -> Layout:
         m, n = self.task_size, self.limits.size
         shapes: dict[str, tuple[int, ...]] = {"p": (min(m, 3),)}
-        if self._turns:
+        if self.turns:
             shapes["R"] = (3, 3)
         names = ("WE", "WE_desired", "preview")
         parts = {f"{letter}_{name}": shape for letter, shape in shapes.items() for name in names}
         known = {"J": (m, n)} if self.jacobian == "known" else {}
+        if self.seeks_manipulability:
+            known["J_omega"] = (3, n)
         return Layout(position=(n,), **known, **parts)
 
     @property
-    def _turns(self) -> bool:
+    def turns(self) -> bool:
+        """Whether the task includes the orientation."""
         return self.task_size == 6
+
+    def doubts(self, circumstances: Circumstances) -> list[str]:
+        """See `Law.doubts`; of the posture that the joints are pulled towards."""
+        if not acts(self.secondary.posture):
+            return []
+        target = self.home if self.secondary.target is None else self.secondary.target
+        key = "start" if self.secondary.target is None else "law.secondary.target"
+        gap = np.minimum(target - self.limits.position_lower, self.limits.position_upper - target)
+        found = []
+        if gap.min() < _NEAR_LIMIT:
+            found.append(
+                f"{key}: joint {int(gap.argmin()) + 1} is pulled to {max(gap.min(), 0.0):.2g} rad "
+                "from its limit, and may be held there; consider another law.secondary.target, or "
+                "law.secondary.posture: 0"
+            )
+        if circumstances.task_J is not None:
+            least = float(np.linalg.svd(circumstances.task_J(target), compute_uv=False)[-1])
+            if least < _SINGULAR:
+                found.append(
+                    f"{key}: the arm is pulled towards a posture that is singular for its task "
+                    f"(smallest singular value {least:.2g}), where it loses the task; consider "
+                    "law.secondary.target with the joints some 0.1 rad away, or "
+                    "law.secondary.posture: 0"
+                )
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class AdaptiveReading(SampledReading):
+    """The law at a period.
+
+    The state holds v; ``commanded``, the joint positions that it has commanded; if the jerk is
+    bounded the acceleration ``a``, and that of the path with the velocities it comes from; and
+    what its Jacobian comes from.
+
+    Attributes:
+        law: The law, with all of its numbers.
+        samples: Number of samples over which velocities are difference quotients.
+        late: Number of samples by which measurements are late.
+    """
+
+    law: Adaptive
+    samples: int
+    late: int
+
+    takes_many = True
+
+    @cached_property
+    def state(self) -> Layout:
+        n = self.law.limits.size
+        own = {"v": (n,), "commanded": (n,)}
+        parts = (self._within, self._source, self._late)
+        return Layout(**own, **{name: s for part in parts for name, s in part.shapes.items()})
+
+    @property
+    def inputs(self) -> Layout:
+        return self.law.inputs
 
     @cached_property
     def _source(self) -> MiddleJacobian | LearnedJacobian:
-        m, n = self.task_size, self.limits.size
-        if self.jacobian == "known":
+        law = self.law
+        m, n = law.task_size, law.limits.size
+        if law.jacobian == "known":
             return MiddleJacobian(m, n)
-        return LearnedJacobian(
-            m, n, self.samples, self.wander, self.variance, self.J_hat_initial
-        )
+        return LearnedJacobian(m, n, self.samples, law.wander, law.variance, law.J_hat_initial)
 
     @cached_property
     def _within(self) -> WithinAcceleration | WithinJerk:
-        limits = unlimited_like(self.limits)
-        if limits.jerk is None:
-            return WithinAcceleration(limits)
-        return WithinJerk(limits, self.smoothing)
+        if self.law.limits.jerk is None:
+            return WithinAcceleration(self.law.limits)
+        smoothing = 1.0 if self.law.jacobian == "known" else _SMOOTHED
+        return WithinJerk(self.law.limits, smoothing)
+
+    @cached_property
+    def _late(self) -> Late:
+        return Late(self.late, self.law.limits.size)
 
     @cached_property
     def _softness(self) -> Array:
-        rows = np.ones(self.task_size)
-        if self._turns:
-            rows[:3] = self.lever**-2
-        return self.softness * rows
+        """Softness of the rows, a diagonal matrix, shape (..., m, m)."""
+        law = self.law
+        softness: Any = law.softness
+        rows = softness * np.ones(min(law.task_size, 3))
+        if law.turns:
+            rows = joined((rows * law.lever**-2, rows))
+        return rows[..., None] * np.eye(law.task_size)
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
-        n = self.limits.size
         start = {name: np.zeros(shape) for name, shape in self._within.shapes.items()}
-        start |= {"v": np.zeros(n), "commanded": u["position"]}
-        start |= self._source.start(rng, u)
-        return self._joined(start)
+        start |= {"v": np.zeros(self.law.limits.size), "commanded": u["position"]}
+        return self._joined(start | self._source.start(rng, u) | self._late.start(u))
 
     def _joined(self, parts: Mapping[str, Array]) -> Array:
         return self.state.join(*(parts[name] for name in self.state.parts))
@@ -186,23 +319,56 @@ class Adaptive(SampledLaw):
         kept = dict(zip(self.state.parts, self.state.split(x), strict=True))
         v, q = kept["v"], kept["commanded"]
         J, learned = self._source.advanced(kept, u, period)
-        along, feedback = self._asked(u, period)
-        program = Program(J, along + feedback, along, self._preferred(q), self._softness)
+        moved, late = self._late.moved(kept, q)
+        along, feedback = self._asked(u, None if moved is None else matvec(J, moved), period)
+        g = self._preferred(q, v, J, u, period)
+        program = Program(J, along + feedback, along, g, self._softness)
         v, held = self._within.chosen(program, q, v, kept, period)
-        return self._joined({"v": v, "commanded": q + period * v, **held, **learned})
+        return self._joined({"v": v, "commanded": q + period * v, **held, **learned, **late})
 
-    def _asked(self, u: Signals, period: float) -> tuple[Array, Array]:
-        """Return the task velocities of the path and of the feedback, shape (..., m)."""
-        desired = u["p_WE_desired"]
-        along = (u["p_preview"] - desired) / period
-        back = approach(desired - u["p_WE"], self.kappa, self.braking, self.feedback_limit)
-        if not self._turns:
+    def _asked(self, u: Signals, since: Array | None, period: float) -> tuple[Array, Array]:
+        """Return the task velocities of the path and of the feedback, shape (..., m).
+
+        Args:
+            u: Signals at the sample.
+            since: Motion of the end effector since it was measured, shape (..., m); None if it is
+                measured at once.
+            period: Time until the next sample [s].
+        """
+        law, desired = self.law, u["p_WE_desired"]
+        along, away = (u["p_preview"] - desired) / period, desired - u["p_WE"]
+        if since is not None:
+            away = away - since[..., -away.shape[-1] :]
+        back = approach(away, law.kappa, law.braking, law.feedback_limit)
+        if not law.turns:
             return along, back
         R_desired = u["R_WE_desired"]
         turning = rotation_error(R_desired, u["R_preview"]) / period
-        error = rotation_error(u["R_WE"], R_desired)
-        back_turning = approach(error, self.kappa, self.turn_braking, self.turn_limit)
+        turned = rotation_error(u["R_WE"], R_desired)
+        if since is not None:
+            turned = turned - since[..., :3]
+        back_turning = approach(turned, law.kappa, law.turn_braking, law.turn_limit)
         return joined((turning, along)), joined((back_turning, back))
 
-    def _preferred(self, q: Array) -> Array:
-        return self.posture * (self.home - q)
+    def _preferred(self, q: Array, v: Array, J: Array, u: Signals, period: float) -> Array:
+        """Return the joint velocities preferred among those that do the task, shape (..., n)."""
+        law, terms = self.law, self.law.secondary
+        g = terms.posture * ((law.home if terms.target is None else terms.target) - q)
+        if acts(terms.limits):
+            g = g + pushed_back(q, law.limits, terms.limits, terms.limits_zone)
+        if law.seeks_manipulability:
+            g = g + terms.manipulability * manipulability_gradient(J, u["J_omega"])
+        if acts(terms.low_acceleration):
+            g = v + (g - v) * (period / (terms.low_acceleration + period))
+        return g
+
+
+def _reached(limits: JointLimits, period: float) -> JointLimits:
+    """Return limits without a jerk that no change of the acceleration in a period can reach."""
+    known = unlimited_like(limits)
+    if limits.jerk is None or known.acceleration is None:
+        return known
+    most = 2.0 * known.acceleration / period
+    if (limits.jerk >= most).all():
+        return known.replace(jerk=None)
+    return known.replace(jerk=np.minimum(limits.jerk, most))

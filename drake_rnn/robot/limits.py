@@ -255,10 +255,33 @@ class JointLimits:
             InvalidInputError: If the acceleration limits are not known.
         """
         reach = self.require("acceleration", "braking in time") * period
+        if is_one(q) and self._is_far(q, v, period):
+            return np.maximum(self._velocity_lower, v - reach), np.minimum(self.velocity, v + reach)
         xp = functions_of(q, v)
         ends = xp.clip(xp.stack(self.stopping_box(q, period)), -self.velocity, self.velocity)
         lower, upper = xp.clip(ends, v - reach, v + reach)
         return lower, upper
+
+    def _is_far(self, q: Array, v: Array, period: float) -> bool:
+        """Return whether one robot's joints could stop from any velocity that they may have next.
+
+        Then its position limits bound none of them.
+        """
+        # Plain floats: NumPy's overhead would take as long as all of the box.
+        for x, w, (lower, upper, most, fastest) in zip(
+            q.tolist(), v.tolist(), self._rows, strict=True
+        ):
+            room, speed = min(x - lower, upper - x), min(abs(w) + most * period, fastest)
+            if not room >= speed * (speed / most + 2.0 * period):
+                return False
+        return True
+
+    @cached_property
+    def _rows(self) -> list[tuple[float, float, float, float]]:
+        """Position limits, acceleration and velocity of each joint."""
+        most = self.require("acceleration", "braking in time")
+        bounds = np.stack((self.position_lower, self.position_upper, most, self.velocity), axis=-1)
+        return [(lower, upper, a, v) for lower, upper, a, v in bounds.tolist()]
 
     def held_acceleration_box(
         self, q: Array, v: Array, a: Array, period: float

@@ -29,7 +29,7 @@ from ...arrays.algebra import (
     is_one,
     matmul,
     matvec,
-    solved_for,
+    solved_regular,
     transposed,
     vecmat,
 )
@@ -49,9 +49,9 @@ def wanted(J: Array, b: Array, g: Array, softness: Array) -> Array:
         J: Jacobian, shape (..., m, n).
         b: Task velocity, shape (..., m).
         g: Preferred joint velocities, shape (..., n) [rad/s].
-        softness: Diagonal of S, shape (..., m).
+        softness: Matrix S, shape (..., m, m).
     """
-    y = solved_for(matmul(J, transposed(J)) + _diagonal(softness), b - matvec(J, g))
+    y = solved_regular(matmul(J, transposed(J)) + softness, b - matvec(J, g))
     return g + vecmat(y, J)
 
 
@@ -59,21 +59,25 @@ def within_box(J: Array, b: Array, g: Array, softness: Array, lower: Array, uppe
     """Return the velocity of the program, shape (..., n) [rad/s].
 
     Args:
-        J, b, g, softness: As `wanted` takes them.
-        lower, upper: Bounds, shape (..., n) [rad/s].
+        J: Jacobian, shape (..., m, n).
+        b: Task velocity, shape (..., m).
+        g: Preferred joint velocities, shape (..., n) [rad/s].
+        softness: Matrix S, shape (..., m, m).
+        lower: Lower bounds, shape (..., n) [rad/s].
+        upper: Upper bounds, likewise.
     """
     v = wanted(J, b, g, softness)
     if is_one(v):
         return _of_one(v, J, b, g, softness, lower, upper)
     xp = functions_of(v)
-    diagonal, J_T = _diagonal(softness), transposed(J)
+    J_T = transposed(J)
 
     def advance(parts: Parts) -> Parts:
         low, high, fewest, patience, v, _ = parts
         base = xp.where(low > 0.0, lower, xp.where(high > 0.0, upper, g))
         free = 1.0 - low - high
-        system = matmul(J * free[..., None, :], J_T) + diagonal
-        v = g + vecmat(solved_for(system, b - matvec(J, base)), J)
+        system = matmul(J * free[..., None, :], J_T) + softness
+        v = g + vecmat(solved_regular(system, b - matvec(J, base)), J)
         return _turned(xp, (low, high, fewest, patience), v, lower, upper)
 
     shape = np.broadcast_shapes(v.shape, lower.shape)
@@ -111,20 +115,14 @@ def _of_one(
     sides = (1.0 * (v < lower), 1.0 * (v > upper))
     if not (sides[0].any() or sides[1].any()):
         return v
-    diagonal = _diagonal(softness)
     state: Parts = (*sides, np.array([v.size + 1.0]), np.array([_PATIENCE]))
     for _ in range(_ROUNDS):
         low, high = state[0], state[1]
         base = np.where(low > 0.0, lower, np.where(high > 0.0, upper, g))
-        system = (J * (1.0 - low - high)).dot(J.T) + diagonal
-        v = g + solved_for(system, b - J.dot(base)).dot(J)
+        system = (J * (1.0 - low - high)).dot(J.T) + softness
+        v = g + solved_regular(system, b - J.dot(base)).dot(J)
         *state_list, v, done = _turned(np, state, v, lower, upper)
         state = tuple(state_list)
         if done.all():
             break
     return clipped(v, lower, upper)
-
-
-def _diagonal(softness: Array) -> Array:
-    """Return diagonal matrices, shape (..., m, m)."""
-    return softness[..., None] * np.eye(softness.shape[-1])

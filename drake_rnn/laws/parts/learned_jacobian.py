@@ -58,11 +58,10 @@ class LearnedJacobian:
                 "law.J_hat_initial: exact needs the arm's J, which this law does not see; "
                 "set the initial state yourself"
             )
-        J_hat = {
-            "uniform": lambda: rng.uniform(size=shapes["J_hat"]),
-            "zero": lambda: np.zeros(shapes["J_hat"]),
-            "exact": lambda: np.asarray(u["J"]),
-        }[self.initial]()
+        if self.initial == "uniform":
+            J_hat = rng.uniform(size=shapes["J_hat"])
+        else:
+            J_hat = np.zeros(shapes["J_hat"]) if self.initial == "zero" else np.asarray(u["J"])
         found = {"J_hat": J_hat, "covariance": np.eye(self.size)}
         measured = {"q_before": "position", "p_before": "p_WE", "R_before": "R_WE"}
         for part in shapes.keys() & measured.keys():

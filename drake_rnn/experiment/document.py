@@ -21,9 +21,9 @@ from ..systems.body import Feedback
 from ..systems.contact_reference import ForceProfile
 from ..systems.dither import DitherSettings
 from ..systems.force_sensor import SensorSettings
-from ..systems.joint_sensor import SensingSettings
 from ..systems.moving_average import FilterSettings
 from ..systems.plant_settings import PlantSettings
+from ..systems.sensing_settings import SensingSettings
 
 _LOG_PERIOD = 0.01
 # Of an integrator; a greater one controls nothing, and a smaller one is lost in rounding.

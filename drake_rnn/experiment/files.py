@@ -97,7 +97,8 @@ def read_document(
     if {"period", "integrator"} <= rivals:
         raise InvalidInputError("period: cannot be combined with integrator; change one of them")
     for key, value in changes.items():
-        set_key(document, key, value)
+        # A copy: a later key may lead into a value that is the caller's.
+        set_key(document, key, deepcopy(value))
     _name_limits(document)
     _cut_short(document, changes)
     return {**document, "name": document.get("name") or name}

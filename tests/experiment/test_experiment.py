@@ -327,6 +327,13 @@ def test_a_planar_task_takes_no_path_that_leaves_its_plane():
         check_reach(load_experiment(KNOWN, document))
 
 
+def test_changes_stay_the_callers_own():
+    law = {"kind": "simultaneous_learning", "jacobian": "known"}
+    changes = {"law": law, "law.kappa": 8.0}
+    assert load_experiment("slc_nephroid_known", changes).law.kappa == 8.0
+    assert law == {"kind": "simultaneous_learning", "jacobian": "known"}
+
+
 def test_period_and_integrator_cannot_both_be_changed():
     with pytest.raises(InvalidInputError, match="period: cannot be combined with integrator"):
         load_experiment(KNOWN, {"period": 1e-3, "integrator": {"step": 1e-3}})

@@ -46,7 +46,6 @@ def figures_of(motion: Motion, task: Task) -> Figures:
     kinematics, limits = task.arm.kinematics(), task.limits
     p_WE = np.array([kinematics.p_WE(each) for each in q])
     error = np.linalg.norm(p_WE - task.p_WE[: len(q)], axis=1)
-    # Ours may have no orientation to hold: then theirs is not looked at either.
     R_WE = [kinematics.R_WE(each) for each in q[task.window]] if task.oriented else []
     turned = [
         float(np.linalg.norm(rotation_error(R, desired)))

@@ -76,7 +76,7 @@ class PlainLoop(Scheme):
     """A sampled law called in a loop, on pydrake's kinematics and without a diagram.
 
     Raises:
-        KeyError: If the law sees a signal that is none of the arm's and the path's.
+        InvalidInputError: If the law sees a signal that is none of the arm's and the path's.
     """
 
     name, setting = "ours", ""
@@ -89,6 +89,8 @@ class PlainLoop(Scheme):
         names = list(self._reading.inputs.parts)
         self._desired = _desired(task, experiment)
         moving = self._of_arm()
+        if unknown := set(names) - set(self._desired) - set(moving):
+            raise InvalidInputError(f"{experiment.name}: sees {', '.join(sorted(unknown))}")
         self._rows = [name for name in names if name in self._desired]
         self._moving = [(name, moving[name]) for name in names if name not in self._desired]
         rng = np.random.default_rng([experiment.document.seed, 0])

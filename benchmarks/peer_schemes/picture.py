@@ -50,7 +50,7 @@ def draw(tables: Mapping[str, Sequence[Row]], file: Path) -> None:
                 linestyle="none",
             )[0]
         panel.set(xscale="log", yscale="log", title=task, xlabel="cost of a step [u]")
-        panel.set_xticks([1, 2, 5, 10, 20, 50], labels=["1", "2", "5", "10", "20", "50"])
+        panel.set_xticks([2, 5, 10, 20, 50, 100], labels=["2", "5", "10", "20", "50", "100"])
         panel.minorticks_off()
         panel.grid(alpha=0.3)
     panels[0][0].set_ylabel("largest position error [um]")

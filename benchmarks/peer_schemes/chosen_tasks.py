@@ -37,6 +37,10 @@ OURS = (
         changes={"law": {"kind": "joint_drift_free", "scheme": "naljdf", "composite_gain": 3.0}},
     ),
     Ours("ours: SLC, J unknown", "as shipped, warm-up", "slc_nephroid_warm_up"),
+    Ours("ours: adaptive, J known", "as shipped", "adaptive_nephroid_known"),
+    Ours("ours: adaptive, J unknown", "as shipped", "adaptive_nephroid"),
+    Ours("ours: adaptive, jerk", "as shipped, 20 rad/s^3", "adaptive_jerk"),
+    Ours("ours: adaptive, pose", "as shipped", "adaptive_pose", (CONE,)),
     Ours("ours: pseudoinverse", "feedback 10, no bounds", BASE, _ALL, _PINV),
 )
 

@@ -272,7 +272,7 @@ class JointLimits:
             q.tolist(), v.tolist(), self._rows, strict=True
         ):
             room, speed = min(x - lower, upper - x), min(abs(w) + most * period, fastest)
-            if not room >= speed * (speed / most + 2.0 * period):
+            if abs(w) > fastest or not room >= speed * (speed / most + 2.0 * period):
                 return False
         return True
 

@@ -15,11 +15,11 @@ class JerkLimits(NamedTuple):
     """Limits of joints, their jerk included; any of position and velocity may be infinite.
 
     Attributes:
-        position: Lower and upper position limits, shape (2, ..., n) [rad].
+        position: Lower and upper position limits, shape (..., n) each [rad].
         velocity, acceleration, jerk: Largest magnitudes, shape (..., n) [rad/s .. rad/s^3].
     """
 
-    position: Array
+    position: tuple[Array, Array]
     velocity: Array
     acceleration: Array
     jerk: Array

@@ -80,6 +80,8 @@ _ROUNDING = 1e-9
 _SLACK = 1e-12
 # A posture target this close to a limit [rad], or with so small a singular value, is doubted.
 _NEAR_LIMIT, _SINGULAR = 0.1, 0.05
+# Stands for the infinite acceleration of a joint without limits [rad/s^2].
+_UNBOUNDED = 1e9
 # Share of the newest value in the reference of the acceleration, if J is learned.
 _SMOOTHED = 0.05
 
@@ -304,9 +306,10 @@ class AdaptiveReading(SampledReading):
         """Softness of the rows, a diagonal matrix, shape (..., m, m)."""
         law = self.law
         softness: Any = law.softness
-        rows = softness * np.ones(min(law.task_size, 3))
-        if law.turns:
-            rows = joined((rows * law.lever**-2, rows))
+        each = np.ones(min(law.task_size, 3))
+        # A lever of each robot's own gives both parts its leading axis.
+        rows = joined((each * law.lever**-2, each + 0.0 * law.lever)) if law.turns else each
+        rows = softness * rows
         return rows[..., None] * np.eye(law.task_size)
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
@@ -377,7 +380,10 @@ def _reached(limits: JointLimits, period: float) -> JointLimits:
     )
     if limits.jerk is None or known.acceleration is None:
         return known
-    most = 2.0 * known.acceleration / period
-    if (limits.jerk >= most).all():
+    # How far a stop goes needs a finite acceleration: what the other limits leave of it.
+    speed = np.minimum(limits.velocity, (limits.position_upper - limits.position_lower) / period)
+    most = np.minimum(np.minimum(known.acceleration, 2.0 * speed / period), _UNBOUNDED)
+    change = 2.0 * most / period
+    if (limits.jerk >= change).all():
         return known.replace(jerk=None)
-    return known.replace(jerk=np.minimum(limits.jerk, most))
+    return known.replace(acceleration=most, jerk=np.minimum(limits.jerk, change))

@@ -15,11 +15,11 @@ class JerkLimits(NamedTuple):
     """Limits of joints, their jerk included; any of position and velocity may be infinite.
 
     Attributes:
-        position: Lower and upper position limits, shape (2, ..., n) [rad].
+        position: Lower and upper position limits, shape (..., n) each [rad].
         velocity, acceleration, jerk: Largest magnitudes, shape (..., n) [rad/s .. rad/s^3].
     """
 
-    position: Array
+    position: tuple[Array, Array]
     velocity: Array
     acceleration: Array
     jerk: Array
@@ -42,6 +42,12 @@ def jerk_box(
         limits: The limits.
         period: Time for which a velocity is held [s].
     """
+    # What follows from infinite limits is not a number in places, none of which is chosen.
+    with np.errstate(invalid="ignore"):
+        return _box(q, v, a, limits, period)
+
+
+def _box(q: Array, v: Array, a: Array, limits: JerkLimits, period: float) -> tuple[Array, Array]:
     xp = functions_of(q, v, a)
     d = limits.jerk * period
     slowest = xp.maximum(-limits.acceleration, a - d)
@@ -50,10 +56,14 @@ def jerk_box(
     upwards = _upper(v, fastest, limits.velocity, d, period)
     downwards = _upper(-v, -slowest, limits.velocity, d, period)
     room = xp.stack((limits.position[1] - q, q - limits.position[0]))
-    if xp is not np or (room < _long_way(v, a, limits, period)).any():
+    near = room < _long_way(v, a, limits, period)
+    if xp is not np or near.any():
         c = stop(q, v, a, limits.acceleration, limits.jerk, period).first
-        upwards = _held_back(upwards, c, room[0], v, limits, period)
-        downwards = _held_back(downwards, -c, room[1], -v, limits, period)
+        # Joint by joint, so that others that are near change no bit of one that is not.
+        held = _held_back(upwards, c, room[0], v, limits, period)
+        upwards = xp.where(near[0], held, upwards)
+        held = _held_back(downwards, -c, room[1], -v, limits, period)
+        downwards = xp.where(near[1], held, downwards)
     # Rounding alone can take a bound beyond what the jerk allows.
     upper = clipped(upwards, slowest, fastest)
     return xp.minimum(clipped(-downwards, slowest, fastest), upper), upper

@@ -272,7 +272,7 @@ class JointLimits:
             q.tolist(), v.tolist(), self._rows, strict=True
         ):
             room, speed = min(x - lower, upper - x), min(abs(w) + most * period, fastest)
-            if not room >= speed * (speed / most + 2.0 * period):
+            if abs(w) > fastest or not room >= speed * (speed / most + 2.0 * period):
                 return False
         return True
 
@@ -307,7 +307,8 @@ class JointLimits:
         """
         most = self.require("acceleration", "stopping in time")
         jerk = self.require("jerk", "stopping in time")
-        known = JerkLimits(self._position, self.velocity, most, jerk)
+        position = self.position_lower, self.position_upper
+        known = JerkLimits(position, self.velocity, most, jerk)
         return jerk_box(q, v, a, known, period)
 
     def violation(self, q: Array) -> Array:

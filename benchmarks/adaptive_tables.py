@@ -15,6 +15,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from drake_rnn import Experiment, Result, load_experiment, make_experiment, run_many, simulate
+from drake_rnn.campaigns.statistics import rank_correlation
 from drake_rnn.experiment import Arms
 from markdown_table import head, row
 
@@ -70,8 +71,8 @@ def with_seeds(name: str, seeds: Sequence[int], changes: Mapping[str, Any]) -> l
 def spread(values: np.ndarray, unit: float = MICRO) -> str:
     """Return median and largest of some values, as text."""
     if (missing := int(np.sum(~np.isfinite(values)))) > 0:
-        return f"{np.nanmedian(values) / unit:.3g} / none in {missing}"
-    return f"{np.median(values) / unit:.3g} / {values.max() / unit:.3g}"
+        return f"{np.nanmedian(values) / unit:.4g} / none in {missing}"
+    return f"{np.median(values) / unit:.4g} / {values.max() / unit:.4g}"
 
 
 def excess(metrics: Mapping[str, Any], name: str) -> str:
@@ -119,6 +120,36 @@ def jerk_table() -> None:
         figures = (spread(found[ERROR]), spread(found[SETTLES], 1.0))
         beyond = (excess(found, name) for name in EXCESS)
         row(f"{jerk:g}", learned, f"{kappa:g}", *figures, *beyond)
+    unrest_table()
+
+
+def unrest_table() -> None:
+    """Print why a learned Jacobian and a low bound of the jerk do not go together."""
+    head(
+        *("`drake-rnn run ...`", "error median [um]", "max [um]"),
+        *(
+            "samples with a joint at its bound of the jerk",
+            "rank correlation of error and J_hat's change",
+        ),
+    )
+    for name in ("adaptive_jerk", "adaptive_jerk_learned"):
+        run = simulate(load_experiment(name, {"accept": None, "log_period": 1e-3}))
+        first, last = run.experiment.document.window
+        inside = (run.time >= first) & (run.time <= last)
+        errors, bound = run.position_error[inside], run.experiment.limits.bounds["jerk"]
+        jerks = np.abs(np.diff(run.series["velocity"][inside], n=2, axis=0)) * 1e6
+        share = float(np.mean((jerks >= 0.999 * bound).any(axis=1)))
+        figures = (f"{np.median(errors) / MICRO:.2g}", f"{errors.max() / MICRO:.2g}")
+        row(f"`{name}`", *figures, f"{share:.2f}", unrest(run, inside))
+
+
+def unrest(run: Result, inside: np.ndarray) -> str:
+    """Return how errors go with the change of J_hat over the last 50 ms, as text."""
+    if "J_hat" not in run.series:
+        return ""
+    entries = run.series["J_hat"].reshape(len(run.time), -1)
+    change = np.linalg.norm(entries - np.roll(entries, 50, axis=0), axis=1)
+    return f"{rank_correlation(change[inside], run.position_error[inside]):.2f}"
 
 
 def pose_table() -> None:
@@ -149,7 +180,7 @@ def several(name: str, jacobian: str, sensing: Sensing) -> list[Result]:
 
 def shaking(run: Result) -> float:
     """Return the root mean square of the joints' largest acceleration in the window [rad/s^2]."""
-    first, last = run.experiment.window
+    first, last = run.experiment.document.window
     inside = (run.time >= first) & (run.time <= last)
     accelerations = np.diff(run.series["velocity"][inside], axis=0) / 1e-3
     return float(np.sqrt(np.mean(np.abs(accelerations).max(axis=1) ** 2)))

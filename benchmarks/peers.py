@@ -43,8 +43,9 @@ PEERS = {
     "Drake": "peer_schemes.drake_schemes",
 }
 
-#: Largest difference of two runs of a law that only rounding sets apart [rad].
-SAME = 1e-6
+#: Largest difference of two runs of a law that only rounding sets apart [rad]. Joints that a learned
+#: Jacobian leaves free amplify it, without a trace in the end effector's motion.
+SAME = 0.05
 
 
 @contextmanager

@@ -41,6 +41,14 @@ OURS = (
     Ours("ours: adaptive, J unknown", "as shipped", "adaptive_nephroid"),
     Ours("ours: adaptive, jerk", "as shipped, 20 rad/s^3", "adaptive_jerk"),
     Ours("ours: adaptive, pose", "as shipped", "adaptive_pose", (CONE,)),
+    Ours(
+        "ours: adaptive, pose",
+        "as shipped",
+        "adaptive_pose",
+        (HELD,),
+        {"path.size": 0.04, "path.cone": 0.0},
+    ),
+    Ours("ours: adaptive, pose, J unknown", "as shipped", "adaptive_pose_learned", (CONE,)),
     Ours("ours: pseudoinverse", "feedback 10, no bounds", BASE, _ALL, _PINV),
 )
 

@@ -76,6 +76,8 @@ from .parts.measurement import EXACT, Learning, Measurement, suited
 from .parts.secondary import Secondary, manipulability_gradient, pushed_back
 
 _ROUNDING = 1e-9
+# A joint stops this far before its limit [rad], so that no rounding error leads beyond it.
+_SLACK = 1e-12
 # A posture target this close to a limit [rad], or with so small a singular value, is doubted.
 _NEAR_LIMIT, _SINGULAR = 0.1, 0.05
 # Stands for the infinite acceleration of a joint without limits [rad/s^2].
@@ -367,8 +369,15 @@ class AdaptiveReading(SampledReading):
 
 
 def _reached(limits: JointLimits, period: float) -> JointLimits:
-    """Return limits without a jerk that no change of the acceleration in a period can reach."""
-    known = unlimited_like(limits)
+    """Return the limits that a box is made of.
+
+    Without a jerk that no change of the acceleration in a period can reach, and with position
+    limits a trace inside of the true ones.
+    """
+    slack = np.minimum(_SLACK, (limits.position_upper - limits.position_lower) / 4.0)
+    known = unlimited_like(limits).replace(
+        position_lower=limits.position_lower + slack, position_upper=limits.position_upper - slack
+    )
     if limits.jerk is None or known.acceleration is None:
         return known
     # How far a stop goes needs a finite acceleration: what the other limits leave of it.

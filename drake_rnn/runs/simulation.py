@@ -229,7 +229,9 @@ def _filter(experiment: Experiment) -> MovingAverage | None:
     settings, period = experiment.document.filter, experiment.document.period
     if settings is None or period is None:
         return None
-    return MovingAverage(experiment.limits, period, precompensate=settings.precompensate)
+    return MovingAverage(
+        experiment.limits, period, precompensate=settings.precompensate, above=settings.above
+    )
 
 
 def _add_previews(

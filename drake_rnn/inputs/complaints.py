@@ -47,7 +47,7 @@ def sentence(cls: type, error: ValidationError, key: str) -> str:
     if first["type"] != "value_error":
         tried = [e for e in errors if _place(cls, e).keys == keys]
     message = " or ".join(dict.fromkeys(_message(e) for e in tried)).replace(" or must be ", " or ")
-    if cause is not None and re.match(r"[\w.]+: ", message):
+    if cause is not None and re.match(r"\w+: ", message):
         # The class itself named the invalid field.
         return f"{where}.{message}" if where else message
     prefix = f"{where}: " if where else ""

@@ -255,14 +255,14 @@ def test_late_measurements_that_it_knows_of_limit_no_gain():
     ("changes", "message"),
     [
         ({"home": HOME[:5]}, "home: must have 7 entries, one per joint, not 5"),
-        ({"secondary": {"target": [0.0, 1.0]}}, "secondary.target: must have 7 entries, one per"),
+        ({"secondary": {"target": [0.0, 1.0]}}, "secondary: target must have 7 entries, one per"),
         (
             {"secondary": {"manipulability": 1.0}, "jacobian": "learned"},
-            "secondary.manipulability: needs jacobian: known and task: xyz or pose; leave it out",
+            "secondary: manipulability needs jacobian: known and task: xyz or pose; leave it out",
         ),
         (
             {"secondary": {"manipulability": 1.0}, "task_size": 2},
-            "secondary.manipulability: needs jacobian: known and task: xyz or pose; leave it out",
+            "secondary: manipulability needs jacobian: known and task: xyz or pose; leave it out",
         ),
         ({"task_size": 4}, "task_size: "),
         ({"jacobian": "guessed"}, "jacobian: "),

@@ -116,18 +116,40 @@ def _turned(xp: Any, sides: Parts, v: Array, lower: Array, upper: Array) -> Part
 def _of_one(
     v: Array, J: Array, b: Array, g: Array, softness: Array, lower: Array, upper: Array
 ) -> Array:
-    """Return the velocity of one robot in NumPy, from the one without a box."""
-    sides = (1.0 * (v < lower), 1.0 * (v > upper))
-    if not (sides[0].any() or sides[1].any()):
+    """Return the velocity of one robot in NumPy, from the one without a box.
+
+    Its joints change sides as in `_turned`, in plain numbers, which take a third of the time.
+    """
+    ends = list(zip(lower.tolist(), upper.tolist(), strict=True))
+    none = [0] * len(ends)
+    sides = _sides(none, v, ends)
+    if sides == none:
         return v
-    state: Parts = (*sides, np.array([v.size + 1.0]), np.array([_PATIENCE]))
+    preferred, fewest, patience = g.tolist(), len(ends) + 1, _PATIENCE
     for _ in range(_ROUNDS):
-        low, high = state[0], state[1]
-        base = np.where(low > 0.0, lower, np.where(high > 0.0, upper, g))
-        system = (J * (1.0 - low - high)).dot(J.T) + softness
-        v = g + solved_regular(system, b - J.dot(base)).dot(J)
-        *state_list, v, done = _turned(np, state, v, lower, upper)
-        state = tuple(state_list)
-        if done.all():
+        free = np.array([side == 0 for side in sides], dtype=float)
+        held = zip(sides, ends, preferred, strict=True)
+        base = np.array([end[side > 0] if side else middle for side, end, middle in held])
+        y = solved_regular((J * free).dot(J.T) + softness, b - J.dot(base))
+        v = g + y.dot(J)
+        new = _sides(sides, v, ends)
+        wrong = [k for k, (one, other) in enumerate(zip(sides, new, strict=True)) if one != other]
+        if not wrong:
             break
+        if len(wrong) < fewest:
+            sides, fewest, patience = new, len(wrong), _PATIENCE
+        elif patience > 0.0:
+            sides, patience = new, patience - 1.0
+        else:
+            sides[wrong[-1]] = new[wrong[-1]]
     return clipped(v, lower, upper)
+
+
+def _sides(sides: list[int], v: Array, ends: list[tuple[float, float]]) -> list[int]:
+    """Return which bound each joint wants to be at, -1 or 1, or 0, free, given where it is."""
+    new = []
+    for side, wants, (lower, upper) in zip(sides, v.tolist(), ends, strict=True):
+        below = wants < lower if side == 0 else side < 0 and wants <= lower
+        above = wants > upper if side == 0 else side > 0 and wants >= upper
+        new.append(-1 if below else 1 if above else 0)
+    return new

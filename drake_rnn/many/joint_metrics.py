@@ -8,7 +8,7 @@ import numpy as np
 
 from ..inputs.fields import Array
 from ..measures import violation_metric
-from ..measures.groups.higher import DIFFERENCE
+from ..measures.groups.higher import difference_time
 from ..measures.groups.joints import AT_BOUND
 from ..measures.ticks import tick_ends
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
@@ -92,7 +92,8 @@ class HigherMetrics:
 
     def __init__(self, limits: Sequence[JointLimits], schedule: Schedule) -> None:
         count, times = len(limits), schedule.times
-        instants = np.arange(int(times[-1] / DIFFERENCE) + 2) * DIFFERENCE
+        self._difference = difference_time(schedule.tick)
+        instants = np.arange(int(times[-1] / self._difference) + 2) * self._difference
         instants = instants[instants - 1e-9 <= times[-1]]
         # As often as a step ends several of these times.
         self._steps = np.searchsorted(times, instants - 1e-9).tolist()
@@ -118,7 +119,7 @@ class HigherMetrics:
             if name != "jerk" and self._bounds[name].absent:
                 continue
             last = np.stack(known[-order - 1 :])
-            values = np.abs(np.diff(last, n=order, axis=0)[0]) / DIFFERENCE**order
+            values = np.abs(np.diff(last, n=order, axis=0)[0]) / self._difference**order
             self._bounds[name].add(values)
             if name == "jerk":
                 self._jerk.add(values)
@@ -126,7 +127,7 @@ class HigherMetrics:
 
     def found(self) -> Found:
         """Return the metrics, by name; none of a run that is too short for differences."""
-        if self._now < 6 * DIFFERENCE:
+        if self._now < 6 * self._difference:
             return {}
         found: Found = {
             "joint_jerk_max_rad_s3": self._jerk.value,

@@ -43,8 +43,8 @@ PEERS = {
     "Drake": "peer_schemes.drake_schemes",
 }
 
-#: Largest difference of two runs of a law that only rounding sets apart [rad]. Joints that a learned
-#: Jacobian leaves free amplify it, without a trace in the end effector's motion.
+#: Largest difference of two runs of a law that only rounding sets apart [rad]. Where joints are
+#: left free a learned Jacobian amplifies it, without a trace in the end effector's motion.
 SAME = 0.05
 
 

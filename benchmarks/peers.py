@@ -45,7 +45,7 @@ PEERS = {
 
 #: Largest difference of two runs of a law that only rounding sets apart [rad]. Where joints are
 #: left free a learned Jacobian amplifies it, without a trace in the end effector's motion.
-SAME = 0.05
+SAME = 0.2
 
 
 @contextmanager

@@ -21,8 +21,8 @@ def draw(tables: Mapping[str, Sequence[Row]], file: Path) -> None:
         file: Picture to write.
     """
     names = list(dict.fromkeys(row.name for rows in tables.values() for row in rows))
-    # One colour for each library, one marker for each of its schemes.
-    libraries = [name.split(",")[0].split(":")[0] for name in names]
+    # One colour for each library or law of ours, one marker for each of its schemes.
+    libraries = [name.split(",")[0] for name in names]
     looks = {
         name: (
             f"C{list(dict.fromkeys(libraries)).index(library)}",

@@ -38,7 +38,8 @@ not enter the box.
 
 **What is not guaranteed.** That the path is tracked. The program is soft, so where box and path
 disagree the bounds win. A local law does not plan: an arm may run into a position limit or a
-singular posture that another posture would avoid. A learned Jacobian is right along the directions
+singular posture that another posture would avoid; near a singular one the task is softer, so that
+it comes to rest there. A learned Jacobian is right along the directions
 that the arm has moved in, and need not be elsewhere. With motors the commands keep the bounds, the
 arm itself does not.
 
@@ -73,6 +74,7 @@ from .parts.known_jacobian import MiddleJacobian
 from .parts.late import Late
 from .parts.learned_jacobian import LearnedJacobian
 from .parts.measurement import EXACT, Learning, Measurement, suited
+from .parts.near_singular import softened
 from .parts.secondary import Secondary, manipulability_gradient, pushed_back
 
 _ROUNDING = 1e-9
@@ -327,7 +329,8 @@ class AdaptiveReading(SampledReading):
         moved, late = self._late.moved(kept, q)
         along, feedback = self._asked(u, None if moved is None else matvec(J, moved), period)
         g = self._preferred(q, v, J, u, period)
-        program = Program(J, along + feedback, along, g, self._softness)
+        softness = softened(J, self._softness)
+        program = Program(J, along + feedback, along, g, softness)
         v, held = self._within.chosen(program, q, v, kept, period)
         return self._joined({"v": v, "commanded": q + period * v, **held, **learned, **late})
 

@@ -73,25 +73,61 @@ def within_box(J: Array, b: Array, g: Array, softness: Array, lower: Array, uppe
     v = wanted(J, b, g, softness)
     if is_one(v):
         return _of_one(v, J, b, g, softness, lower, upper)
+    program = (J, b, g, softness, lower, upper)
+    if isinstance(v, np.ndarray):
+        return _of_many(v, program)
     xp = functions_of(v)
-    J_T = transposed(J)
+    found = repeated(
+        lambda parts: _round(xp, program, parts), _start(xp, v, lower, upper), _ROUNDS_COMPILED
+    )
+    return clipped(found[4], lower, upper)
 
-    def advance(parts: Parts) -> Parts:
-        low, high, fewest, patience, v, _ = parts
-        base = xp.where(low > 0.0, lower, xp.where(high > 0.0, upper, g))
-        free = 1.0 - low - high
-        system = matmul(J * free[..., None, :], J_T) + softness
-        v = g + vecmat(solved_regular(system, b - matvec(J, base)), J)
-        return _turned(xp, (low, high, fewest, patience), v, lower, upper)
 
+def _start(xp: Any, v: Array, lower: Array, upper: Array) -> Parts:
+    """Return sides, fewest wrong so far, patience, what is wanted, and who is done, at first."""
     shape = np.broadcast_shapes(v.shape, lower.shape)
+    v = xp.broadcast_to(v, shape)
     none = xp.zeros((*shape[:-1], 1))
     low, high = 1.0 * (v < lower), 1.0 * (v > upper)
-    start = (low, high, none + shape[-1] + 1.0, none + _PATIENCE)
     done = (low + high).max(axis=-1, keepdims=True) == 0.0
-    rounds = _ROUNDS if xp is np else _ROUNDS_COMPILED
-    found = repeated(advance, (*start, xp.broadcast_to(v, shape), done), rounds)[4]
-    return clipped(found, lower, upper)
+    return low, high, none + shape[-1] + 1.0, none + _PATIENCE, v, done
+
+
+def _round(xp: Any, program: Parts, parts: Parts) -> Parts:
+    """Return the parts of `_start` one round later."""
+    J, b, g, softness, lower, upper = program
+    low, high, fewest, patience, _, _ = parts
+    base = xp.where(low > 0.0, lower, xp.where(high > 0.0, upper, g))
+    free = 1.0 - low - high
+    system = matmul(J * free[..., None, :], transposed(J)) + softness
+    v = g + vecmat(solved_regular(system, b - matvec(J, base)), J)
+    return _turned(xp, (low, high, fewest, patience), v, lower, upper)
+
+
+def _of_many(v: Array, program: Parts) -> Array:
+    """Return the velocities of many robots in NumPy, of which few need many rounds."""
+    lower, upper = program[4], program[5]
+    parts = _start(np, v, lower, upper)
+    found = parts[4].reshape(-1, v.shape[-1]).copy()
+    lead = parts[4].shape[:-1]
+    rows = [
+        np.broadcast_to(given, lead + given.shape[given.ndim - axes :]).reshape(
+            -1, *given.shape[given.ndim - axes :]
+        )
+        for given, axes in zip(program, (2, 1, 1, 2, 1, 1), strict=True)
+    ]
+    parts = tuple(part.reshape(-1, part.shape[-1]) for part in parts)
+    numbers = np.arange(len(found))
+    for _ in range(_ROUNDS):
+        going = ~parts[5][:, 0]
+        if not going.all():
+            numbers, rows = numbers[going], [given[going] for given in rows]
+            parts = tuple(part[going] for part in parts)
+        if not numbers.size:
+            break
+        parts = _round(np, tuple(rows), parts)
+        found[numbers] = parts[4]
+    return clipped(found.reshape(*lead, -1), lower, upper)
 
 
 def _turned(xp: Any, sides: Parts, v: Array, lower: Array, upper: Array) -> Parts:

@@ -6,6 +6,8 @@ import signal
 import pytest
 from hypothesis import settings
 
+from drake_rnn.runs import simulation
+
 # The same examples in each run, and none refused for the machine being busy.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
@@ -23,3 +25,19 @@ def surroundings(tmp_path_factory):
     yield
     os.environ.clear()
     os.environ.update(before)
+
+
+@pytest.fixture
+def interrupts(monkeypatch):
+    """Return a function that lets every run be interrupted, as by Ctrl-C, after a time [s]."""
+    record = simulation.Recorder.__call__
+
+    def interrupts(after):
+        def interrupt(self, context):
+            record(self, context)
+            if context.get_time() > after:
+                raise KeyboardInterrupt
+
+        monkeypatch.setattr(simulation.Recorder, "__call__", interrupt)
+
+    return interrupts

@@ -156,8 +156,8 @@ def _print(tuned: Tuned) -> None:
     if tuned.chosen < len(tuned.history) - 1:
         why = f"break the bound of {told}" if told else "are no better in Drake's runs"
         steps = f"step {tuned.chosen:g} of {len(tuned.history) - 1}"
-        told = f"[yellow]note[/] gains beyond {steps} {why}, and were not taken"
-        out.print(told, soft_wrap=True)
+        note = f"[yellow]note[/] gains beyond {steps} {why}, and were not taken"
+        out.print(note, soft_wrap=True)
     wide = out if out.is_terminal or out.quiet else Console(width=WIDE, highlight=False)
     wide.print(comparison_table({"before": tuned.before, "tuned": tuned.after}))
     out.print(

@@ -60,7 +60,7 @@ class Many:
         """
         if not isinstance(number, (int, np.integer)) or not 0 <= number < len(self):
             raise InvalidInputError(
-                f"row: must be a number from 0 to {len(self) - 1}, not {number!r}"
+                f"row: must be the number of one of {len(self)} rows, from 0 on, not {number!r}"
             )
         row = {name: float(values[number]) for name, values in self.metrics.items()}
         return {name: value for name, value in row.items() if np.isfinite(value)}

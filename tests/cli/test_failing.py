@@ -9,7 +9,6 @@ import pytest
 from cli_helpers import KNOWN, SHORT, call, run, sentence, statuses
 
 from drake_rnn import Result
-from drake_rnn.runs import simulation
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -79,12 +78,8 @@ def test_after_a_run_that_fails_the_others_run(tmp_path, breaks):
     assert Result.load(tmp_path / "b" / "calm").time[-1] == pytest.approx(0.02)
 
 
-def test_a_queue_that_is_cut_names_what_was_not_run(tmp_path, monkeypatch):
-    def interrupt(self, context):
-        if context.get_time() > 0.02:
-            raise KeyboardInterrupt
-
-    monkeypatch.setattr(simulation.Recorder, "__call__", interrupt)
+def test_a_queue_that_is_cut_names_what_was_not_run(tmp_path, interrupts):
+    interrupts(0.02)
     names = ("pinv_line", "pinv_line_ur5", "pinv_csv")
     result = call("run", *names, "--no-playback", "--out", tmp_path, "--duration", "0.1")
     assert result.exit_code == 1
@@ -92,15 +87,8 @@ def test_a_queue_that_is_cut_names_what_was_not_run(tmp_path, monkeypatch):
     assert statuses(tmp_path)["pinv_line"]["status"] == "interrupted"
 
 
-def test_a_comparison_that_is_interrupted_names_what_was_not_run(tmp_path, monkeypatch):
-    record = simulation.Recorder.__call__
-
-    def interrupt(self, context):
-        record(self, context)
-        if context.get_time() > 0.05:
-            raise KeyboardInterrupt
-
-    monkeypatch.setattr(simulation.Recorder, "__call__", interrupt)
+def test_a_comparison_that_is_interrupted_names_what_was_not_run(tmp_path, interrupts):
+    interrupts(0.05)
     names = ("pinv_line", "pinv_line_ur5", "pinv_csv")
     result = call("compare", *names, "--out", tmp_path, "--duration", "0.1")
     assert result.exit_code == 1

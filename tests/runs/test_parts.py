@@ -108,16 +108,9 @@ def test_ticks_that_rarely_end_together_make_longer_parts(in_parts, monkeypatch)
 
 
 @pytest.fixture
-def interrupted(monkeypatch):
+def interrupted(interrupts):
     """Interrupt every run after 0.2 s."""
-    record = simulation.Recorder.__call__
-
-    def interrupt(self, context):
-        record(self, context)
-        if context.get_time() > 0.2:
-            raise KeyboardInterrupt
-
-    monkeypatch.setattr(simulation.Recorder, "__call__", interrupt)
+    interrupts(0.2)
 
 
 @pytest.mark.usefixtures("interrupted")

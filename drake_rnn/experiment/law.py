@@ -25,8 +25,9 @@ ORIGINS = {
     "task_size": "task",
     "measurement": "sensing",
 }
-# Way of the end effector for each radian of a joint, of an arm of usual size [m].
-_REACH = 0.5
+# Way of the end effector for each radian of a joint, of an arm of usual size, and that at which an
+# error of the orientation counts like one of the position [m].
+_REACH, _LEVER = 0.5, 0.3
 
 
 def make_law(
@@ -76,7 +77,8 @@ def _measurement(document: ExperimentDocument) -> Measurement:
         steps = 2.0 * math.pi / 2.0**sensing.encoder_bits
     # A number rounded to steps is off by a twelfth of their square, on average.
     joints = math.hypot(float(np.max(sensing.position_noise)), steps / math.sqrt(12.0))
-    error = math.hypot(sensing.p_WE_noise or 0.0, _REACH * joints)
+    turned = _LEVER * (sensing.R_WE_noise or 0.0)
+    error = math.hypot(sensing.p_WE_noise or 0.0, _REACH * joints, turned)
     samples = sensing.secant_samples or None
     return Measurement(error=error, delay=sensing.delay, secant_samples=samples)
 

@@ -73,7 +73,7 @@ from .parts.held_within import Program, WithinAcceleration, WithinJerk, unlimite
 from .parts.known_jacobian import MiddleJacobian
 from .parts.late import Late
 from .parts.learned_jacobian import LearnedJacobian
-from .parts.measurement import EXACT, Learning, Measurement, suited
+from .parts.measurement import EXACT, Measurement, feedback_gain, suited
 from .parts.near_singular import softened
 from .parts.secondary import Secondary, manipulability_gradient, pushed_back
 
@@ -98,8 +98,8 @@ class Adaptive(Law):
         home: Posture at the start, shape (n,) [rad].
         task_size: Number of rows of J; of 6 rows the first three are rotation.
         jacobian: ``known`` reads J; ``learned`` learns it from ``position`` and ``p_WE``.
-        kappa: Gain of the feedback, at most one over the period [1/s]; 100 by default, or 30 for
-            a learned Jacobian where measurements have errors.
+        kappa: Gain of the feedback, at most one over the period [1/s]; 100 by default, less where
+            measurements have errors.
         braking: Deceleration of the feedback [m/s^2].
         feedback_limit: Largest speed of the feedback [m/s].
         turn_braking: Deceleration of the feedback of the orientation [rad/s^2].
@@ -162,7 +162,14 @@ class Adaptive(Law):
     @property
     def loop_gains(self) -> Mapping[str, float]:
         # Measurements that are known to be late are made up for.
-        return {"kappa": self.kappa or EXACT.kappa} if not self.measurement.delay else {}
+        return {} if self.measurement.delay else {"kappa": self._gain}
+
+    @property
+    def _gain(self) -> float:
+        """Gain of the feedback, the one given or the one that suits the measurement [1/s]."""
+        if self.kappa is not None:
+            return self.kappa
+        return feedback_gain(self.measurement, self.jacobian == "learned")
 
     @property
     def seeks_manipulability(self) -> bool:
@@ -176,8 +183,9 @@ class Adaptive(Law):
             InvalidInputError: If ``kappa`` would overshoot at this period, or the delay of the
                 measurements is no multiple of it.
         """
-        suits = self._suited(period)
-        kappa = suits.kappa if self.kappa is None else self.kappa
+        learned = self.jacobian == "learned"
+        suits = suited(self.measurement, period) if learned else EXACT
+        kappa = self._gain
         if kappa * period > 1.0 + _ROUNDING:
             raise InvalidInputError(
                 f"law.kappa: may be at most {1.0 / period:.6g} /s at a period of {period:g} s, "
@@ -198,11 +206,6 @@ class Adaptive(Law):
             limits=_reached(self.limits, period),
         )
         return AdaptiveReading(law, suits.samples, round(late))
-
-    def _suited(self, period: float) -> Learning:
-        """Return the numbers that suit the measurement; of a known Jacobian all but one are its."""
-        found = suited(self.measurement, period)
-        return found if self.jacobian == "learned" else EXACT
 
     @cached_property
     def state(self) -> Layout:

@@ -18,7 +18,7 @@ from adaptive_helpers import (
 from drake_rnn import Circumstances, InvalidInputError, JointLimits, Secondary, load_arm
 from drake_rnn.laws.parts import near_singular
 from drake_rnn.laws.parts.known_jacobian import MiddleJacobian
-from drake_rnn.laws.parts.measurement import EXACT
+from drake_rnn.laws.parts.measurement import EXACT, KAPPA
 
 JERKY = LIMITS.replace(jerk=20.0)
 P_START = PANDA.p_WE(HOME)
@@ -187,7 +187,7 @@ def test_dead_beat_feedback_is_the_fastest():
 def test_a_sampled_law_has_all_of_its_numbers():
     reading = adaptive(jacobian="learned").sampled(PERIOD)
     found = reading.law
-    assert (found.kappa, found.softness) == (EXACT.kappa, EXACT.softness)
+    assert (found.kappa, found.softness) == (KAPPA, EXACT.softness)
     assert (found.variance, found.wander) == (EXACT.variance, EXACT.wander)
     assert (reading.samples, reading.late) == (1, 0)
     noisy = adaptive(jacobian="learned", measurement={"error": 1e-5, "delay": 5e-3})
@@ -195,11 +195,15 @@ def test_a_sampled_law_has_all_of_its_numbers():
     assert (reading.samples, reading.late) == (10, 5)
     assert (reading.law.kappa, reading.law.softness) == (30.0, 1e-4)
     assert (reading.law.wander, reading.law.variance > EXACT.variance) == (0.1, True)
-    # What is given stays; a known Jacobian has nothing to learn from errors.
+    # What is given stays.
     own = adaptive(jacobian="learned", kappa=7.0, softness=2e-5, variance=3e-3, wander=0.4)
     found = own.sampled(PERIOD).law
     assert (found.kappa, found.softness, found.variance, found.wander) == (7.0, 2e-5, 3e-3, 0.4)
-    assert adaptive(measurement={"error": 1e-5}).sampled(PERIOD).law.kappa == EXACT.kappa
+    # A known Jacobian has nothing to learn from errors; only its feedback is slower.
+    known = adaptive(measurement={"error": 1e-5})
+    found = known.sampled(PERIOD).law
+    assert (found.kappa, found.softness) == (pytest.approx(6.0), EXACT.softness)
+    assert known.loop_gains == {"kappa": found.kappa}
 
 
 def test_a_jerk_that_no_period_reaches_is_no_bound():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import InvalidInputError
-from drake_rnn.laws.parts.measurement import EXACT, Measurement, suited
+from drake_rnn.laws.parts.measurement import EXACT, KAPPA, Measurement, feedback_gain, suited
 
 H = 1e-3
 
@@ -22,13 +22,20 @@ def test_10_um_take_secants_of_10_ms_whatever_the_period():
     assert suited(Measurement(error=1e-2), 1e-4).samples == 500
 
 
-def test_larger_errors_take_longer_secants_softer_tasks_and_slower_feedback():
+def test_larger_errors_take_longer_secants_and_softer_tasks():
     found = [suited(Measurement(error=e), H) for e in (1e-6, 1e-5, 1e-4, 1e-3)]
     samples, softness = [f.samples for f in found], [f.softness for f in found]
     assert samples == sorted(set(samples))
     np.testing.assert_allclose(softness, [1e-5, 1e-4, 1e-3, 1e-2])
-    assert {f.kappa for f in found} == {30.0}
-    assert EXACT.kappa > 30.0
+
+
+def test_larger_errors_take_a_slower_feedback():
+    for learned in (False, True):
+        assert feedback_gain(Measurement(delay=5e-3), learned) == KAPPA
+    known = [feedback_gain(Measurement(error=e), False) for e in (1e-9, 1e-7, 1e-5, 1e-3, 1e-2)]
+    np.testing.assert_allclose(known, [KAPPA, 60.0, 6.0, 2.0, 2.0])
+    # A learned Jacobian is wrong in places, and needs the feedback to make up for that.
+    assert feedback_gain(Measurement(error=1e-3), True) == 30.0
 
 
 def test_the_variance_is_a_hundred_times_that_of_a_secant_and_never_less_than_the_exact():

@@ -77,7 +77,7 @@ def _measurement(document: ExperimentDocument) -> Measurement:
         steps = 2.0 * math.pi / 2.0**sensing.encoder_bits
     # A number rounded to steps is off by a twelfth of their square, on average.
     joints = math.hypot(float(np.max(sensing.position_noise)), steps / math.sqrt(12.0))
-    turned = _LEVER * (sensing.R_WE_noise or 0.0)
+    turned = _LEVER * (sensing.R_WE_noise or 0.0) if document.task == "pose" else 0.0
     error = math.hypot(sensing.p_WE_noise or 0.0, _REACH * joints, turned)
     samples = sensing.secant_samples or None
     return Measurement(error=error, delay=sensing.delay, secant_samples=samples)

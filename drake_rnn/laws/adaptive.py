@@ -33,8 +33,9 @@ position limits, if it brakes as hard as acceleration, and jerk if that is bound
 step of the stop that was possible a sample ago is one of them, for what is left of a stop after its
 first step is a stop again. At rest within the limits, standing still is one. So by induction the
 box has a point at every sample, whatever J, the target or a measurement are, up to rounding; tests
-find 1e-13 of a bound. The joints' own commands are integrated for this: a measured position does
-not enter the box.
+find 1e-13 of a bound. The joints' own commands are integrated for this, from the first
+position that is measured: what is measured later does not enter the box, but an error of that first
+one stays in it.
 
 **What is not guaranteed.** That the path is tracked. The program is soft, so where box and path
 disagree the bounds win. A local law does not plan: an arm may run into a position limit or a
@@ -68,8 +69,8 @@ from ..robot.limits import JointLimits
 from ..robot.rotation import rotation_error
 from .law import Circumstances, Law, SampledReading
 from .layout import Layout, Signals
-from .parts.approach import approach
-from .parts.held_within import Program, WithinAcceleration, WithinJerk, unlimited_like
+from .parts.approach import approach, gain_within_jerk
+from .parts.held_within import Program, WithinAcceleration, WithinJerk
 from .parts.known_jacobian import MiddleJacobian
 from .parts.late import Late
 from .parts.learned_jacobian import LearnedJacobian
@@ -84,6 +85,10 @@ _SLACK = 1e-12
 _NEAR_LIMIT, _SINGULAR = 0.1, 0.05
 # Stands for the infinite acceleration of a joint without limits [rad/s^2].
 _UNBOUNDED = 1e9
+_UNMOVED = (
+    "law.J_hat_initial: zero moves no joint, so nothing is learned unless law.secondary or a noise "
+    "moves the arm; consider uniform"
+)
 # Share of the newest value in the reference of the acceleration, if J is learned.
 _SMOOTHED = 0.05
 
@@ -98,8 +103,8 @@ class Adaptive(Law):
         home: Posture at the start, shape (n,) [rad].
         task_size: Number of rows of J; of 6 rows the first three are rotation.
         jacobian: ``known`` reads J; ``learned`` learns it from ``position`` and ``p_WE``.
-        kappa: Gain of the feedback, at most one over the period [1/s]; 100 by default, less where
-            measurements have errors.
+        kappa: Gain of the feedback, at most one over the period [1/s]; 100 by default, or that
+            one, and less where measurements have errors or the jerk is bounded low.
         braking: Deceleration of the feedback [m/s^2].
         feedback_limit: Largest speed of the feedback [m/s].
         turn_braking: Deceleration of the feedback of the orientation [rad/s^2].
@@ -169,7 +174,10 @@ class Adaptive(Law):
         """Gain of the feedback, the one given or the one that suits the measurement [1/s]."""
         if self.kappa is not None:
             return self.kappa
-        return feedback_gain(self.measurement, self.jacobian == "learned")
+        gain = feedback_gain(self.measurement, self.jacobian == "learned")
+        if self.limits.jerk is None:
+            return gain
+        return min(gain, gain_within_jerk(float(np.min(self.limits.jerk)), self.braking))
 
     @property
     def seeks_manipulability(self) -> bool:
@@ -185,7 +193,8 @@ class Adaptive(Law):
         """
         learned = self.jacobian == "learned"
         suits = suited(self.measurement, period) if learned else EXACT
-        kappa = self._gain
+        # One that is not given takes back at most the whole error.
+        kappa = min(self._gain, 1.0 / period) if self.kappa is None else self.kappa
         if kappa * period > 1.0 + _ROUNDING:
             raise InvalidInputError(
                 f"law.kappa: may be at most {1.0 / period:.6g} /s at a period of {period:g} s, "
@@ -194,8 +203,8 @@ class Adaptive(Law):
         late = self.measurement.delay / period
         if abs(late - round(late)) > _ROUNDING * max(late, 1.0):
             raise InvalidInputError(
-                f"law.measurement.delay: must be a multiple of the period, {period:g} s, not "
-                f"{self.measurement.delay:g}"
+                f"law.measurement.delay, in a document sensing.delay: must be a multiple of the "
+                f"period, {period:g} s, not {self.measurement.delay:g}"
             )
         law = replace(
             self,
@@ -231,7 +240,11 @@ class Adaptive(Law):
         return self.task_size == 6
 
     def doubts(self, circumstances: Circumstances) -> list[str]:
-        """See `Law.doubts`; of the posture that the joints are pulled towards."""
+        """See `Law.doubts`; of the first J_hat, and of the posture that joints are pulled to."""
+        unmoved = [_UNMOVED] if self.jacobian == "learned" and self.J_hat_initial == "zero" else []
+        return unmoved + self._posture_doubts(circumstances)
+
+    def _posture_doubts(self, circumstances: Circumstances) -> list[str]:
         if not acts(self.secondary.posture):
             return []
         target = self.home if self.secondary.target is None else self.secondary.target
@@ -381,14 +394,17 @@ def _reached(limits: JointLimits, period: float) -> JointLimits:
     limits a trace inside of the true ones.
     """
     slack = np.minimum(_SLACK, (limits.position_upper - limits.position_lower) / 4.0)
-    known = unlimited_like(limits).replace(
-        position_lower=limits.position_lower + slack, position_upper=limits.position_upper - slack
+    acceleration = np.inf if limits.acceleration is None else limits.acceleration
+    known = limits.replace(
+        position_lower=limits.position_lower + slack,
+        position_upper=limits.position_upper - slack,
+        acceleration=acceleration,
     )
-    if limits.jerk is None or known.acceleration is None:
+    if limits.jerk is None:
         return known
     # How far a stop goes needs a finite acceleration: what the other limits leave of it.
     speed = np.minimum(limits.velocity, (limits.position_upper - limits.position_lower) / period)
-    most = np.minimum(np.minimum(known.acceleration, 2.0 * speed / period), _UNBOUNDED)
+    most = np.minimum(np.minimum(acceleration, 2.0 * speed / period), _UNBOUNDED)
     change = 2.0 * most / period
     if (limits.jerk >= change).all():
         return known.replace(jerk=None)

@@ -45,6 +45,8 @@ class Planar(Curve):
                 "offset: cannot be combined with centre, which also sets where the path starts; "
                 "give one of them"
             )
+        if not 0.0 <= self.cone < np.pi:
+            raise ValueError(f"cone: must be at least 0 and less than pi, not {self.cone:g}")
 
     @property
     def turns(self) -> bool:

@@ -32,8 +32,8 @@ def jerk_box(
 
     Between them lies the first acceleration of the fastest stop from now, and after any of them
     there is a stop within the limits, if there is one now. Where a position limit is close, the
-    chord between the largest acceleration and that of the stop gives the bound: how far a stop goes
-    is convex in its first acceleration.
+    chord between the largest acceleration and that of the stop gives the bound: between these two,
+    how far a joint gets is convex in its next acceleration.
 
     Args:
         q: Joint positions, shape (..., n) [rad].

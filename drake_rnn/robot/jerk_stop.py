@@ -110,7 +110,8 @@ def _short(x: Array, slow: Array) -> tuple[Array, Array]:
     square = xp.maximum(0.5 * x * x - 0.5 * x + 0.25 - slow, 0.0)
     guess = xp.maximum(xp.floor(x + xp.sqrt(square)), least)
     best, best_y, found = guess, xp.zeros_like(guess), guess < 0.0
-    # The guess is off by a step or two; the first that fits is taken.
+    # The guess is that of a stop in infinitely small steps; sums of whole ones are off by a step or
+    # two, tests find no more. The first that fits is taken.
     for step in sorted(range(-_OFF, _OFF + 1), key=abs):
         p = guess + step
         left = p * x - 0.5 * p * (p + 1.0) - slow

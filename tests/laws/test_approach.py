@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_rnn.laws.parts.approach import approach
+from drake_rnn.laws.parts.approach import approach, gain_within_jerk
 
 KAPPA, BRAKING, LIMIT = 100.0, 0.05, 0.1
 
@@ -58,3 +58,10 @@ def test_one_robot_and_many_are_the_same():
     many = approach(errors, KAPPA, BRAKING, LIMIT)
     for error, found in zip(errors, many, strict=True):
         np.testing.assert_allclose(found, approach(error, KAPPA, BRAKING, LIMIT), rtol=1e-14)
+
+
+def test_a_bounded_jerk_bounds_the_gain():
+    """Half a metre from a joint, 20 rad/s^3 are 10 m/s^3: those of 100 /s and 0.05 m/s^2."""
+    assert gain_within_jerk(20.0, 0.05) == pytest.approx(100.0)
+    assert gain_within_jerk(5.0, 0.05) == pytest.approx(25.0)
+    assert gain_within_jerk(20.0, 0.1) == pytest.approx(50.0)

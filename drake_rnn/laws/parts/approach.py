@@ -11,6 +11,11 @@ from typing import Any
 from ...arrays.algebra import dot, functions_of, is_one, root
 from ...inputs.fields import Array
 
+# Errors below this have no direction worth the name [m or rad].
+_TINY = 1e-12
+# Way of the end effector for each radian of a joint, of an arm of usual size [m].
+_REACH = 0.5
+
 
 def approach(error: Array, gain: Any, deceleration: Any, limit: Any) -> Array:
     """Return the velocity that reduces an error, shape (..., m).
@@ -35,5 +40,15 @@ def approach(error: Array, gain: Any, deceleration: Any, limit: Any) -> Array:
     return error * xp.where(far, speed / way, gain)
 
 
-# Errors below this have no direction worth the name [m or rad].
-_TINY = 1e-12
+def gain_within_jerk(jerk: float, deceleration: float) -> float:
+    """Return the largest gain whose changes of speed joints with bounded jerk can follow [1/s].
+
+    Where the speed begins to fall in proportion to the error, which is 2 a / kappa^2 then, it has
+    the second derivative kappa^3 |e| = 2 a kappa. A gain that asks for more leads beyond the target
+    and back, without end.
+
+    Args:
+        jerk: Largest jerk of the joints [rad/s^3].
+        deceleration: Deceleration a at the end of the way [m/s^2].
+    """
+    return _REACH * jerk / (2.0 * deceleration)

@@ -19,8 +19,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from ...arrays.algebra import clipped, functions_of
 from ...inputs.fields import Array
 from ...robot.jerk_stop import gained, gaining
@@ -123,8 +121,3 @@ def _signed(of: Any, x: Array) -> Any:
     """Return an odd function, which is given for what is positive."""
     xp = functions_of(x)
     return xp.sign(x) * of(xp.abs(x))
-
-
-def unlimited_like(limits: JointLimits) -> JointLimits:
-    """Return limits whose acceleration is infinite if none is known."""
-    return limits if limits.acceleration is not None else limits.replace(acceleration=np.inf)

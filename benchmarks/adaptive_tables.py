@@ -22,7 +22,7 @@ from markdown_table import head, row
 ERROR, TURN, SETTLES = "position_error_max_m", "orientation_error_max_rad", "settling_time_s"
 EXCESS = {
     "a": "acceleration_violation_max_rad_s2",
-    "j": "jerk_violation_max_rad_s3",
+    "j": "held_jerk_violation_max_rad_s3",
 }
 #: Bounds of the jerk [rad/s^3], and the gain of the feedback that a learned Jacobian is given.
 JERKS = {100.0: 100.0, 20.0: 30.0, 5.0: 30.0}

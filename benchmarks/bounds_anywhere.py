@@ -20,7 +20,12 @@ from markdown_table import head, row
 
 #: Largest errors in the window of a row that has arrived [m, rad].
 ARRIVED = {"position_error_max_m": 100e-6, "orientation_error_max_rad": 1e-3}
-BOUNDS = {"position": "rad", "velocity": "rad_s", "acceleration": "rad_s2", "jerk": "rad_s3"}
+BOUNDS = {
+    "position": "rad",
+    "velocity": "rad_s",
+    "acceleration": "rad_s2",
+    "held_jerk": "rad_s3",
+}
 #: Words of a warning before a run, by what it foresees; the first that applies counts.
 CLASSES = {
     "the target is out of reach": "out of reach",
@@ -80,7 +85,7 @@ def tell_bounds(lines: list[Line]) -> None:
     for name, unit in BOUNDS.items():
         column = f"{name}_violation_max_{unit}"
         found = np.array([float(line[column]) for line in lines if line[column]])
-        row(name, found.size, int((found > 1e-9).sum()), f"{found.max():.2g}")
+        row(name.removeprefix("held_"), found.size, int((found > 1e-9).sum()), f"{found.max():.2g}")
 
 
 def tell_paths(lines: list[Line]) -> None:

@@ -11,7 +11,7 @@ VIOLATIONS = (
     "position_violation_max_rad",
     "velocity_violation_max_rad_s",
     "acceleration_violation_max_rad_s2",
-    "jerk_violation_max_rad_s3",
+    "held_jerk_violation_max_rad_s3",
 )
 
 

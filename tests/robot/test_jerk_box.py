@@ -6,6 +6,7 @@ from jerk_helpers import joints, one
 
 from drake_rnn import InvalidInputError, JointLimits
 from drake_rnn.robot.jerk_box import JerkLimits, jerk_box
+from drake_rnn.robot.jerk_stop import stop
 
 PERIODS = (1e-3, 4e-3, 1e-2)
 #: Ways to wish for accelerations, of joints side by side.
@@ -233,3 +234,19 @@ def test_the_box_of_velocities_of_joints_without_limits():
     lower, upper = known.held_velocity_box(np.zeros(2), np.ones(2), 0.1)
     np.testing.assert_allclose(lower, [0.8, -np.inf])
     np.testing.assert_allclose(upper, [1.2, np.inf])
+
+
+def test_between_the_stop_and_the_largest_acceleration_the_way_is_convex():
+    """So the chord between them is never too low a bound: second differences, to rounding."""
+    rng, h, count = np.random.default_rng(7), 1e-3, 20_000
+    most, jerk = 10.0 ** rng.uniform(-0.3, 1.0, count), 10.0 ** rng.uniform(0.5, 3.0, count)
+    v, a = rng.uniform(-2.0, 2.0, count), most * rng.uniform(-1.0, 1.0, count)
+    least = stop(np.zeros(count), v, a, most, jerk, h).first
+    upper = np.maximum(np.minimum(most, a + jerk * h), least)
+    ways = []
+    for share in np.linspace(0.0, 1.0, 9):
+        b = least + share * (upper - least)
+        w = v + h * b
+        ways.append(stop(h * w, w, b, most, jerk, h).highest)
+    # Rounding: of ways of up to 10 m, eight digits beyond what a position shows.
+    assert np.diff(ways, n=2, axis=0).min() > -1e-13 * np.max(ways)

@@ -114,9 +114,11 @@ def jerk_table() -> None:
     ]
     learned = f"learned, {len(SEEDS)} seeds: median / worst"
     for (jerk, kappa), found in zip(JERKS.items(), in_turn(*cases), strict=True):
-        known = simulate(load_experiment("adaptive_jerk", {"limits.jerk": jerk})).metrics
+        experiment = load_experiment("adaptive_jerk", {"limits.jerk": jerk})
+        known, chosen = simulate(experiment).metrics, experiment.law.loop_gains["kappa"]
         figures = (f"{known[ERROR] / MICRO:.2g}", f"{known[SETTLES]:.3f}")
-        row(f"{jerk:g}", "known", "100", *figures, *(excess(known, name) for name in EXCESS))
+        beyond = (excess(known, name) for name in EXCESS)
+        row(f"{jerk:g}", "known", f"{chosen:g}", *figures, *beyond)
         figures = (spread(found[ERROR]), spread(found[SETTLES], 1.0))
         beyond = (excess(found, name) for name in EXCESS)
         row(f"{jerk:g}", learned, f"{kappa:g}", *figures, *beyond)

@@ -305,7 +305,7 @@ class AdaptiveReading(SampledReading):
         law = self.law
         m, n = law.task_size, law.limits.size
         if law.jacobian == "known":
-            return MiddleJacobian(m, n)
+            return MiddleJacobian(m, n, self.late)
         return LearnedJacobian(m, n, self.samples, law.wander, law.variance, law.J_hat_initial)
 
     @cached_property

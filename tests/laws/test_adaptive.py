@@ -45,7 +45,7 @@ def test_halving_the_period_takes_the_error_to_an_eighth(monkeypatch):
     np.testing.assert_allclose(middle[:-1] / middle[1:], 8.0, rtol=0.05)
 
     def at_the_beginning(self, kept, u, period):
-        return u["J"], {"J_before": u["J"]}
+        return u["J"], {"J_before": u["J"][None]}
 
     monkeypatch.setattr(MiddleJacobian, "advanced", at_the_beginning)
     beginning = order_of_error((16e-3, 8e-3, 4e-3))

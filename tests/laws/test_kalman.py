@@ -148,14 +148,19 @@ def test_how_it_begins(kinematics):
         LearnedJacobian(3, N, 1, 1.0, R, "exact").start(rng, u)
 
 
-def test_the_known_jacobian_is_that_in_the_middle_of_the_next_sample(kinematics):
-    """Halving the period quarters the error of the extrapolation; that of the last J it halves."""
+@pytest.mark.parametrize("late", [0, 1, 4])
+def test_the_known_jacobian_is_that_in_the_middle_of_the_next_sample(kinematics, late):
+    """Halving the period quarters the error of the extrapolation; that of the last J it halves.
+
+    However late the posture is that J is of.
+    """
     q, v = np.array([0.0, 0.3, 0.1, -1.8, 0.2, 2.0, 0.5]), np.linspace(-1, 1, N)
-    source, errors, last = MiddleJacobian(3, N), [], []
-    for h in (4e-3, 2e-3):
-        before, now, middle = (kinematics.J(q + s * h * v) for s in (-1.0, 0.0, 0.5))
-        J, kept = source.advanced({"J_before": before}, {"J": now}, h)
-        np.testing.assert_array_equal(kept["J_before"], now)
+    source, errors, last = MiddleJacobian(3, N, late), [], []
+    for h in (2e-3, 1e-3):
+        now, middle = (kinematics.J(q + s * h * v) for s in (-late, 0.5))
+        rows = [kinematics.J(q - s * h * v) for s in range(late + 1, late + 1 + max(late, 1))]
+        J, kept = source.advanced({"J_before": np.array(rows)}, {"J": now}, h)
+        np.testing.assert_array_equal(kept["J_before"], [now, *rows[:-1]])
         errors.append(np.abs(J - middle).max())
         last.append(np.abs(now - middle).max())
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05)

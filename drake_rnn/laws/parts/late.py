@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...arrays.algebra import functions_of
 from ...inputs.fields import Array
 from ..layout import Signals
+from .newest import pushed
 
 Kept = dict[str, Array]
 
@@ -46,5 +46,4 @@ class Late:
         if not self.samples:
             return None, {}
         rows = kept["q_late"]
-        newer = functions_of(q).concatenate((q[..., None, :], rows[..., :-1, :]), axis=-2)
-        return q - rows[..., -1, :], {"q_late": newer}
+        return q - rows[..., -1, :], {"q_late": pushed(rows, q, -2)}

@@ -7,12 +7,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...arrays.algebra import functions_of, joined
+from ...arrays.algebra import joined
 from ...errors import InvalidInputError
 from ...inputs.fields import Array
 from ...robot.rotation import rotation_error
 from ..layout import Signals
 from .kalman import kalman_update
+from .newest import pushed
 
 
 @dataclass(frozen=True)
@@ -82,20 +83,16 @@ class LearnedJacobian:
         q, p = u["position"], u["p_WE"]
         w = (q - kept["q_before"][..., -1, :]) / over
         y = (p - kept["p_before"][..., -1, :]) / over
-        found = {"q_before": _pushed(kept["q_before"], q), "p_before": _pushed(kept["p_before"], p)}
+        found = {
+            "q_before": pushed(kept["q_before"], q, -2),
+            "p_before": pushed(kept["p_before"], p, -2),
+        }
         if self.task_size == 6:
             R = u["R_WE"]
             turned = rotation_error(kept["R_before"][..., -1, :, :], R) / over
             y = joined((turned, y))
-            found["R_before"] = _pushed(kept["R_before"], R, axis=-3)
+            found["R_before"] = pushed(kept["R_before"], R, -3)
         found["J_hat"], found["covariance"] = kalman_update(
             kept["J_hat"], kept["covariance"], w, y, self.wander * period, self.variance
         )
         return found["J_hat"], found
-
-
-def _pushed(rows: Array, newest: Array, axis: int = -2) -> Array:
-    """Return the last values along an axis, newest first, with one more and the oldest dropped."""
-    xp = functions_of(newest)
-    kept = rows[..., :-1, :] if axis == -2 else rows[..., :-1, :, :]
-    return xp.concatenate((xp.expand_dims(newest, axis), kept), axis=axis)

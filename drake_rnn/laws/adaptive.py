@@ -177,7 +177,9 @@ class Adaptive(Law):
         gain = feedback_gain(self.measurement, self.jacobian == "learned")
         if self.limits.jerk is None:
             return gain
-        return min(gain, gain_within_jerk(float(np.min(self.limits.jerk)), self.braking))
+        turn_braking = self.turn_braking if self.turns else None
+        jerk = float(np.min(self.limits.jerk))
+        return min(gain, gain_within_jerk(jerk, self.braking, turn_braking))
 
     @property
     def seeks_manipulability(self) -> bool:

@@ -62,6 +62,9 @@ def test_one_robot_and_many_are_the_same():
 
 def test_a_bounded_jerk_bounds_the_gain():
     """Half a metre from a joint, 20 rad/s^3 are 10 m/s^3: those of 100 /s and 0.05 m/s^2."""
-    assert gain_within_jerk(20.0, 0.05) == pytest.approx(100.0)
-    assert gain_within_jerk(5.0, 0.05) == pytest.approx(25.0)
-    assert gain_within_jerk(20.0, 0.1) == pytest.approx(50.0)
+    assert gain_within_jerk(20.0, 0.05, None) == pytest.approx(100.0)
+    assert gain_within_jerk(5.0, 0.05, None) == pytest.approx(25.0)
+    assert gain_within_jerk(20.0, 0.1, None) == pytest.approx(50.0)
+    # An orientation turns with its joints, rad by rad, and brakes five times as hard.
+    assert gain_within_jerk(20.0, 0.05, 0.25) == pytest.approx(40.0)
+    assert gain_within_jerk(20.0, 0.05, 0.01) == pytest.approx(100.0)

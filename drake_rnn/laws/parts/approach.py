@@ -13,8 +13,8 @@ from ...inputs.fields import Array
 
 # Errors below this have no direction worth the name [m or rad].
 _TINY = 1e-12
-# Way of the end effector for each radian of a joint, of an arm of usual size [m].
-_REACH = 0.5
+# Way of the end effector for each radian of a joint, of an arm of usual size [m], and its turn.
+_REACH, _TURN = 0.5, 1.0
 
 
 def approach(error: Array, gain: Any, deceleration: Any, limit: Any) -> Array:
@@ -40,7 +40,7 @@ def approach(error: Array, gain: Any, deceleration: Any, limit: Any) -> Array:
     return error * xp.where(far, speed / way, gain)
 
 
-def gain_within_jerk(jerk: float, deceleration: float) -> float:
+def gain_within_jerk(jerk: float, deceleration: float, turn_deceleration: float | None) -> float:
     """Return the largest gain whose changes of speed joints with bounded jerk can follow [1/s].
 
     Where the speed begins to fall in proportion to the error, which is 2 a / kappa^2 then, it has
@@ -50,5 +50,9 @@ def gain_within_jerk(jerk: float, deceleration: float) -> float:
     Args:
         jerk: Largest jerk of the joints [rad/s^3].
         deceleration: Deceleration a at the end of the way [m/s^2].
+        turn_deceleration: That of the orientation [rad/s^2]; None if it is left free.
     """
-    return _REACH * jerk / (2.0 * deceleration)
+    gain = _REACH * jerk / (2.0 * deceleration)
+    return (
+        gain if turn_deceleration is None else min(gain, _TURN * jerk / (2.0 * turn_deceleration))
+    )

@@ -220,6 +220,7 @@ def test_a_jerk_that_no_period_reaches_is_no_bound():
     assert "a" in reading.state
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "known", [{"jerk": 20.0}, {"jerk": 20.0, "acceleration": np.inf}, {"jerk": np.inf}, {}]
 )

@@ -382,6 +382,7 @@ def integrate(experiment):
     return y[:n]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("changes", "least", "most"), [({}, 0.0, 4e-8), ({"law.composite_gain": 0.0}, 0.09, 0.1)]
 )
@@ -396,6 +397,7 @@ def test_a_composite_error_recovers_an_offset_of_a_tenth_of_a_metre(changes, lea
     assert broken(found, 1e-9) == {}
 
 
+@pytest.mark.long
 def test_naljdf_beats_galjdf_a_thousandfold_on_the_iiwa():
     errors = [run(f"{s}_clover_iiwa").metrics["position_error_max_m"] for s in ("galjdf", "naljdf")]
     assert errors[0] > 1000 * errors[1]

@@ -185,6 +185,7 @@ def test_a_law_that_learns_learns_from_what_a_camera_sees():
         np.testing.assert_allclose(x["J_hat"][k + 1], expected, atol=1e-12)
 
 
+@pytest.mark.long
 def test_noise_of_a_camera_spoils_what_is_learned():
     """It is in v_WE alone; noise of joints would be in both sides of v_WE = J v.
 

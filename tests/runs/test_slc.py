@@ -104,6 +104,7 @@ def assert_it_is_faster(got):
     assert got["settling_time_s"] <= 2.6
 
 
+@pytest.mark.long
 def test_gains_for_precision_hold_every_bound_and_join_the_path():
     """The feedback must be bounded: with it as fast as it likes, the arm cycles for ever."""
     short = {"duration": 6, "window": [4, 6], "accept": {}}
@@ -249,6 +250,7 @@ class TestAsPrinted:
         assert metrics("slc_nephroid_printed", **more)["position_error_max_m"] > 50e-3
 
 
+@pytest.mark.long
 def test_without_excitation_it_does_not_learn():
     """Theorem 1's proof needs the noise: without any, J_hat is right along the motion alone."""
     got = metrics("slc_nephroid", dither=None, period=1e-3)
@@ -313,6 +315,7 @@ def test_with_bounded_feedback_the_same_arm_follows():
     assert got["position_error_max_m"] < 1e-3
 
 
+@pytest.mark.long
 def test_with_motors_the_arm_is_off_its_limits_by_no_more_than_off_its_command():
     """What holds is the command's limit; 1e-6 rad: motors that settle."""
     got = metrics("slc_nephroid_known", **FAR, level="dynamic", feedback="commanded")

@@ -33,6 +33,7 @@ tables: $(VENV)/installed
 	$(BIN)/python benchmarks/recursive_tables.py
 	$(BIN)/python benchmarks/motion_force_tables.py
 	$(BIN)/python benchmarks/simultaneous_learning_tables.py
+	$(BIN)/python benchmarks/adaptive_tables.py
 
 cross: $(VENV)/installed
 	$(BIN)/python benchmarks/cross.py > docs/cross.md

@@ -11,15 +11,16 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest, require_type, short
 from ..inputs.dataclass_fields import field_names
+from ..laws import Law
 from ..robot.task import TASKS
 from ..systems.body import Body, Feedback
 from ..systems.controllers import Controller
 from ..systems.dither import DitherSettings
 from ..systems.joint_reference import JointReference
-from ..systems.joint_sensor import SensingSettings
 from ..systems.kinematics import Kinematics
 from ..systems.moving_average import MovingAverage
 from ..systems.path_source import PathSource
+from ..systems.sensing_settings import SensingSettings
 from .wiring import Ports
 
 
@@ -68,10 +69,27 @@ def check_parts(
     require_type("sensing", sensing, SensingSettings, NoneType)
     _require_joints(controller, body)
     body.check_loop(controller.period, feedback, sensed=sensing is not None)
+    check_sensing(sensing, controller.law)
     body.check_task(task)
     body.check_period(controller.period)
     check_filter(filter is not None, feedback, dither)
     _require_same_period(controller, filter)
+
+
+def check_sensing(sensing: SensingSettings | None, law: Law) -> None:
+    """Raise an InvalidInputError if a law needs ``v_WE`` where a sensor measures poses alone.
+
+    Args:
+        sensing: Measurement of the arm that the law sees; None for an ideal one.
+        law: The law.
+    """
+    if sensing is None or not sensing.from_outside or sensing.secant_samples:
+        return
+    if "v_WE" in law.inputs:
+        raise InvalidInputError(
+            "sensing.secant_samples: must be at least 1 with p_WE_noise or R_WE_noise, because "
+            f"{type(law).__name__} sees v_WE, which is a difference of measured positions then"
+        )
 
 
 # What the loop itself sees of a contact, beside the law.

@@ -20,10 +20,12 @@ from ..systems.dynamics import DYNAMICS_SIGNALS, Dynamics
 from ..systems.force_sensor import ForceSensor
 from ..systems.force_watch import ForceWatch
 from ..systems.ideal_arm import IdealArm
-from ..systems.joint_sensor import JointSensor, SensingSettings
+from ..systems.joint_sensor import JointSensor
 from ..systems.kinematics import Kinematics
 from ..systems.moving_average import MovingAverage
 from ..systems.normal_force import NormalForce
+from ..systems.pose_sensor import PoseSensor
+from ..systems.sensing_settings import SensingSettings
 from .checks import check_arguments, check_offers, check_parts, given_signals
 from .wiring import Ports, Wiring, ports_of
 
@@ -44,7 +46,8 @@ class Loop:
         arm: The body.
         filter: Filter between the command and the arm, or None.
         virtual_arm: Arm that the law sees with ``feedback: unfiltered``; None otherwise.
-        joint_sensor: Sensor of the joints that the law sees, or None.
+        measured: Output ports of what sensors say of joints and end effector, by name; empty
+            without ``sensing``.
         forces: Output ports of the forces on the tool, by name: ``contact_force``, ``tool_force``
             and ``normal_force``; empty without a contact.
         systems: All added systems, by name without the prefix.
@@ -56,7 +59,7 @@ class Loop:
     arm: Body
     filter: MovingAverage | None
     virtual_arm: Body | None
-    joint_sensor: JointSensor | None
+    measured: Mapping[str, OutputPort]
     forces: Mapping[str, OutputPort]
     systems: Mapping[str, System]
 
@@ -98,7 +101,7 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
             body repeats the virtual arm's motion with that delay. By default the body's own
             ``default_feedback``, and ``measured`` with ``sensing``.
         sensing: Imperfections of the measured joints, and of all kinematics that follow from
-            them; None for the true joints.
+            them, or of a pose that is measured from outside; None for the true joints.
         signals: Output ports in ``builder`` that replace, by name, those offered here.
         seed: Seed of dither and sensors.
         prefix: Prefix of the systems' names, for several loops in one diagram.
@@ -129,10 +132,11 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
             command = filter.get_output_port()
     velocity = _add_dither(wiring, dither, command, seed)
     _move(wiring, seen, velocity.moved)
-    sensor = _add_joint_sensor(wiring, body, sensing, controller.period, seed)
-    position, measured, shown = _joints_seen(seen, velocity, feedback, sensor)
+    joints = _add_joint_sensor(wiring, body, sensing, controller.period, seed)
+    pose = _add_pose_sensor(wiring, body, task, sensing, controller.period, seed)
+    position, measured, shown = _joints_seen(seen, velocity, feedback, joints)
     offered = {"position": position, "velocity": shown}
-    offered |= _evaluate(wiring, seen.kinematics, position, measured)
+    offered |= _evaluate(wiring, seen.kinematics, position, measured) | pose
     if reference is not None:
         offered |= ports_of(reference)
     if controller.reading.inputs.parts.keys() & set(DYNAMICS_SIGNALS):
@@ -151,7 +155,7 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
     check_offers(controller, offered, seen.kinematics, task)
     for name in controller.reading.inputs.parts:
         wiring.connect(offered[name], controller.GetInputPort(name))
-    return Loop(controller, *moved, filter, virtual, sensor, forces, wiring.systems)
+    return Loop(controller, *moved, filter, virtual, joints | pose, forces, wiring.systems)
 
 
 class _Moved(NamedTuple):
@@ -234,23 +238,40 @@ def _add_joint_sensor(
     sensing: SensingSettings | None,
     period: float | None,
     seed: int,
-) -> JointSensor | None:
+) -> Ports:
+    """Return what a sensor of the body's joints says; nothing without one."""
     if sensing is None or period is None:
-        return None
+        return {}
     sensor = JointSensor(sensing, body.arm, body.start, period, seed)
     wiring.add("joint_sensor", sensor)
     for name in ("position", "velocity"):
         wiring.connect(body.GetOutputPort(name), sensor.GetInputPort(f"{name}_true"))
-    return sensor
+    return ports_of(sensor)
+
+
+def _add_pose_sensor(
+    wiring: Wiring,
+    body: Body,
+    task: str,
+    sensing: SensingSettings | None,
+    period: float | None,
+    seed: int,
+) -> Ports:
+    """Return what a sensor of the true arm's pose says; nothing without one."""
+    if sensing is None or period is None or not sensing.from_outside:
+        return {}
+    sensor = PoseSensor(sensing, body.kinematics, task, body.start, period, seed)
+    wiring.add("pose_sensor", sensor)
+    wiring.connect(body.GetOutputPort("position"), sensor.GetInputPort("position_true"))
+    return ports_of(sensor)
 
 
 def _joints_seen(
-    seen: _Moved, velocity: _Velocity, feedback: Feedback, sensor: JointSensor | None
+    seen: _Moved, velocity: _Velocity, feedback: Feedback, joints: Ports
 ) -> tuple[OutputPort, OutputPort, OutputPort]:
     """Return joint position, velocity that ``v_WE`` is computed from, velocity the law sees."""
-    if sensor is not None:
-        measured = sensor.GetOutputPort("velocity")
-        return sensor.GetOutputPort("position"), measured, measured
+    if joints:
+        return joints["position"], joints["velocity"], joints["velocity"]
     if feedback == "measured":
         measured = seen.body.GetOutputPort("velocity")
         return seen.body.GetOutputPort("position"), measured, measured

@@ -29,6 +29,7 @@ from .figures import figure, write_figures
 from .inputs.fields import Array, Finite, NonNegative, Positive, Vector, validated
 from .laws import (
     LAWS,
+    Adaptive,
     Circumstances,
     ContinuousLaw,
     ContinuousReading,
@@ -49,7 +50,9 @@ from .laws import (
     StateAdjustment,
 )
 from .laws.parts.contact_loss import ContactLoss
+from .laws.parts.measurement import Measurement
 from .laws.parts.online_stiffness import OnlineStiffness
+from .laws.parts.secondary import Secondary
 from .laws.parts.warm_up import WarmUp
 from .many import Many, run_many, why_not
 from .measures import METRICS
@@ -127,6 +130,7 @@ __all__ = [
     "METRICS",
     "PATHS",
     "TASKS",
+    "Adaptive",
     "AddLoop",
     "Arm",
     "ArmDescription",
@@ -177,6 +181,7 @@ __all__ = [
     "LinkErrors",
     "Loop",
     "Many",
+    "Measurement",
     "ModelSurface",
     "MotionForce",
     "MovingAverage",
@@ -206,6 +211,7 @@ __all__ = [
     "SampledLaw",
     "SampledReading",
     "Screws",
+    "Secondary",
     "SelfMotion",
     "SensingSettings",
     "SensorSettings",

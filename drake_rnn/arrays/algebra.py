@@ -23,6 +23,9 @@ Product = Callable[[AnyArray], AnyArray]
 _ndarray, _minimum, _maximum, _concatenate = np.ndarray, np.minimum, np.maximum, np.concatenate
 _solve = np.linalg.solve
 
+# Share of its trace that is more than what rounding takes from a matrix.
+_ROUNDING = 1e-15
+
 
 def is_one(vector: AnyArray) -> bool:
     """Return whether a vector, shape (..., n), is that of one robot and NumPy's.
@@ -108,6 +111,40 @@ def solved(A: AnyArray, B: AnyArray) -> AnyArray:
 def solved_for(A: AnyArray, b: AnyArray) -> AnyArray:
     """Return x with A x = b, of a matrix, shape (..., m, m), and a vector, shape (..., m)."""
     return solved(A, b) if is_one(b) else solved(A, b[..., None])[..., 0]
+
+
+def solved_regular(A: AnyArray, b: AnyArray) -> AnyArray:
+    """Return x with A x = b, as `solved_for` does, of a symmetric and positive definite matrix.
+
+    One that rounding has made singular, in NumPy, is solved with a trace of it more.
+    """
+    if type(b) is not _ndarray:
+        return solved_for(A, b)
+    if b.shape != (3,) or A.ndim != 2:
+        try:
+            return solved_for(A, b)
+        except np.linalg.LinAlgError:
+            # Robot by robot: others of a batch keep their bits.
+            rows = zip(A.reshape(-1, *A.shape[-2:]), b.reshape(-1, b.shape[-1]), strict=True)
+            return np.reshape([_solved_singular(each, of) for each, of in rows], b.shape)
+    # Plain floats: LAPACK's answer for three rows would come four times as late.
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = A.tolist()
+    bx, by, bz = b.tolist()
+    least = _ROUNDING * (xx + yy + zz)
+    f, g = xy / xx, xz / xx
+    yy, yz, zz, by, bz = yy - f * xy, yz - f * xz, zz - g * xz, by - f * bx, bz - g * bx
+    yy = max(yy, least)
+    f = yz / yy
+    z = (bz - f * by) / max(zz - f * yz, least)
+    y = (by - yz * z) / yy
+    return np.array(((bx - xy * y - xz * z) / xx, y, z))
+
+
+def _solved_singular(A: AnyArray, b: AnyArray) -> AnyArray:
+    try:
+        return _solve(A, b)
+    except np.linalg.LinAlgError:
+        return _solve(A + _ROUNDING * np.trace(A) * np.eye(b.size), b)
 
 
 def outer(a: AnyArray, b: AnyArray) -> AnyArray:

@@ -12,11 +12,12 @@ from pydantic import Field
 
 from ..diagrams import CAMPAIGNS
 from ..errors import InvalidInputError
+from ..experiment import require_none_lost
 from ..inputs.complaints import nearest, require_type
 from ..inputs.documents import construct, read_yaml
 from ..inputs.fields import Count, Seed, validated
 from ..measures import METRIC_NAMES
-from .variation import Axis, Distribution, require_none_lost, variation_of
+from .variation import Axis, Distribution, variation_of
 
 _Share = Annotated[float, Field(strict=True, gt=0, lt=1)]
 #: Rows of a campaign; each is a file while it is run.

@@ -11,14 +11,22 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInputError
-from ..experiment import Arms, Checked, Described, QuickCheck, load_experiment, read_document
+from ..experiment import (
+    Arms,
+    Checked,
+    Described,
+    QuickCheck,
+    load_experiment,
+    read_document,
+    require_none_lost,
+)
 from ..inputs.complaints import plain
 from ..many.why_not import why_not_arm, why_not_law
 from ..runs.effort import effort_of, require_effort
 from .document import CampaignDocument
 from .fingerprint import forget_files, row_key, stamp, surroundings
 from .outcome import Method, Order
-from .variation import Distribution, require_none_lost
+from .variation import Distribution
 
 
 @dataclass(frozen=True)

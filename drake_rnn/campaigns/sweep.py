@@ -14,7 +14,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import DrakeRnnError, InvalidInputError
-from ..experiment import Arms, Described, Experiment, load_experiment, read_document
+from ..experiment import (
+    Arms,
+    Described,
+    Experiment,
+    load_experiment,
+    read_document,
+    require_none_lost,
+)
 from ..inputs.complaints import require_type, short
 from ..inputs.documents import parse_yaml
 from ..inputs.fields import Array
@@ -26,7 +33,6 @@ from .outcome import Order, Outcome
 from .perform import simulate_each
 from .plan import order_of, shared_document
 from .store import RowStore
-from .variation import require_none_lost
 from .workers import Processes, ThisProcess
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from math import ceil
+from typing import Any
 
 from .outcome import Order
 
@@ -23,7 +25,8 @@ def tasks_of(orders: Sequence[Order], slots: int, batch: int | None = None) -> l
     """
     if batch is not None:
         return _cut(list(orders), batch)
-    together = [order for order in orders if order.method == "batch"]
+    # Robots run side by side with those of their kind: a batch of many kinds is many small ones.
+    together = sorted((order for order in orders if order.method == "batch"), key=_kind)
     size = 1
     if together:
         wanted = min(_STEPS / max(map(_steps, together)), len(together) / slots)
@@ -34,6 +37,22 @@ def tasks_of(orders: Sequence[Order], slots: int, batch: int | None = None) -> l
 
 def _cut(orders: list[Order], size: int) -> list[list[Order]]:
     return [orders[k : k + size] for k in range(0, len(orders), size)]
+
+
+def _kind(order: Order) -> str:
+    """Return what a batch asks of robots that run side by side, as far as a document tells it."""
+    keys = ("arm", "task", "period", "duration", "law", "dither", "filter", "feedback")
+    known = {key: order.document.get(key) for key in keys}
+    return json.dumps(_without_numbers(known) | {"period": known["period"]}, sort_keys=True)
+
+
+def _without_numbers(value: Any) -> Any:
+    """Return plain data with 0.0 for each number that is not whole."""
+    if isinstance(value, Mapping):
+        return {str(key): _without_numbers(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_without_numbers(entry) for entry in value]
+    return 0.0 if isinstance(value, float) else value if isinstance(value, (str, int)) else None
 
 
 def _steps(order: Order) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, Literal
 
 import numpy as np
@@ -269,22 +269,3 @@ def _plain(value: Any) -> Any:
     if isinstance(plain, float) and not math.isfinite(plain):
         raise InvalidInputError("vary: drew a number that is not finite")
     return plain
-
-
-def require_none_lost(keys: Sequence[str], place: str) -> None:
-    """Refuse keys that are set one after the other if one replaces all that another is in.
-
-    Args:
-        keys: Dotted keys, in the order in which they are set.
-        place: What names them, for messages.
-
-    Raises:
-        InvalidInputError: If a key is set, and then what it is in.
-    """
-    for number, key in enumerate(keys):
-        for later in keys[number + 1 :]:
-            if key.startswith(f"{later}."):
-                raise InvalidInputError(
-                    f"{place}: {key} is lost, as {later}, which it is in, is set after it; leave "
-                    "one out"
-                )

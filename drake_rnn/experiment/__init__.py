@@ -1,15 +1,14 @@
 """An experiment: the document that describes it, and the objects made from it."""
 
 from .arms import Arms
+from .changes import parse_change, require_none_lost, set_key
 from .document import Acceptance, ExperimentDocument, IntegratorSettings
 from .expected_bounds import expected_bounds
 from .experiment import OUTSIDE, Experiment, make_experiment
 from .files import (
     Described,
     load_experiment,
-    parse_change,
     read_document,
-    set_key,
     shipped_experiments,
 )
 from .quick_check import Checked, QuickCheck
@@ -36,6 +35,7 @@ __all__ = [
     "make_experiment",
     "parse_change",
     "read_document",
+    "require_none_lost",
     "set_key",
     "shipped_experiments",
 ]

@@ -21,9 +21,9 @@ from ..systems.body import Feedback
 from ..systems.contact_reference import ForceProfile
 from ..systems.dither import DitherSettings
 from ..systems.force_sensor import SensorSettings
-from ..systems.joint_sensor import SensingSettings
 from ..systems.moving_average import FilterSettings
 from ..systems.plant_settings import PlantSettings
+from ..systems.sensing_settings import SensingSettings
 
 _LOG_PERIOD = 0.01
 # Of an integrator; a greater one controls nothing, and a smaller one is lost in rounding.
@@ -119,7 +119,8 @@ class ExperimentDocument:
         integrator: Integrator of the law's continuous reading; give either this or ``period``.
         start: Start posture, shape (n,) [rad]; by default the arm's home posture.
         on_unreachable: What to do if no self-motion leads to the target posture: ``refuse``, or
-            ``project`` the target to the nearest posture that can be reached.
+            ``project`` the target to the nearest posture that can be reached. What to do about a
+            path out of reach: ``refuse``, or ``follow`` it as far as law and limits let the arm.
         limits: Bounds that override the arm's, by the names of `drake_rnn.JointLimits`, one number
             for all joints or one per joint; or ``none`` for no limits at all.
         dither: Excitation of the joints.
@@ -155,7 +156,7 @@ class ExperimentDocument:
     period: _Period | None = None
     integrator: IntegratorSettings | None = None
     start: Vector | None = None
-    on_unreachable: Literal["refuse", "project"] = "refuse"
+    on_unreachable: Literal["refuse", "project", "follow"] = "refuse"
     limits: dict[str, Any] | Literal["none"] = Field(default_factory=dict)
     dither: DitherSettings | None = None
     filter: FilterSettings | None = None

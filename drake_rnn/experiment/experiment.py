@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from pydrake.trajectories import Trajectory
 
+from ..diagrams import check_sensing
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest
 from ..inputs.dataclass_fields import field_names
@@ -151,6 +152,7 @@ def make_experiment(
     start = start_posture(arm, document.start, OUTSIDE if seeks_posture else 0.0)
     path = _path(document, seeks_posture, as_path(path), modules, arms)
     law = make_law(document, kind, arm.limits, start)
+    check_sensing(document.sensing, law)
     delay = filter_delay(document, feedback, arm.limits, law)
     warnings += doubts_of_path(path, document.duration)
     warnings += [*_outside(arm, start), *loop_delay_doubts(document, law, delay.loop)]
@@ -211,6 +213,7 @@ def _circumstances(
         path_turns=desired.turns,
         start_offset=offset,
         J=J,
+        task_J=lambda q: experiment.task.J(kinematics, q),
     )
 
 

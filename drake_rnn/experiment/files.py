@@ -10,12 +10,13 @@ from typing import Any
 
 from ..diagrams import EXPERIMENTS
 from ..errors import InvalidInputError
-from ..inputs.complaints import nearest, require_type, short
+from ..inputs.complaints import nearest, require_type
 from ..inputs.dataclass_fields import field_names, fields_of
-from ..inputs.documents import parse_yaml, read_yaml
+from ..inputs.documents import read_yaml
 from ..robot.limits_file import limits_beside
 from ..robot.load_arm import shipped_arms
 from .arms import Arms
+from .changes import checked_changes, set_key
 from .document import ExperimentDocument
 from .experiment import Experiment, make_experiment
 
@@ -91,29 +92,17 @@ def read_document(
         InvalidInputError: If there is no such experiment, the file is not a YAML mapping, or
             ``changes`` is not a mapping of dotted keys.
     """
-    changes = _checked(changes)
+    changes = checked_changes(changes)
     document, name = _contents(experiment)
     rivals = {key.split(".")[0] for key, value in changes.items() if value is not None}
     if {"period", "integrator"} <= rivals:
         raise InvalidInputError("period: cannot be combined with integrator; change one of them")
     for key, value in changes.items():
-        set_key(document, key, value)
+        # A copy: a later key may lead into a value that is the caller's.
+        set_key(document, key, deepcopy(value))
     _name_limits(document)
     _cut_short(document, changes)
     return {**document, "name": document.get("name") or name}
-
-
-def _checked(changes: Mapping[str, Any] | None) -> Mapping[str, Any]:
-    if changes is None:
-        return {}
-    if not isinstance(changes, Mapping) or not all(isinstance(key, str) for key in changes):
-        raise InvalidInputError(
-            f"changes: must be a mapping of dotted keys to values, not {short(changes)}"
-        )
-    for key in changes:
-        if not all(part.strip() for part in key.split(".")):
-            raise InvalidInputError(f"{key!r}: must be a dotted key, e.g. law.kappa")
-    return changes
 
 
 def _contents(experiment: Described) -> tuple[dict[str, Any], str]:
@@ -146,43 +135,6 @@ def _read(name: str) -> tuple[dict[str, Any], str]:
     # Names of models and CSV files are relative to the document's folder.
     _resolve_files(document, file.parent)
     return document, file.stem
-
-
-def parse_change(text: str) -> tuple[str, Any]:
-    """Return key and value of ``KEY=VALUE``; the value is parsed as YAML.
-
-    Raises:
-        InvalidInputError: If key, ``=`` or value is missing, or the value is not valid YAML.
-    """
-    key, equals, value = text.partition("=")
-    if not equals or not key.strip() or not value.strip():
-        raise InvalidInputError(
-            f"--set: must be KEY=VALUE, or KEY=null to remove a key, not {text!r}"
-        )
-    return key.strip(), parse_yaml(value, f"--set {key.strip()}")
-
-
-def set_key(document: dict[str, Any], key: str, value: Any) -> None:
-    """Set a dotted key of a document in place; None removes it.
-
-    Raises:
-        InvalidInputError: If the key leads into a value that has no keys.
-    """
-    *folders, last = key.split(".")
-    place = document
-    for depth, folder in enumerate(folders):
-        inner = place.setdefault(folder, {})
-        if not isinstance(inner, dict):
-            where = ".".join(folders[: depth + 1])
-            raise InvalidInputError(f"{key}: {where} is {inner!r}, which has no keys")
-        place = inner
-    if value is None:
-        place.pop(last, None)
-    else:
-        place[last] = value
-    rival = {"period": "integrator", "integrator": "period"}.get(key.split(".")[0])
-    if rival is not None and value is not None:
-        document.pop(rival, None)
 
 
 def _cut_short(document: dict[str, Any], changes: Mapping[str, Any]) -> None:

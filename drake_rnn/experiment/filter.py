@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, get_args
 
 from ..diagrams import check_filter
 from ..errors import InvalidInputError
 from ..laws import Law
 from ..robot.limits import JointLimits
 from ..systems.body import Feedback
-from ..systems.moving_average import averaged_limits, averaging_delay, averaging_windows
+from ..systems.moving_average import (
+    Kept,
+    averaged_limits,
+    averaging_delay,
+    averaging_windows,
+)
 from .document import ExperimentDocument
 
 
@@ -41,7 +46,9 @@ def filter_delay(
         raise InvalidInputError(
             "filter: needs a sampled law; give a period instead of an integrator"
         )
-    delay = averaging_delay(averaging_windows(limits, document.period), document.period)
+    _require_kept(settings.above, law)
+    windows = averaging_windows(limits, document.period, settings.above)
+    delay = averaging_delay(windows, document.period)
     if delay >= document.duration:
         raise InvalidInputError(
             f"filter: with these limits its delay is {delay:.4g} s; the duration must be longer "
@@ -58,6 +65,16 @@ def filter_delay(
             "filter.delay_desired: only for a law that sees p_WE_desired and v_WE_desired"
         )
     return FilterDelay(path=delay * settings.delay_desired, loop=delay)
+
+
+def _require_kept(above: Kept, law: Law) -> None:
+    """Raise an InvalidInputError if a filter relies on a limit that the law does not keep."""
+    able = [name for name in get_args(Kept) if name == "velocity" or name in law.keeps]
+    if above not in able:
+        raise InvalidInputError(
+            f"filter.above: the command of this law keeps no limit of the {above}; it may "
+            f"be {', '.join(able)}"
+        )
 
 
 def kept_limits(

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, get_args
+
+import numpy as np
 
 from ..errors import InvalidInputError
 from ..inputs.dataclass_fields import field_names
@@ -10,12 +13,21 @@ from ..inputs.documents import construct, without_kind
 from ..inputs.fields import Array
 from ..laws import Law
 from ..laws.checks import check_declared, continuous_reading, sampled_reading
+from ..laws.parts.measurement import Measurement
 from ..robot.limits import JointLimits
 from ..robot.task import TASKS
 from .document import ExperimentDocument
 
 #: Where those fields of a law come from that a document must not give.
-ORIGINS = {"limits": "arm and limits", "home": "start", "task_size": "task"}
+ORIGINS = {
+    "limits": "arm and limits",
+    "home": "start",
+    "task_size": "task",
+    "measurement": "sensing",
+}
+# Way of the end effector for each radian of a joint, of an arm of usual size, and that at which an
+# error of the orientation counts like one of the position [m].
+_REACH, _LEVER = 0.5, 0.3
 
 
 def make_law(
@@ -36,6 +48,7 @@ def make_law(
     """
     task = document.task
     known = {"limits": limits, "home": start, "task_size": TASKS[task].size}
+    known["measurement"] = _measurement(document)
     filled = {name: value for name, value in known.items() if name in field_names(kind)}
     for name in filled.keys() & document.law.keys():
         raise InvalidInputError(f"law.{name}: follows from {ORIGINS[name]}; leave it out")
@@ -52,6 +65,22 @@ def make_law(
             "dither: must be left out; this law does not learn, so there is nothing to excite"
         )
     return law
+
+
+def _measurement(document: ExperimentDocument) -> Measurement:
+    """Return the quality of what the law sees."""
+    sensing = document.sensing
+    if sensing is None:
+        return Measurement()
+    steps = 0.0 if sensing.resolution is None else float(np.max(sensing.resolution))
+    if sensing.encoder_bits is not None:
+        steps = 2.0 * math.pi / 2.0**sensing.encoder_bits
+    # A number rounded to steps is off by a twelfth of their square, on average.
+    joints = math.hypot(float(np.max(sensing.position_noise)), steps / math.sqrt(12.0))
+    turned = _LEVER * (sensing.R_WE_noise or 0.0) if document.task == "pose" else 0.0
+    error = math.hypot(sensing.p_WE_noise or 0.0, _REACH * joints, turned)
+    samples = sensing.secant_samples or None
+    return Measurement(error=error, delay=sensing.delay, secant_samples=samples)
 
 
 def _require_size(task: str, kind: Any) -> None:

@@ -158,11 +158,14 @@ def forecasts(experiment: Experiment) -> list[Forecast]:
     if reach.miss[worst] > MISS:
         first = int(np.argmax(reach.miss > MISS))
         place = ", ".join(f"{value:.4g}" for value in reach.desired[first])
-        raise InvalidInputError(
+        missed = (
             f"path: out of reach: {experiment.arm.name} misses the point ({place}) m, at "
             f"t = {reach.time[first]:.4g} s, by {reach.miss[first] * 1e3:.3g} mm; "
             f"the largest miss is {reach.miss[worst]:.3g} m at t = {reach.time[worst]:.4g} s"
         )
+        if experiment.document.on_unreachable == "follow":
+            return [Forecast(missed)]
+        raise InvalidInputError(missed)
     _require_torque(experiment, reach)
     places = [*_near_limits(experiment, reach), *_near_singular(reach)]
     return [*map(Forecast, places), *_beyond_bounds(experiment, reach)]

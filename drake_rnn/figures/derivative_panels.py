@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from ..inputs.fields import Array
+from ..measures.groups.higher import difference_time
 from ..robot.limits import DERIVATIVE_UNITS
 from ..runs.result import Result
 from .style import (
@@ -25,8 +26,6 @@ from .style import (
     time_axis,
 )
 
-#: Time over which higher derivatives are differences of the velocity [s], as in the metrics.
-_DIFFERENCE = 0.01
 #: Ratio of curves to their bound from which on the axis is logarithmic beyond the bound.
 _BEYOND = 10.0
 #: Ratio of a bound to the curves above which it is not drawn, as it would flatten them.
@@ -41,19 +40,25 @@ Signal = tuple[Array, Array]
 def derivatives_of_motion(result: Result) -> list[Signal]:
     """Return positions, velocities, and the second to fifth derivative.
 
-    The latter are differences of the velocity over 10 ms, or over the distance of the samples if
-    that is larger, and belong to the middle of that interval.
+    The latter are differences of the velocity over some 10 ms, or over the distance of the samples
+    if that is larger, and belong to the middle of that interval. Where the period of the law does
+    not divide that of the series, samples are unevenly far apart, so each difference is taken by
+    its own time.
     """
     position, velocity = result.series["position"], result.series["velocity"]
     found = [(result.time, position), (result.time, velocity)]
-    step = max(_DIFFERENCE, result.experiment.document.log_period)
-    time = np.arange(result.time[0], result.time[-1] + 1e-9, step)
-    at = np.minimum(np.searchsorted(result.time, time - 1e-9), result.time.size - 1)
-    for order in range(1, len(DERIVATIVE_UNITS)):
+    document = result.experiment.document
+    step = max(difference_time(document.period), document.log_period)
+    wanted = np.arange(result.time[0], result.time[-1] + 1e-9, step)
+    at = np.minimum(np.searchsorted(result.time, wanted - 1e-9), result.time.size - 1)
+    at = np.unique(at)
+    time, values = result.time[at], velocity[at]
+    for _ in range(1, len(DERIVATIVE_UNITS)):
         # A run that diverged may contain infinite values.
         with np.errstate(invalid="ignore", over="ignore"):
-            values = np.diff(velocity[at], n=order, axis=0) / step**order
-        found.append((time[: len(values)] + order * step / 2, values))
+            values = np.diff(values, axis=0) / np.diff(time)[:, None]
+        time = (time[1:] + time[:-1]) / 2.0
+        found.append((time, values))
     return found
 
 

@@ -281,13 +281,16 @@ def jacobian(result: Result) -> Figure:
     """Draw every entry of J and of J_hat: a column of panels for each, a row for each axis."""
     J, J_hat = result.series["J"], result.series["J_hat"]
     m = J.shape[1]
+    turns, moves = m - min(m, 3), min(m, 3)
+    rows = [f"$\\omega_{axis}$" for axis in "xyz"[:turns]] + list("xyz"[:moves])
+    units = ["1"] * turns + [unit("J")] * moves
     figure = Figure(figsize=(PAGE, 0.7 + 1.35 * m), layout="constrained")
     axes: Any = figure.subplots(m, 2, sharex=True, sharey=True, squeeze=False)
     for column, (values, name) in enumerate(((J, "$J$"), (J_hat, r"$\hat J$"))):
         for row in range(m):
             ax = axes[row, column]
             plot_joints(ax, result.time, values[:, row])
-            ax.set_ylabel(f"{'xyz'[row]} row of {name} [{unit('J')}]")
+            ax.set_ylabel(f"{rows[row]} row of {name} [{units[row]}]")
             if values is J_hat:
                 # The initial estimate may last for one sample only: it is marked.
                 for entry, colour in zip(J_hat[0, row], cycle(COLOURS), strict=False):

@@ -10,6 +10,7 @@ from typing import Any
 from pydantic.fields import FieldInfo
 
 from .complaints import plain
+from .dataclass_fields import fields_of
 
 # "    name, other: Meaning" of a docstring's Args; further lines are indented deeper.
 _ENTRY = re.compile(r"    (\w+(?:, \w+)*): (.*)")
@@ -73,6 +74,8 @@ def _written(value: Any) -> str:
         return "none"
     if isinstance(value, bool):
         return str(value).lower()
+    if parts := fields_of(value):
+        return "{" + ", ".join(f"{name}: {_written(part)}" for name, part in parts.items()) + "}"
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 

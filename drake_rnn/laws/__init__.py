@@ -1,6 +1,7 @@
 """Neural dynamics as functions of arrays, without Drake; one file per scheme."""
 
 from ..inputs.kinds import Kinds
+from .adaptive import Adaptive
 from .joint_drift_free import JointDriftFree
 from .law import (
     Circumstances,
@@ -27,6 +28,7 @@ LAWS: Kinds[Law] = Kinds(
     "law",
     Law,
     {
+        "adaptive": Adaptive,
         "joint_drift_free": JointDriftFree,
         "motion_force": MotionForce,
         "null_space_adjustment": NullSpaceAdjustment,
@@ -40,6 +42,7 @@ LAWS: Kinds[Law] = Kinds(
 
 __all__ = [
     "LAWS",
+    "Adaptive",
     "Circumstances",
     "ContinuousLaw",
     "ContinuousReading",

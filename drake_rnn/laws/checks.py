@@ -23,6 +23,8 @@ RECORDED = frozenset(
         *("acceleration", "acceleration_peak"),
         *("network_acceleration", "network_acceleration_peak"),
         *("p_WE", "v_WE", "p_WE_desired", "v_WE_desired", "J", "joint_error", "orientation_error"),
+        *("position_measured", "velocity_measured"),
+        *("p_WE_measured", "v_WE_measured", "R_WE_measured"),
         *("normal_force", "normal_force_desired", "normal_force_measured", "contact_force"),
         # Arguments of the function that saves the series.
         *("file", "allow_pickle"),

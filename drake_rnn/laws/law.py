@@ -16,7 +16,7 @@ the continuous one with a Drake integrator. Most laws are their own readings and
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -156,6 +156,8 @@ class Circumstances(NamedTuple):
             shape (m,) [m]; None without a path.
         J: Jacobian of the arm in these axes at the start, shape (m, n), for an estimate of what it
             can do; None without a path.
+        task_J: Function of a posture, shape (n,) [rad], that returns the Jacobian of the whole
+            task, its rotation first; None if there is none.
     """
 
     loop_delay: float = 0.0
@@ -164,6 +166,7 @@ class Circumstances(NamedTuple):
     path_turns: bool = False
     start_offset: Array | None = None
     J: Array | None = None
+    task_J: Callable[[Array], Array] | None = None
 
 
 class Law(Reading):

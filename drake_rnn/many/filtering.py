@@ -67,5 +67,7 @@ def alike(experiment: Experiment) -> object:
 
 
 def _windows(experiment: Experiment) -> np.ndarray:
-    assert experiment.document.period is not None
-    return averaging_windows(experiment.limits, experiment.document.period)
+    settings, period = experiment.document.filter, experiment.document.period
+    assert settings is not None
+    assert period is not None
+    return averaging_windows(experiment.limits, period, settings.above)

@@ -34,8 +34,8 @@ def surely_in_reach(robots: Sequence[Robot]) -> NDArray[np.bool_]:
     Args:
         robots: The robots.
     """
-    # Those with a target posture have nothing to follow.
-    sure = np.array([robot.experiment.target is not None for robot in robots], dtype=bool)
+    # Those with a target posture have nothing to follow; some need not be able to.
+    sure = np.array([_need_not(robot.experiment) for robot in robots], dtype=bool)
     times: dict[object, Array] = {}
     groups: dict[object, tuple[Array, list[int]]] = {}
     for number, robot in enumerate(robots):
@@ -52,6 +52,10 @@ def surely_in_reach(robots: Sequence[Robot]) -> NDArray[np.bool_]:
             some = numbers[begin : begin + BLOCK]
             sure[some] = _followed([robots[number] for number in some], at)
     return sure
+
+
+def _need_not(experiment: Experiment) -> bool:
+    return experiment.target is not None or experiment.document.on_unreachable == "follow"
 
 
 def _can_tell(experiment: Experiment) -> bool:

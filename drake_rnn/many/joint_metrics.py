@@ -8,7 +8,8 @@ import numpy as np
 
 from ..inputs.fields import Array
 from ..measures import violation_metric
-from ..measures.groups.higher import DIFFERENCE
+from ..measures.groups.held_jerk import HELD_JERK
+from ..measures.groups.higher import difference_time
 from ..measures.groups.joints import AT_BOUND
 from ..measures.ticks import tick_ends
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
@@ -92,7 +93,8 @@ class HigherMetrics:
 
     def __init__(self, limits: Sequence[JointLimits], schedule: Schedule) -> None:
         count, times = len(limits), schedule.times
-        instants = np.arange(int(times[-1] / DIFFERENCE) + 2) * DIFFERENCE
+        self._difference = difference_time(schedule.tick)
+        instants = np.arange(int(times[-1] / self._difference) + 2) * self._difference
         instants = instants[instants - 1e-9 <= times[-1]]
         # As often as a step ends several of these times.
         self._steps = np.searchsorted(times, instants - 1e-9).tolist()
@@ -118,7 +120,7 @@ class HigherMetrics:
             if name != "jerk" and self._bounds[name].absent:
                 continue
             last = np.stack(known[-order - 1 :])
-            values = np.abs(np.diff(last, n=order, axis=0)[0]) / DIFFERENCE**order
+            values = np.abs(np.diff(last, n=order, axis=0)[0]) / self._difference**order
             self._bounds[name].add(values)
             if name == "jerk":
                 self._jerk.add(values)
@@ -126,7 +128,7 @@ class HigherMetrics:
 
     def found(self) -> Found:
         """Return the metrics, by name; none of a run that is too short for differences."""
-        if self._now < 6 * DIFFERENCE:
+        if self._now < 6 * self._difference:
             return {}
         found: Found = {
             "joint_jerk_max_rad_s3": self._jerk.value,
@@ -135,6 +137,41 @@ class HigherMetrics:
         for bound in self._bounds.values():
             found |= bound.found()
         return found
+
+
+class HeldJerkMetrics:
+    """Excess of the jerk over its bound, from one held velocity to the next.
+
+    Args:
+        limits: Limits of each robot's joints.
+        schedule: Steps of the run.
+    """
+
+    def __init__(self, limits: Sequence[JointLimits], schedule: Schedule) -> None:
+        bound = _bounds(limits, "jerk")
+        self._bound = bound if bound is not None and np.isfinite(bound).any() else None
+        self._excess = Largest(len(limits))
+        self._ends = set(tick_ends(schedule.times, schedule.tick, 0.0)[0].tolist())
+        self._tick = schedule.tick
+        self._velocities: list[Array] = []
+
+    def add(self, step: Step) -> None:
+        """Add the next step."""
+        if self._bound is None or step.number not in self._ends:
+            return
+        self._velocities = [*self._velocities[-2:], step.velocity]
+        if len(self._velocities) == 3:
+            first, second, third = self._velocities
+            jerk = np.abs((third - second) - (second - first)) / self._tick**2
+            self._excess.add(jerk - self._bound)
+
+    def found(self) -> Found:
+        """Return the metric, by name; none without a bound."""
+        if self._bound is None or len(self._velocities) < 3:
+            return {}
+        bounded = np.isfinite(self._bound).any(axis=0)
+        excess = np.maximum(0.0, self._excess.value)
+        return {HELD_JERK: np.where(bounded, excess, np.nan)}
 
 
 class Bound:

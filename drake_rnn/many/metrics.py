@@ -15,7 +15,7 @@ from ..inputs.fields import Array
 from ..measures import ARRIVED
 from ..measures.groups.jacobian import MOVING
 from .contact_metrics import ContactMetrics
-from .joint_metrics import HigherMetrics, JointMetrics
+from .joint_metrics import HeldJerkMetrics, HigherMetrics, JointMetrics
 from .running import Largest, Mean, Median, Settling, Smallest
 from .schedule import Schedule
 from .step import Found, Step, lengths, summed
@@ -46,6 +46,7 @@ class ManyMetrics:
             _DriftMetrics(experiments, schedule),
             JointMetrics([experiment.limits for experiment in experiments], schedule),
             HigherMetrics([experiment.limits for experiment in experiments], schedule),
+            HeldJerkMetrics([experiment.limits for experiment in experiments], schedule),
             _PostureMetrics(experiments, schedule),
             ContactMetrics(experiments, schedule),
             _LawMetrics(len(experiments), schedule),

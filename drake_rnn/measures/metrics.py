@@ -356,6 +356,12 @@ METRICS: tuple[Metric, ...] = (
         )
         for order, (name, unit) in enumerate(LIMIT_UNITS.items())
     ),
+    Metric(
+        "held_jerk_violation_max_rad_s3",
+        "rad/s^3",
+        "largest excess over its bound of a joint's jerk from one held velocity to the next; 0 "
+        "within it",
+    ),
 )
 
 #: Names of all metrics.

@@ -8,6 +8,8 @@ UNITS = {
     "velocity": "rad/s",
     "position_measured": "rad",
     "velocity_measured": "rad/s",
+    "p_WE_measured": "m",
+    "v_WE_measured": "m/s",
     "acceleration": "rad/s^2",
     "acceleration_peak": "rad/s^2",
     "network_velocity": "rad/s",

@@ -11,7 +11,9 @@ from pydantic import Field
 from pydrake.math import RollPitchYaw, RotationMatrix
 
 from ..inputs.fields import Angle, Angles, Array, Point, validated, zeros
+from .cone import coned
 from .curve import Curve, Triple
+from .path import Motion
 
 _AXES: dict[str, list[int]] = {"xy": [0, 1], "xz": [0, 2], "yz": [1, 2]}
 
@@ -26,12 +28,15 @@ class Planar(Curve):
         rotation: Roll, pitch and yaw of the plane about the base's fixed axes, shape (3,) [rad].
         centre: Position of the curve's own origin in the base frame, shape (3,) [m]; if None, the
             path starts at the arm's start, apart from ``offset``.
+        cone: Half angle of the cone about the plane's normal that every axis of the end effector
+            traces in a lap [rad]; 0 for a path without an orientation.
     """
 
     plane: Literal["xy", "xz", "yz"] = "xy"
     angle: Angle = 0.0
     rotation: Angles = Field(default_factory=zeros)
     centre: Point | None = None
+    cone: Angle = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -40,6 +45,24 @@ class Planar(Curve):
                 "offset: cannot be combined with centre, which also sets where the path starts; "
                 "give one of them"
             )
+        if not 0.0 <= self.cone < np.pi:
+            raise ValueError(f"cone: must be at least 0 and less than pi, not {self.cone:g}")
+
+    @property
+    def turns(self) -> bool:
+        """Whether the end effector turns along the path."""
+        return self.cone != 0.0
+
+    def evaluate_rotation(self, t: float) -> Motion:
+        """See `RelativePath.evaluate_rotation`."""
+        return coned(self._axes, self.cone, self.phase_at(t) or (0.0, 0.0, 0.0))
+
+    @cached_property
+    def _axes(self) -> tuple[Array, Array, Array]:
+        """Unit vectors along the curve's x and y and normal to its plane, each of shape (3,)."""
+        weights = np.array(self._components)
+        x, y = weights.real, -weights.imag
+        return x, y, np.cross(x, y)
 
     @abstractmethod
     def curve(self, phase: float) -> tuple[complex, complex, complex]:

@@ -14,6 +14,7 @@ from ..errors import InvalidInputError
 from ..inputs.complaints import short
 from ..inputs.dataclass_fields import fields_of
 from ..inputs.fields import Array, Bounds, validated
+from .jerk_box import JerkLimits, jerk_box
 
 #: Limits of the derivatives of the joint positions, first to fifth, and their units.
 DERIVATIVE_UNITS = {
@@ -254,10 +255,61 @@ class JointLimits:
             InvalidInputError: If the acceleration limits are not known.
         """
         reach = self.require("acceleration", "braking in time") * period
+        if is_one(q) and self._is_far(q, v, period):
+            return np.maximum(self._velocity_lower, v - reach), np.minimum(self.velocity, v + reach)
         xp = functions_of(q, v)
         ends = xp.clip(xp.stack(self.stopping_box(q, period)), -self.velocity, self.velocity)
         lower, upper = xp.clip(ends, v - reach, v + reach)
         return lower, upper
+
+    def _is_far(self, q: Array, v: Array, period: float) -> bool:
+        """Return whether one robot's joints could stop from any velocity that they may have next.
+
+        Then its position limits bound none of them.
+        """
+        # Plain floats: NumPy's overhead would take as long as all of the box.
+        for x, w, (lower, upper, most, fastest) in zip(
+            q.tolist(), v.tolist(), self._rows, strict=True
+        ):
+            room, speed = min(x - lower, upper - x), min(abs(w) + most * period, fastest)
+            if abs(w) > fastest or not room >= speed * (speed / most + 2.0 * period):
+                return False
+        return True
+
+    @cached_property
+    def _rows(self) -> list[tuple[float, float, float, float]]:
+        """Position limits, acceleration and velocity of each joint."""
+        most = self.require("acceleration", "braking in time")
+        bounds = np.stack((self.position_lower, self.position_upper, most, self.velocity), axis=-1)
+        return [(lower, upper, a, v) for lower, upper, a, v in bounds.tolist()]
+
+    def held_acceleration_box(
+        self, q: Array, v: Array, a: Array, period: float
+    ) -> tuple[Array, Array]:
+        """Return bounds on the next acceleration, after which all limits to the jerk can be kept.
+
+        The velocity held for the next period is v + ``period`` times the acceleration. The box
+        leaves every joint a stop within its limits of position, velocity, acceleration and jerk,
+        see `drake_rnn.robot.jerk_box`. From a state that has one, as from rest, the box is never
+        empty. From any other, the joint stops as fast as it may.
+
+        Args:
+            q: Joint positions, shape (..., n) [rad].
+            v: Velocities held until now, shape (..., n) [rad/s].
+            a: Accelerations that led to them, shape (..., n) [rad/s^2].
+            period: Time for which a velocity is held [s].
+
+        Returns:
+            Lower and upper accelerations, shape (..., n) [rad/s^2].
+
+        Raises:
+            InvalidInputError: If the limits of acceleration or jerk are not known.
+        """
+        most = self.require("acceleration", "stopping in time")
+        jerk = self.require("jerk", "stopping in time")
+        position = self.position_lower, self.position_upper
+        known = JerkLimits(position, self.velocity, most, jerk)
+        return jerk_box(q, v, a, known, period)
 
     def violation(self, q: Array) -> Array:
         """Return how far ``q``, shape (..., n), is outside the position limits [rad]; 0 inside.

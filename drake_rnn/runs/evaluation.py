@@ -15,7 +15,14 @@ from ..laws import Reading, Signals
 from ..laws.checks import caveats_of
 from ..measures import Motion, RunMetrics, Steps, last_end
 from .caveats import contact_caveats, limit_caveats, motor_caveats, standing
-from .motion import motion_of, observed_signals, seen_motion, sensed_motion, ticks_of
+from .motion import (
+    measured_signals,
+    motion_of,
+    observed_signals,
+    seen_motion,
+    sensed_motion,
+    ticks_of,
+)
 from .result import Result
 from .stored import StoredSeries
 
@@ -104,14 +111,13 @@ class Evaluation:
         experiment, loop = self._experiment, self._loop
         motion = motion_of(experiment, steps, loop, until=until)
         seen = seen_motion(experiment, steps, loop, motion)
-        observed = self._observed(steps, seen)
+        measured = measured_signals(steps, loop)
+        observed = self._observed(steps, seen, measured)
         # The law learns the Jacobian of the arm that it sees.
         learned = seen if experiment.feedback == "unfiltered" else motion
         self._metrics.add(motion, seen, learned, observed)
         series = _series(motion) | _contact_series(motion, steps)
-        if loop.joint_sensor is not None:
-            for name in ("position", "velocity"):
-                series[f"{name}_measured"] = steps.series(f"measured_{name}")
+        series |= {f"{name}_measured": values for name, values in measured.items()}
         series |= _state_series(steps.series("state"), loop.controller.reading)
         changes = {
             "acceleration": motion.joint_acceleration,
@@ -119,14 +125,14 @@ class Evaluation:
         }
         self._series.add(steps.time, {**series, **observed}, changes, last=until is None)
 
-    def _observed(self, steps: Steps, seen: Motion) -> Signals:
+    def _observed(self, steps: Steps, seen: Motion, measured: Signals) -> Signals:
         """Return the law's observables at every step; none after an error in them."""
         if self._fault is not None:
             return {}
         try:
-            sensed = sensed_motion(self._experiment, steps, self._loop, seen)
-            reading = self._loop.controller.reading
-            return observed_signals(self._experiment, sensed, steps.series("state"), reading)
+            sensed = sensed_motion(self._experiment, steps.time, measured, seen)
+            reading, states = self._loop.controller.reading, steps.series("state")
+            return observed_signals(self._experiment, sensed, states, reading, measured)
         except InvalidInputError as error:
             self._fault = error
             return {}

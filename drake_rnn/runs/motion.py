@@ -17,7 +17,7 @@ from ..robot.rotation import rotation_error
 
 
 def observed_signals(
-    experiment: Experiment, motion: Motion, states: Array, reading: Reading
+    experiment: Experiment, motion: Motion, states: Array, reading: Reading, measured: Signals
 ) -> Signals:
     """Return the law's observables at every step, computed when the steps were made.
 
@@ -26,6 +26,7 @@ def observed_signals(
         motion: Motion as the law saw it.
         states: States of the law, shape (k, state.size).
         reading: Reading of the law.
+        measured: What sensors said at every step, by name.
 
     Raises:
         InvalidInputError: If the law fails, or returns something else than it declares.
@@ -39,6 +40,7 @@ def observed_signals(
         "velocity": motion.velocity,
         "v_WE": motion.v_WE,
     }
+    u |= measured
     if motion.pressing is not None:
         u["normal_force_desired"] = motion.pressing.desired[:, np.newaxis]
     u |= _further(experiment, motion, [name for name in reading.inputs.parts if name not in u])
@@ -91,12 +93,29 @@ def seen_motion(experiment: Experiment, steps: Steps, loop: Loop, motion: Motion
     return replace(motion, v_WE_desired=v_WE_desired)
 
 
-def sensed_motion(experiment: Experiment, steps: Steps, loop: Loop, motion: Motion) -> Motion:
-    """Return a motion with the joints as sensors measured them; the same without sensors."""
-    if loop.joint_sensor is None:
+def measured_signals(steps: Steps, loop: Loop) -> Signals:
+    """Return what sensors said of joints and end effector at every step, by name."""
+    said = {name: steps.series(f"measured_{name}") for name in loop.measured}
+    if "R_WE" in said:
+        said["R_WE"] = said["R_WE"].reshape(-1, 3, 3)
+    return said
+
+
+def sensed_motion(
+    experiment: Experiment, times: Array, measured: Signals, motion: Motion
+) -> Motion:
+    """Return a motion with the joints as sensors measured them; the same without sensors.
+
+    Args:
+        experiment: Experiment that was run.
+        times: Time of every step, shape (k,) [s].
+        measured: What sensors said at every step, by name.
+        motion: The motion of the true arm.
+    """
+    if not measured:
         return motion
-    position, velocity = (steps.series(f"measured_{name}") for name in ("position", "velocity"))
-    p_WE, J, _ = _task_motion(experiment, position, steps.time)
+    position, velocity = measured["position"], measured["velocity"]
+    p_WE, J, _ = _task_motion(experiment, position, times)
     v_WE = _end_effector_velocity(J, velocity, p_WE)
     return replace(motion, position=position, velocity=velocity, p_WE=p_WE, v_WE=v_WE, J=J)
 

@@ -229,7 +229,9 @@ def _filter(experiment: Experiment) -> MovingAverage | None:
     settings, period = experiment.document.filter, experiment.document.period
     if settings is None or period is None:
         return None
-    return MovingAverage(experiment.limits, period, precompensate=settings.precompensate)
+    return MovingAverage(
+        experiment.limits, period, precompensate=settings.precompensate, above=settings.above
+    )
 
 
 def _add_previews(
@@ -281,9 +283,7 @@ def add_recorder(simulator: Simulator, loop: Loop, take: Take | None = None) -> 
     if loop.virtual_arm is not None:
         for name in ("position", "velocity"):
             ports[f"virtual_{name}"] = loop.virtual_arm.GetOutputPort(name)
-    if loop.joint_sensor is not None:
-        for name in ("position", "velocity"):
-            ports[f"measured_{name}"] = loop.joint_sensor.GetOutputPort(name)
+    ports |= {f"measured_{name}": port for name, port in loop.measured.items()}
     recorder = Recorder(simulator.get_context(), ports, take, PART)
     simulator.set_monitor(recorder)
     return recorder

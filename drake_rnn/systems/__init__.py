@@ -12,13 +12,15 @@ from .force_sensor import ForceSensor, SensorSettings
 from .force_watch import ForceWatch
 from .ideal_arm import IdealArm
 from .joint_reference import JointReference, followed_path, held_posture
-from .joint_sensor import JointSensor, SensingSettings
+from .joint_sensor import JointSensor
 from .kinematics import Kinematics
 from .moving_average import FilterSettings, MovingAverage
 from .normal_force import NormalForce
 from .path_source import PathSource
 from .plant_arm import PlantArm
 from .plant_settings import PlantSettings
+from .pose_sensor import PoseSensor
+from .sensing_settings import SensingSettings
 from .spring_contact import SpringContact
 from .tool_force import ToolForce
 
@@ -51,6 +53,7 @@ __all__ = [
     "PathSource",
     "PlantArm",
     "PlantSettings",
+    "PoseSensor",
     "SampledController",
     "SensingSettings",
     "SensorSettings",

@@ -2,72 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from pydantic import Field
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from ..errors import InvalidInputError
-from ..inputs.fields import Array, Delay, NonNegativeEach, PositiveEach, validated
+from ..inputs.fields import Array
 from ..robot.arm import Arm
-from .lateness import late_samples
+from .lateness import late_samples, sample_number
+from .sensing_settings import SensingSettings
 from .white_noise import WhiteNoise
-
-# Largest error of a measured position [rad, or m].
-_COARSEST = 1.0
-
-
-@validated
-class SensingSettings:
-    """Imperfections of the measured joint positions and velocities.
-
-    Args:
-        position_noise: Standard deviation of the normal noise on each measured position, one
-            number for all joints or shape (n,) [rad, or m for a joint that slides].
-        resolution: Step of each measured position, likewise; None for no steps.
-        encoder_bits: Bits of an encoder over one turn, in place of ``resolution``, which is then
-            2 pi / 2^bits; only for joints that turn.
-        delay: Delay of each measurement [s]; a multiple of the period, at most 5 s because all
-            delayed measurements are stored.
-        secant_samples: Number of samples over which the measured velocity is the difference
-            quotient of the measured positions; 0 for the robot's own velocity, without noise.
-    """
-
-    position_noise: NonNegativeEach = 0.0
-    resolution: PositiveEach | None = None
-    encoder_bits: Annotated[int, Field(strict=True, ge=1, le=40)] | None = None
-    delay: Delay = 0.0
-    secant_samples: Annotated[int, Field(strict=True, ge=0, le=1000)] = 0
-
-    def __post_init__(self) -> None:
-        errors = {"position_noise": self.position_noise, "resolution": self.resolution}
-        for name, given in errors.items():
-            if given is not None and np.max(given) > _COARSEST:
-                raise ValueError(f"{name}: may be at most {_COARSEST:g} rad, not {np.max(given):g}")
-        if self.resolution is not None and self.encoder_bits is not None:
-            raise ValueError(
-                "resolution: cannot be combined with encoder_bits, which sets it; give one of them"
-            )
-
-    def step_of(self, arm: Arm) -> Array | None:
-        """Return the step of each joint's measured position, shape (n,); None without steps.
-
-        Raises:
-            InvalidInputError: If an encoder counts turns of a joint that slides, or there are not
-                as many numbers as joints.
-        """
-        if self.encoder_bits is None:
-            return None if self.resolution is None else _each("resolution", self.resolution, arm)
-        for name, unit in zip(arm.joints, arm.units, strict=True):
-            if unit != "rad":
-                raise InvalidInputError(
-                    f"sensing.encoder_bits: is for joints that turn, and {name} slides; give "
-                    "sensing.resolution, one number for each joint"
-                )
-        return np.full(arm.n, 2.0 * math.pi / 2.0**self.encoder_bits)
 
 
 class JointSensor(LeafSystem):
@@ -99,7 +44,7 @@ class JointSensor(LeafSystem):
         self._period = period
         self._late = late_samples("sensing.delay", settings.delay, period)
         self._step = settings.step_of(arm)
-        sigma = _each("position_noise", settings.position_noise, arm)
+        sigma = settings.position_noise_of(arm)
         self._sigma = sigma if sigma.any() else None
         self._noise = WhiteNoise(arm.n, seed, stream=3)
         self._secant = settings.secant_samples
@@ -154,20 +99,9 @@ class JointSensor(LeafSystem):
         """Return the measurement of now, or of the next sample, shape (n,) [rad]."""
         q = self._read_q(context)
         if self._sigma is not None:
-            # Times of samples carry rounding errors.
-            number = math.ceil(context.get_time() / self._period - 1e-6)
+            number = sample_number(context.get_time(), self._period)
             q = q + self._sigma * self._noise.sample(number)
         return self._stepped(q)
 
     def _stepped(self, q: Array) -> Array:
         return q if self._step is None else np.round(q / self._step) * self._step
-
-
-def _each(key: str, value: float | Array, arm: Arm) -> Array:
-    given = np.asarray(value, dtype=float)
-    if given.ndim == 1 and given.size != arm.n:
-        raise InvalidInputError(
-            f"sensing.{key}: must have {arm.n} entries, one per joint of {arm.name}, not "
-            f"{given.size}"
-        )
-    return np.broadcast_to(given, arm.n)

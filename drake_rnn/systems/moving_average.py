@@ -17,6 +17,9 @@ bounds. The same holds for samples and differences instead of signals and deriva
 windows longer than tau_j. The price is a delay of half the sum of the windows. Positions are not
 bounded.
 
+Of a law whose command keeps the bounds up to b_k itself, the first k - 1 windows are not needed:
+each mean keeps what it averages keeps.
+
 Rounding: values are first rounded to a lattice with a step of 2^-53 of the largest sum, so that no
 sum over a window is ever rounded. Running sums thus stay exact in a run of any length, and the
 lattice adds no more error to differences of the output than the rounding of the output itself.
@@ -43,6 +46,10 @@ _MOST_SAMPLES = 1e6
 _SLACK = 1e-9
 
 
+#: Limits that a law may keep before the filter.
+Kept = Literal["velocity", "acceleration", "jerk"]
+
+
 @validated
 class FilterSettings:
     """Filter between law and arm, with the bounds of the experiment's ``limits``.
@@ -53,11 +60,20 @@ class FilterSettings:
             by the means; only with ``feedback: unfiltered``, because it amplifies noise.
         delay_desired: Whether the law sees ``p_WE_desired``, and no other signal, delayed by the
             filter's delay; only with ``feedback: commanded``.
+        above: Highest limit that the law's own command keeps: windows bound what is above it.
     """
 
     kind: Literal["moving_average"] = "moving_average"
     precompensate: Flag = False
     delay_desired: Flag = False
+    above: Kept = "velocity"
+
+    def __post_init__(self) -> None:
+        if self.precompensate and self.above != "velocity":
+            raise ValueError(
+                f"above: only without precompensate, after which the command keeps no "
+                f"{self.above}, not {self.above}"
+            )
 
 
 def averaged_limits(limits: JointLimits) -> tuple[str, ...]:
@@ -67,16 +83,31 @@ def averaged_limits(limits: JointLimits) -> tuple[str, ...]:
     return names[: max(2, 1 + names.index(known[-1]))]
 
 
-def averaging_windows(limits: JointLimits, period: float) -> NDArray[np.intp]:
+def averaging_windows(
+    limits: JointLimits, period: float, above: Kept = "velocity"
+) -> NDArray[np.intp]:
     """Return the lengths of the windows in samples of ``period`` [s], shape (levels, n).
 
-    There is one level per bound above that of the velocity. Longer first windows give all joints
-    the same delay; with different delays the end effector would leave its path.
+    There is one level per bound above that of the velocity, or above another that the command
+    keeps. Longer first windows give all joints the same delay; with different delays the end
+    effector would leave its path.
+
+    Args:
+        limits: The bounds.
+        period: Sampling period [s].
+        above: Highest limit that the command keeps.
 
     Raises:
-        InvalidInputError: If a bound is missing or not finite, or the windows are too long.
+        InvalidInputError: If a bound is missing or not finite, none is above what the command
+            keeps, or the windows are too long.
     """
     chain = averaged_limits(limits)
+    chain = chain[chain.index(above) :] if above in chain else ()
+    if len(chain) < 2:
+        raise InvalidInputError(
+            f"filter.above: {above} is the highest limit that is known, so there is nothing to "
+            "filter; give a higher one, or leave the filter out"
+        )
     bounds = np.array([limits.require(name, "filter: moving_average") for name in chain])
     for level, name in enumerate(chain[:-1]):
         loose = ~np.isfinite(bounds[level])
@@ -120,18 +151,26 @@ class MovingAverage(LeafSystem):
         period: Sampling period [s].
         precompensate: Whether to filter u - u'' sum(tau_j^2) / 24 instead of the input u. The means
             turn this into u again up to terms of fourth order; u'' is a difference of the input.
+        above: Highest limit that the input keeps.
 
     Raises:
         InvalidInputError: If a necessary bound is missing or infinite.
         SimulationError: During a simulation, if the input is not finite.
     """
 
-    def __init__(self, limits: JointLimits, period: float, *, precompensate: bool = False) -> None:
+    def __init__(
+        self,
+        limits: JointLimits,
+        period: float,
+        *,
+        precompensate: bool = False,
+        above: Kept = "velocity",
+    ) -> None:
         super().__init__()
         require_type("limits", limits, JointLimits)
         if not (period > 0 and isfinite(period)):
             raise InvalidInputError(f"period: must be positive, not {period}")
-        windows = averaging_windows(limits, period)
+        windows = averaging_windows(limits, period, above)
         n = windows.shape[1]
         self.period = period
         self.windows = windows

@@ -105,6 +105,7 @@ def test_laws_and_paths_with_keys_and_defaults():
         "laws", "pseudoinverse"
     )
     assert "must be given" in said("paths", "circle")
+    assert "{posture: 1, target: none, limits: 3," in said("laws", "adaptive")
 
 
 @pytest.mark.parametrize("kind", [*LAWS, *PATHS])

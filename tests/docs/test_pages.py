@@ -24,6 +24,7 @@ from drake_rnn import (
     JointLimits,
     OnlineStiffness,
     PlantSettings,
+    Secondary,
     SensingSettings,
     SensorSettings,
     TipMaterial,
@@ -219,7 +220,7 @@ def test_every_key_of_a_campaign_and_every_kind_of_variation_has_its_row():
     [
         *(ArmDescription, ContactLoss, DitherSettings, FilterSettings, ForceProfile),
         *(IntegratorSettings, JointLimits, OnlineStiffness, PlantSettings, SensingSettings),
-        SensorSettings,
+        *(Secondary, SensorSettings),
         *(TipMaterial, ToolDescription, WarmUp, *PATHS.values(), *ENVIRONMENTS.values()),
     ],
     ids=lambda section: section.__name__,

@@ -7,6 +7,7 @@ import pytest
 
 from drake_rnn import (
     LAWS,
+    Adaptive,
     InvalidInputError,
     check_reach,
     load_experiment,
@@ -327,6 +328,13 @@ def test_a_planar_task_takes_no_path_that_leaves_its_plane():
         check_reach(load_experiment(KNOWN, document))
 
 
+def test_changes_stay_the_callers_own():
+    law = {"kind": "simultaneous_learning", "jacobian": "known"}
+    changes = {"law": law, "law.kappa": 8.0}
+    assert load_experiment("slc_nephroid_known", changes).law.kappa == 8.0
+    assert law == {"kind": "simultaneous_learning", "jacobian": "known"}
+
+
 def test_period_and_integrator_cannot_both_be_changed():
     with pytest.raises(InvalidInputError, match="period: cannot be combined with integrator"):
         load_experiment(KNOWN, {"period": 1e-3, "integrator": {"step": 1e-3}})
@@ -347,3 +355,27 @@ def test_without_a_name_a_run_has_that_of_its_file(name, tmp_path):
     file = tmp_path / "mine.yaml"
     file.write_text(to_yaml({**read_document("pinv_circle"), "name": name or ""}))
     assert load_experiment(file).name == "mine"
+
+
+def test_a_law_is_told_the_jacobian_of_its_whole_task_anywhere(monkeypatch):
+    """For its doubts; the rotation first, of what the arm has at a posture of its own choice."""
+    seen = []
+
+    def doubts(self, circumstances):
+        seen.append(circumstances.task_J)
+        return []
+
+    monkeypatch.setattr(Adaptive, "doubts", doubts)
+    found = load_experiment("adaptive_pose")
+    kinematics, q = found.arm.kinematics(), found.start + 0.3
+    J = np.vstack((kinematics.J_omega(q), kinematics.J(q)))
+    np.testing.assert_allclose(seen[0](q), J, rtol=0, atol=1e-15)
+    load_experiment("adaptive_nephroid")
+    np.testing.assert_allclose(seen[1](q), J[3:], rtol=0, atol=1e-15)
+
+
+def test_a_singular_start_is_doubted_where_the_law_pulls_to_it():
+    changes = {"arm": "iiwa14", "start": [0.0] * 7, "path": {"kind": "circle", "size": 0.01}}
+    changes["path"] |= {"period": 8, "offset": [0.0, 0.0, -0.05]}
+    warnings = load_experiment("adaptive_pose", changes).warnings
+    assert any("start: the arm is pulled towards a posture that is singular" in w for w in warnings)

@@ -120,8 +120,9 @@ def test_a_target_must_be_a_posture_within_the_limits(target, message):
     [
         (MSA, {"path": {"kind": "circle", "size": 0.1, "period": 4}}, "path: this law holds the"),
         (SLC, {"path": None}, "path: must be given"),
-        (SLC, {"on_unreachable": "project"}, "on_unreachable: only for a law that seeks a target"),
-        (MSA, {"on_unreachable": "ignore"}, "on_unreachable: must be 'refuse' or 'project', not"),
+        (SLC, {"on_unreachable": "project"}, "on_unreachable: project is only for a law that"),
+        (MSA, {"on_unreachable": "follow"}, "on_unreachable: follow is only for a path"),
+        (MSA, {"on_unreachable": "ignore"}, "on_unreachable: must be 'refuse', 'project' or"),
         (SLC, {"task": "pose"}, "task: may be xyz, xy for this law, not pose"),
         (MSA, {"task": "yaw"}, "task: may be xyz, xy, pose, not 'yaw'"),
         (MSA, {"law.task_size": 3}, "law.task_size: follows from task; leave it out"),

@@ -196,6 +196,17 @@ def test_jacobian_and_its_estimate_have_the_same_range(learned):
     np.testing.assert_array_equal(curves(panels[1]), learned.series["J_hat"][:, 0])
 
 
+def test_a_learned_jacobian_of_poses_has_a_panel_for_each_of_its_six_rows():
+    run = simulate(load_experiment("adaptive_pose_learned", {"duration": 0.05, "window": None}))
+    panels = draw(run, "jacobian").get_axes()
+    labels = [ax.get_ylabel() for ax in panels[::2]]
+    assert [label.split(" row")[0] for label in labels] == [
+        *(rf"$\omega_{axis}$" for axis in "xyz"),
+        *"xyz",
+    ]
+    assert [label[label.index("[") :] for label in labels] == 3 * ["[1]"] + 3 * ["[m]"]
+
+
 def test_window_is_shaded(known, learned):
     def shades(result):
         return list(panel(result, "position_error").patches)

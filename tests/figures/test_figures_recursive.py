@@ -104,6 +104,17 @@ def test_differences_belong_to_the_middle_of_their_interval():
         assert time.size == result.time.size - order + 1
 
 
+def test_differences_are_by_their_own_time_where_samples_are_uneven():
+    """With steps of 4 ms and samples for each 10 ms, these are 8 or 12 ms apart."""
+    result = run("pinv_circle", duration=0.4, period=4e-3)
+    assert np.ptp(np.diff(result.time)) > 3e-3
+    velocity = np.tile(result.time[:, np.newaxis] ** 2 / 2, 7)
+    made = replace(result, series={**result.series, "velocity": velocity})
+    found = derivatives_of_motion(made)
+    np.testing.assert_allclose(found[2][1][:, 0], found[2][0], rtol=1e-9)
+    np.testing.assert_allclose(found[3][1], 1.0, rtol=1e-9)
+
+
 @pytest.mark.parametrize("log_period", [1e-3, 2e-3, 0.05])
 def test_differences_are_over_10_ms_however_often_samples_are_stored(log_period, smooth):
     """Or over the distance of the samples, if that is larger: 2 % less at 50 ms."""

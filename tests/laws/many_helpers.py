@@ -5,6 +5,7 @@ from contextlib import suppress
 import numpy as np
 
 from drake_rnn import (
+    Adaptive,
     ContactLoss,
     InvalidInputError,
     JointDriftFree,
@@ -45,11 +46,38 @@ def pressing(**options):
     return MotionForce(limits=LIMITS, **{"stiffness": 8000.0, **options})
 
 
+def adaptive(**options):
+    """The law `adaptive`; without a bound on the jerk, unless it is given."""
+    limits = LIMITS.replace(jerk=options.pop("jerk", None))
+    return Adaptive(limits=limits, home=HOME, **options)
+
+
+ALL_TERMS = {
+    "posture": 0.7,
+    "target": HOME + 0.1,
+    "limits": 2.0,
+    "limits_zone": 0.5,
+    "manipulability": 0.5,
+    "low_acceleration": 0.1,
+}
 RETREAT = ContactLoss(reaction="retreat", patience=0.01)
 FIVE = [100.0, 1e2, 2e2, 2e2, 2e2]
 FILTERS = {"reading": "filters", "time_constants": [1e-2, 0.9, 0.8, 0.7, 0.7]}
 
 LAWS = {
+    "adaptive": adaptive(kappa=80.0),
+    "adaptive_learned": adaptive(
+        jacobian="learned", kappa=80.0, wander=0.5, variance=2e-5, softness=2e-6
+    ),
+    "adaptive_pose": adaptive(task_size=6, secondary=ALL_TERMS),
+    "adaptive_pose_learned": adaptive(task_size=6, jacobian="learned"),
+    "adaptive_jerk": adaptive(jerk=500.0, kappa=80.0),
+    "adaptive_jerk_learned": adaptive(jerk=500.0, jacobian="learned"),
+    "adaptive_terms": adaptive(secondary=ALL_TERMS),
+    "adaptive_late": adaptive(
+        jacobian="learned", measurement={"error": 1e-6, "delay": 2e-3, "secant_samples": 3}
+    ),
+    "adaptive_pose_late": adaptive(task_size=6, measurement={"delay": 2e-3}),
     "slc_known": slc(jacobian="known"),
     "slc_learned": slc(),
     "slc_warm_up": slc(warm_up=WarmUp()),
@@ -87,6 +115,17 @@ LAWS = {
 }
 #: Gains that may differ from robot to robot, by law.
 GAINS = {
+    "adaptive": ("kappa", "braking", "feedback_limit", "home", "limits.acceleration"),
+    "adaptive_learned": ("kappa", "wander", "variance", "softness", "limits.velocity"),
+    "adaptive_pose": ("lever", "turn_braking", "turn_limit", "secondary.limits_zone"),
+    "adaptive_jerk": ("kappa", "limits.jerk", "limits.acceleration", "limits.position_upper"),
+    "adaptive_terms": (
+        "secondary.posture",
+        "secondary.target",
+        "secondary.limits",
+        "secondary.manipulability",
+        "secondary.low_acceleration",
+    ),
     "slc_known": ("kappa", "rate", "return_gain", "home", "limits.velocity"),
     "slc_learned": ("kappa", "rho", "limit_stiffness", "limits.acceleration"),
     "slc_warm_up": ("kappa", "warm_up.acceleration", "warm_up.rho"),
@@ -168,6 +207,8 @@ def states(reading, rng, count):
     for name, size in (("multipliers", 8.0), ("slope", 5.0)):
         if name in reading.state:
             x[:, reading.state.parts[name][0]] *= size
+    if "commanded" in reading.state:
+        x = _moving(reading.state, x, rng)
     if "since" in reading.state:
         x[:, reading.state.parts["since"][0]] = np.where(rng.random((count, 1)) < 0.3, -1.0, 0.299)
     if "contact" in reading.state:
@@ -182,6 +223,25 @@ def states(reading, rng, count):
             axis=-1,
         )
     return x
+
+
+def _moving(layout, x, rng):
+    """States of `adaptive`: joints within their limits, fast and slow, and what it has learned."""
+    v, a = 0.5 * LIMITS.velocity, 0.5 * LIMITS.acceleration
+    lead = x.shape[:1]
+    q = HOME + 0.3 * rng.normal(size=(*lead, N))
+    values = {"commanded": q, "v": v * rng.uniform(-1, 1, (*lead, N))}
+    A = rng.normal(size=(*lead, N, N))
+    values |= {
+        "a": a * rng.uniform(-1, 1, (*lead, N)),
+        "covariance": 0.1 * A @ A.swapaxes(-1, -2),
+        "R_before": orientations(rng, lead[0])[:, np.newaxis],
+        "q_late": q[:, np.newaxis],
+        "q_before": q[:, np.newaxis],
+    }
+    known = {name: value for name, value in values.items() if name in layout}
+    shapes = {name: (*lead, *layout.parts[name][1]) for name in known}
+    return layout.replaced(x, **{n: np.broadcast_to(v, shapes[n]) for n, v in known.items()})
 
 
 def row(values, k):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import (
+    Adaptive,
     JointDriftFree,
     JointLimits,
     MotionForce,
@@ -73,6 +74,12 @@ LAWS = {
         MotionForce(limits=LIMITS, stiffness=8000.0, return_gain=0.5, home=np.zeros(N)),
         1e-3,
     ),
+    "adaptive": (Adaptive(limits=LIMITS.replace(jerk=None), home=np.zeros(N)), 1e-3),
+    "adaptive_jerk": (Adaptive(limits=LIMITS, home=np.zeros(N)), 5e-3),
+    "adaptive_learned": (
+        Adaptive(limits=LIMITS, home=np.zeros(N), jacobian="learned"),
+        5e-3,
+    ),
     "horizon": (RecedingHorizon(limits=LIMITS, horizon=40), 1e-2),
 }
 #: What the laws break here that a reader might think they keep.
@@ -84,6 +91,7 @@ BROKEN = {
     "slow_filter": "position",
     "sa": "acceleration",
     "pseudoinverse": "velocity",
+    "adaptive": "jerk",
 }
 
 

@@ -94,6 +94,8 @@ def test_derivatives_are_finite_in_both_modes_and_agree(case):
 
 #: A number of a law, and a time at which it matters [s].
 SLOPES = [
+    ("adaptive", "limits.acceleration", 2.0),
+    ("adaptive_jerk", "limits.jerk", 2.0),
     ("slc_known", "kappa", 2.0),
     ("slc_learned", "return_gain", 2.0),
     ("slc_warm_up", "warm_up.acceleration", 0.32),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from motions import FREE, TOLERANCE, J, columns, metrics, motion
+from motions import FREE, TOLERANCE, J, columns, cut, metrics, metrics_of_parts, motion
 
 from drake_rnn import JointLimits
 from drake_rnn.measures import violation_metric
@@ -283,6 +283,31 @@ def test_a_polynomial_has_exactly_its_derivatives():
     assert found["limit_ratio_5_max"] == pytest.approx(1.0, rel=1e-4)
     assert found["limit_ratio_4_max"] == pytest.approx(2.0 - 1.5 * STEP, rel=1e-6)
     assert found["limit_ratio_3_max"] == pytest.approx((2.0 - STEP) ** 2 / 2, rel=1e-4)
+
+
+@pytest.mark.parametrize("at", [None, 5, 40])
+def test_the_jerk_of_held_velocities_is_that_from_one_to_the_next(at):
+    """A velocity to and fro by 1 mrad/s each ms has 2000 rad/s^3; over 10 ms there is none.
+
+    The same of a run that is taken in two parts.
+    """
+    time = 1e-3 * np.arange(100)
+    whole = motion(time, velocity=columns(1e-3 * (np.arange(100) % 2)), tick=1e-3)
+    parts = [whole] if at is None else list(cut(whole, at))
+    found = metrics_of_parts(parts, bounded(jerk=1500.0))
+    assert found["held_jerk_violation_max_rad_s3"] == pytest.approx(500.0)
+    assert found["jerk_violation_max_rad_s3"] == 0.0
+    kept = metrics_of_parts(parts, bounded(jerk=2001.0))
+    assert kept["held_jerk_violation_max_rad_s3"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("tick", "limits"), [(None, {"jerk": 1.0}), (1e-3, {}), (1e-3, {"jerk": inf})]
+)
+def test_without_a_bound_or_of_velocities_that_are_not_held_there_is_no_held_jerk(tick, limits):
+    time = 1e-3 * np.arange(100)
+    found = metrics(motion(time, tick=tick), bounded(**limits))
+    assert "held_jerk_violation_max_rad_s3" not in found
 
 
 # The law.

@@ -11,6 +11,7 @@ PACKAGE = HERE.parents[1] / "drake_rnn"
 ROOMS = (
     "laws/**/*.py",
     "robot/limits*.py",
+    "robot/jerk_*.py",
     "measures/**/*.py",
     "runs/evaluation.py",
     "runs/motion.py",

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
-from screw_helpers import ORIGINS, all_of, all_of_drake, askew, assert_close, assert_same, motions
 
 from drake_rnn import (
     InvalidInputError,
@@ -14,6 +13,7 @@ from drake_rnn import (
     screws_of,
     with_link_errors,
 )
+from screw_helpers import ORIGINS, all_of, all_of_drake, askew, assert_close, assert_same, motions
 
 
 @pytest.fixture

@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from screw_helpers import all_of, all_of_drake, askew, assert_close, assert_same, motions
 
 from drake_rnn import InvalidInputError, load_arm, screws_of, shipped_arms, side_by_side
+from screw_helpers import all_of, all_of_drake, askew, assert_close, assert_same, motions
 
 TOOL = {"length": 0.1, "offset": [0.02, -0.03, 0.01], "rpy": [0.3, 0.2, -0.5]}
 

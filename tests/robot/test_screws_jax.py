@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from screw_helpers import all_of, askew, assert_close, motions
 
 from drake_rnn import (
     InvalidInputError,
@@ -14,6 +13,7 @@ from drake_rnn import (
     screws_of,
     with_link_errors,
 )
+from screw_helpers import all_of, askew, assert_close, motions
 
 pytest.importorskip("jax")
 jax = require_jax()

@@ -31,7 +31,7 @@ QUICK = (
     "naljdf_clover_dynamic",
 )
 # Runs that are there to be cut to their bound.
-CUT = ("galjdf_clover_bound",)
+CUT = ("galjdf_clover_bound", "naljdf_nephroid")
 # Largest position error [m] and velocity error [m/s], mean joint drift [rad], by lambda.
 GALJDF = {
     1: (4.68e-5, 2.43e-5, 3.72e-4),
@@ -382,6 +382,22 @@ def integrate(experiment):
     return y[:n]
 
 
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("changes", "least", "most"), [({}, 0.0, 4e-8), ({"law.composite_gain": 0.0}, 0.09, 0.1)]
+)
+def test_a_composite_error_recovers_an_offset_of_a_tenth_of_a_metre(changes, least, most):
+    """With every bound held; as the paper has it, not a centimetre of it is recovered.
+
+    What is left of a millimetre at 1.8 s decays at 3 /s: less than 1 nm at 6.5 s.
+    """
+    window = {"duration": 8, "window": [6.5, 8], "accept": {}}
+    found = run("naljdf_nephroid", **window, **changes).metrics
+    assert least < found["position_error_max_m"] < most
+    assert broken(found, 1e-9) == {}
+
+
+@pytest.mark.long
 def test_naljdf_beats_galjdf_a_thousandfold_on_the_iiwa():
     errors = [run(f"{s}_clover_iiwa").metrics["position_error_max_m"] for s in ("galjdf", "naljdf")]
     assert errors[0] > 1000 * errors[1]

@@ -172,11 +172,13 @@ class TestContact:
         )
         assert np.abs(true - measured).max() < 2e-6
 
+    @pytest.mark.long
     def test_the_papers_law_presses_fifteen_times_too_hard(self):
         """It knows the force as 100 N/m times depth; the contact answers otherwise."""
         found = metrics("contact_open_loop", duration=4, window=[2, 4])
         assert found["force_error_mean_N"] > 1.2
 
+    @pytest.mark.long
     def test_a_loop_that_is_ten_times_too_fast_overshoots(self):
         """eta_hat is a gain: at 800 N/m, k K / eta_hat is 80/s."""
         fast = metrics("contact_circle", duration=4, window=[2, 4], law__stiffness=800)

@@ -156,10 +156,10 @@ def test_of_a_law_whose_observables_fail_on_the_way_the_rest_is_kept(in_parts, m
     whole = in_one(experiment, monkeypatch)
     observed = evaluation.observed_signals
 
-    def failing(experiment, motion, states, reading):
+    def failing(experiment, motion, *rest):
         if motion.time[-1] > 0.12:
             raise InvalidInputError("observables: failed")
-        return observed(experiment, motion, states, reading)
+        return observed(experiment, motion, *rest)
 
     monkeypatch.setattr(evaluation, "observed_signals", failing)
     with pytest.raises(SimulationError, match="observables: failed") as caught:

@@ -5,6 +5,7 @@ import pytest
 
 from drake_rnn import InvalidInputError, load_experiment, simulate
 from drake_rnn.laws.parts.learning import rank_one_update
+from drake_rnn.robot.rotation import rotation_error
 
 KINEMATIC, DYNAMIC = "slc_nephroid_known", "slc_nephroid_dynamic"
 #: The arm has joined the path after some two seconds.
@@ -114,6 +115,104 @@ def test_coarse_encoders_excite_a_law_that_learns():
         for sensing in ({"encoder_bits": 12}, {"encoder_bits": 12, "secant_samples": 1})
     )
     assert coarse < 0.8 * own
+
+
+def test_perfect_sight_from_outside_changes_nothing_to_the_last_bit():
+    """Of a law that knows J and sees no v_WE: its p_WE is then that of the true joints anyhow."""
+    changes = {"duration": 0.5, "window": None}
+    joints, outside = run(sensing={}, **changes), run(sensing={"p_WE_noise": 0.0}, **changes)
+    for key, values in joints.series.items():
+        np.testing.assert_array_equal(outside.series[key], values)
+    np.testing.assert_array_equal(outside.series["p_WE_measured"], outside.series["p_WE"])
+
+
+def test_a_camera_sees_what_encoders_cannot():
+    """Encoders of 10 bits cost a mm, but little where p_WE is measured: J alone is off then."""
+    coarse = {"encoder_bits": 10}
+    assert off(run(sensing={**coarse, "p_WE_noise": 0.0})) < 0.6 * off(run(sensing=coarse))
+
+
+def test_an_arm_seen_with_noise_follows_worse_and_errors_are_those_of_the_true_one():
+    """The law's feedback filters the noise: the arm shakes by less than what is measured."""
+    result = run(sensing={"p_WE_noise": 1e-3})
+    noise = result.series["p_WE_measured"] - result.series["p_WE"]
+    assert noise.std() == pytest.approx(1e-3, rel=0.02)
+    error = np.linalg.norm(result.series["p_WE"] - result.series["p_WE_desired"], axis=1)
+    assert off(result) == pytest.approx(error[result.time >= 3.0 - 1e-9].max(), rel=1e-12)
+    assert off(result) < 3e-3
+
+
+def test_a_pose_is_as_late_as_the_joints():
+    result = run(sensing={"delay": 0.02, "p_WE_noise": 0.0}, duration=0.5, window=None)
+    x = result.series
+    np.testing.assert_array_equal(x["p_WE_measured"][20:], x["p_WE"][:-20])
+    np.testing.assert_allclose(x["position_measured"][20:], x["position"][:-20], atol=1e-14)
+
+
+def test_an_orientation_is_measured_with_the_noise_asked_for():
+    """Of the true orientation, computed here from the true joints; 3 %: of 1500 values."""
+    sensing, changes = {"R_WE_noise": 1e-3}, {"duration": 0.5, "window": None}
+    result = run(sensing=sensing, **changes)
+    kinematics = result.experiment.arm.kinematics()
+    R_WE = np.array([kinematics.R_WE(q) for q in result.series["position"]])
+    noise = rotation_error(R_WE, result.series["R_WE_measured"])
+    assert noise.std() == pytest.approx(1e-3, rel=0.05)
+    np.testing.assert_array_equal(result.series["p_WE_measured"], result.series["p_WE"])
+
+
+def test_noise_from_outside_repeats_with_the_seed_and_leaves_that_of_the_joints():
+    changes = {"duration": 0.2, "window": None}
+    sensing = {"position_noise": 1e-4, "p_WE_noise": 1e-4}
+    first, again, other = (run(sensing=sensing, seed=seed, **changes) for seed in (1, 1, 2))
+    for key, values in first.series.items():
+        np.testing.assert_array_equal(again.series[key], values)
+    assert (first.series["p_WE_measured"] != other.series["p_WE_measured"]).any()
+    joints = run(sensing={"position_noise": 1e-4}, seed=1, **changes).series
+    noise = [x["position_measured"] - x["position"] for x in (first.series, joints)]
+    np.testing.assert_allclose(*noise, atol=1e-14)
+
+
+def test_a_law_that_learns_learns_from_what_a_camera_sees():
+    """Its J_hat is what its own rule makes of secants of joints and of the measured p_WE."""
+    sensing = {"secant_samples": 5, "p_WE_noise": 1e-5}
+    result = learned(sensing, duration=0.3, window=None)
+    law, x = result.experiment.law, result.series
+    step = (x["p_WE_measured"][5:] - x["p_WE_measured"][:-5]) / 5e-3
+    np.testing.assert_allclose(x["v_WE_measured"][5:], step, atol=1e-12)
+    for k in range(0, 299, 7):
+        v, v_WE = x["velocity_measured"][k], x["v_WE_measured"][k]
+        expected = rank_one_update(x["J_hat"][k], v, v_WE, law.rho, 1e-3)
+        np.testing.assert_allclose(x["J_hat"][k + 1], expected, atol=1e-12)
+
+
+@pytest.mark.long
+def test_noise_of_a_camera_spoils_what_is_learned():
+    """It is in v_WE alone; noise of joints would be in both sides of v_WE = J v.
+
+    With 0.1 mm the arm is led astray: its J_hat is wrong by more than J is large.
+    """
+    clean, noisy = (
+        learned({"secant_samples": 5, "p_WE_noise": noise}).metrics["jacobian_error_median"]
+        for noise in (0.0, 1e-4)
+    )
+    assert clean < 0.2
+    assert noisy > 1.0
+
+
+def test_an_arm_with_mass_is_seen_from_outside_too():
+    result = run(DYNAMIC, {"p_WE_noise": 1e-4}, duration=0.2, window=None)
+    noise = result.series["p_WE_measured"] - result.series["p_WE"]
+    assert noise.std() == pytest.approx(1e-4, rel=0.1)
+
+
+def test_a_law_that_sees_v_WE_needs_secants():
+    message = (
+        "sensing.secant_samples: must be at least 1 with p_WE_noise or R_WE_noise, because "
+        "SimultaneousLearning sees v_WE, which is a difference of measured positions then"
+    )
+    with pytest.raises(InvalidInputError) as caught:
+        load_experiment("slc_nephroid", {"period": 1e-3, "sensing": {"p_WE_noise": 1e-5}})
+    assert str(caught.value) == message
 
 
 def test_with_sensors_no_law_is_said_to_keep_positions():

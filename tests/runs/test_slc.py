@@ -105,6 +105,28 @@ def assert_it_is_faster(got):
 
 
 @pytest.mark.long
+def test_gains_for_precision_hold_every_bound_and_join_the_path():
+    """The feedback must be bounded: with it as fast as it likes, the arm cycles for ever."""
+    short = {"duration": 6, "window": [4, 6], "accept": {}}
+    got = metrics("slc_nephroid_known_precise", **short)
+    assert got["position_error_max_m"] <= 1.5e-5
+    assert got["settling_time_s"] <= 2.3
+    assert broken(got, 1e-9) == {}
+    wild = metrics("slc_nephroid_known_precise", **short, **{"law.feedback_limit": None})
+    assert wild["position_error_max_m"] > 0.1
+    assert broken(wild, 1e-9) == {}
+
+
+@pytest.mark.parametrize("changes", [{"law.kappa": 15.0}, {"law.rate": 5e3}])
+def test_the_error_is_in_inverse_proportion_to_kappa_and_to_rate(changes):
+    """Half of either doubles it; 10 %: at such rates the sample of 1 ms has a part in it."""
+    short = {"duration": 6, "window": [4, 6], "accept": {}}
+    whole = metrics("slc_nephroid_known_precise", **short)["position_error_max_m"]
+    half = metrics("slc_nephroid_known_precise", **short, **changes)["position_error_max_m"]
+    assert half == pytest.approx(2.0 * whole, rel=0.1)
+
+
+@pytest.mark.long
 def test_it_tracks_while_it_learns_from_random():
     got = metrics("slc_nephroid")
     assert_it_tracks_and_learns(got)
@@ -228,6 +250,7 @@ class TestAsPrinted:
         assert metrics("slc_nephroid_printed", **more)["position_error_max_m"] > 50e-3
 
 
+@pytest.mark.long
 def test_without_excitation_it_does_not_learn():
     """Theorem 1's proof needs the noise: without any, J_hat is right along the motion alone."""
     got = metrics("slc_nephroid", dither=None, period=1e-3)
@@ -292,6 +315,7 @@ def test_with_bounded_feedback_the_same_arm_follows():
     assert got["position_error_max_m"] < 1e-3
 
 
+@pytest.mark.long
 def test_with_motors_the_arm_is_off_its_limits_by_no_more_than_off_its_command():
     """What holds is the command's limit; 1e-6 rad: motors that settle."""
     got = metrics("slc_nephroid_known", **FAR, level="dynamic", feedback="commanded")

@@ -125,6 +125,7 @@ def test_without_feed_forward_it_lags():
     assert found["orientation_error_max_rad"] == pytest.approx(0.15 * np.pi / 2 / 10, rel=0.05)
 
 
+@pytest.mark.long
 def test_with_full_dynamics_it_follows_by_a_sample():
     """At most 0.24 rad/s and 0.05 m/s, a sample of 1 ms late; bounds 1.5 times what is measured."""
     found = simulate(make_experiment(document(level="dynamic"))).metrics

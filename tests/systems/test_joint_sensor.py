@@ -149,7 +149,7 @@ def test_an_encoder_of_turns_is_not_for_a_joint_that_slides():
         ({"delay": -1e-3}, r"delay: must be greater than or equal to 0, not -0\.001"),
         ({"delay": 6.0}, "delay: must be less than or equal to 5, not 6"),
         ({"secant_samples": -1}, "secant_samples: must be greater than or equal to 0"),
-        ({"noise": 1e-3}, "noise: no such key; nearest: position_noise"),
+        ({"noise": 1e-3}, "noise: no such key; nearest: p_WE_noise, R_WE_noise, position_n"),
     ],
 )
 def test_what_it_cannot_be_is_refused_by_name(fields, message):

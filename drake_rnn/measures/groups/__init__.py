@@ -5,6 +5,7 @@ from .drift import DriftMetrics
 from .errors import ErrorMetrics
 from .following import FollowingMetrics
 from .group import Found, Group
+from .held_jerk import HeldJerkMetrics
 from .higher import HigherMetrics
 from .jacobian import JacobianMetrics
 from .joints import JointMetrics
@@ -19,6 +20,7 @@ __all__ = [
     "FollowingMetrics",
     "Found",
     "Group",
+    "HeldJerkMetrics",
     "HigherMetrics",
     "JacobianMetrics",
     "JointMetrics",

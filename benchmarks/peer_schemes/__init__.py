@@ -1,0 +1,1 @@
+"""What other libraries and our laws make of the same tasks; `benchmarks/peers.py` compares them."""

@@ -1,0 +1,78 @@
+"""placo: tasks and constraints over Pinocchio in C++, a quadratic program for each sample."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import placo
+
+from drake_rnn import Array
+from peer_schemes.scheme import NoSolutionError, Scheme
+from peer_schemes.tasks import LEVER, POSTURE_RATE, POSTURE_WEIGHT, Task
+from peer_schemes.urdf import without_shapes
+
+
+class Placo(Scheme):
+    """Frame and joints task; placo has no limit of acceleration, but half-spaces of the joints."""
+
+    name = "placo"
+    setting = "velocity and joint limits, acceleration as joint-space half-spaces"
+
+    def __init__(self, task: Task) -> None:
+        super().__init__(task)
+        with TemporaryDirectory() as folder:
+            file = Path(folder) / "arm.urdf"
+            file.write_text(without_shapes(task.arm))
+            robot = placo.RobotWrapper(str(file), placo.Flags.ignore_collisions)
+        limits, n, self._frame = task.limits, task.arm.n, task.arm.frame
+        for joint, *bounds in zip(
+            task.arm.joints, limits.position_lower, limits.position_upper, strict=True
+        ):
+            robot.set_joint_limits(joint, *map(float, bounds))
+        for joint, bound in zip(task.arm.joints, limits.velocity, strict=True):
+            robot.set_velocity_limit(joint, float(bound))
+        self._robot, self._solver = robot, placo.KinematicsSolver(robot)
+        self._solver.mask_fbase(True)
+        self._solver.dt = task.period
+        self._solver.enable_velocity_limits(True)
+        self._solver.enable_joint_limits(True)
+        self._position = self._solver.add_position_task(self._frame, np.zeros(3))
+        self._position.configure("position", "soft", 1.0)
+        if task.oriented:
+            self._orientation = self._solver.add_orientation_task(self._frame, np.eye(3))
+            self._orientation.configure("orientation", "soft", LEVER**2)
+        self._posture = self._solver.add_joints_task()
+        self._posture.configure("posture", "soft", POSTURE_WEIGHT)
+        # The state begins with the pose of a base that does not move here.
+        A = np.zeros((2 * n, robot.state.q.size))
+        A[:n, -n:], A[n:, -n:] = np.eye(n), -np.eye(n)
+        self._room = task.period**2 * limits.acceleration
+        self._bounds = self._solver.add_joint_space_half_spaces_constraint(A, np.zeros(2 * n))
+        self._bounds.configure("acceleration", "hard", 1.0)
+
+    def pose(self, q: Array) -> tuple[Array, Array]:
+        self._robot.state.q[-q.size :] = q
+        self._robot.update_kinematics()
+        X_WE = self._robot.get_T_world_frame(self._frame)
+        return X_WE[:3, 3], X_WE[:3, :3]
+
+    def velocity(self, k: int, q: Array, v: Array) -> Array:
+        p, R = self.pose(q)
+        task = self.task
+        self._position.target_world = task.target(k, p)
+        if task.oriented:
+            self._orientation.R_world_frame = task.orientation_target(k, R)
+        home = q + POSTURE_RATE * task.period * (task.start - q)
+        self._posture.set_joints(dict(zip(task.arm.joints, home.tolist(), strict=True)))
+        coasting = q + task.period * v
+        self._bounds.b = np.concatenate((coasting + self._room, self._room - coasting))
+        try:
+            way = self._solver.solve(False)
+        except RuntimeError as error:
+            raise NoSolutionError from error
+        return way[-q.size :] / task.period
+
+
+SCHEMES = (Placo,)

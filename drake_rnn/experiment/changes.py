@@ -1,0 +1,86 @@
+"""Changes of a document, by dotted keys such as ``law.kappa``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ..errors import InvalidInputError
+from ..inputs.complaints import short
+from ..inputs.documents import parse_yaml
+
+
+def parse_change(text: str) -> tuple[str, Any]:
+    """Return key and value of ``KEY=VALUE``; the value is parsed as YAML.
+
+    Raises:
+        InvalidInputError: If key, ``=`` or value is missing, or the value is not valid YAML.
+    """
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip() or not value.strip():
+        raise InvalidInputError(
+            f"--set: must be KEY=VALUE, or KEY=null to remove a key, not {text!r}"
+        )
+    return key.strip(), parse_yaml(value, f"--set {key.strip()}")
+
+
+def checked_changes(changes: Mapping[str, Any] | None) -> Mapping[str, Any]:
+    """Return changes of a document, an empty mapping for None.
+
+    Raises:
+        InvalidInputError: If they are no mapping of dotted keys, or one replaces all that another
+            is in.
+    """
+    if changes is None:
+        return {}
+    if not isinstance(changes, Mapping) or not all(isinstance(key, str) for key in changes):
+        raise InvalidInputError(
+            f"changes: must be a mapping of dotted keys to values, not {short(changes)}"
+        )
+    for key in changes:
+        if not all(part.strip() for part in key.split(".")):
+            raise InvalidInputError(f"{key!r}: must be a dotted key, e.g. law.kappa")
+    require_none_lost(list(changes))
+    return changes
+
+
+def require_none_lost(keys: Sequence[str], place: str = "changes") -> None:
+    """Refuse keys that are set one after the other if one replaces all that another is in.
+
+    Args:
+        keys: Dotted keys, in the order in which they are set.
+        place: What names them, for messages.
+
+    Raises:
+        InvalidInputError: If a key is set, and then what it is in.
+    """
+    for number, key in enumerate(keys):
+        for later in keys[number + 1 :]:
+            if key.startswith(f"{later}."):
+                raise InvalidInputError(
+                    f"{place}: {key} is lost, as {later}, which it is in, is set after it; leave "
+                    "one out"
+                )
+
+
+def set_key(document: dict[str, Any], key: str, value: Any) -> None:
+    """Set a dotted key of a document in place; None removes it.
+
+    Raises:
+        InvalidInputError: If the key leads into a value that has no keys.
+    """
+    *folders, last = key.split(".")
+    place = document
+    for depth, folder in enumerate(folders):
+        inner = place.setdefault(folder, {})
+        if not isinstance(inner, dict):
+            where = ".".join(folders[: depth + 1])
+            raise InvalidInputError(f"{key}: {where} is {inner!r}, which has no keys")
+        place = inner
+    if value is None:
+        place.pop(last, None)
+    else:
+        place[last] = value
+    rival = {"period": "integrator", "integrator": "period"}.get(key.split(".")[0])
+    if rival is not None and value is not None:
+        document.pop(rival, None)

@@ -1,0 +1,413 @@
+r"""Every bound to the jerk, by construction, with a Jacobian that is known or learned.
+
+At each sample the law chooses the joint velocity v to hold for the next period h,
+
+.. math::
+    \min_v \tfrac12 |v - g|^2 + \frac{1}{2 \mu} |W^{1/2} (J v - b)|^2 \quad \text{s.t.} \quad
+    \underline v \le v \le \overline v,
+
+    b = \frac{p_d(t + h) - p_d(t)}{h} + s(p_d - p), \qquad
+    s(e) = \min(\kappa |e|, \sqrt{2 a |e|}, s_{max}) \frac{e}{|e|}.
+
+The feed-forward is the secant to the next sample, and the feedback is one that can be braked. With
+the orientation held, the rotation vector from R_d(t) to R_d(t + h) and that from R to R_d do the
+same for the rows of the rotation, which W weighs by the square of a lever.
+
+============  ======================  =================================================
+symbol        here                    meaning
+============  ======================  =================================================
+h             period                  time for which a velocity is held [s]
+kappa         kappa                   gain of the feedback [1/s]
+a             braking                 deceleration at the end of the way [m/s^2]
+s_max         feedback_limit          largest speed of the feedback [m/s]
+mu            softness                price of the task's error against |v - g|^2 [m^2]
+W             lever                   1 for positions, lever^2 for rotations
+g             secondary               velocities preferred among those that do the task
+J             J or J_hat              Jacobian, at the middle of the sample if it is known
+C, R, q_n     covariance, variance,   of the learned rows; see `drake_rnn.laws.parts.kalman`
+              wander
+============  ======================  =================================================
+
+**Why the box is never empty.** It holds the velocities from which a joint can still stop within its
+position limits, if it brakes as hard as acceleration, and jerk if that is bounded, allow. The first
+step of the stop that was possible a sample ago is one of them, for what is left of a stop after its
+first step is a stop again. At rest within the limits, standing still is one. So by induction the
+box has a point at every sample, whatever J, the target or a measurement are, up to rounding; tests
+find 1e-13 of a bound. The joints' own commands are integrated for this, from the first
+position that is measured: what is measured later does not enter the box, but an error of that first
+one stays in it.
+
+**What is not guaranteed.** That the path is tracked. The program is soft, so where box and path
+disagree the bounds win. A local law does not plan: an arm may run into a position limit or a
+singular posture that another posture would avoid; near a singular one the task is softer, so that
+it comes to rest there. A learned Jacobian is right along the directions
+that the arm has moved in, and need not be elsewhere. With motors the commands keep the bounds, the
+arm itself does not.
+
+The idea of pricing the task in a program with bounds on velocities is common to inverse kinematics
+by quadratic programming (Kanoun, Lamiraux, Wieber, "Kinematic control of redundant manipulators:
+generalizing the task-priority framework to inequality task", IEEE Transactions on Robotics 27,
+2011); bounds that anticipate braking are those of Del Prete, "Joint position and velocity bounds in
+discrete-time acceleration/torque control of robot manipulators", IEEE Robotics and Automation
+Letters 3 (2018), here for velocities that are held, and with the jerk.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from ..arrays.algebra import acts, joined, matvec
+from ..errors import InvalidInputError
+from ..inputs.fields import Array, Gain, Length, Speed, Vector, Weight, validated
+from ..robot.limits import JointLimits
+from ..robot.rotation import rotation_error
+from .law import Circumstances, Law, SampledReading
+from .layout import Layout, Signals
+from .parts.approach import approach, gain_within_jerk
+from .parts.held_within import Program, WithinAcceleration, WithinJerk
+from .parts.known_jacobian import MiddleJacobian
+from .parts.late import Late
+from .parts.learned_jacobian import LearnedJacobian
+from .parts.measurement import EXACT, Measurement, feedback_gain, suited
+from .parts.near_singular import softened
+from .parts.secondary import Secondary, manipulability_gradient, pushed_back
+
+_ROUNDING = 1e-9
+# A joint stops this far before its limit [rad], so that no rounding error leads beyond it.
+_SLACK = 1e-12
+# A posture target this close to a limit [rad], or with so small a singular value, is doubted.
+_NEAR_LIMIT, _SINGULAR = 0.1, 0.05
+# Stands for the infinite acceleration of a joint without limits [rad/s^2].
+_UNBOUNDED = 1e9
+_UNMOVED = (
+    "law.J_hat_initial: zero moves no joint, so nothing is learned unless law.secondary or a noise "
+    "moves the arm; consider uniform"
+)
+# Share of the newest value in the reference of the acceleration, if J is learned.
+_SMOOTHED = 0.05
+
+
+@validated
+class Adaptive(Law):
+    """A sampled law within all bounds up to the acceleration, or to the jerk where it is limited.
+
+    Args:
+        limits: Limits of the joints. Where no limit of the acceleration is known, it is unbounded.
+            The jerk is bounded if its limits are given and can be reached within a period.
+        home: Posture at the start, shape (n,) [rad].
+        task_size: Number of rows of J; of 6 rows the first three are rotation.
+        jacobian: ``known`` reads J; ``learned`` learns it from ``position`` and ``p_WE``.
+        kappa: Gain of the feedback, at most one over the period [1/s]; 100 by default, or that
+            one, and less where measurements have errors or the jerk is bounded low.
+        braking: Deceleration of the feedback [m/s^2].
+        feedback_limit: Largest speed of the feedback [m/s].
+        turn_braking: Deceleration of the feedback of the orientation [rad/s^2].
+        turn_limit: Largest speed of that feedback [rad/s].
+        lever: Length that makes an error of the orientation count like one of the position [m].
+        softness: Price mu of the task's error; 1e-6 by default, more where measurements have
+            errors.
+        secondary: What the joints do besides.
+        J_hat_initial: Initial J_hat: ``uniform`` in [0, 1], ``zero``, or ``exact``, the arm's own.
+        variance: Variance R of the measured velocity; by default as suits the measurement.
+        wander: Growth q_n of the variance of J_hat's entries [1/s]; likewise.
+        measurement: Quality of what the law sees.
+    """
+
+    kind: Literal["adaptive"] = "adaptive"
+    limits: JointLimits
+    home: Vector
+    task_size: Literal[2, 3, 6] = 3
+    jacobian: Literal["known", "learned"] = "known"
+    kappa: Gain | None = None
+    braking: Gain = 0.05
+    feedback_limit: Speed = 0.1
+    turn_braking: Gain = 0.25
+    turn_limit: Gain = 0.5
+    lever: Length = 0.3
+    softness: Weight | None = None
+    secondary: Secondary = Field(default_factory=Secondary)
+    J_hat_initial: Literal["uniform", "zero", "exact"] = "uniform"
+    variance: Weight | None = None
+    wander: Weight | None = None
+    measurement: Measurement = Field(default_factory=Measurement)
+
+    takes_many = True
+
+    def __post_init__(self) -> None:
+        n, target = self.limits.size, self.secondary.target
+        if self.home.size != n:
+            raise ValueError(f"home: must have {n} entries, one per joint, not {self.home.size}")
+        if target is not None and target.size != n:
+            raise ValueError(
+                f"secondary: target must have {n} entries, one per joint, not {target.size}"
+            )
+        if self.seeks_manipulability and (self.jacobian == "learned" or self.task_size == 2):
+            raise ValueError(
+                "secondary: manipulability needs jacobian: known and task: xyz or pose; leave it "
+                "out"
+            )
+
+    @property
+    def keeps(self) -> tuple[str, ...]:
+        """See `Law.keeps`; all limits that are known, up to the jerk."""
+        higher = ("acceleration", "jerk")
+        return ("position", "velocity", *(n for n in higher if self.limits.bounds[n] is not None))
+
+    @property
+    def limits_remedy(self) -> str:
+        """See `Law.limits_remedy`."""
+        return "a filter behind it, which keeps snap and crackle as well"
+
+    @property
+    def loop_gains(self) -> Mapping[str, float]:
+        # Measurements that are known to be late are made up for.
+        return {} if self.measurement.delay else {"kappa": self._gain}
+
+    @property
+    def _gain(self) -> float:
+        """Gain of the feedback, the one given or the one that suits the measurement [1/s]."""
+        if self.kappa is not None:
+            return self.kappa
+        gain = feedback_gain(self.measurement, self.jacobian == "learned")
+        if self.limits.jerk is None:
+            return gain
+        turn_braking = self.turn_braking if self.turns else None
+        jerk = float(np.min(self.limits.jerk))
+        return min(gain, gain_within_jerk(jerk, self.braking, turn_braking))
+
+    @property
+    def seeks_manipulability(self) -> bool:
+        """Whether the joints are led away from singular postures."""
+        return acts(self.secondary.manipulability)
+
+    def sampled(self, period: float) -> SampledReading:
+        """Return an `AdaptiveReading`, with the numbers that suit measurement and period.
+
+        Raises:
+            InvalidInputError: If ``kappa`` would overshoot at this period, or the delay of the
+                measurements is no multiple of it.
+        """
+        learned = self.jacobian == "learned"
+        suits = suited(self.measurement, period) if learned else EXACT
+        # One that is not given takes back at most the whole error.
+        kappa = min(self._gain, 1.0 / period) if self.kappa is None else self.kappa
+        if kappa * period > 1.0 + _ROUNDING:
+            raise InvalidInputError(
+                f"law.kappa: may be at most {1.0 / period:.6g} /s at a period of {period:g} s, "
+                f"where it takes back the whole error in one sample, not {kappa:g}"
+            )
+        late = self.measurement.delay / period
+        if abs(late - round(late)) > _ROUNDING * max(late, 1.0):
+            raise InvalidInputError(
+                f"law.measurement.delay, in a document sensing.delay: must be a multiple of the "
+                f"period, {period:g} s, not {self.measurement.delay:g}"
+            )
+        law = replace(
+            self,
+            kappa=kappa,
+            softness=suits.softness if self.softness is None else self.softness,
+            variance=suits.variance if self.variance is None else self.variance,
+            wander=suits.wander if self.wander is None else self.wander,
+            limits=_reached(self.limits, period),
+        )
+        return AdaptiveReading(law, suits.samples, round(late))
+
+    @cached_property
+    def state(self) -> Layout:
+        m, n = self.task_size, self.limits.size
+        return Layout(v=(n,), **({"J_hat": (m, n)} if self.jacobian == "learned" else {}))
+
+    @cached_property
+    def inputs(self) -> Layout:
+        m, n = self.task_size, self.limits.size
+        shapes: dict[str, tuple[int, ...]] = {"p": (min(m, 3),)}
+        if self.turns:
+            shapes["R"] = (3, 3)
+        names = ("WE", "WE_desired", "preview")
+        parts = {f"{letter}_{name}": shape for letter, shape in shapes.items() for name in names}
+        known = {"J": (m, n)} if self.jacobian == "known" else {}
+        if self.seeks_manipulability:
+            known["J_omega"] = (3, n)
+        return Layout(position=(n,), **known, **parts)
+
+    @property
+    def turns(self) -> bool:
+        """Whether the task includes the orientation."""
+        return self.task_size == 6
+
+    def doubts(self, circumstances: Circumstances) -> list[str]:
+        """See `Law.doubts`; of the first J_hat, and of the posture that joints are pulled to."""
+        unmoved = [_UNMOVED] if self.jacobian == "learned" and self.J_hat_initial == "zero" else []
+        return unmoved + self._posture_doubts(circumstances)
+
+    def _posture_doubts(self, circumstances: Circumstances) -> list[str]:
+        if not acts(self.secondary.posture):
+            return []
+        target = self.home if self.secondary.target is None else self.secondary.target
+        key = "start" if self.secondary.target is None else "law.secondary.target"
+        gap = np.minimum(target - self.limits.position_lower, self.limits.position_upper - target)
+        found = []
+        if gap.min() < _NEAR_LIMIT:
+            found.append(
+                f"{key}: joint {int(gap.argmin()) + 1} is pulled to {max(gap.min(), 0.0):.2g} rad "
+                "from its limit, and may be held there; consider another law.secondary.target, or "
+                "law.secondary.posture: 0"
+            )
+        if circumstances.task_J is not None:
+            least = float(np.linalg.svd(circumstances.task_J(target), compute_uv=False)[-1])
+            if least < _SINGULAR:
+                found.append(
+                    f"{key}: the arm is pulled towards a posture that is singular for its task "
+                    f"(smallest singular value {least:.2g}), where it loses the task; consider "
+                    "law.secondary.target with the joints some 0.1 rad away, or "
+                    "law.secondary.posture: 0"
+                )
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class AdaptiveReading(SampledReading):
+    """The law at a period.
+
+    The state holds v; ``commanded``, the joint positions that it has commanded; if the jerk is
+    bounded the acceleration ``a``, and that of the path with the velocities it comes from; and
+    what its Jacobian comes from.
+
+    Attributes:
+        law: The law, with all of its numbers.
+        samples: Number of samples over which velocities are difference quotients.
+        late: Number of samples by which measurements are late.
+    """
+
+    law: Adaptive
+    samples: int
+    late: int
+
+    takes_many = True
+
+    @cached_property
+    def state(self) -> Layout:
+        n = self.law.limits.size
+        own = {"v": (n,), "commanded": (n,)}
+        parts = (self._within, self._source, self._late)
+        return Layout(**own, **{name: s for part in parts for name, s in part.shapes.items()})
+
+    @property
+    def inputs(self) -> Layout:
+        return self.law.inputs
+
+    @cached_property
+    def _source(self) -> MiddleJacobian | LearnedJacobian:
+        law = self.law
+        m, n = law.task_size, law.limits.size
+        if law.jacobian == "known":
+            return MiddleJacobian(m, n, self.late)
+        return LearnedJacobian(m, n, self.samples, law.wander, law.variance, law.J_hat_initial)
+
+    @cached_property
+    def _within(self) -> WithinAcceleration | WithinJerk:
+        if self.law.limits.jerk is None:
+            return WithinAcceleration(self.law.limits)
+        smoothing = 1.0 if self.law.jacobian == "known" else _SMOOTHED
+        return WithinJerk(self.law.limits, smoothing)
+
+    @cached_property
+    def _late(self) -> Late:
+        return Late(self.late, self.law.limits.size)
+
+    @cached_property
+    def _softness(self) -> Array:
+        """Softness of the rows, a diagonal matrix, shape (..., m, m)."""
+        law = self.law
+        softness: Any = law.softness
+        each = np.ones(min(law.task_size, 3))
+        # A lever of each robot's own gives both parts its leading axis.
+        rows = joined((each * law.lever**-2, each + 0.0 * law.lever)) if law.turns else each
+        rows = softness * rows
+        return rows[..., None] * np.eye(law.task_size)
+
+    def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
+        start = {name: np.zeros(shape) for name, shape in self._within.shapes.items()}
+        start |= {"v": np.zeros(self.law.limits.size), "commanded": u["position"]}
+        return self._joined(start | self._source.start(rng, u) | self._late.start(u))
+
+    def _joined(self, parts: Mapping[str, Array]) -> Array:
+        return self.state.join(*(parts[name] for name in self.state.parts))
+
+    def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
+        kept = dict(zip(self.state.parts, self.state.split(x), strict=True))
+        v, q = kept["v"], kept["commanded"]
+        J, learned = self._source.advanced(kept, u, period)
+        moved, late = self._late.moved(kept, q)
+        along, feedback = self._asked(u, None if moved is None else matvec(J, moved), period)
+        g = self._preferred(q, v, J, u, period)
+        softness = softened(J, self._softness)
+        program = Program(J, along + feedback, along, g, softness)
+        v, held = self._within.chosen(program, q, v, kept, period)
+        return self._joined({"v": v, "commanded": q + period * v, **held, **learned, **late})
+
+    def _asked(self, u: Signals, since: Array | None, period: float) -> tuple[Array, Array]:
+        """Return the task velocities of the path and of the feedback, shape (..., m).
+
+        Args:
+            u: Signals at the sample.
+            since: Motion of the end effector since it was measured, shape (..., m); None if it is
+                measured at once.
+            period: Time until the next sample [s].
+        """
+        law, desired = self.law, u["p_WE_desired"]
+        along, away = (u["p_preview"] - desired) / period, desired - u["p_WE"]
+        if since is not None:
+            away = away - since[..., -away.shape[-1] :]
+        back = approach(away, law.kappa, law.braking, law.feedback_limit)
+        if not law.turns:
+            return along, back
+        R_desired = u["R_WE_desired"]
+        turning = rotation_error(R_desired, u["R_preview"]) / period
+        turned = rotation_error(u["R_WE"], R_desired)
+        if since is not None:
+            turned = turned - since[..., :3]
+        back_turning = approach(turned, law.kappa, law.turn_braking, law.turn_limit)
+        return joined((turning, along)), joined((back_turning, back))
+
+    def _preferred(self, q: Array, v: Array, J: Array, u: Signals, period: float) -> Array:
+        """Return the joint velocities preferred among those that do the task, shape (..., n)."""
+        law, terms = self.law, self.law.secondary
+        g = terms.posture * ((law.home if terms.target is None else terms.target) - q)
+        if acts(terms.limits):
+            g = g + pushed_back(q, law.limits, terms.limits, terms.limits_zone)
+        if law.seeks_manipulability:
+            g = g + terms.manipulability * manipulability_gradient(J, u["J_omega"])
+        if acts(terms.low_acceleration):
+            g = v + (g - v) * (period / (terms.low_acceleration + period))
+        return g
+
+
+def _reached(limits: JointLimits, period: float) -> JointLimits:
+    """Return the limits that a box is made of.
+
+    Without a jerk that no change of the acceleration in a period can reach, and with position
+    limits a trace inside of the true ones.
+    """
+    slack = np.minimum(_SLACK, (limits.position_upper - limits.position_lower) / 4.0)
+    acceleration = np.inf if limits.acceleration is None else limits.acceleration
+    known = limits.replace(
+        position_lower=limits.position_lower + slack,
+        position_upper=limits.position_upper - slack,
+        acceleration=acceleration,
+    )
+    if limits.jerk is None:
+        return known
+    # How far a stop goes needs a finite acceleration: what the other limits leave of it.
+    speed = np.minimum(limits.velocity, (limits.position_upper - limits.position_lower) / period)
+    most = np.minimum(np.minimum(acceleration, 2.0 * speed / period), _UNBOUNDED)
+    change = 2.0 * most / period
+    if (limits.jerk >= change).all():
+        return known.replace(jerk=None)
+    return known.replace(acceleration=most, jerk=np.minimum(limits.jerk, change))

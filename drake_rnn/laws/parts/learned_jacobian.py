@@ -1,0 +1,98 @@
+"""Where a sampled law takes its Jacobian from, if it learns it: from what its motions cause."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from ...arrays.algebra import joined
+from ...errors import InvalidInputError
+from ...inputs.fields import Array
+from ...robot.rotation import rotation_error
+from ..layout import Signals
+from .kalman import kalman_update
+from .newest import pushed
+
+
+@dataclass(frozen=True)
+class LearnedJacobian:
+    """A Jacobian learned from measured joint positions and end effector positions.
+
+    Both velocities are difference quotients over the last samples. The arm has moved so for all of
+    that time, whatever was commanded.
+
+    Attributes:
+        task_size: Number m of rows; of 6 rows the first three are rotation.
+        size: Number n of joints.
+        samples: Number of samples over which the quotients are taken.
+        wander: Growth q_n of the variance of each entry [1/s].
+        variance: Variance R of the measured task velocity [m^2/s^2].
+        initial: ``uniform`` in [0, 1], ``zero``, or ``exact``, the arm's own.
+    """
+
+    task_size: int
+    size: int
+    samples: int
+    wander: Any
+    variance: Any
+    initial: Literal["uniform", "zero", "exact"]
+
+    @property
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """Shapes of its parts of the state, by name."""
+        n, m, k = self.size, self.task_size, self.samples
+        parts = {"J_hat": (m, n), "covariance": (n, n), "q_before": (k, n)}
+        parts["p_before"] = (k, min(m, 3))
+        return parts | ({"R_before": (k, 3, 3)} if m == 6 else {})
+
+    def start(self, rng: np.random.Generator, u: Signals) -> dict[str, Array]:
+        """Return its parts of the initial state, by name.
+
+        Raises:
+            InvalidInputError: If ``initial`` is ``exact`` and there is no J among the signals.
+        """
+        shapes = self.shapes
+        if self.initial == "exact" and "J" not in u:
+            raise InvalidInputError(
+                "law.J_hat_initial: exact needs the arm's J, which this law does not see; "
+                "set the initial state yourself"
+            )
+        if self.initial == "uniform":
+            J_hat = rng.uniform(size=shapes["J_hat"])
+        else:
+            J_hat = np.zeros(shapes["J_hat"]) if self.initial == "zero" else np.asarray(u["J"])
+        found = {"J_hat": J_hat, "covariance": np.eye(self.size)}
+        measured = {"q_before": "position", "p_before": "p_WE", "R_before": "R_WE"}
+        for part in shapes.keys() & measured.keys():
+            found[part] = np.broadcast_to(u[measured[part]], shapes[part])
+        return found
+
+    def advanced(
+        self, kept: dict[str, Array], u: Signals, period: float
+    ) -> tuple[Array, dict[str, Array]]:
+        """Return the Jacobian, shape (..., m, n), and its parts of the next state.
+
+        Args:
+            kept: Its parts of the state, by name.
+            u: Signals at the sample.
+            period: Time until the next sample [s].
+        """
+        over = self.samples * period
+        q, p = u["position"], u["p_WE"]
+        w = (q - kept["q_before"][..., -1, :]) / over
+        y = (p - kept["p_before"][..., -1, :]) / over
+        found = {
+            "q_before": pushed(kept["q_before"], q, -2),
+            "p_before": pushed(kept["p_before"], p, -2),
+        }
+        if self.task_size == 6:
+            R = u["R_WE"]
+            turned = rotation_error(kept["R_before"][..., -1, :, :], R) / over
+            y = joined((turned, y))
+            found["R_before"] = pushed(kept["R_before"], R, -3)
+        found["J_hat"], found["covariance"] = kalman_update(
+            kept["J_hat"], kept["covariance"], w, y, self.wander * period, self.variance
+        )
+        return found["J_hat"], found

@@ -1,0 +1,114 @@
+r"""What joints do besides their task: a small list of terms with weights.
+
+Each term is a velocity that the joints prefer; of those that do the task, the law takes the one
+nearest to their sum.
+
+======================  ======================================================================
+term                    preferred velocity
+======================  ======================================================================
+``posture``             weight times the way to a posture
+``limits``              away from position limits: from 0 at the edge of a zone before each
+                        limit to the weight at the limit, as the square of the way into the zone
+``manipulability``      weight times the gradient of ln sqrt(det J J^T), which leads away from
+                        singular postures
+``low_acceleration``    all of these, smoothed with this time constant
+======================  ======================================================================
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+
+from ...arrays.algebra import functions_of, is_one, matmul, scaled, solved, transposed
+from ...inputs.fields import Array, Gain, GainOrZero, NonNegative, Vector, between, validated
+from ...robot.limits import JointLimits
+
+# Keeps the gradient of the manipulability finite in a singular posture [m^2].
+_REGULAR = 1e-6
+
+
+@validated
+class Secondary:
+    """Weights of the secondary objectives; 0 leaves one out.
+
+    Args:
+        posture: Pull towards the posture [1/s].
+        target: The posture, shape (n,) [rad]; by default that of the start.
+        limits: Speed with which a joint at a position limit prefers to leave [rad/s].
+        limits_zone: Way before a position limit in which a joint is pushed back [rad].
+        manipulability: Weight of the manipulability's gradient [rad^2/s]; needs a known Jacobian
+            and ``task`` xyz or pose.
+        low_acceleration: Time constant of what is preferred [s].
+    """
+
+    posture: GainOrZero = 1.0
+    target: Vector | None = None
+    limits: GainOrZero = 3.0
+    limits_zone: Gain = 0.3
+    manipulability: GainOrZero = 0.0
+    low_acceleration: Annotated[NonNegative, between(0.0, 100.0)] = 0.0
+
+
+def pushed_back(q: Array, limits: JointLimits, weight: Any, zone: Any) -> Array:
+    """Return velocities away from the position limits, shape (..., n) [rad/s].
+
+    Args:
+        q: Joint positions, shape (..., n) [rad].
+        limits: Limits of the joints.
+        weight: Speed at a limit [rad/s].
+        zone: Way before a limit in which it acts [rad].
+    """
+    if is_one(q) and not _is_in_zone(q, limits, zone):
+        return 0.0 * q
+    xp = functions_of(q)
+    into = [xp.maximum(1.0 - gap / zone, 0.0) for gap in _gaps(q, limits)]
+    return weight * (into[0] * into[0] - into[1] * into[1])
+
+
+def _is_in_zone(q: Array, limits: JointLimits, zone: float) -> bool:
+    # Plain floats: NumPy's overhead would take several times as long.
+    lower, upper = limits.position_lower.tolist(), limits.position_upper.tolist()
+    for x, low, high in zip(q.tolist(), lower, upper, strict=True):
+        if x - low < zone or high - x < zone:
+            return True
+    return False
+
+
+def _gaps(q: Array, limits: JointLimits) -> tuple[Array, Array]:
+    return q - limits.position_lower, limits.position_upper - q
+
+
+def manipulability_gradient(J: Array, J_omega: Array) -> Array:
+    r"""Return the gradient of ln sqrt(det J J^T) by the joint positions, shape (..., n).
+
+    It is tr(J^+ dJ/dq_j). In a chain, moving joint j turns all that follows it: it changes column i
+    of the translation by z_j x J_i if i >= j, and by z_i x J_j otherwise, and z_i by z_j x z_i if
+    i > j, where z are the columns of the rotation, zero for joints that slide.
+
+    Args:
+        J: Jacobian of the task, shape (..., m, n), of 3 rows of translation, or those of the
+            rotation before them.
+        J_omega: Jacobian of the rotation, shape (..., 3, n).
+    """
+    xp = functions_of(J)
+    J_T = transposed(J)
+    regular = scaled(_REGULAR, np.eye(J.shape[-2]))
+    # Rows of the transposed pseudoinverse.
+    P = solved(matmul(J, J_T) + regular, J)
+    J_v, P_v, z = J[..., -3:, :], P[..., -3:, :], J_omega
+    turned = _crossed(J_v, P_v)
+    if J.shape[-2] == 6:
+        turned = turned + _crossed(J[..., :3, :], P[..., :3, :])
+    after = xp.flip(xp.cumsum(xp.flip(turned, -1), axis=-1), -1)
+    lever = _crossed(P_v, z)
+    before = xp.cumsum(lever, axis=-1) - lever
+    sums = z * after + J_v * before
+    return sums[..., 0, :] + sums[..., 1, :] + sums[..., 2, :]
+
+
+def _crossed(a: Array, b: Array) -> Array:
+    """Return the cross products of columns, shape (..., 3, n)."""
+    (ax, ay, az), (bx, by, bz) = ((m[..., 0, :], m[..., 1, :], m[..., 2, :]) for m in (a, b))
+    return functions_of(a).stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), axis=-2)

@@ -1,0 +1,117 @@
+"""Bounds on the next acceleration that leave a joint a stop within its limits up to the jerk."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..arrays.algebra import clipped, differentiable, functions_of
+from ..inputs.fields import Array
+from .jerk_stop import gaining, stop
+
+
+class JerkLimits(NamedTuple):
+    """Limits of joints, their jerk included; any of position and velocity may be infinite.
+
+    Attributes:
+        position: Lower and upper position limits, shape (..., n) each [rad].
+        velocity, acceleration, jerk: Largest magnitudes, shape (..., n) [rad/s .. rad/s^3].
+    """
+
+    position: tuple[Array, Array]
+    velocity: Array
+    acceleration: Array
+    jerk: Array
+
+
+def jerk_box(
+    q: Array, v: Array, a: Array, limits: JerkLimits, period: float
+) -> tuple[Array, Array]:
+    """Return the lower and upper accelerations of the next period, shape (..., n) [rad/s^2].
+
+    Between them lies the first acceleration of the fastest stop from now, and after any of them
+    there is a stop within the limits, if there is one now. Where a position limit is close, the
+    chord between the largest acceleration and that of the stop gives the bound: between these two,
+    how far a joint gets is convex in its next acceleration.
+
+    Args:
+        q: Joint positions, shape (..., n) [rad].
+        v: Velocities held until now, shape (..., n) [rad/s].
+        a: Accelerations that led to them, shape (..., n) [rad/s^2].
+        limits: The limits.
+        period: Time for which a velocity is held [s].
+    """
+    # What follows from infinite limits is not a number in places, none of which is chosen.
+    with np.errstate(invalid="ignore"):
+        return _box(q, v, a, limits, period)
+
+
+def _box(q: Array, v: Array, a: Array, limits: JerkLimits, period: float) -> tuple[Array, Array]:
+    xp = functions_of(q, v, a)
+    d = limits.jerk * period
+    slowest = xp.maximum(-limits.acceleration, a - d)
+    fastest = xp.minimum(limits.acceleration, a + d)
+    # Upwards, and downwards as if mirrored.
+    upwards = _upper(v, fastest, limits.velocity, d, period)
+    downwards = _upper(-v, -slowest, limits.velocity, d, period)
+    room = xp.stack((limits.position[1] - q, q - limits.position[0]))
+    near = room < _long_way(v, a, limits, period)
+    if xp is not np or near.any():
+        c = stop(q, v, a, limits.acceleration, limits.jerk, period).first
+        # Joint by joint, so that others that are near change no bit of one that is not.
+        held = _held_back(upwards, c, room[0], v, limits, period)
+        upwards = xp.where(near[0], held, upwards)
+        held = _held_back(downwards, -c, room[1], -v, limits, period)
+        downwards = xp.where(near[1], held, downwards)
+    # Rounding alone can take a bound beyond what the jerk allows.
+    upper = clipped(upwards, slowest, fastest)
+    return xp.minimum(clipped(-downwards, slowest, fastest), upper), upper
+
+
+def _upper(v: Array, fastest: Array, most: Array, d: Array, period: float) -> Array:
+    """Return the accelerations that can be brought to zero before the velocity limit."""
+    xp = functions_of(v)
+    left = (most - v) / (period * d)
+    room = gaining(xp.maximum(differentiable(left), 0.0))
+    return xp.minimum(fastest, xp.where(xp.isfinite(left), d * room, fastest))
+
+
+def _held_back(
+    upper: Array, c: Array, room: Array, v: Array, limits: JerkLimits, period: float
+) -> Array:
+    """Return the upper accelerations after which the stop ends before the position limit.
+
+    Args:
+        upper: Largest accelerations otherwise, shape (..., n) [rad/s^2].
+        c: First accelerations of the stop from now, likewise.
+        room: Ways to the position limit, shape (..., n) [rad].
+        v: Velocities until now, shape (..., n) [rad/s].
+        limits: The limits.
+        period: Time for which a velocity is held [s].
+    """
+    xp = functions_of(upper)
+    upper = xp.maximum(upper, c)
+    way = differentiable(room)
+    over, at_best = (_way(b, v, limits, period) - way for b in (upper, c))
+    # At best the stop ends at the limit; from elsewhere, no bound is better than the stop itself.
+    gap = xp.where(over > 0.0, over - at_best, 1.0)
+    share = xp.where(gap > 0.0, -at_best / xp.where(gap > 0.0, gap, 1.0), 0.0)
+    held = c + (upper - c) * xp.clip(share, 0.0, 1.0)
+    return xp.where((over > 0.0) & xp.isfinite(room), held, upper)
+
+
+def _way(b: Array, v: Array, limits: JerkLimits, period: float) -> Array:
+    """Return how far up a joint gets that accelerates at ``b`` and then stops [rad]."""
+    w = v + period * b
+    after = stop(period * w, w, b, limits.acceleration, limits.jerk, period)
+    return after.highest
+
+
+def _long_way(v: Array, a: Array, limits: JerkLimits, period: float) -> Array:
+    """Return a way that no stop exceeds, whatever the next acceleration is [rad]."""
+    xp = functions_of(v, a)
+    ramp = limits.acceleration / limits.jerk + 3.0 * period
+    speed = xp.abs(v) + period * limits.acceleration + 0.5 * xp.abs(a) * ramp
+    speed = xp.minimum(speed + period * limits.acceleration, limits.velocity + xp.abs(v))
+    return speed * (speed / limits.acceleration + 2.0 * ramp)

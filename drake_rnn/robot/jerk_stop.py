@@ -1,0 +1,149 @@
+r"""The fastest stop of a joint whose jerk is bounded, and the accelerations that leave one.
+
+A velocity is held for a period h, so a joint that accelerates at a has v + h a next and moves by
+h (v + h a). From one period to the next its acceleration changes by at most d = J h. With
+velocities in units of h d and accelerations in units of d, the stop from acceleration x, as it
+returns to zero in whole steps and a rest, gains
+
+.. math::
+    T(x) = \sum_{j \ge 0} \max(x - j, 0) = (p + 1) x - \tfrac12 p (p + 1), \quad
+    p = \lfloor x \rfloor, \qquad
+    T^{-1}(y) = \frac{y}{p + 1} + \frac p2, \quad
+    p = \lfloor \tfrac12 (\sqrt{1 + 8 y} - 1) \rfloor.
+
+The stop changes the acceleration by -d for some periods, holds the largest deceleration for some,
+brakes once in between, and returns to zero by steps of d; or the mirror image of this. What is left
+of it after its first period is the stop from there. So whoever may stop within a limit now may do
+so one period later, and the set of accelerations that allow it is never empty.
+
+All functions take leading axes of robots, in NumPy or in JAX arrays, and work joint by joint.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..arrays.algebra import functions_of
+from ..arrays.namespace import AnyArray
+from ..inputs.fields import Array
+
+# Whole steps that the count of a short stop's first periods may be off by, at first.
+_OFF = 3
+
+
+def gained(x: AnyArray) -> AnyArray:
+    """Return T of accelerations in units of d, shape (..., n); zero of negative ones."""
+    xp = functions_of(x)
+    p = xp.floor(xp.maximum(x, 0.0))
+    return xp.where(x > 0.0, (p + 1.0) * x - 0.5 * p * (p + 1.0), 0.0)
+
+
+def gaining(y: AnyArray) -> AnyArray:
+    """Return the inverse of T, of velocities in units of h d, shape (..., n); they are >= 0."""
+    xp = functions_of(y)
+    p = xp.floor(0.5 * (xp.sqrt(1.0 + 8.0 * y) - 1.0))
+    return y / (p + 1.0) + 0.5 * p
+
+
+@dataclass(frozen=True)
+class Stop:
+    """A joint's fastest stop.
+
+    Attributes:
+        first: Acceleration of its first period, shape (..., n) [rad/s^2].
+        lowest, highest: Least and largest position from now on, shape (..., n) [rad].
+    """
+
+    first: Array
+    lowest: Array
+    highest: Array
+
+
+def stop(q: Array, v: Array, a: Array, most: Array, jerk: Array, period: float) -> Stop:
+    """Return the fastest stop.
+
+    Args:
+        q: Joint positions, shape (..., n) [rad].
+        v: Velocities held until now, shape (..., n) [rad/s].
+        a: Accelerations that led to them, shape (..., n) [rad/s^2], at most ``most``.
+        most: Largest accelerations, shape (..., n) [rad/s^2].
+        jerk: Largest jerks, shape (..., n) [rad/s^3].
+        period: Time for which a velocity is held [s].
+    """
+    xp = functions_of(q, v, a)
+    d = jerk * period
+    x, slow = a / d, -v / (period * d)
+    # Where the acceleration alone, brought to zero, leaves the joint too slow, all is mirrored.
+    mirror = xp.where(slow > xp.sign(x) * gained(xp.abs(x) - 1.0), -1.0, 1.0)
+    x, slow = mirror * x, mirror * slow
+    p, m, y = _phases(x, slow, most / d)
+    speed = mirror * v
+    end, turn = _positions(x, speed, p, m, y, most, d, period)
+    first = xp.where(p > 0.0, x - 1.0, xp.where(m > 0.0, -most / d, -y))
+    end, turn = mirror * end, mirror * turn
+    highest = q + xp.maximum(xp.maximum(end, turn), 0.0)
+    lowest = q + xp.minimum(xp.minimum(end, turn), 0.0)
+    return Stop(mirror * first * d, lowest, highest)
+
+
+def _phases(x: Array, slow: Array, most: Array) -> tuple[Array, Array, Array]:
+    """Return the periods of steps by -1, those at -``most``, and the deceleration in between."""
+    xp = functions_of(x)
+    p = xp.maximum(xp.floor(x + most), 0.0)
+    left = p * x - 0.5 * p * (p + 1.0) - slow
+    full = gained(most)
+    m = xp.maximum(xp.ceil((left - full) / most), 0.0)
+    y = xp.minimum(most, gaining(xp.maximum(left - m * most, 0.0)))
+    # The second condition catches a stop that is not long enough for the largest deceleration.
+    long = (left > full - most) & ((m > 0.0) | (y >= p - x - 1.0))
+    short_p, short_y = _short(x, slow)
+    return xp.where(long, p, short_p), xp.where(long, m, 0.0), xp.where(long, y, short_y)
+
+
+def _short(x: Array, slow: Array) -> tuple[Array, Array]:
+    """Return the same of a stop that never reaches the largest deceleration."""
+    xp = functions_of(x)
+    least = xp.maximum(xp.floor(x), 0.0)
+    square = xp.maximum(0.5 * x * x - 0.5 * x + 0.25 - slow, 0.0)
+    guess = xp.maximum(xp.floor(x + xp.sqrt(square)), least)
+    best, best_y, found = guess, xp.zeros_like(guess), guess < 0.0
+    # The guess is that of a stop in infinitely small steps; sums of whole ones are off by a step or
+    # two, tests find no more. The first that fits is taken.
+    for step in sorted(range(-_OFF, _OFF + 1), key=abs):
+        p = guess + step
+        left = p * x - 0.5 * p * (p + 1.0) - slow
+        y = gaining(xp.maximum(left, 0.0))
+        slack = 1e-9 * (1.0 + xp.abs(x))
+        fits = (p >= least) & (left >= -slack) & (y >= p - x - 1.0 - slack)
+        fits = fits & (y <= p - x + 1.0 + slack) & ~found
+        best, best_y = xp.where(fits, p, best), xp.where(fits, y, best_y)
+        found = found | fits
+    return best, best_y
+
+
+def _positions(
+    x: Array, v: Array, p: Array, m: Array, y: Array, most: Array, d: Array, period: float
+) -> tuple[Array, Array]:
+    """Return how far the joint is at the end of its stop, and where it turns before [rad]."""
+    xp = functions_of(x)
+    h, a = period, x * d
+    # Some periods of equal change s from acceleration a: the velocity, then the way.
+    turns = (v < 0.0) & (x > 0.0)
+    with np.errstate(invalid="ignore"):
+        root = xp.sqrt(xp.maximum((x - 0.5) ** 2 + xp.where(turns, 2.0 * v / (h * d), 0.0), 0.0))
+    i = xp.where(turns, xp.clip(xp.floor(x - 0.5 - root), 0.0, p), 0.0)
+    turn = _way(v, a, -d, i, h)
+    way = _way(v, a, -d, p, h)
+    v = v + h * (p * a - d * 0.5 * p * (p + 1.0))
+    way = way + _way(v, -most, 0.0 * d, m, h)
+    v = v - h * m * most - h * y * d
+    way = way + h * v
+    n = xp.floor(y)
+    return way + _way(v, -y * d, d, n, h), turn
+
+
+def _way(v: Array, a: Array, s: Array, n: Array, h: float) -> Any:
+    return h * (n * v + h * (a * n * (n + 1.0) / 2.0 + s * n * (n + 1.0) * (n + 2.0) / 6.0))

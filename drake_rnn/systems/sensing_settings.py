@@ -1,0 +1,109 @@
+"""What is imperfect in a law's sight of its arm."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from ..errors import InvalidInputError
+from ..inputs.fields import (
+    Array,
+    Delay,
+    NonNegative,
+    NonNegativeEach,
+    PositiveEach,
+    between,
+    validated,
+)
+from ..robot.arm import Arm
+
+# Largest error of a measured position or orientation [rad, or m].
+_COARSEST = 1.0
+_Noise = Annotated[NonNegative, between(0.0, _COARSEST)]
+
+
+@validated
+class SensingSettings:
+    """Imperfections of what a law sees of its arm.
+
+    Joints are always measured. The end effector follows from them by forward kinematics, or it is
+    measured from outside, as by a camera, if a noise of its pose is given, which may be 0.
+
+    Args:
+        position_noise: Standard deviation of the normal noise on each measured position, one
+            number for all joints or shape (n,) [rad, or m for a joint that slides].
+        resolution: Step of each measured position, likewise; None for no steps.
+        encoder_bits: Bits of an encoder over one turn, in place of ``resolution``, which is then
+            2 pi / 2^bits; only for joints that turn.
+        delay: Delay of each measurement [s]; a multiple of the period, at most 5 s because all
+            delayed measurements are stored.
+        secant_samples: Number of samples over which the measured velocity is the difference
+            quotient of the measured positions; 0 for the robot's own velocity, without noise.
+            ``v_WE`` of an end effector that is measured from outside always is such a quotient.
+        p_WE_noise: Standard deviation of the normal noise on each coordinate of the end effector's
+            position as it is measured from outside [m]; None if it follows from the joints, or, if
+            ``R_WE_noise`` is given, for none.
+        R_WE_noise: Standard deviation of the normal noise on each coordinate of a rotation vector
+            by which its measured orientation is off [rad]; None likewise.
+    """
+
+    position_noise: NonNegativeEach = 0.0
+    resolution: PositiveEach | None = None
+    encoder_bits: Annotated[int, Field(strict=True, ge=1, le=40)] | None = None
+    delay: Delay = 0.0
+    secant_samples: Annotated[int, Field(strict=True, ge=0, le=1000)] = 0
+    p_WE_noise: _Noise | None = None
+    R_WE_noise: _Noise | None = None
+
+    def __post_init__(self) -> None:
+        errors = {"position_noise": self.position_noise, "resolution": self.resolution}
+        for name, given in errors.items():
+            if given is not None and np.max(given) > _COARSEST:
+                raise ValueError(f"{name}: may be at most {_COARSEST:g} rad, not {np.max(given):g}")
+        if self.resolution is not None and self.encoder_bits is not None:
+            raise ValueError(
+                "resolution: cannot be combined with encoder_bits, which sets it; give one of them"
+            )
+
+    @property
+    def from_outside(self) -> bool:
+        """Whether the end effector is measured from outside, not computed from the joints."""
+        return self.p_WE_noise is not None or self.R_WE_noise is not None
+
+    def position_noise_of(self, arm: Arm) -> Array:
+        """Return the standard deviation of each joint's noise, shape (n,) [rad, or m].
+
+        Raises:
+            InvalidInputError: If there are not as many numbers as joints.
+        """
+        return _each("position_noise", self.position_noise, arm)
+
+    def step_of(self, arm: Arm) -> Array | None:
+        """Return the step of each joint's measured position, shape (n,); None without steps.
+
+        Raises:
+            InvalidInputError: If an encoder counts turns of a joint that slides, or there are not
+                as many numbers as joints.
+        """
+        if self.encoder_bits is None:
+            return None if self.resolution is None else _each("resolution", self.resolution, arm)
+        for name, unit in zip(arm.joints, arm.units, strict=True):
+            if unit != "rad":
+                raise InvalidInputError(
+                    f"sensing.encoder_bits: is for joints that turn, and {name} slides; give "
+                    "sensing.resolution, one number for each joint"
+                )
+        return np.full(arm.n, 2.0 * math.pi / 2.0**self.encoder_bits)
+
+
+def _each(key: str, value: float | Array, arm: Arm) -> Array:
+    given = np.asarray(value, dtype=float)
+    if given.ndim == 1 and given.size != arm.n:
+        raise InvalidInputError(
+            f"sensing.{key}: must have {arm.n} entries, one per joint of {arm.name}, not "
+            f"{given.size}"
+        )
+    return np.broadcast_to(given, arm.n)

@@ -1,0 +1,26 @@
+"""Joints of all kinds side by side, for the tests of stops and boxes up to the jerk."""
+
+import numpy as np
+
+from drake_rnn.robot.jerk_box import JerkLimits
+
+
+def spread(rng, low, high, count):
+    """Numbers spread evenly over the orders of magnitude between two."""
+    return np.exp(rng.uniform(np.log(low), np.log(high), count))
+
+
+def joints(rng, count):
+    """Limits of joints slow and fast, with short and long ways, shape (count,) each."""
+    middle, width = rng.uniform(-3, 3, count), spread(rng, 0.005, 6.0, count)
+    return JerkLimits(
+        np.array([middle - width / 2, middle + width / 2]),
+        spread(rng, 0.05, 4.0, count),
+        spread(rng, 0.1, 30.0, count),
+        spread(rng, 3.0, 3000.0, count),
+    )
+
+
+def one(limits, k):
+    """The limits of one joint of many, as an arm of one joint."""
+    return JerkLimits(limits.position[:, k : k + 1], *(bound[k : k + 1] for bound in limits[1:]))

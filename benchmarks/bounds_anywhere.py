@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from drake_rnn import InvalidInputError, load_experiment
-from drake_rnn.experiment import check_reach
+from drake_rnn import InvalidInputError, load_experiment, run_many
+from drake_rnn.experiment import Arms, check_reach
 from markdown_table import head, row
 
 #: Largest errors in the window of a row that has arrived [m, rad].
@@ -121,6 +121,30 @@ def tell_failures(folder: Path, lines: list[Line], count: int) -> None:
         row(name, *(f"{of[name]} of {sum(of.values())}" for of in classes))
 
 
+def tell_returns(folder: Path, lines: list[Line], count: int) -> None:
+    """Print how many of those that followed a target out of reach are back some time later."""
+    away = [x for x in lines if "[3, 2, 0]" in x["path"] and x["law.jacobian"] == "known"]
+    late = [line for line in away if not arrived(line)]
+    chosen = np.random.default_rng(0).permutation(len(late))[:count]
+    longer = {"duration": 20, "window": [19, 20], "accept": None}
+    shared = Arms()
+    many = run_many(
+        [
+            load_experiment(
+                str(folder / "experiment.yaml"), changes_of(late[k]) | longer, arms=shared
+            )
+            for k in chosen
+        ]
+    )
+    metrics = {name: many.metrics[name] for name in ARRIVED if name in many.metrics}
+    back = np.all([~(values >= ARRIVED[name]) for name, values in metrics.items()], axis=0)
+    least = many.metrics["singular_value_min"][~back].max(initial=0.0)
+    print(
+        f"\nOf {back.size} with J known that followed what ran away and were not back after 6 s, "
+    )
+    print(f"{back.sum()} are after 20; the others came to a singular value of {least:.2g} or less.")
+
+
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -136,6 +160,7 @@ def main() -> None:
     tell_bounds(lines)
     tell_paths(lines)
     tell_failures(folder, lines, arguments.asked)
+    tell_returns(folder, lines, 100)
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from ..inputs.documents import construct, without_kind
 from ..inputs.fields import Array
 from ..laws import Law
 from ..laws.checks import check_declared, continuous_reading, sampled_reading
-from ..laws.parts.measurement import Measurement
+from ..laws.parts.measurement import LEVER, REACH, Measurement
 from ..robot.limits import JointLimits
 from ..robot.task import TASKS
 from .document import ExperimentDocument
@@ -25,9 +25,6 @@ ORIGINS = {
     "task_size": "task",
     "measurement": "sensing",
 }
-# Way of the end effector for each radian of a joint, of an arm of usual size, and that at which an
-# error of the orientation counts like one of the position [m].
-_REACH, _LEVER = 0.5, 0.3
 
 
 def make_law(
@@ -77,8 +74,8 @@ def _measurement(document: ExperimentDocument) -> Measurement:
         steps = 2.0 * math.pi / 2.0**sensing.encoder_bits
     # A number rounded to steps is off by a twelfth of their square, on average.
     joints = math.hypot(float(np.max(sensing.position_noise)), steps / math.sqrt(12.0))
-    turned = _LEVER * (sensing.R_WE_noise or 0.0) if document.task == "pose" else 0.0
-    error = math.hypot(sensing.p_WE_noise or 0.0, _REACH * joints, turned)
+    turned = LEVER * (sensing.R_WE_noise or 0.0) if document.task == "pose" else 0.0
+    error = math.hypot(sensing.p_WE_noise or 0.0, REACH * joints, turned)
     samples = sensing.secant_samples or None
     return Measurement(error=error, delay=sensing.delay, secant_samples=samples)
 

@@ -106,8 +106,7 @@ def overview(result: Result) -> Figure:
     panels = panels[:_MOST_PANELS]
     rows = (len(panels) + 1) // 2
     document = result.experiment.document
-    paper = "" if document.paper == "none" else document.paper
-    lines = [*wrap(paper, _LINE_WIDTH), *wrap(document.expect, _LINE_WIDTH)]
+    lines = [*wrap(document.paper, _LINE_WIDTH), *wrap(document.expect, _LINE_WIDTH)]
     heights = (_TITLE + _LINE * len(lines), 2.3 * rows, 1.3)
     figure = Figure(figsize=(PAGE, sum(heights)), layout="constrained")
     parts: Any = figure.subfigures(3, 1, height_ratios=heights)

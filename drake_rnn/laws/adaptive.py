@@ -74,17 +74,14 @@ from .parts.held_within import Program, WithinAcceleration, WithinJerk
 from .parts.known_jacobian import MiddleJacobian
 from .parts.late import Late
 from .parts.learned_jacobian import LearnedJacobian
-from .parts.measurement import EXACT, Measurement, feedback_gain, suited
+from .parts.measurement import EXACT, LEVER, REACH, Measurement, feedback_gain, suited
 from .parts.near_singular import softened
+from .parts.pulled_posture import posture_doubts
+from .parts.reached_limits import reached_limits
 from .parts.secondary import Secondary, manipulability_gradient, pushed_back
 
 _ROUNDING = 1e-9
-# A joint stops this far before its limit [rad], so that no rounding error leads beyond it.
-_SLACK = 1e-12
-# A posture target this close to a limit [rad], or with so small a singular value, is doubted.
-_NEAR_LIMIT, _SINGULAR = 0.1, 0.05
-# Stands for the infinite acceleration of a joint without limits [rad/s^2].
-_UNBOUNDED = 1e9
+_TARGET = "law.secondary.target"
 _UNMOVED = (
     "law.J_hat_initial: zero moves no joint, so nothing is learned unless law.secondary or a noise "
     "moves the arm; consider uniform"
@@ -129,7 +126,7 @@ class Adaptive(Law):
     feedback_limit: Speed = 0.1
     turn_braking: Gain = 0.25
     turn_limit: Gain = 0.5
-    lever: Length = 0.3
+    lever: Length = LEVER
     softness: Weight | None = None
     secondary: Secondary = Field(default_factory=Secondary)
     J_hat_initial: Literal["uniform", "zero", "exact"] = "uniform"
@@ -177,9 +174,9 @@ class Adaptive(Law):
         gain = feedback_gain(self.measurement, self.jacobian == "learned")
         if self.limits.jerk is None:
             return gain
-        turn_braking = self.turn_braking if self.turns else None
         jerk = float(np.min(self.limits.jerk))
-        return min(gain, gain_within_jerk(jerk, self.braking, turn_braking))
+        gain = min(gain, gain_within_jerk(REACH * jerk, self.braking))
+        return min(gain, gain_within_jerk(jerk, self.turn_braking)) if self.turns else gain
 
     @property
     def seeks_manipulability(self) -> bool:
@@ -214,7 +211,7 @@ class Adaptive(Law):
             softness=suits.softness if self.softness is None else self.softness,
             variance=suits.variance if self.variance is None else self.variance,
             wander=suits.wander if self.wander is None else self.wander,
-            limits=_reached(self.limits, period),
+            limits=reached_limits(self.limits, period),
         )
         return AdaptiveReading(law, suits.samples, round(late))
 
@@ -243,31 +240,13 @@ class Adaptive(Law):
 
     def doubts(self, circumstances: Circumstances) -> list[str]:
         """See `Law.doubts`; of the first J_hat, and of the posture that joints are pulled to."""
-        unmoved = [_UNMOVED] if self.jacobian == "learned" and self.J_hat_initial == "zero" else []
-        return unmoved + self._posture_doubts(circumstances)
-
-    def _posture_doubts(self, circumstances: Circumstances) -> list[str]:
-        if not acts(self.secondary.posture):
-            return []
-        target = self.home if self.secondary.target is None else self.secondary.target
-        key = "start" if self.secondary.target is None else "law.secondary.target"
-        gap = np.minimum(target - self.limits.position_lower, self.limits.position_upper - target)
         found = []
-        if gap.min() < _NEAR_LIMIT:
-            found.append(
-                f"{key}: joint {int(gap.argmin()) + 1} is pulled to {max(gap.min(), 0.0):.2g} rad "
-                "from its limit, and may be held there; consider another law.secondary.target, or "
-                "law.secondary.posture: 0"
-            )
-        if circumstances.task_J is not None:
-            least = float(np.linalg.svd(circumstances.task_J(target), compute_uv=False)[-1])
-            if least < _SINGULAR:
-                found.append(
-                    f"{key}: the arm is pulled towards a posture that is singular for its task "
-                    f"(smallest singular value {least:.2g}), where it loses the task; consider "
-                    "law.secondary.target with the joints some 0.1 rad away, or "
-                    "law.secondary.posture: 0"
-                )
+        if self.jacobian == "learned" and self.J_hat_initial == "zero":
+            found.append(_UNMOVED)
+        if acts(self.secondary.posture):
+            given = self.secondary.target
+            key, target = ("start", self.home) if given is None else (_TARGET, given)
+            found += posture_doubts(key, target, self.limits, circumstances.task_J)
         return found
 
 
@@ -387,27 +366,3 @@ class AdaptiveReading(SampledReading):
         if acts(terms.low_acceleration):
             g = v + (g - v) * (period / (terms.low_acceleration + period))
         return g
-
-
-def _reached(limits: JointLimits, period: float) -> JointLimits:
-    """Return the limits that a box is made of.
-
-    Without a jerk that no change of the acceleration in a period can reach, and with position
-    limits a trace inside of the true ones.
-    """
-    slack = np.minimum(_SLACK, (limits.position_upper - limits.position_lower) / 4.0)
-    acceleration = np.inf if limits.acceleration is None else limits.acceleration
-    known = limits.replace(
-        position_lower=limits.position_lower + slack,
-        position_upper=limits.position_upper - slack,
-        acceleration=acceleration,
-    )
-    if limits.jerk is None:
-        return known
-    # How far a stop goes needs a finite acceleration: what the other limits leave of it.
-    speed = np.minimum(limits.velocity, (limits.position_upper - limits.position_lower) / period)
-    most = np.minimum(np.minimum(acceleration, 2.0 * speed / period), _UNBOUNDED)
-    change = 2.0 * most / period
-    if (limits.jerk >= change).all():
-        return known.replace(jerk=None)
-    return known.replace(acceleration=most, jerk=np.minimum(limits.jerk, change))

@@ -54,11 +54,10 @@ class Stop:
 
     Attributes:
         first: Acceleration of its first period, shape (..., n) [rad/s^2].
-        lowest, highest: Least and largest position from now on, shape (..., n) [rad].
+        highest: Largest position from now on, shape (..., n) [rad].
     """
 
     first: Array
-    lowest: Array
     highest: Array
 
 
@@ -85,8 +84,7 @@ def stop(q: Array, v: Array, a: Array, most: Array, jerk: Array, period: float) 
     first = xp.where(p > 0.0, x - 1.0, xp.where(m > 0.0, -most / d, -y))
     end, turn = mirror * end, mirror * turn
     highest = q + xp.maximum(xp.maximum(end, turn), 0.0)
-    lowest = q + xp.minimum(xp.minimum(end, turn), 0.0)
-    return Stop(mirror * first * d, lowest, highest)
+    return Stop(mirror * first * d, highest)
 
 
 def _phases(x: Array, slow: Array, most: Array) -> tuple[Array, Array, Array]:

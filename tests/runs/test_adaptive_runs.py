@@ -34,7 +34,7 @@ def test_the_whole_error_can_be_taken_back_in_a_sample():
 
 @pytest.mark.long
 def test_a_bound_of_the_jerk_keeps_motors_near_their_bound_of_the_acceleration():
-    """Measured: the arm's own acceleration is 1.03 times its bound with it, and 1.52 without."""
+    """Measured: the arm's own acceleration is 1.04 times its bound with it, and 1.52 without."""
     limits = {"velocity": 0.5, "acceleration": 1.0}
     smooth = metrics("adaptive_dynamic")
     rough = metrics("adaptive_dynamic", limits=limits)
@@ -65,7 +65,7 @@ def test_noise_of_the_orientation_alone_asks_for_it_too():
     """Measured 20 um; treated as exact, the arm is lost by 0.15 m."""
     sensing = {"R_WE_noise": 5e-5}
     law = {"kind": "adaptive", "jacobian": "learned"}
-    assert metrics("adaptive_pose_learned", sensing=sensing, law=law)[ERROR] < 1e-4
+    assert metrics("adaptive_pose_learned", sensing=sensing, law=law)[ERROR] < 5e-5
 
 
 @pytest.mark.long
@@ -84,7 +84,7 @@ def test_a_low_bound_of_the_jerk_asks_for_a_slower_feedback():
 
 @pytest.mark.long
 def test_what_a_learned_jacobian_and_a_low_bound_of_the_jerk_cost():
-    """A negative finding: of twenty seeds the median is 46 um; J known, it is 0.03 um."""
+    """A negative finding: of twenty seeds the median is 59 um; J known, it is 0.03 um."""
     known, learned = (metrics(name)[ERROR] for name in ("adaptive_jerk", "adaptive_jerk_learned"))
     assert known < 1e-7
     assert learned > 3e-6

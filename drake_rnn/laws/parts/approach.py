@@ -13,8 +13,6 @@ from ...inputs.fields import Array
 
 # Errors below this have no direction worth the name [m or rad].
 _TINY = 1e-12
-# Way of the end effector for each radian of a joint, of an arm of usual size [m], and its turn.
-_REACH, _TURN = 0.5, 1.0
 
 
 def approach(error: Array, gain: Any, deceleration: Any, limit: Any) -> Array:
@@ -40,19 +38,15 @@ def approach(error: Array, gain: Any, deceleration: Any, limit: Any) -> Array:
     return error * xp.where(far, speed / way, gain)
 
 
-def gain_within_jerk(jerk: float, deceleration: float, turn_deceleration: float | None) -> float:
-    """Return the largest gain whose changes of speed joints with bounded jerk can follow [1/s].
+def gain_within_jerk(jerk: float, deceleration: float) -> float:
+    """Return the largest gain whose changes of speed a bounded jerk can follow [1/s].
 
     Where the speed begins to fall in proportion to the error, which is 2 a / kappa^2 then, it has
     the second derivative kappa^3 |e| = 2 a kappa. A gain that asks for more leads beyond the target
-    and back, without end.
+    and back, for long or without end.
 
     Args:
-        jerk: Largest jerk of the joints [rad/s^3].
-        deceleration: Deceleration a at the end of the way [m/s^2].
-        turn_deceleration: That of the orientation [rad/s^2]; None if it is left free.
+        jerk: Largest jerk of the end effector [m/s^3 or rad/s^3].
+        deceleration: Deceleration a at the end of the way [m/s^2 or rad/s^2].
     """
-    gain = _REACH * jerk / (2.0 * deceleration)
-    return (
-        gain if turn_deceleration is None else min(gain, _TURN * jerk / (2.0 * turn_deceleration))
-    )
+    return jerk / (2.0 * deceleration)

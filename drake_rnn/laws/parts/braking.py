@@ -14,12 +14,10 @@ from typing import Any
 import numpy as np
 
 from ...arrays.algebra import clipped, differentiable, functions_of, is_one
-from ...inputs.dataclass_fields import unchecked
 from ...inputs.fields import Array
 from ...robot.limits import JointLimits
+from .inner_limits import inner_limits
 
-# A joint stops this far before its limit [rad], so that no rounding error leads beyond it.
-_SLACK = 1e-12
 # Ratio of the velocity allowed per radian, close to a limit, to that of the velocity box: so much
 # larger that a network which keeps to the box never notices it.
 _STIFFER = 10.0
@@ -118,9 +116,7 @@ class Braking:
 
     @cached_property
     def _inner(self) -> JointLimits:
-        lower, upper = self.limits.position_lower, self.limits.position_upper
-        slack = functions_of(lower, upper).minimum(_SLACK, (upper - lower) / 4.0)
-        return unchecked(self.limits, position_lower=lower + slack, position_upper=upper - slack)
+        return inner_limits(self.limits)
 
     @cached_property
     def _fastest(self) -> list[float]:

@@ -20,6 +20,9 @@ from pydantic import Field
 
 from ...inputs.fields import Delay, NonNegative, validated
 
+#: Way of the end effector for each radian of a joint, of an arm of usual size, and that at which an
+#: error of the orientation counts like one of the position [m].
+REACH, LEVER = 0.5, 0.3
 # The error that the rules are stated for [m], and what suits it.
 _SIGMA = 1e-5
 _WINDOW, _POWER = 10e-3, 0.7

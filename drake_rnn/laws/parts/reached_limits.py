@@ -1,0 +1,35 @@
+"""Limits as a law with a period meets them: those that it cannot reach bound nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...robot.limits import JointLimits
+from .inner_limits import inner_limits
+
+# Stands for the infinite acceleration of a joint without limits [rad/s^2].
+_UNBOUNDED = 1e9
+
+
+def reached_limits(limits: JointLimits, period: float) -> JointLimits:
+    """Return the limits that a box of velocities or accelerations is made of.
+
+    Their acceleration is infinite if none is known, they have no jerk that no change of the
+    acceleration in a period can reach, and their position limits are a trace inside of the true
+    ones.
+
+    Args:
+        limits: Limits of the joints.
+        period: Time for which a velocity is held [s].
+    """
+    acceleration = np.inf if limits.acceleration is None else limits.acceleration
+    known = inner_limits(limits).replace(acceleration=acceleration)
+    if limits.jerk is None:
+        return known
+    # How far a stop goes needs a finite acceleration: what the other limits leave of it.
+    speed = np.minimum(limits.velocity, (limits.position_upper - limits.position_lower) / period)
+    most = np.minimum(np.minimum(acceleration, 2.0 * speed / period), _UNBOUNDED)
+    change = 2.0 * most / period
+    if (limits.jerk >= change).all():
+        return known.replace(jerk=None)
+    return known.replace(acceleration=most, jerk=np.minimum(limits.jerk, change))

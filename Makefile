@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 WORKERS ?= 2
 MUTANTS ?= 160
 
-.PHONY: demo test long bench mutants tables cross claims check clean
+.PHONY: demo test long bench mutants tables cross claims docs check clean
 
 demo: $(VENV)/installed
 	$(BIN)/drake-rnn run slc_nephroid_warm_up --out out
@@ -42,6 +42,12 @@ claims: $(VENV)/installed
 	$(BIN)/python docs/make_claims.py > docs/claims.md.new
 	mv docs/claims.md.new docs/claims.md
 
+# The site, in build/site: open build/site/index.html. It needs no network.
+docs: $(VENV)/installed-docs
+	rm -rf build/site
+	$(BIN)/python docs/make_gallery.py build/gallery/docs/playbacks
+	$(BIN)/sphinx-build -b html -c docs -d build/doctrees -W --keep-going --quiet . build/site
+
 check: $(VENV)/installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -59,6 +65,10 @@ $(VENV)/installed: $(VENV)/bin/python pyproject.toml
 
 $(VENV)/installed-dev: $(VENV)/bin/python pyproject.toml
 	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	touch $@ $(VENV)/installed
+
+$(VENV)/installed-docs: $(VENV)/bin/python pyproject.toml
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[docs]'
 	touch $@ $(VENV)/installed
 
 $(VENV)/installed-mutants: $(VENV)/installed-dev

@@ -11,12 +11,15 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from drake_rnn import Experiment, Result, load_experiment, make_experiment, run_many, simulate
 from drake_rnn.campaigns.statistics import rank_correlation
 from drake_rnn.experiment import Arms
+from drake_rnn.figures.looks import nth
+from drake_rnn.figures.style import PAGE, save, styled
 from markdown_table import head, row
 
 ERROR, TURN, SETTLES = "position_error_max_m", "orientation_error_max_rad", "settling_time_s"
@@ -46,7 +49,7 @@ SENSED: dict[str, Sensing] = {
 POSE_SENSED: Sensing = (("p_WE_noise", 1e-5), ("R_WE_noise", 5e-5))
 #: Panels of the figure: name of the axis, key of ``sensing``, values, factor to the axis.
 PANELS = (
-    ("noise of the position [um]", "p_WE_noise", (1e-6, 3e-6, 1e-5, 3e-5, 1e-4), 1e6),
+    ("noise of the position [µm]", "p_WE_noise", (1e-6, 3e-6, 1e-5, 3e-5, 1e-4), 1e6),
     ("bits of the encoders", "encoder_bits", (15, 17, 18, 20, 22), 1),
     ("delay [ms]", "delay", (1e-3, 2e-3, 5e-3, 1e-2), 1e3),
 )
@@ -232,25 +235,27 @@ def dynamic_table() -> None:
 
 def draw(file: Path) -> None:
     """Draw errors against noise, bits and delay."""
-    fig, panels = plt.subplots(
-        1, len(PANELS), figsize=(9.0, 2.9), sharey=True, layout="constrained"
-    )
+    with styled():
+        fig = Figure(figsize=(PAGE, 2.5), layout="constrained")
+        _fill(fig.subplots(1, len(PANELS), sharey=True))
+        save(fig, file)
+
+
+def _fill(panels: Sequence[Axes]) -> None:
     for panel, (label, key, values, factor) in zip(panels, PANELS, strict=True):
-        for jacobian, marker in (("known", "o"), ("learned", "s")):
+        for k, (jacobian, marker) in enumerate((("known", "o"), ("learned", "s"))):
             runs = [several("adaptive_nephroid", jacobian, ((key, value),)) for value in values]
             errors = [median(run.metrics[ERROR] for run in each) / MICRO for each in runs]
             shown = [value * factor for value in values]
-            panel.plot(shown, errors, marker=marker, label=f"J {jacobian}")
+            panel.plot(shown, errors, marker=marker, markersize=4, label=f"J {jacobian}", **nth(k))
         panel.set(yscale="log", xlabel=label)
         if key != "encoder_bits":
             panel.set_xscale("log")
         panel.set_xticks(shown, labels=[f"{value:g}" for value in shown])
         panel.minorticks_off()
-        panel.grid(alpha=0.3)
-    panels[0].set_ylabel("largest position error [um]")
+        panel.margins(x=0.05)
+    panels[0].set_ylabel("largest position error [µm]")
     panels[0].legend()
-    fig.savefig(file, dpi=85)
-    plt.close(fig)
 
 
 SECTIONS: dict[str, Callable[[], None]] = {

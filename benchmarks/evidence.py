@@ -19,12 +19,15 @@ import json
 from pathlib import Path
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from drake_rnn import Experiment, Result, load_experiment, run_many, simulate
 from drake_rnn.campaigns.statistics import rank_correlation
 from drake_rnn.experiment import forecasts, read_document
+from drake_rnn.figures.looks import nth
+from drake_rnn.figures.style import PAGE, save, styled
 from markdown_table import head, row
 
 #: Campaigns, and the name of each in the figure.
@@ -170,31 +173,41 @@ def chosen(folder: Path) -> dict[str, dict[str, str]]:
 
 def figure(out: Path, file: Path) -> None:
     """Draw the errors of all campaigns, and three runs."""
-    fig, (shares, errors, learned) = plt.subplots(1, 3, figsize=(13, 3.8), layout="constrained")
-    for name, label in CAMPAIGNS.items():
+    with styled():
+        fig = Figure(figsize=(PAGE, 2.9), layout="constrained")
+        shares, errors, learned = fig.subplots(1, 3)
+        _shares(shares, out)
+        _chosen_runs(errors, learned, out / f"campaign_{LEARNING}")
+        save(fig, file)
+
+
+def _shares(shares: Axes, out: Path) -> None:
+    """Draw what share of the runs of each campaign has at most an error."""
+    for k, (name, label) in enumerate(CAMPAIGNS.items()):
         folder = out / f"campaign_{name}"
         if not (folder / "table.csv").is_file():
             continue
         found = np.sort(numbers(lines_of(folder), ERROR))
-        shares.semilogx(found, np.arange(1, found.size + 1) / found.size, label=label)
-    shares.set(xlabel="largest error in the window [m]", ylabel="share of the runs", ylim=(0, 1))
-    shares.legend(fontsize=8, loc="lower left", bbox_to_anchor=(0.08, 0.02))
-    folder = out / f"campaign_{LEARNING}"
-    for (label, line), colour in zip(chosen(folder).items(), ("C0", "C1", "C3"), strict=True):
+        shares.semilogx(found, np.arange(1, found.size + 1) / found.size, label=label, **nth(k))
+    shares.set(
+        xlabel="largest error in the window [m]", ylabel="share of the runs [-]", ylim=(0, 1)
+    )
+    shares.legend(fontsize=6.5, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
+
+
+def _chosen_runs(errors: Axes, learned: Axes, folder: Path) -> None:
+    """Draw errors and least singular values of the rows that are chosen."""
+    for k, (label, line) in enumerate(chosen(folder).items()):
         result = simulate(experiment_of(folder, line))
         told_as = f"{label}, row {line['row']}"
         print(f"{told_as}: {result.metrics[ERROR]:.3g} m, as a batch {float(line[ERROR]):.3g} m")
-        errors.semilogy(result.time, result.position_error, colour, label=told_as)
+        errors.semilogy(result.time, result.position_error, label=told_as, **nth(k))
         true, guessed = (_least(result, name) for name in ("J", "J_hat"))
-        learned.semilogy(result.time, guessed, colour, label=told_as)
-        learned.semilogy(result.time, true, colour, linestyle=":")
+        learned.semilogy(result.time, guessed, **nth(k))
+        learned.semilogy(result.time, true, **{**nth(k), "linewidth": 2.6, "alpha": 0.35})
     errors.set(xlabel="time [s]", ylabel="position error [m]")
-    learned.set(xlabel="time [s]", ylabel="least singular value of J (dotted) and J_hat [m]")
-    learned.yaxis.label.set_fontsize(8)
-    errors.legend(fontsize=7)
-    for each in (shares, errors, learned):
-        each.grid(alpha=0.3)
-    fig.savefig(file, dpi=110)
+    learned.set(xlabel="time [s]", ylabel="least singular value of\nJ (wide, pale) and J_hat [m]")
+    errors.legend(fontsize=6.5, loc="lower center", bbox_to_anchor=(0.5, 1.0))
 
 
 def _least(result: Result, name: str) -> np.ndarray:

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from .checks import check_filter, check_sensing
+from .drawing import wiring_graph
 from .loop import AddLoop, Loop
 
 #: Folder of the shipped campaigns, one YAML file each.
@@ -10,4 +11,12 @@ CAMPAIGNS = Path(__file__).parent / "campaigns"
 #: Folder of the shipped experiments: one folder per kind of law, one YAML file per experiment.
 EXPERIMENTS = Path(__file__).parent / "experiments"
 
-__all__ = ["CAMPAIGNS", "EXPERIMENTS", "AddLoop", "Loop", "check_filter", "check_sensing"]
+__all__ = [
+    "CAMPAIGNS",
+    "EXPERIMENTS",
+    "AddLoop",
+    "Loop",
+    "check_filter",
+    "check_sensing",
+    "wiring_graph",
+]

@@ -1,9 +1,12 @@
 """Judge the papers' claims and print their page: make claims."""
 
+import os
 import sys
-from collections import Counter
+from typing import Any
 
-from drake_rnn.claims import SCHEMES, Claims, Finding, Judge, Judgement, read_claims
+from drake_rnn.claims import read_claims, schemes_in
+from drake_rnn.report import ReportSettings, make_report
+from drake_rnn.report.markdown import claims_table, counts_table, title_of
 
 _HEAD = """\
 # What the papers claim, and what holds
@@ -12,7 +15,8 @@ _HEAD = """\
 
 Every numbered table, figure, theorem and remark of the five papers, and what their text states in
 numbers, row by row. The rows are data, a file for each paper in `drake_rnn/claims/papers/`. Numbers
-and verdicts are computed from them: `drake-rnn claims ID --judge` does so for one of them.
+and verdicts are computed from them: `drake-rnn claims ID --judge` does so for one of them, and
+[`drake-rnn report`](report.md) for all, with figures and playbacks of the runs.
 
 A claim *holds* if all that is asked of it as stated is measured. As stated is what is printed;
 where the text leaves a choice, and for a physical experiment, which is simulated, it is the reading
@@ -24,64 +28,29 @@ schematics state nothing to check.
 """
 
 
-def _line(finding: Finding) -> str:
-    criterion = finding.criterion
-    what = f"`{criterion}`"
-    if criterion.measure is None:
-        per = f", per `{criterion.per}`" if criterion.per is not None else ""
-        what = f"`{criterion.command}`: {criterion.metric}{per}"
-    paper = f" (paper: {criterion.paper})" if criterion.paper else ""
-    return f"{what}: **{finding}**, asked {criterion.bounds}{paper}"
+def page(contents: dict[str, Any]) -> str:
+    """Return the page from the data of a report."""
+    parts = [_HEAD, counts_table(contents)]
+    for paper in contents["papers"]:
+        name = paper["page"].removeprefix("docs/")
+        parts.append(f"\n## {title_of(paper)}\n")
+        parts.append(f"{paper['citation']}. More in [{name}]({name}).\n\n{claims_table(paper)}")
+    return "\n".join(parts) + "\n"
 
 
-def _cell(text: str) -> str:
-    return text.replace("|", "\\|").replace("\n", " ")
+def _told(what: str, ended: int, total: int) -> None:
+    print(f"{ended} of {total} {what}", file=sys.stderr)
 
 
-def _row(judgement: Judgement) -> str:
-    claim = judgement.claim
-    lines = [_line(finding) for finding in judgement.as_stated]
-    if judgement.corrected:
-        lines += ["*corrected:*", *map(_line, judgement.corrected)]
-    cells = (
-        f"`{claim.id}`",
-        claim.where,
-        claim.says,
-        "<br>".join(lines),
-        judgement.verdict,
-        claim.because or claim.unchecked,
-    )
-    return f"| {' | '.join(map(_cell, cells))} |"
-
-
-def _section(claims: Claims) -> tuple[str, Counter[str]]:
-    judge, rows, verdicts = Judge(claims), [], Counter[str]()
-    for claim in claims.claims:
-        judgement = judge.judge(claim)
-        print(claim.id, judgement.verdict, file=sys.stderr)
-        rows.append(_row(judgement))
-        verdicts[judgement.verdict] += 1
-    page = claims.page.removeprefix("docs/")
-    head = (
-        f"\n## {claims.scheme.replace('_', ' ').capitalize()}\n\n{claims.paper}. More in "
-        f"[{page}]({page}).\n\n"
-        "| claim | place | the paper says | measured | verdict | why |\n|---|---|---|---|---|---|\n"
-    )
-    return head + "\n".join(rows) + "\n", verdicts
-
-
-def main() -> None:
-    """Print the page."""
-    sections = {scheme: _section(read_claims(scheme)) for scheme in SCHEMES}
-    kinds = ("holds", "holds with correction", "does not hold", "cannot be checked")
-    print(_HEAD)
-    print("| scheme | claims | " + " | ".join(kinds) + " |\n" + "|---" * 6 + "|")
-    for scheme, (_, verdicts) in sections.items():
-        counts = " | ".join(str(verdicts[kind]) for kind in kinds)
-        print(f"| {scheme.replace('_', ' ')} | {verdicts.total()} | {counts} |")
-    for text, _ in sections.values():
-        print(text, end="")
+def main(folder: str = "out/report") -> None:
+    """Print the page; runs that a report has made in its folder are not made again."""
+    chosen = [(claims, claims.claims) for claims in map(read_claims, schemes_in())]
+    settings = ReportSettings(jobs=os.cpu_count() or 1, pictures=False)
+    made = make_report(chosen, folder, settings, _told)
+    if made.failures or not made.complete:
+        sys.exit("\n".join(f"{name}: {error}" for name, error in made.failures) or "interrupted")
+    print(page(made.contents), end="")
 
 
 if __name__ == "__main__":
-    main()
+    main(*sys.argv[1:])

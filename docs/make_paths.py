@@ -27,7 +27,8 @@ from drake_rnn import (
     Square,
     Waypoints,
 )
-from drake_rnn.figures.style import COLOURS, PAGE, save, styled
+from drake_rnn.figures.looks import DESIRED
+from drake_rnn.figures.style import PAGE, save, styled
 
 ONE = {"period": 8.0, "timing": "quintic", "laps": 1}
 WAY = [[0, 0, 0], [0.2, 0.15, 0], [0.35, -0.05, 0], [0.55, 0, 0], [0.5, 0.25, 0], [0.25, 0.3, 0]]
@@ -79,9 +80,9 @@ def draw() -> Figure:
             placed = path.placed(np.zeros(3))
             end = min(placed.duration, placed.traversal)
             x, y, _ = np.array([placed.position(t)[0] for t in np.linspace(0, end, 801)]).T
-            ax.plot(x, y, color=COLOURS[0], linewidth=1.2)
+            ax.plot(x, y, color=DESIRED["color"], linewidth=1.2)
             x, y, _ = np.array([placed.position(t)[0] for t in np.arange(0, end, 0.4)]).T
-            ax.plot(x, y, ".", color=COLOURS[0], markersize=3)
+            ax.plot(x, y, ".", color=DESIRED["color"], markersize=3)
             ax.plot(*placed.position(0.0)[0][:2], "o", color="black", markersize=4)
             if not placed.closed:
                 last = placed.position(end)[0]

@@ -6,7 +6,7 @@ from .arrays.jax_module import require_jax
 from .campaigns import CampaignDocument, CampaignResult, read_campaign, run_campaign
 from .campaigns.sweep import sweep
 from .compiled import CompiledRuns, CompiledStep, Slopes, value_and_gradient
-from .diagrams import AddLoop, Loop
+from .diagrams import AddLoop, Loop, wiring_graph
 from .environments import (
     ENVIRONMENTS,
     ContactModel,
@@ -26,6 +26,7 @@ from .experiment import (
     shipped_experiments,
 )
 from .figures import figure, write_figures
+from .film import FilmSettings, write_film
 from .inputs.fields import Array, Finite, NonNegative, Positive, Vector, validated
 from .laws import (
     LAWS,
@@ -164,6 +165,7 @@ __all__ = [
     "ExperimentDocument",
     "Fastest",
     "Feedback",
+    "FilmSettings",
     "FilterSettings",
     "Finite",
     "ForceProfile",
@@ -256,7 +258,9 @@ __all__ = [
     "validated",
     "value_and_gradient",
     "why_not",
+    "wiring_graph",
     "with_link_errors",
     "write_figures",
+    "write_film",
     "write_playback",
 ]

@@ -6,6 +6,8 @@ import signal
 import pytest
 from hypothesis import settings
 
+from browsing import chromium
+from drake_rnn.campaigns import perform
 from drake_rnn.runs import simulation
 
 # The same examples in each run, and none refused for the machine being busy.
@@ -41,3 +43,23 @@ def interrupts(monkeypatch):
         monkeypatch.setattr(simulation.Recorder, "__call__", interrupt)
 
     return interrupts
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Chromium without a network; a test is skipped where it is not installed."""
+    with chromium() as driver:
+        yield driver
+
+
+@pytest.fixture
+def simulated(monkeypatch):
+    """Names of all that campaigns and reports simulate in this process."""
+    names, simulate = [], perform.simulate
+
+    def counted(experiment, **how):
+        names.append(experiment.name)
+        return simulate(experiment, **how)
+
+    monkeypatch.setattr(perform, "simulate", counted)
+    return names

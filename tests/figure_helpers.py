@@ -8,6 +8,7 @@ from matplotlib.text import Text
 
 from drake_rnn.experiment import make_experiment
 from drake_rnn.figures import FIGURES
+from drake_rnn.figures.looks import BOUND, TARGET
 
 
 def changed(result, **changes):
@@ -29,8 +30,14 @@ def curves(ax, count=7):
     return np.stack([line.get_ydata() for line in ax.lines[:count]], axis=1)
 
 
+def dashes(line):
+    """Return the pattern of a line's dashes in multiples of its width; None for a solid line."""
+    return line._unscaled_dash_pattern[1]  # Matplotlib tells only that there is one.
+
+
 def is_dashed(line):
-    return line.get_linestyle() == "--"
+    """Whether a line is that of a bound, a desired value, a target or a prediction."""
+    return dashes(line) in [look["linestyle"][1] for look in (BOUND, TARGET)]
 
 
 def dashed_levels(ax):

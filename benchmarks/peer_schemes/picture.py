@@ -6,8 +6,12 @@ from collections.abc import Mapping, Sequence
 from math import isfinite
 from pathlib import Path
 
-import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
+from drake_rnn.figures.looks import SERIES
+from drake_rnn.figures.style import PAGE, save, styled
 from peer_schemes.rows import Row
 
 _MARKERS = "osD^vP*X"
@@ -21,45 +25,56 @@ def draw(tables: Mapping[str, Sequence[Row]], file: Path) -> None:
         file: Picture to write.
     """
     names = list(dict.fromkeys(row.name for rows in tables.values() for row in rows))
-    # One colour for each library or law of ours, one marker for each of its schemes.
+    looks = _looks(names)
+    shown: dict[str, Line2D] = {}
+    with styled():
+        figure = Figure(figsize=(PAGE, 4.6), layout="constrained")
+        panels = figure.subplots(1, len(tables), squeeze=False)[0]
+        for panel, (task, rows) in zip(panels, tables.items(), strict=True):
+            shown |= _plot(panel, rows, looks)
+            panel.set(xscale="log", yscale="log", title=task, xlabel="cost of a step [u]")
+            panel.set_xticks([2, 5, 10, 20, 50, 100], labels=["2", "5", "10", "20", "50", "100"])
+            panel.minorticks_off()
+        panels[0].set_ylabel("largest position error [µm]")
+        entries = [(shown[name], name) for name in names if name in shown]
+        figure.legend(*zip(*entries, strict=True), loc="outside lower center", ncols=2)
+        save(figure, file)
+
+
+def _looks(names: Sequence[str]) -> dict[str, tuple[str, str]]:
+    """Return a colour for each library or law of ours, and a marker for each of its schemes."""
     libraries = [name.split(",")[0] for name in names]
-    looks = {
+    order = list(dict.fromkeys(libraries))
+    return {
         name: (
-            f"C{list(dict.fromkeys(libraries)).index(library)}",
-            _MARKERS[libraries[:number].count(library) % len(_MARKERS)],
+            SERIES[order.index(library) % len(SERIES)],
+            # Colours repeat after seven libraries: then the markers begin elsewhere.
+            _MARKERS[
+                (libraries[:number].count(library) + 4 * (order.index(library) // len(SERIES)))
+                % len(_MARKERS)
+            ],
         )
         for number, (name, library) in enumerate(zip(names, libraries, strict=True))
     }
-    fig, panels = plt.subplots(
-        1, len(tables), figsize=(3.9 * len(tables), 4.6), squeeze=False, layout="constrained"
-    )
+
+
+def _plot(
+    panel: Axes, rows: Sequence[Row], looks: Mapping[str, tuple[str, str]]
+) -> dict[str, Line2D]:
+    """Draw a marker for each row that ran, and return the markers by name."""
     shown = {}
-    for panel, (task, rows) in zip(panels[0], tables.items(), strict=True):
-        for row in rows:
-            if row.figures is None or not isfinite(row.cost):
-                continue
-            colour, marker = looks[row.name]
-            shown[row.name] = panel.plot(
-                row.cost,
-                1e6 * row.figures.error_max,
-                marker,
-                color=colour,
-                markerfacecolor=colour if row.keeps_bounds else "none",
-                markersize=8,
-                alpha=0.85,
-                linestyle="none",
-            )[0]
-        panel.set(xscale="log", yscale="log", title=task, xlabel="cost of a step [u]")
-        panel.set_xticks([2, 5, 10, 20, 50, 100], labels=["2", "5", "10", "20", "50", "100"])
-        panel.minorticks_off()
-        panel.grid(alpha=0.3)
-    panels[0][0].set_ylabel("largest position error [um]")
-    fig.legend(
-        [shown[name] for name in names if name in shown],
-        [name for name in names if name in shown],
-        loc="outside lower center",
-        ncols=3,
-        fontsize=8,
-    )
-    fig.savefig(file, dpi=85)
-    plt.close(fig)
+    for row in rows:
+        if row.figures is None or not isfinite(row.cost):
+            continue
+        colour, marker = looks[row.name]
+        shown[row.name] = panel.plot(
+            row.cost,
+            1e6 * row.figures.error_max,
+            marker,
+            color=colour,
+            markerfacecolor=colour if row.keeps_bounds else "none",
+            markersize=6,
+            alpha=0.85,
+            linestyle="none",
+        )[0]
+    return shown

@@ -13,8 +13,9 @@ from typing import Any
 from ..inputs.complaints import plain
 from ..runs.result import versions
 
-#: Rooms of this package that no number of a run depends on.
-_AFTERWARDS = {"cli", "claims", "figures", "playback", "campaigns"}
+#: Rooms and files of this package that no number of a run depends on.
+_AFTERWARDS = {"cli", "claims", "figures", "film", "playback", "campaigns", "report"}
+_ONLY_SEEN = {"colours.py"}
 #: Keys of an experiment's document that no number of a run depends on.
 _WORDS = {"name", "paper", "expect", "over"}
 
@@ -30,8 +31,10 @@ def stamp() -> str:
     rooms = [package, *(each for each in package.iterdir() if each.is_dir())]
     for room in sorted(room for room in rooms if room.name not in _AFTERWARDS):
         found = room.iterdir() if room == package else room.rglob("*")
-        for file in sorted(file for file in found if file.suffix in {".py", ".urdf"}):
-            digest.update(file.read_bytes())
+        code = sorted(file for file in found if file.suffix in {".py", ".urdf"})
+        for file in code:
+            if room != package or file.name not in _ONLY_SEEN:
+                digest.update(file.read_bytes())
         for file in sorted(room.glob("*/*.yaml")) if room.name == "models" else ():
             digest.update(file.read_bytes())
     numbers = ", ".join(f"{name} {number}" for name, number in versions().items())

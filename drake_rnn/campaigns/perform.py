@@ -50,23 +50,37 @@ def _timed(order: Order) -> Outcome:
 
 
 def _outcome(order: Order) -> Outcome:
+    return attempt(order, "full" if order.learning else "none")[0]
+
+
+def attempt(order: Order, series: Series) -> tuple[Outcome, Result | None]:
+    """Simulate an order; return its outcome and its result, as far as it came.
+
+    Args:
+        order: The order.
+        series: What of the series is stored.
+
+    Raises:
+        KeyboardInterrupt: If the run is interrupted.
+    """
     try:
         experiment = make_experiment(order.document, arms=arms_of(order))
-        series: Series = "full" if order.learning else "none"
-        return _told(simulate(experiment, anyway=order.anyway, series=series), order.learning)
+        result = simulate(experiment, anyway=order.anyway, series=series)
+        return _told(result, order.learning), result
     except InterruptedRunError:
         raise KeyboardInterrupt from None
     except SimulationError as error:
         if error.result is None:
-            return Outcome("failed", str(error), error.time)
-        return _told(replace(error.result, status="failed", failure=str(error)), order.learning)
+            return Outcome("failed", str(error), error.time), None
+        partial = replace(error.result, status="failed", failure=str(error))
+        return _told(partial, order.learning), partial
     except InvalidInputError as error:
-        return Outcome("refused", str(error))
+        return Outcome("refused", str(error)), None
     except DrakeRnnError as error:
-        return Outcome("failed", str(error))
+        return Outcome("failed", str(error)), None
     # A fault in somebody's own code is that run's alone.
     except Exception as error:
-        return Outcome("failed", described(error))
+        return Outcome("failed", described(error)), None
 
 
 class _Known(local):

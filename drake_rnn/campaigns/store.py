@@ -56,6 +56,14 @@ class RowStore:
         except OSError as error:
             raise InvalidInputError(f"row {file}: {error.strerror}") from None
 
+    def kept(self) -> list[str]:
+        """Return the keys under which something is kept."""
+        return sorted(file.stem for file in self.folder.glob("*/*.json"))
+
+    def forget(self, key: str) -> None:
+        """Forget what is kept under a key."""
+        self._file(key).unlink(missing_ok=True)
+
     def remove(self) -> None:
         """Remove the folder with all that is in it."""
         shutil.rmtree(self.folder, ignore_errors=True)

@@ -2,7 +2,8 @@
 
 from .claim import Claim, Criterion, Paper, Quantity
 from .judging import ClaimVerdict, Finding, Judge, Judgement
-from .reading import SCHEMES, Claims, read_claims
+from .reading import SCHEMES, Claims, read_claims, schemes_in
+from .run_source import RunSource, SimulatedRuns
 
 __all__ = [
     "SCHEMES",
@@ -15,5 +16,8 @@ __all__ = [
     "Judgement",
     "Paper",
     "Quantity",
+    "RunSource",
+    "SimulatedRuns",
     "read_claims",
+    "schemes_in",
 ]

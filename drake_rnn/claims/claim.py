@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from typing import Any
 
 from pydantic import Field
@@ -52,8 +53,7 @@ class Quantity:
     @property
     def command(self) -> str:
         """Command that makes the run."""
-        changes = "".join(f" --set {key}={_inline(value)}" for key, value in self.set.items())
-        return f"drake-rnn run {self.run}{changes}"
+        return run_command(str(self.run), self.set)
 
 
 @validated
@@ -133,6 +133,11 @@ class Claim:
             raise ValueError("corrected: needs as_stated, and because, which names the correction")
 
     @property
+    def command(self) -> str:
+        """Command that judges the claim."""
+        return f"drake-rnn claims {self.id} --judge"
+
+    @property
     def criteria(self) -> list[Criterion]:
         """All criteria: those of the claim as stated, then those with a correction."""
         return [*self.as_stated, *self.corrected]
@@ -147,17 +152,26 @@ class Paper:
         authors: Its authors; none if they are not known here.
         journal: Where it appeared; none if it is not known here.
         year: When it appeared; None if it is not known here.
+        doi: Its digital object identifier; none if it is not known here.
     """
 
     title: str
     authors: str = ""
     journal: str = ""
     year: int | None = None
+    doi: str = ""
 
     def __str__(self) -> str:
         parts = [self.authors, f'"{self.title}"', self.journal]
         year = f" ({self.year})" if self.year is not None else ""
-        return ", ".join(filter(None, parts)) + year
+        doi = f", doi:{self.doi}" if self.doi else ""
+        return ", ".join(filter(None, parts)) + year + doi
+
+
+def run_command(name: str, changes: Mapping[str, Any] | None = None) -> str:
+    """Return the command line that runs a shipped experiment with changes by dotted key."""
+    given = "".join(f" --set {key}={_inline(value)}" for key, value in (changes or {}).items())
+    return f"drake-rnn run {name}{given}"
 
 
 def _inline(value: Any) -> str:
@@ -169,4 +183,7 @@ def _inline(value: Any) -> str:
     if isinstance(value, dict):
         entries = ", ".join(f"{key}: {_inline(entry)}" for key, entry in value.items())
         return f"'{{{entries}}}'"
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        short = f"{value:g}"
+        return short if float(short) == value else repr(value)
+    return str(value)

@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import nan
-from typing import Any, Literal
+from typing import Literal
 
-from ..errors import DrakeRnnError, InterruptedRunError, InvalidInputError
-from ..experiment import load_experiment
-from ..runs.result import Result
-from ..runs.simulation import simulate
+from ..errors import DrakeRnnError, InvalidInputError
 from .claim import Claim, Criterion, Quantity
 from .reading import Claims
+from .run_source import RunSource, SimulatedRuns
 
 
 class _NoNumberError(DrakeRnnError):
     """A number that a run does not have."""
 
 
-ClaimVerdict = Literal["holds", "holds with correction", "does not hold", "cannot be checked"]
+ClaimVerdict = Literal[
+    "holds", "holds with correction", "does not hold", "cannot be checked", "failed"
+]
 
 
 @dataclass(frozen=True)
@@ -32,15 +30,17 @@ class Finding:
         holds: Whether it is met.
         value: The number; NaN if there is none.
         failure: Why there is no number: the run does not have it, or is refused as expected.
+        error: What stopped a run or a measure that was expected to work; empty if nothing did.
     """
 
     criterion: Criterion
     holds: bool
     value: float = nan
     failure: str = ""
+    error: str = ""
 
     def __str__(self) -> str:
-        return self.failure or f"{self.value:.3g}"
+        return self.error or self.failure or f"{self.value:.3g}"
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,8 @@ class Judgement:
     """What was found of one claim.
 
     A claim holds if all its criteria as stated are met; else it holds with correction if it has
-    corrected criteria and all of them are met; else it does not hold.
+    corrected criteria and all of them are met; else it does not hold. Where a run or a measure
+    failed that was expected to work, the judgement itself has failed: it says nothing of the claim.
 
     Attributes:
         claim: The claim.
@@ -60,10 +61,17 @@ class Judgement:
     corrected: tuple[Finding, ...] = ()
 
     @property
+    def findings(self) -> tuple[Finding, ...]:
+        """All findings: those of the claim as stated, then those with a correction."""
+        return (*self.as_stated, *self.corrected)
+
+    @property
     def verdict(self) -> ClaimVerdict:
         """The verdict."""
         if self.claim.unchecked:
             return "cannot be checked"
+        if any(finding.error for finding in self.findings):
+            return "failed"
         if all(finding.holds for finding in self.as_stated):
             return "holds"
         if self.corrected and all(finding.holds for finding in self.corrected):
@@ -73,14 +81,15 @@ class Judgement:
 
 @dataclass(frozen=True)
 class Judge:
-    """Judges the claims of a paper; a run that several of them need is made once.
+    """Judges the claims of a paper.
 
     Args:
         claims: The paper's claims.
+        runs: Where its runs come from; by default they are made here.
     """
 
     claims: Claims
-    _runs: dict[str, Result | DrakeRnnError] = field(default_factory=dict, repr=False)
+    runs: RunSource = field(default_factory=SimulatedRuns, repr=False)
 
     def judge(self, claim: Claim) -> Judgement:
         """Return what is found of a claim.
@@ -90,32 +99,15 @@ class Judge:
                 nothing then.
         """
         return Judgement(
-            claim,
-            tuple(map(self._find, claim.as_stated)),
-            tuple(map(self._find, claim.corrected)),
+            claim, tuple(map(self.find, claim.as_stated)), tuple(map(self.find, claim.corrected))
         )
 
-    def run(self, name: str, changes: Mapping[str, Any] | None = None) -> Result:
-        """Return the result of a shipped experiment with changes.
+    def find(self, criterion: Criterion) -> Finding:
+        """Return what is found of one criterion.
 
         Raises:
-            DrakeRnnError: If it is refused or fails.
+            DrakeRnnError: If a run is refused or fails that was expected to run.
         """
-        key = json.dumps([name, dict(changes or {})], sort_keys=True)
-        if key not in self._runs:
-            try:
-                self._runs[key] = simulate(load_experiment(name, changes))
-            except InterruptedRunError:
-                raise
-            except DrakeRnnError as error:
-                # Without the traceback, which would keep the whole run in memory.
-                self._runs[key] = error.with_traceback(None)
-        found = self._runs[key]
-        if isinstance(found, DrakeRnnError):
-            raise found
-        return found
-
-    def _find(self, criterion: Criterion) -> Finding:
         try:
             value = self._value(criterion)
             if criterion.per is not None:
@@ -130,8 +122,8 @@ class Judge:
 
     def _value(self, quantity: Quantity) -> float:
         if quantity.measure is not None:
-            return float(self.claims.measures[quantity.measure](self.run, **quantity.given))
-        metrics, name = self.run(str(quantity.run), quantity.set).metrics, str(quantity.metric)
+            return self.runs.measured(self.claims, quantity)
+        metrics, name = self.runs.metrics(str(quantity.run), quantity.set), str(quantity.metric)
         if name not in metrics:
             # Such as a time of settling, of a run that did not settle.
             raise _NoNumberError(f"no {name} in this run")

@@ -51,32 +51,49 @@ class Claims:
     measures: Mapping[str, Callable[..., float]]
 
 
-@cache
-def read_claims(scheme: str) -> Claims:
+def schemes_in(folder: Path | None = None) -> tuple[str, ...]:
+    """Return the schemes that have a claims file in a folder; by default `SCHEMES`.
+
+    Raises:
+        InvalidInputError: If there is none.
+    """
+    if folder is None:
+        return SCHEMES
+    if not (found := tuple(sorted(file.stem for file in folder.glob("*.yaml")))):
+        raise InvalidInputError(f"claims: no claims file, *.yaml, in {folder}")
+    return found
+
+
+def read_claims(scheme: str, folder: Path | None = None) -> Claims:
     """Return the claims of a paper.
 
     Args:
-        scheme: One of `SCHEMES`.
+        scheme: Its scheme, one of `schemes_in` the folder.
+        folder: Folder with claims files; by default that of the shipped ones, which are read once.
+            Measures are those of the shipped file of the same name.
 
     Raises:
         InvalidInputError: If a claim is not as it should be; the message names claim and key.
     """
-    if scheme not in SCHEMES:
-        raise InvalidInputError(f"claims: no scheme {scheme!r}; {nearest(scheme, list(SCHEMES))}")
-    file = _FOLDER / f"{scheme}.yaml"
+    if scheme not in (known := schemes_in(folder)):
+        raise InvalidInputError(f"claims: no scheme {scheme!r}; {nearest(scheme, list(known))}")
+    return _shipped(scheme) if folder is None else _read(folder / f"{scheme}.yaml")
+
+
+@cache
+def _shipped(scheme: str) -> Claims:
+    return _read(_FOLDER / f"{scheme}.yaml")
+
+
+def _read(file: Path) -> Claims:
     content = construct(_File, read_yaml(file), file.name)
     claims = tuple(
         construct(Claim, claim, f"{file.name}: {claim.get('id', f'claim {number}')}")
         for number, claim in enumerate(content.claims, start=1)
     )
-    module = import_module(f"{__package__}.papers.{scheme}")
-    measures = {
-        name: function
-        for name, function in inspect.getmembers(module, inspect.isfunction)
-        if function.__module__ == module.__name__ and not name.startswith("_")
-    }
+    measures = _measures(file.stem) if file.stem in SCHEMES else {}
     for claim in claims:
-        for quantity in _quantities(claim):
+        for quantity in quantities_of(claim):
             _check_known(f"{file.name}: {claim.id}", quantity, measures)
         if not claim.id.startswith(f"{content.prefix}-"):
             raise InvalidInputError(f"{file.name}: {claim.id}: must begin with {content.prefix}-")
@@ -84,10 +101,20 @@ def read_claims(scheme: str) -> Claims:
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise InvalidInputError(f"{file.name}: {twice[0]} is there twice")
     paper = construct(Paper, content.paper, f"{file.name}: paper")
-    return Claims(scheme, paper, content.page, claims, measures)
+    return Claims(file.stem, paper, content.page, claims, measures)
 
 
-def _quantities(claim: Claim) -> list[Quantity]:
+def _measures(scheme: str) -> dict[str, Callable[..., float]]:
+    module = import_module(f"{__package__}.papers.{scheme}")
+    return {
+        name: function
+        for name, function in inspect.getmembers(module, inspect.isfunction)
+        if function.__module__ == module.__name__ and not name.startswith("_")
+    }
+
+
+def quantities_of(claim: Claim) -> list[Quantity]:
+    """Return the numbers that judge a claim, and those that they are divided by."""
     divisors = [criterion.per for criterion in claim.criteria if criterion.per is not None]
     return [*claim.criteria, *divisors]
 

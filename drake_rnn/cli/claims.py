@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -10,35 +11,58 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
-from ..claims import SCHEMES, Claim, Claims, Finding, Judge, Judgement, read_claims
+from ..claims import (
+    Claim,
+    Claims,
+    Finding,
+    Judge,
+    Judgement,
+    SimulatedRuns,
+    read_claims,
+    schemes_in,
+)
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest
 from .console import errors, out
 
+#: Colour of each verdict in the terminal.
+VERDICT_COLOURS = {
+    "holds": "green",
+    "holds with correction": "yellow",
+    "does not hold": "red",
+    "cannot be checked": "default",
+    "failed": "bold red",
+}
 
-def chosen_claims(ids: Sequence[str]) -> Iterator[tuple[Claims, list[Claim]]]:
+
+def chosen_claims(
+    ids: Sequence[str], folder: Path | None = None
+) -> Iterator[tuple[Claims, list[Claim]]]:
     """Yield papers with the claims that are asked for: all, or those with these ids or schemes.
 
     Args:
-        ids: Ids, e.g. ``slc-F2a``, or their beginnings up to the dash, e.g. ``slc``.
+        ids: Ids, e.g. ``slc-F2a``, their beginnings up to the dash, e.g. ``slc``, or names of
+            schemes, e.g. ``simultaneous_learning``.
+        folder: Folder with claims files; by default the shipped ones.
 
     Raises:
         InvalidInputError: If there is no such claim.
     """
-    papers = [read_claims(scheme) for scheme in SCHEMES]
-    known = {claim.id for paper in papers for claim in paper.claims}
-    schemes = {name.partition("-")[0] for name in known}
+    papers = [read_claims(scheme, folder) for scheme in schemes_in(folder)]
+    names = {claim.id: _names(paper, claim) for paper in papers for claim in paper.claims}
+    known = sorted({name for several in names.values() for name in several})
     for name in ids:
-        if name not in known | schemes:
-            raise InvalidInputError(f"no claim {name!r}; {nearest(name, sorted(known | schemes))}")
+        if name not in known:
+            raise InvalidInputError(f"no claim {name!r}; {nearest(name, known)}")
     for paper in papers:
-        chosen = [
-            claim
-            for claim in paper.claims
-            if not ids or claim.id in ids or claim.id.partition("-")[0] in ids
-        ]
+        chosen = [claim for claim in paper.claims if not ids or not names[claim.id].isdisjoint(ids)]
         if chosen:
             yield paper, chosen
+
+
+def _names(paper: Claims, claim: Claim) -> set[str]:
+    """Return the names by which a claim can be asked for."""
+    return {claim.id, claim.id.partition("-")[0], paper.scheme}
 
 
 def claims_table(paper: Claims, claims: Sequence[Claim]) -> Table:
@@ -58,7 +82,7 @@ def claims_table(paper: Claims, claims: Sequence[Claim]) -> Table:
 def judgement_table(judgement: Judgement) -> Table:
     """Return a table of what was measured for one claim."""
     claim = judgement.claim
-    colour = {"holds": "green", "holds with correction": "yellow"}.get(judgement.verdict, "red")
+    colour = VERDICT_COLOURS[judgement.verdict]
     title = f"{escape(claim.id)}: [{colour}]{judgement.verdict}[/]"
     table = Table(box=SIMPLE_HEAD, title=title, caption=escape(claim.because or claim.unchecked))
     table.add_column("of", overflow="fold")
@@ -78,18 +102,19 @@ def _cells(finding: Finding, note: str) -> tuple[str, str, str, str]:
 def show_claims(
     ids: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[ID]...", help="Claims, e.g. slc-F2a, or schemes, e.g. slc."),
+        typer.Argument(metavar="[ID]...", help="Claims, e.g. slc-F2a, or papers, e.g. slc."),
     ] = None,
     judge: Annotated[
         bool, typer.Option("--judge", help="Make the runs and print the verdicts.")
     ] = False,
 ) -> None:
     """List what the papers claim, or judge it."""
+    runs = SimulatedRuns()
     with errors():
         for paper, claims in chosen_claims(ids or []):
             if not judge:
                 out.print(claims_table(paper, claims))
                 continue
-            judging = Judge(paper)
+            judging = Judge(paper, runs)
             for claim in claims:
                 out.print(judgement_table(judging.judge(claim)))

@@ -16,7 +16,9 @@ from .catalogue import list_arms, list_experiments, list_laws, list_paths
 from .claims import show_claims
 from .comparing import compare
 from .describing import describe_arm
+from .filming import film
 from .new import new
+from .report import report
 from .running import run, run_fastest
 from .showing import show
 from .sweeping import sweep
@@ -64,8 +66,10 @@ app.command("tune")(tune_gains)
 app.command()(compare)
 app.command()(plot)
 app.command()(replay)
+app.command()(film)
 app.command()(new)
 app.command("claims")(show_claims)
+app.command()(report)
 
 
 def main() -> None:

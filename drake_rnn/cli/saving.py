@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +13,7 @@ from ..runs.folder import filled
 from ..runs.result import Result
 from .console import err, out, status
 from .drawing import draw_figures
+from .graphs import draw_beside
 from .tables import joints_table, metrics_table
 
 
@@ -44,7 +43,7 @@ def write_result(
     out.print(f"time      {result.record['until_s']:g} s simulated in {cost:.3g} s")
     with filled(folder, result.record):
         result.write(folder)
-        _draw_diagram(folder / "diagram.dot")
+        draw_beside(folder / "diagram.dot")
         out.print(escape(f"results   {folder}"), soft_wrap=True)
         if pictures.figures:
             with status(f"{result.experiment.name}: drawing figures"):
@@ -67,9 +66,3 @@ def write_page(result: Result, folder: Path, beside: Sequence[Result]) -> None:
 def _frames_per_second(result: Result) -> int:
     """Return the playback's frame rate, lower for long runs to keep the page small."""
     return 64 if result.time[-1] <= 30.0 else 32
-
-
-def _draw_diagram(dot: Path) -> None:
-    if program := shutil.which("dot"):
-        command = [program, "-Tsvg", str(dot), "-o", str(dot.with_suffix(".svg"))]
-        subprocess.run(command, check=False, capture_output=True)

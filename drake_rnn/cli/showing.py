@@ -3,35 +3,44 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import is_dataclass
+from pathlib import Path
 from textwrap import indent, wrap
-from typing import Any, get_args, get_type_hints
+from typing import Annotated, Any
 
 import typer
 
-from ..environments import ENVIRONMENTS
-from ..experiment import ExperimentDocument, read_document
+from ..diagrams import wiring_graph
+from ..experiment import (
+    ExperimentDocument,
+    key_meanings,
+    load_experiment,
+    read_document,
+    section_meanings,
+)
 from ..inputs.documents import construct, to_yaml
-from ..inputs.explained import keys_of, shortened
-from ..inputs.kinds import Kinds
-from ..laws import LAWS
-from ..measures import METRICS
-from ..paths import PATHS
-from ..robot.arm_description import ArmDescription
-from ..robot.limits import LIMIT_UNITS
+from ..inputs.explained import shortened
+from ..runs import build_diagram
 from .console import errors
+from .graphs import write_graph
 from .options import One
 
-_KINDS: dict[str, Kinds[Any]] = {"law": LAWS, "path": PATHS, "environment": ENVIRONMENTS}
 _WIDTH, _BESIDE = 80, "beside"
 
 
 def show(
     experiment: One,
+    diagram: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="draw the wiring: a .svg, .png, .pdf or .dot file"),
+    ] = None,
 ) -> None:
-    """Print an experiment's document with comments on its keys; it can be run again."""
+    """Print an experiment's document with comments on its keys, or draw its wiring."""
     with errors():
-        typer.echo(commented(experiment), nl=False)
+        if diagram is None:
+            typer.echo(commented(experiment), nl=False)
+            return
+        built, _ = build_diagram(load_experiment(experiment))
+        write_graph(wiring_graph(built), diagram)
 
 
 def commented(experiment: str) -> str:
@@ -42,12 +51,12 @@ def commented(experiment: str) -> str:
     """
     document = read_document(experiment)
     construct(ExperimentDocument, document, "")
-    meanings = _meanings(ExperimentDocument)
+    meanings = key_meanings()
     order = [name for name in meanings if name in document]
     blocks = []
     for name in order:
         value = document[name]
-        inner = _section_meanings(name, value)
+        inner = section_meanings(name, value)
         text = _comment(meanings[name], 0)
         if isinstance(value, Mapping) and value and inner:
             text += f"{name}:\n" + "".join(_entry(k, v, inner.get(k, "")) for k, v in value.items())
@@ -70,25 +79,3 @@ def _comment(meaning: str, depth: int) -> str:
     begin = f"{' ' * depth}# "
     lines = wrap(shortened(meaning), _WIDTH, initial_indent=begin, subsequent_indent=begin)
     return "".join(f"{line}\n" for line in lines)
-
-
-def _meanings(cls: type) -> dict[str, str]:
-    return {key.name: key.meaning for key in keys_of(cls, ())}
-
-
-def _section_meanings(name: str, value: Any) -> dict[str, str]:
-    """Return what the keys within a section mean; empty if it has none."""
-    if not isinstance(value, Mapping):
-        return {}
-    if name == "accept":
-        return {metric.name: f"{metric.meaning} [{metric.unit}]" for metric in METRICS}
-    if name == "limits":
-        return {limit: f"[{unit}]" for limit, unit in LIMIT_UNITS.items()}
-    if name == "arm":
-        return _meanings(ArmDescription)
-    if name in _KINDS:
-        cls = _KINDS[name].named_by(value, modules=True)
-        return _meanings(cls) | {"kind": ""}
-    hint = get_type_hints(ExperimentDocument)[name]
-    classes = [each for each in (hint, *get_args(hint)) if is_dataclass(each)]
-    return _meanings(classes[0]) if classes and isinstance(classes[0], type) else {}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,7 +20,7 @@ from ..campaigns.sweep import (
     write_csv,
 )
 from ..errors import InvalidInputError
-from ..experiment import load_experiment
+from ..experiment import load_experiment, read_document, unit_of_key
 from ..figures.learning import learning_figure
 from ..figures.sweep import sweep_figure
 from .announcing import print_data
@@ -75,6 +75,8 @@ def sweep(  # noqa: PLR0913  one argument for each option
                 )
             keys = list(axes)
             orders = planned(experiment, axes, changed, anyway=anyway)
+            document = read_document(experiment, changed)
+            units = {key: unit_of_key(document, key) for key in keys}
             folder = out_folder / f"sweep_{Path(experiment).stem}_{'_'.join(keys)}"
             for length in axes.get("duration", [None]):
                 swept = {} if length is None else {"duration": length}
@@ -84,7 +86,7 @@ def sweep(  # noqa: PLR0913  one argument for each option
                 return
             require_writable(folder)
             rows, missing = _rows(keys, orders, jobs, folder)
-            _print_and_write(keys, rows, folder)
+            _print_and_write(keys, rows, folder, units)
         if as_json:
             print_data({"folder": str(folder), "runs": [_contents(keys, row) for row in rows]})
         if missing:
@@ -108,11 +110,13 @@ def _rows(
         return error.rows, error.missing
 
 
-def _print_and_write(keys: list[str], rows: list[Row], folder: Path) -> None:
+def _print_and_write(
+    keys: list[str], rows: list[Row], folder: Path, units: Mapping[str, str]
+) -> None:
     write_csv(folder / "sweep.csv", keys, rows)
     pictures = [
-        sweep_figure(keys, rows, varying_metrics(rows), folder / "sweep.png"),
-        learning_figure(keys, rows, folder / "learning.png"),
+        sweep_figure(keys, rows, varying_metrics(rows), folder / "sweep.png", units),
+        learning_figure(keys, rows, folder / "learning.png", units),
     ]
     # In a pipe or a file there is room for all columns in one table.
     wide = Console(width=WIDE, highlight=False, quiet=out.quiet)

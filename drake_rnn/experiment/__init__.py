@@ -11,6 +11,7 @@ from .files import (
     read_document,
     shipped_experiments,
 )
+from .key_meanings import key_meanings, section_meanings, unit_of_key
 from .quick_check import Checked, QuickCheck
 from .reach import MISS, Forecast, Reach, check_reach, follow, forecasts
 
@@ -31,11 +32,14 @@ __all__ = [
     "expected_bounds",
     "follow",
     "forecasts",
+    "key_meanings",
     "load_experiment",
     "make_experiment",
     "parse_change",
     "read_document",
     "require_none_lost",
+    "section_meanings",
     "set_key",
     "shipped_experiments",
+    "unit_of_key",
 ]

@@ -10,20 +10,25 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
 from ..campaigns.summary import MetricSummary, Summary
 from ..campaigns.table import Line, metric_column, varied_numbers
+from ..experiment import unit_of_key
 from ..inputs.fields import Array
-from .style import BOUND, COLOURS, PAGE, save, styled, ticks
+from .grid import filled_page
+from .labels import key_label, metric_label
+from .looks import BOUND, INK, NOTE
+from .style import save, styled, ticks
 
-_COLUMNS = 3
 #: Largest number of panels; further metrics are in the tables alone.
 _MOST = 12
 #: Values of a positive metric that spread more than this are drawn over a logarithmic axis.
 _DECADES = 30.0
 #: Points of a scatter; of more, every so many.
 _POINTS = 4000
+#: Colour of a histogram: a paler ink, as it covers much.
+_BARS = "0.55"
 
 
 def distribution_figure(
@@ -41,23 +46,30 @@ def distribution_figure(
     if not shown:
         return False
     with styled():
-        figure, panels = _panels(len(shown))
-        for ax, metric in zip(panels, shown, strict=False):
+        figure, panels = filled_page(len(shown))
+        for ax, metric in zip(panels, shown, strict=True):
             _histogram(ax, _known(lines, metric.name))
             for bound in bounds.get(metric.name, {}).values():
-                ax.axvline(bound, **BOUND)
-            ax.set_title(metric.name, fontsize="small")
-            ax.set_ylabel("runs")
+                ax.axvline(bound, label="bound", **BOUND)
+            ax.set_xlabel(metric_label(metric.name))
+            ax.set_ylabel("runs [-]")
+        _legend_of_bounds(figure, panels)
         save(figure, file)
     return True
 
 
-def sensitivity_figure(summary: Summary, lines: Sequence[Line], file: Path | BytesIO) -> bool:
+def sensitivity_figure(
+    summary: Summary,
+    lines: Sequence[Line],
+    document: Mapping[str, Any],
+    file: Path | BytesIO,
+) -> bool:
     """Draw each metric over the varied number that its order follows most; return whether any is.
 
     Args:
         summary: What is known of the campaign.
         lines: Its rows.
+        document: The document of its experiment, for the units of varied keys.
         file: Where to write it.
     """
     numbers = varied_numbers([line for line in lines if line.outcome.status == "complete"])
@@ -66,18 +78,20 @@ def sensitivity_figure(summary: Summary, lines: Sequence[Line], file: Path | Byt
     if not shown:
         return False
     with styled():
-        figure, panels = _panels(len(shown))
-        for ax, (metric, key) in zip(panels, shown, strict=False):
+        figure, panels = filled_page(len(shown))
+        for ax, (metric, key) in zip(panels, shown, strict=True):
             every = max(1, len(complete) // _POINTS)
             x, y = numbers[key][::every], metric_column(complete, metric.name)[::every]
-            ax.plot(x, y, ".", color=COLOURS[0], markersize=2.5)
+            ax.plot(x, y, ".", color=INK, markersize=2.5)
             if _is_wide(y[np.isfinite(y)]):
                 ax.set_yscale("log")
             if _is_wide(x):
                 ax.set_xscale("log")
             ax.margins(x=0.05)
-            ax.set_xlabel(f"{key}  (rank correlation {metric.correlations[key]:.2f})")
-            ax.set_title(metric.name, fontsize="small")
+            ax.set_xlabel(key_label(key, unit_of_key(document, key)))
+            ax.set_ylabel(metric_label(metric.name))
+            note = f"rank correlation {metric.correlations[key]:.2f}".replace("-", "−")
+            ax.set_title(note, loc="right", pad=2, **NOTE)
         save(figure, file)
     return True
 
@@ -88,13 +102,11 @@ def strongest(metric: MetricSummary) -> str:
     return max(known, key=lambda key: known[key], default="")
 
 
-def _panels(count: int) -> tuple[Figure, list[Axes]]:
-    height = -(-count // _COLUMNS)
-    figure = Figure(figsize=(PAGE, 2.0 * height + 0.2), layout="constrained")
-    axes = figure.subplots(height, min(_COLUMNS, count), squeeze=False)
-    for ax in list(axes.flat)[count:]:
-        ax.set_visible(False)
-    return figure, list(axes.flat)
+def _legend_of_bounds(figure: Figure, panels: Sequence[Axes]) -> None:
+    """Say what the dashed lines are, if there are any."""
+    lines = [line for ax in panels for line in ax.lines]
+    if lines:
+        figure.legend(handles=lines[:1], loc="outside upper center")
 
 
 def _histogram(ax: Axes, values: Array) -> None:
@@ -105,7 +117,7 @@ def _histogram(ax: Axes, values: Array) -> None:
         edges = np.linspace(values.min(), values.max(), _bins(values) + 1)
     if edges[0] == edges[-1]:
         edges = np.array([edges[0] - 0.5, edges[0] + 0.5])
-    ax.hist(values, bins=edges.tolist(), color=COLOURS[0])
+    ax.hist(values, bins=edges.tolist(), color=_BARS)
     ax.margins(x=0.05)
     # Panels are narrow, and runs are whole.
     if ax.get_xscale() == "log":
@@ -113,6 +125,8 @@ def _histogram(ax: Axes, values: Array) -> None:
         ax.xaxis.set_minor_formatter(NullFormatter())
     else:
         ticks(ax.xaxis, 3)
+        # A power of ten beside the axis would touch its label.
+        ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     ax.yaxis.set_major_locator(MaxNLocator(4, integer=True))
 
 

@@ -13,8 +13,10 @@ from pathlib import Path
 from ..campaigns import CampaignResult
 from ..campaigns.statistics import Interval
 from ..campaigns.summary import MetricSummary, Summary, smaller_is_worse
+from ..colours import components
 from ..errors import InvalidInputError
 from .campaign import distribution_figure, sensitivity_figure
+from .looks import SERIES
 
 _STYLE = """
 body { font: 14px/1.4 sans-serif; max-width: 72em; margin: 2em auto; padding: 0 1em; color: #222 }
@@ -32,6 +34,8 @@ METHODS_NOTE = (
 )
 #: Rows that did not come to their end that are listed; all are in the table.
 _LISTED = 50
+#: Numbers of the colours of negative and positive correlations.
+_LESS, _MORE = 4, 2
 
 
 def write_campaign_page(result: CampaignResult, file: Path) -> Path:
@@ -126,7 +130,7 @@ def _figures(result: CampaignResult) -> Iterable[str]:
     bounds = result.plan.experiment.get("accept", {})
     if distribution_figure(result.summary, result.lines, bounds, distributions):
         yield "<h2>Distributions</h2>" + _image(distributions)
-    if sensitivity_figure(result.summary, result.lines, sensitivity):
+    if sensitivity_figure(result.summary, result.lines, result.plan.experiment, sensitivity):
         yield "<h2>What they follow most</h2>" + _image(sensitivity)
 
 
@@ -161,7 +165,9 @@ def _correlation(metric: MetricSummary, key: str) -> str:
     value = metric.correlations[key]
     if math.isnan(value):
         return "<td>-</td>"
-    colour = "0, 114, 178" if value < 0 else "213, 94, 0"
+    # Colours without a meaning of their own; the sign says the same.
+    parts = components(SERIES[_LESS if value < 0 else _MORE])
+    colour = ", ".join(f"{255 * part:.0f}" for part in parts)
     return f'<td style="background: rgba({colour}, {abs(value) * 0.6:.2f})">{value:.2f}</td>'
 
 

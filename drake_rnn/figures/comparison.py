@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -13,26 +12,18 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 
 from ..inputs.fields import Array
-from ..robot.limits import DERIVATIVE_UNITS, JointLimits
+from ..robot.limits import DERIVATIVE_UNITS
 from ..runs.result import Result
-from .derivative_panels import derivatives_of_motion, leave_room
-from .style import BOUND, COLOURS, PAGE, largest, log_axis, save, styled, time_axis
+from .bound_shares import Shares, shares_of_bounds
+from .derivative_panels import leave_room
+from .looks import BOUND, nth
+from .style import PAGE, largest, log_axis, save, styled, time_axis
 
 #: Share of a bound, and error [m], below which curves are not shown.
 _LEAST, _LEAST_ERROR = 1e-3, 1e-10
 
 #: Room for the names in a line of the legend [characters].
 _LEGEND = 110
-
-#: Times [s] and shares of bounds [-] for each order of derivative, shape (k,) both.
-Shares = list[tuple[Array, Array]]
-
-_LOOKS: tuple[dict[str, Any], ...] = (
-    {"color": COLOURS[1], "linewidth": 0.8},
-    {"color": COLOURS[0], "linewidth": 0.8},
-    {"color": COLOURS[2], "linewidth": 1.2},
-    *({"color": colour, "linewidth": 0.8} for colour in COLOURS[3:]),
-)
 
 
 def comparison_figure(groups: Mapping[str, Mapping[str, Result]], file: Path) -> Path:
@@ -76,8 +67,8 @@ def comparison_figure(groups: Mapping[str, Mapping[str, Result]], file: Path) ->
 
 def _plot_errors(ax: Axes, runs: Mapping[str, Result]) -> None:
     """Plot the position error of every run."""
-    for (name, result), look in zip(runs.items(), cycle(_LOOKS), strict=False):
-        ax.plot(result.time, result.position_error, label=name, **look)
+    for k, (name, result) in enumerate(runs.items()):
+        ax.plot(result.time, result.position_error, label=name, **nth(k))
     _log_axis_from(ax, _LEAST_ERROR, [result.position_error for result in runs.values()])
 
 
@@ -91,12 +82,12 @@ def _plot_shares(axes: Mapping[int, Axes], shares: Sequence[Shares]) -> None:
     """Plot the share of its bound that each order of derivative uses, a panel for each order."""
     for order, ax in axes.items():
         curves = [each[order] for each in shares]
-        for (time, share), look in zip(curves, cycle(_LOOKS), strict=False):
-            ax.plot(time, share, **look)
+        for k, (time, share) in enumerate(curves):
+            ax.plot(time, share, **nth(k))
         ax.axhline(1.0, **BOUND)
         values = [share for _, share in curves]
         if order == 0:
-            ax.set_ylim(0, 1.08 * max(2.0, *map(largest, values)))
+            ax.set_ylim(0, 1.15 * max(1.0, *map(largest, values)))
         else:
             _log_axis_from(ax, _LEAST, [*values, np.array([0.05, 2.0])])
 
@@ -106,31 +97,3 @@ def _log_axis_from(ax: Axes, least: float, curves: list[Array]) -> None:
     log_axis(ax, curves)
     ax.set_ylim(bottom=max(ax.get_ylim()[0], least))
     ax.yaxis.set_minor_locator(NullLocator())
-
-
-def shares_of_bounds(result: Result) -> Shares:
-    """Return the largest share of its bound that any joint uses, for derivatives of order 0 to 5.
-
-    Returns:
-        Times [s] and shares [-] for each order, shape (k,) both.
-    """
-    limits = result.experiment.limits
-    signals = derivatives_of_motion(result)
-    shares = [(signals[0][0], _share_of_range(signals[0][1], limits))]
-    for (time, values), name in zip(signals[1:], DERIVATIVE_UNITS, strict=True):
-        bound = limits.bounds[name]
-        share = np.full_like(values, np.nan) if bound is None else np.abs(values) / bound
-        shares.append((time, share.max(axis=1)))
-    return shares
-
-
-def _share_of_range(position: Array, limits: JointLimits) -> Array:
-    """Return how far the worst joint is from the middle of its range; 1 at either limit.
-
-    Joints without two limits have no middle; NaN if there are no others.
-    """
-    lower, upper = limits.position_lower, limits.position_upper
-    bounded = np.isfinite(lower) & np.isfinite(upper)
-    middle = np.add(upper, lower, out=np.full_like(upper, np.nan), where=bounded) / 2
-    half = np.subtract(upper, lower, out=np.full_like(upper, np.nan), where=bounded) / 2
-    return np.asarray(np.fmax.reduce(np.abs(position - middle) / half, axis=1))

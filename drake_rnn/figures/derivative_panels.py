@@ -10,15 +10,15 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from ..inputs.fields import Array
+from ..measures import raised
 from ..measures.groups.higher import difference_time
 from ..robot.limits import DERIVATIVE_UNITS
 from ..runs.result import Result
+from .bound_lines import draw_bounds, excess_note, number_bounds
+from .looks import BOUND
 from .style import (
-    BOUND,
-    NOTE,
     PAGE,
     joint_handles,
-    joint_style,
     largest,
     plot_joints,
     span,
@@ -88,10 +88,7 @@ def stacked_panels(
             plot_between(ax, time, values, np.stack((limits.position_lower, limits.position_upper)))
         else:
             plot_bounded_order(ax, time, values, bounds[order - 1], ratios.get(order))
-        unit = units[order]
-        for power, raised in zip("2345", "²³⁴⁵", strict=True):
-            unit = unit.replace(f"^{power}", raised)
-        ax.set_ylabel(f"{text} [{unit}]")
+        ax.set_ylabel(f"{text} [{raised(units[order])}]")
     time_axis(axes[-1], result)
     leave_room(axes[-1])
     figure.legend(handles=joint_handles(n), loc="outside upper center", ncols=n + 1)
@@ -142,11 +139,7 @@ def plot_bounded_order(
     known = np.empty(0) if bounds is None else np.unique(bounds[np.isfinite(bounds)])
     peak = largest(values)
     in_view = known[known <= _FAR * peak] if peak > 0 else known
-    for bound in in_view:
-        holders = np.flatnonzero(bounds == bound)
-        own = {"color": joint_style(int(holders[0]))["color"]} if holders.size == 1 else {}
-        for sign in (-1, 1):
-            ax.axhline(sign * bound, **{**BOUND, **own})
+    draw_bounds(ax, bounds, in_view)
     if known.size and peak > _BEYOND * known[-1]:
         _linear_between(ax, float(known[-1]), peak)
     else:
@@ -158,7 +151,9 @@ def plot_bounded_order(
         if ratio is None:
             known_values = np.where(np.isfinite(values), np.abs(values), 0.0)
             ratio = float((known_values / bounds).max(initial=0.0))
-        ax.set_title(f"up to {ratio:.3g} × bound", loc="right", pad=2, **NOTE)
+        excess_note(ax, ratio)
+    if ax.get_yscale() == "linear":
+        number_bounds(ax, bounds)
 
 
 def _linear_between(ax: Axes, bound: float, peak: float) -> None:
@@ -172,10 +167,10 @@ def _linear_between(ax: Axes, bound: float, peak: float) -> None:
     marks = [bound, *(10.0**decades)]
     ax.yaxis.set_major_locator(FixedLocator([-mark for mark in marks] + [0.0, *marks]))
     ax.yaxis.set_minor_locator(NullLocator())
-    ax.yaxis.set_major_formatter(FuncFormatter(lambda x, place: _number(x)))
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda x, place: number(x)))
 
 
-def _number(x: float) -> str:
+def number(x: float) -> str:
     """Return a tick's label: large numbers as a power of ten."""
     if abs(x) < 1e3:
         return f"{x:g}".replace("-", "−")

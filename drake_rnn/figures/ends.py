@@ -6,7 +6,7 @@ from typing import Any
 
 from ..inputs.fields import Array
 from ..runs.result import Result
-from .style import Style
+from .looks import Style
 from .traits import open_end
 
 _START: Style = {"marker": "o", "color": "black", "markersize": 3.5, "linestyle": "none"}

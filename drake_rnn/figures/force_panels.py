@@ -7,11 +7,8 @@ from matplotlib.axes import Axes
 
 from ..inputs.fields import Array
 from ..runs.result import Result
+from .looks import BEHIND, DESIRED, FORCE, MOMENT, NOTE, Style
 from .style import (
-    COLOURS,
-    DESIRED,
-    NOTE,
-    Style,
     largest,
     legend,
     log_axis,
@@ -24,8 +21,8 @@ from .style import (
 from .surface import NEAR
 from .traits import evaluated
 
-_BAND: Style = {"color": COLOURS[2], "alpha": 0.25, "linewidth": 0}
-_MEASURED: Style = {"color": COLOURS[4], "zorder": 1}
+_BAND: Style = {"color": DESIRED["color"], "alpha": 0.15, "linewidth": 0}
+_MEASURED: Style = {**BEHIND, "color": "0.6", "zorder": 1}
 #: Root mean square of the sensor's error above which its readings are drawn, as a share of the
 #: largest force, and of the largest force error in the panel of that error.
 _APART, _APART_OF_ERROR = 0.01, 0.05
@@ -55,7 +52,7 @@ def plot_force(ax: Axes, result: Result, until: float | None = None) -> None:
     low, high = ((1 + sign * NEAR) * scale * desired for sign in (-1, 1))
     ax.fill_between(time, low, high, label=f"±{100 * NEAR:g} %", **_BAND)
     ax.plot(time, scale * desired, label="desired", **DESIRED)
-    (curve,) = ax.plot(time, scale * true, color=COLOURS[0], label="force")
+    (curve,) = ax.plot(time, scale * true, label="force", **FORCE)
     if _root_mean_square(measured - true) > _APART * largest(true):
         curve.set_label("true")
         _plot_measured(ax, time, scale * measured, scale * true)
@@ -63,7 +60,7 @@ def plot_force(ax: Axes, result: Result, until: float | None = None) -> None:
     shade_window(ax, result)
     lost = result.metrics.get("contact_lost_time_s")
     if lost is not None and lost <= time[-1]:
-        ax.axvline(lost, color="0.25", linestyle=":", label="contact lost")
+        ax.axvline(lost, label="contact lost", **MOMENT)
     least, most = span(np.concatenate(levels), least=1e-9)
     room = 0.06 * (most - least)
     # Without contact, the force is zero up to rounding: no room below for that.
@@ -83,7 +80,7 @@ def plot_force_error(ax: Axes, result: Result) -> None:
     within = evaluated(result)
     time, error = result.time[within], _force_error(result)
     unit, scale = prefixed(error, "N")
-    ax.plot(time, scale * error, color=COLOURS[0], label="true")
+    ax.plot(time, scale * error, label="true", **FORCE)
     misread = (result.series["normal_force_measured"] - result.series["normal_force"])[within]
     if _APART_OF_ERROR * largest(error) < _root_mean_square(misread) < largest(error):
         _plot_measured(ax, time, scale * (error + misread), scale * error)
@@ -112,7 +109,7 @@ def plot_force_spectrum(ax: Axes, result: Result) -> None:
     Frequencies above half the sampling rate appear as lower ones.
     """
     frequency, amplitude = force_spectrum(result)
-    ax.plot(frequency, amplitude, color=COLOURS[0], linewidth=0.8)
+    ax.plot(frequency, amplitude, linewidth=0.8, **FORCE)
     rate = 1.0 / result.experiment.document.log_period
     if frequency.size:
         ax.set_xlim(frequency[0], rate / 2)
@@ -150,7 +147,7 @@ def _plot_measured(ax: Axes, time: Array, measured: Array, true: Array) -> None:
     """Plot a measured force behind the true one: thin if it is noisy, otherwise wide and pale."""
     noise = noisy(measured - true)
     look: Style = {"linewidth": 0.6, "alpha": 0.8} if noise else {"linewidth": 3.2, "alpha": 0.45}
-    ax.plot(time, measured, label="measured", **_MEASURED, **look)
+    ax.plot(time, measured, label="measured", **{**_MEASURED, **look})
 
 
 def _root_mean_square(values: Array) -> float:

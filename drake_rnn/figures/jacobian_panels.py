@@ -6,7 +6,11 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ..runs.result import Result
-from .style import COLOURS, label, legend, log_axis, shade_window, time_axis
+from .looks import INK, nth
+from .style import label, legend, log_axis, shade_window, time_axis
+
+#: Number of the colour of the error along the motion.
+_ALONG = 2
 
 
 def plot_jacobian_error(ax: Axes, result: Result) -> None:
@@ -18,8 +22,8 @@ def plot_jacobian_error(ax: Axes, result: Result) -> None:
     along = np.linalg.norm(np.einsum("kmn,kn->km", difference, v), axis=1)
     # At rest there is no direction of motion.
     along = np.divide(along, speed, out=np.full(size.shape, np.nan), where=speed > 1e-6)
-    ax.plot(result.time, along, color=COLOURS[4], linewidth=0.7, label="along the motion")
-    ax.plot(result.time, size, color=COLOURS[0], label="Frobenius norm")
+    ax.plot(result.time, along, color=nth(_ALONG)["color"], linewidth=0.7, label="along the motion")
+    ax.plot(result.time, size, color=INK, label="Frobenius norm")
     shade_window(ax, result)
     log_axis(ax, [size, along])
     ax.set_ylabel(label(r"error of $\hat J$", "J"))
@@ -33,7 +37,7 @@ def plot_singular_value(ax: Axes, result: Result) -> None:
     smallest = np.full(J.shape[0], np.nan)
     known = np.isfinite(J).all(axis=(1, 2))
     smallest[known] = np.linalg.svd(J[known], compute_uv=False)[:, -1]
-    ax.plot(result.time, smallest, color=COLOURS[0])
+    ax.plot(result.time, smallest, color=INK)
     ax.set_ylim(bottom=0)
     ax.set_ylabel(label("smallest singular value of $J$", "J"))
     time_axis(ax, result)

@@ -8,20 +8,26 @@ from matplotlib.lines import Line2D
 
 from ..inputs.fields import Array
 from ..measures import ARRIVED
+from ..runs.limit_use import EXCEEDED
 from ..runs.result import Result
-from .style import (
+from .bound_lines import draw_bounds, number_bounds
+from .looks import (
+    ALARM,
     BOUND,
-    COLOURS,
-    DESIRED,
+    INK,
+    MOMENT,
     NOTE,
+    PREDICTED,
+    TARGET,
     Style,
+    nth,
+)
+from .style import (
     joint_handles,
-    joint_style,
     label,
     largest,
     legend,
     log_axis,
-    noisy,
     plot_joints,
     prefixed,
     shade_window,
@@ -37,8 +43,10 @@ _IN_VIEW = 3.0
 _IN_VIEW_PRESSING = 2.0
 #: Ratio of a bound to the curves' peak below which it cannot be read from the axis.
 _LEGIBLE = 0.05
-#: Marker of a joint's target.
-_GOAL: Style = {"marker": "D", "markersize": 3.0}
+#: Marker of a joint's target, filled with the colour of the joint.
+_GOAL: Style = {"marker": "D", "markersize": 4.0, "markeredgecolor": TARGET["color"]}
+#: Number of the colour of the arm's own motion beside that of the law.
+_ARM = 2
 
 
 def plot_angles(ax: Axes, result: Result) -> None:
@@ -48,9 +56,9 @@ def plot_angles(ax: Axes, result: Result) -> None:
     target = result.experiment.target
     if target is not None:
         for k, angle in enumerate(target):
-            colour = joint_style(k)["color"]
+            colour = nth(k)["color"]
             ax.plot(result.time[-1:], angle, color=colour, zorder=3, clip_on=False, **_GOAL)
-        handles.append(Line2D([], [], color="0.25", label="target", linestyle="none", **_GOAL))
+        handles.append(Line2D([], [], color="white", label="target", linestyle="none", **_GOAL))
     ax.set_ylabel(label("joint angle", "position"))
     time_axis(ax, result)
     legend(ax, handles)
@@ -71,12 +79,12 @@ def plot_acceleration_norm(ax: Axes, result: Result) -> None:
     curves = [arm]
     if apart(result, "acceleration"):
         curves.append(result.series["network_acceleration_peak"][1:])
-        ax.plot(time, arm, color=COLOURS[4], label="arm")
-    ax.plot(time, curves[-1], color=COLOURS[0], label="law" if len(curves) > 1 else None)
+        ax.plot(time, arm, color=nth(_ARM)["color"], label="arm")
+    ax.plot(time, curves[-1], color=INK, label="law" if len(curves) > 1 else None)
     if commands_acceleration(result) and result.series["saturated"].any():
         # The acceleration that the law asked for before it was cut to the bound.
         demand = np.abs(result.series["acceleration_demand"][1:]).max(axis=1)
-        ax.plot(time, demand, label="asked for", **DESIRED)
+        ax.plot(time, demand, label="asked for", **PREDICTED)
         curves.append(demand)
     known = _known(result.experiment.limits.acceleration)
     # Bounds may differ from joint to joint: the least and the greatest are drawn.
@@ -99,7 +107,7 @@ def plot_drift(ax: Axes, result: Result) -> None:
     plot_joints(ax, result.time, drift)
     for k, final in enumerate(end):
         last = result.time[evaluated(result)][-1:]
-        ax.plot(last, final, "o", color=joint_style(k)["color"], markersize=3, clip_on=False)
+        ax.plot(last, final, "o", color=nth(k)["color"], markersize=3, clip_on=False)
     shown, scale = prefixed(end, "rad")
     sizes = scale * np.abs(end)
     note = f"at the end: mean {sizes.mean():.3g}, largest {sizes.max():.3g} {shown}"
@@ -118,7 +126,7 @@ def plot_drift_left(ax: Axes, result: Result) -> None:
     sizes = np.abs(joint_drift(result)[1])
     shown, scale = prefixed(sizes, "rad")
     joints = np.arange(sizes.size) + 1
-    colours = [joint_style(k)["color"] for k in range(sizes.size)]
+    colours = [nth(k)["color"] for k in range(sizes.size)]
     ax.bar(joints, scale * sizes, width=0.6, color=colours)
     ax.axhline(scale * sizes.mean(), label="mean", **BOUND)
     ax.set_xticks(joints)
@@ -156,7 +164,7 @@ def plot_joint_error(ax: Axes, result: Result) -> None:
     bound = ax.axhline(ARRIVED, label=f"{ARRIVED:g} rad", **BOUND)
     handles = [*joint_handles(error.shape[1]), bound]
     if (settled := result.metrics.get("joint_settling_time_s", 0.0)) > 0:
-        ax.axvline(settled, color="0.25", linestyle=":")
+        ax.axvline(settled, **MOMENT)
         side = "left" if settled < result.time[[0, -1]].mean() else "right"
         place: Style = {"ha": side, "va": "top", "transform": ax.get_xaxis_transform()}
         ax.text(settled, 0.98, f" settled at {settled:.2f} s ", **place, **NOTE)
@@ -198,7 +206,7 @@ def plot_range(ax: Axes, position: Array, bounds: Array) -> None:
         bar: Style = {"linewidth": 3, "solid_capstyle": "butt"}
         ax.plot([0, 1], [k + 1, k + 1], color="0.88", **bar)
         # Widened, so that a joint at rest is visible as well.
-        ax.plot([low - 0.004, high + 0.004], [k + 1, k + 1], **joint_style(k), **bar)
+        ax.plot([low - 0.004, high + 0.004], [k + 1, k + 1], color=nth(k)["color"], **bar)
     for bound in (0, 1):
         ax.axvline(bound, **BOUND)
     ax.set_yticks(bounded + 1)
@@ -220,17 +228,16 @@ def plot_bounded(ax: Axes, result: Result, name: str, bounds: Array | None, text
         text: Label of the axis, without the unit.
     """
     values = result.series[name]
-    plot_joints(ax, result.time, values, linewidth=0.5 if noisy(values) else 1.0)
+    plot_joints(ax, result.time, values)
     peak, known = largest(values), _known(bounds)
     far = _IN_VIEW_PRESSING if presses(result) else _IN_VIEW
     in_view = known[(known <= far * peak) & (known > 0.2 * _LEGIBLE * peak)]
-    for bound in in_view:
-        holders = np.flatnonzero(bounds == bound)
-        own = {"color": joint_style(int(holders[0]))["color"]} if holders.size == 1 else {}
-        for sign in (-1, 1):
-            ax.axhline(sign * bound, **{**BOUND, **own})
+    draw_bounds(ax, bounds, in_view)
     reach = 1.08 * max([peak, *in_view])
     notes = []
+    ratio = 0.0 if bounds is None else largest(values / bounds)
+    if ratio > EXCEEDED:
+        notes.append(f"✗ {ratio:.3g} × bound")
     # Values that cannot be read from the axes are written above the curves.
     steps = result.series.get(f"{name}_peak")
     if steps is not None and largest(steps) > 1.5 * peak:
@@ -240,10 +247,11 @@ def plot_bounded(ax: Axes, result: Result, name: str, bounds: Array | None, text
         notes.append(f"bounds {ends} {unit(name)}")
     if notes:
         place: Style = {"ha": "right", "va": "top", "transform": ax.transAxes}
-        ax.text(0.99, 0.99, "; ".join(notes), **place, **NOTE)
+        ax.text(0.99, 0.99, "; ".join(notes), **place, **(ALARM if ratio > EXCEEDED else NOTE))
         reach *= 1.15
     if reach > 0:
         ax.set_ylim(-reach, reach)
+    number_bounds(ax, bounds)
     ax.set_ylabel(label(text, name))
     time_axis(ax, result)
 
@@ -251,17 +259,22 @@ def plot_bounded(ax: Axes, result: Result, name: str, bounds: Array | None, text
 def plot_bound_curves(ax: Axes, time: Array, bounds: Array) -> None:
     """Plot bounds that change with time, shape (k, n), without drawing shared ones repeatedly.
 
-    The bound that most joints share is drawn once; the others only where they differ from it.
+    The bound that most joints share is drawn once; the others only where they differ from it, with
+    the numbers of their joints.
     """
     curves, holders, counts = np.unique(bounds, axis=1, return_inverse=True, return_counts=True)
     common = curves[:, np.argmax(counts)]
-    for k in np.argsort(-counts, kind="stable"):
-        own = np.flatnonzero(holders.ravel() == k)
-        colour = {"color": joint_style(int(own[0]))["color"]} if own.size == 1 else {}
-        curve = curves[:, k]
-        if k != np.argmax(counts):
-            curve = np.where(curve == common, np.nan, curve)
-        ax.plot(time, curve, **{**BOUND, **colour})
+    ax.plot(time, common, **BOUND)
+    for k in np.flatnonzero(np.arange(counts.size) != np.argmax(counts)):
+        curve = np.where(curves[:, k] == common, np.nan, curves[:, k])
+        apart = np.abs(curve - common)
+        # A run that failed may hold bounds that are not numbers: there is nothing to draw of them.
+        if np.isnan(apart).all():
+            continue
+        ax.plot(time, curve, **BOUND)
+        joints = ", ".join(f"{joint + 1}" for joint in np.flatnonzero(holders.ravel() == k))
+        at = int(np.nanargmax(apart))
+        ax.annotate(joints, (time[at], curve[at]), clip_on=True, **NOTE)
 
 
 def _known(bounds: Array | None) -> Array:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from textwrap import wrap
 from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..experiment import expected_bounds
 from ..measures import shown_in
+from ..runs.limit_use import uses
 from ..runs.result import Result
+from ..runs.verdict import Verdict
 from .force_panels import plot_force, plot_force_error
 from .jacobian_panels import plot_jacobian, plot_jacobian_error, plot_singular_value
 from .joint_panels import (
@@ -23,9 +24,11 @@ from .joint_panels import (
     plot_torques,
     plot_velocities,
 )
+from .limit_panel import plot_limits
+from .looks import ALARM, NOTE, Style
 from .registry import draws
 from .space import is_spatial, plot_postures
-from .style import COLOURS, NOTE, PAGE, Style
+from .style import PAGE
 from .surface import plot_on_surface
 from .task_panels import (
     plot_end_effector,
@@ -93,6 +96,12 @@ _MOST_PANELS = 6
 _TITLE, _LINE = 0.24, 0.14
 #: Width of these lines [characters].
 _LINE_WIDTH = 120
+#: Heights of a row of panels, of the panel of limits without its bars and of each of these, of the
+#: table's head and of each of its lines [inch].
+_ROW, _LIMITS, _BAR, _HEAD, _ENTRY = 2.3, 0.45, 0.16, 0.25, 0.165
+#: Places beside the left edge of names, as shares of the width: of the right edge of values, and of
+#: the left edges of verdicts and bounds.
+_VALUE, _VERDICT, _BOUND = 0.325, 0.332, 0.368
 
 
 @draws("p_WE", "p_WE_desired")
@@ -104,24 +113,37 @@ def overview(result: Result) -> Figure:
         # Along an open path nothing should return.
         panels = [plot_angles if plot is plot_drift else plot for plot in panels]
     panels = panels[:_MOST_PANELS]
-    rows = (len(panels) + 1) // 2
     document = result.experiment.document
     lines = [*wrap(document.paper, _LINE_WIDTH), *wrap(document.expect, _LINE_WIDTH)]
-    heights = (_TITLE + _LINE * len(lines), 2.3 * rows, 1.3)
+    limits, entries = uses(result), _entries(result, metrics)
+    heights = (
+        _TITLE + _LINE * len(lines),
+        _ROW * ((len(panels) + 1) // 2),
+        *([_LIMITS + _BAR * len(limits)] if limits else []),
+        _HEAD + _ENTRY * -(-len(entries) // 2),
+    )
     figure = Figure(figsize=(PAGE, sum(heights)), layout="constrained")
-    parts: Any = figure.subfigures(3, 1, height_ratios=heights)
-    header, body, footer = parts
+    parts: Any = figure.subfigures(len(heights), 1, height_ratios=heights)
+    header, body, *strip, footer = parts
     _header(header, document.name or "experiment", lines)
-    grid = body.add_gridspec(rows, 2)
+    _plot_all(body, panels, result)
+    if strip:
+        plot_limits(strip[0].add_subplot(), result)
+    _table(footer, result, entries)
+    return figure
+
+
+def _plot_all(body: Any, panels: list[Callable[[Axes, Result], None]], result: Result) -> None:
+    """Plot panels in two columns; a last one that is alone in its row is as wide as both."""
+    grid = body.add_gridspec((len(panels) + 1) // 2, 2)
     for k, plot in enumerate(panels):
         in_space = plot is plot_postures and is_spatial(result)
-        cell = grid[k // 2, k % 2]
+        alone = k == len(panels) - 1 and k % 2 == 0
+        cell = grid[k // 2, :] if alone else grid[k // 2, k % 2]
         if plot is plot_on_surface:
             # A grid of its own: its colour bar then takes no room from the panels below.
             cell = cell.subgridspec(1, 1)[0, 0]
         plot(body.add_subplot(cell, projection="3d" if in_space else None), result)
-    _table(footer, result, metrics)
-    return figure
 
 
 def _contents(result: Result) -> tuple[_Panels, tuple[str, ...]]:
@@ -144,25 +166,38 @@ def _header(part: Any, name: str, lines: list[str]) -> None:
         part.text(0.5, y, "\n".join(lines), va="top", ha="center", fontsize=7.5)
 
 
-def _table(part: Any, result: Result, metrics: tuple[str, ...]) -> None:
-    """Write the metrics in two columns, with the values that the experiment expects."""
-    accept, bounds = result.experiment.document.accept, expected_bounds(result.experiment)
-    names = [name for name in dict.fromkeys((*accept, *metrics)) if name in result.metrics]
-    rows = max(1, (len(names) + 1) // 2)
-    for k, name in enumerate(names):
+def _entries(result: Result, metrics: tuple[str, ...]) -> list[tuple[str, Verdict | None]]:
+    """Return the metrics to write, those with bounds first, with their verdicts."""
+    verdicts = {verdict.metric: verdict for verdict in result.verdicts}
+    others = [name for name in metrics if name in result.metrics and name not in verdicts]
+    return [*verdicts.items(), *((name, None) for name in others)]
+
+
+def _table(part: Any, result: Result, entries: Sequence[tuple[str, Verdict | None]]) -> None:
+    """Write the metrics in two columns, with what is expected of them and whether it is so."""
+    rows = max(1, -(-len(entries) // 2))
+    step = 1.0 / (_HEAD / _ENTRY + rows)
+    for k, (name, verdict) in enumerate(entries):
         column, row = divmod(k, rows)
-        x, y = 0.04 + 0.5 * column, 0.95 - 0.92 * (row + 1) / max(rows + 1, 6)
-        accepted, value = bounds.get(name), result.metrics[name]
-        missed = accepted is not None and not accepted.holds(value)
-        part.text(x, y, name, fontsize=7, va="top")
-        style: Style = {"color": COLOURS[1], "weight": "bold"} if missed else {}
-        part.text(
-            x + 0.33, y, f"{value:.4g}".replace("-", "−"), fontsize=7, va="top", ha="right", **style
-        )
-        if accepted is not None:
-            text = str(accepted).replace("<=", "≤").replace(">=", "≥")
-            part.text(x + 0.35, y, text, va="top", **NOTE)
+        x, y = 0.02 + 0.5 * column, 1.0 - (row + 1.4) * step
+        reached = name in result.metrics
+        value = f"{result.metrics[name]:.4g}" if reached else "not reached"
+        missed = verdict is not None and not verdict.met
+        style = ALARM if missed else {}
+        line: Style = {"va": "top", "fontsize": 7}
+        part.text(x, y, name, **line)
+        part.text(x + _VALUE, y, _written(value), ha="right", **{**line, **style, "fontsize": 7})
+        if verdict is not None:
+            bound = _written(f"{verdict.bound}".replace("<=", "≤").replace(">=", "≥"))
+            part.text(x + _VERDICT, y, "✗ no" if missed else "✓", va="top", **(style or NOTE))
+            part.text(x + _BOUND, y, bound, va="top", **(style or NOTE))
         if row == 0:
-            part.text(x + 0.33, 0.95, "value", va="top", ha="right", **NOTE)
-            if any(other in bounds for other in names[k : k + rows]):
-                part.text(x + 0.35, 0.95, "expected", va="top", **NOTE)
+            top = 1.0 - 0.4 * step
+            part.text(x + _VALUE, top, "value", va="top", ha="right", **NOTE)
+            if any(other is not None for _, other in entries[k : k + rows]):
+                part.text(x + _BOUND, top, "expected", va="top", **NOTE)
+
+
+def _written(number: str) -> str:
+    """Return a number as it is printed: with a minus sign for a hyphen."""
+    return number.replace("-", "−")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -25,21 +24,14 @@ from .joint_panels import (
     plot_range,
     plot_torques,
 )
+from .looks import BOUND, DESIRED, NOTE, TARGET, TRACED, Style, nth
 from .registry import draws
 from .space import arm_figure, frame_space, plot_postures, plot_stroboscope
 from .style import (
-    BOUND,
-    COLOURS,
     COLUMN,
-    DESIRED,
-    NOTE,
     PAGE,
-    TARGET,
-    TRACED,
-    Style,
     finite,
     joint_handles,
-    joint_style,
     legend,
     plot_joints,
     single,
@@ -92,9 +84,11 @@ def joint_angles(result: Result) -> Figure:
     cells = n + bounded
     rows = (cells + 1) // 2
     figure = Figure(figsize=(PAGE, 0.4 + 1.25 * rows), layout="constrained")
-    axes: Any = figure.subplots(rows, 2, squeeze=False).ravel()
-    for ax in axes[cells:]:
-        ax.remove()
+    grid = figure.add_gridspec(rows, 2)
+    # A last panel that is alone in its row is as wide as both.
+    places = [divmod(k, 2) for k in range(2 * (cells // 2))]
+    parts = [grid[place] for place in places] + [grid[rows - 1, :]] * (cells % 2)
+    axes = [figure.add_subplot(part) for part in parts]
     for k, ax in enumerate(axes[:n]):
         _plot_angle(ax, result, k, bounds[k])
         if k + 2 < n:
@@ -112,7 +106,7 @@ def joint_angles(result: Result) -> Figure:
 def _plot_angle(ax: Axes, result: Result, k: int, bounds: Array) -> None:
     """Plot the angle of joint ``k``, with its target and those of its two bounds that are near."""
     angle, target = result.series["position"][:, k], result.experiment.target
-    ax.plot(result.time, angle, **joint_style(k))
+    ax.plot(result.time, angle, **nth(k))
     low, high = span(angle, least=0.02)
     if target is not None:
         ax.axhline(target[k], **TARGET)
@@ -293,7 +287,8 @@ def jacobian(result: Result) -> Figure:
             ax.set_ylabel(f"{rows[row]} row of {name} [{units[row]}]")
             if values is J_hat:
                 # The initial estimate may last for one sample only: it is marked.
-                for entry, colour in zip(J_hat[0, row], cycle(COLOURS), strict=False):
+                for k, entry in enumerate(J_hat[0, row]):
+                    colour = nth(k)["color"]
                     ax.plot(0, entry, "o", color=colour, markersize=3, clip_on=False)
         time_axis(axes[-1, column], result)
     figure.legend(

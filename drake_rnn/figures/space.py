@@ -9,29 +9,31 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import ListedColormap, Normalize, to_rgb
+from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 
+from .. import colours as meanings
 from ..inputs.fields import Array
 from ..runs.result import Result
-from .style import COLOURS, COLUMN, DESIRED, Style, finite, largest, legend, single, ticks
+from .looks import TARGET, TRACED, Style
+from .style import COLUMN, finite, largest, legend, single, ticks
 from .traits import first_pass, has_path
 
 _LOOKS: dict[str, Style] = {
-    "start": {"color": COLOURS[4], "linewidth": 1.2},
-    "end": {"color": COLOURS[5], "linewidth": 2.4},
-    "target": {**DESIRED, "markersize": 2.0},
+    "start": {"color": meanings.ARM, "linewidth": 1.6},
+    "end": {"color": meanings.ARM_DARK, "linewidth": 2.8},
+    "target": {**TARGET, "linewidth": 1.3, "markersize": 2.0},
 }
 #: Path of the end effector, drawn over the arm.
-_TRACE: Style = {"color": COLOURS[1], "linewidth": 1.0, "zorder": 4}
+_TRACE: Style = {**TRACED, "linewidth": 1.2, "zorder": 4}
 #: Approximate number of postures of a stroboscopic picture.
 _FLASHES = 20
 #: The same along a path, which is short compared with the arm: more postures would blur.
 _FLASHES_ALONG = 10
 #: Speed relative to the largest one below which the arm counts as resting.
 _AT_REST = 0.02
-#: Strength of the first posture's colour.
-_PALEST = 0.25
+#: Greys of the first and of the last posture.
+_FIRST, _LAST = 0.85, 0.3
 #: Elevation of the view [deg].
 _ELEVATION = 20.0
 #: The same for a horizontal path, which would be a mere line from lower down [deg].
@@ -69,8 +71,7 @@ def plot_stroboscope(ax: Axes, result: Result) -> ScalarMappable | None:
     joints = _skeletons(result, position[known])
     if not joints.size:
         return None
-    shares = np.linspace(_PALEST, 1.0, time.size)[:, np.newaxis]
-    colours = 1.0 - shares * (1.0 - np.array(to_rgb(COLOURS[0])))
+    colours = np.linspace(_FIRST, _LAST, time.size)[:, np.newaxis].repeat(3, axis=1)
     for points, colour in zip(joints, colours[known], strict=True):
         _plot_stick(ax, points, color=colour, linewidth=0.9, markersize=2.0)
     _mark_ends(ax, joints[0])

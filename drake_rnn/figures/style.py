@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from contextlib import AbstractContextManager
-from functools import cache
 from io import BytesIO
 from itertools import chain
 from pathlib import Path
@@ -15,18 +14,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, ScalarFormatter
-from numpy.typing import NDArray
 from PIL import Image
 
 from ..inputs.fields import Array
-from ..measures import UNITS
+from ..measures import UNITS, raised
 from ..runs.result import Result
-
-Style = dict[str, Any]
+from .looks import SHADE, Style, nth
 
 #: Widths of a printed column and page [inch].
 COLUMN, PAGE = 3.5, 7.1
@@ -65,16 +61,13 @@ STYLE: Style = {
     "legend.borderpad": 0.1,
 }
 
-#: Colours of Okabe and Ito, which colour-blind people can tell apart. Brown replaces their yellow,
-#: which is too pale on white, and their black, which is for desired values and bounds; it differs
-#: more from the others than these from one another, for any kind of colour vision.
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7A3B12")
-BOUND: Style = {"color": "0.25", "linestyle": (0, (4, 2)), "linewidth": 0.8}
-DESIRED: Style = {"color": "black", "linestyle": (0, (4, 2)), "linewidth": 0.9}
-TARGET: Style = {"color": "black", "linestyle": (0, (1.5, 1.5)), "linewidth": 0.9}
-TRACED: Style = {"color": COLOURS[5], "linewidth": 1.8}
-NOTE: Style = {"color": "0.35", "fontsize": 6.5}
-SHADE: Style = {"color": "0.93", "linewidth": 0, "zorder": 0}
+
+#: Entries of a legend from which on it is drawn together.
+_MANY = 8
+#: Share of the steps of noise that are against the one before; of white noise it is two thirds.
+_REVERSALS = 0.2
+#: Least width of a line in a legend.
+_LEGIBLE = 0.8
 
 
 def styled() -> AbstractContextManager[Any]:
@@ -83,7 +76,11 @@ def styled() -> AbstractContextManager[Any]:
 
 
 def save(figure: Figure, file: Path | BytesIO) -> None:
-    """Write a figure as a PNG file with a palette, which makes it a third of the size."""
+    """Write a figure as a PNG file in true colours.
+
+    A palette of 256 colours would be a third of the size, but where curves are smoothed and overlap
+    its colours are up to 50 of 255 off.
+    """
     canvas: Any = FigureCanvasAgg(figure)
     # Matplotlib looks fonts and formats of numbers up only now.
     with styled():
@@ -91,8 +88,7 @@ def save(figure: Figure, file: Path | BytesIO) -> None:
             if isinstance(child, Axis):
                 _write_plainly(child)
         canvas.draw()
-    image = Image.fromarray(_in_palette(np.asarray(canvas.buffer_rgba())))
-    image.putpalette(_palette().ravel().tolist())
+    image = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
     dots = round(figure.dpi)
     # A higher level takes eight times as long for a tenth of the size.
     image.save(file, "PNG", compress_level=6, dpi=(dots, dots))
@@ -112,38 +108,6 @@ def _write_plainly(axis: Any) -> None:
         axis.set_major_formatter(_PlainNumbers(useOffset=formula.get_useOffset()))
 
 
-def _in_palette(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return the place in the palette of the colour nearest to each pixel's, shape (h, w).
-
-    Args:
-        pixels: Colours with a fourth component, which does not matter, shape (h, w, 4).
-    """
-    # A picture has few colours, and a table of all is looked up faster than pixels are sorted.
-    packed = pixels[..., :3] @ np.array([1 << 16, 1 << 8, 1], dtype=np.int32)
-    found = np.zeros(1 << 24, dtype=bool)
-    found[packed] = True
-    distinct = np.flatnonzero(found)
-    colours = np.stack((distinct >> 16, distinct >> 8 & 255, distinct & 255), axis=1)
-    palette = _palette()
-    place = np.empty(1 << 24, dtype=np.uint8)
-    # |c - p|^2 without the |c|^2 that all p share.
-    place[distinct] = np.argmin((palette**2).sum(axis=1) - 2 * colours @ palette.T, axis=1)
-    return place[packed]
-
-
-@cache
-def _palette() -> NDArray[np.int_]:
-    """Return 256 colours, shape (256, 3): greys, and `COLOURS` with tints of them.
-
-    Edges of lines are smoothed with such tints. A palette fitted to the image would merge colours
-    that are rare in it.
-    """
-    shades = np.linspace(1.0, 0.0, 22, endpoint=False)[:, np.newaxis]
-    tints = [255 + shades * (np.array(to_rgb(colour)) - 1) * 255 for colour in COLOURS]
-    greys = np.linspace(0, 255, 256 - sum(map(len, tints)))[:, np.newaxis].repeat(3, axis=1)
-    return np.concatenate((*tints, greys)).round().astype(int)
-
-
 def single(height: float = 2.4) -> tuple[Figure, Axes]:
     """Return a figure of the width of a column with one panel, and its axes."""
     figure = Figure(figsize=(COLUMN, height), layout="constrained")
@@ -151,20 +115,31 @@ def single(height: float = 2.4) -> tuple[Figure, Axes]:
 
 
 def plot_joints(ax: Axes, time: Array, values: Array, **style: Any) -> None:
-    """Plot a curve for each joint; ``values`` have the shape (k, n)."""
-    for k, column in enumerate(values.T):
-        ax.plot(time, column, **joint_style(k), **style)
+    """Plot a curve for each joint; ``values`` have the shape (k, n).
+
+    Curves that go up and down most are behind the others, and noise is thin and pale: no joint
+    hides another.
+    """
+    hazy: Style = {"linewidth": 0.5, "alpha": 0.7} if noisy(values) else {}
+    for k, (column, depth) in enumerate(zip(values.T, depths(values), strict=True)):
+        ax.plot(time, column, zorder=depth, **{**nth(k), **hazy, **style})
 
 
-def joint_style(k: int) -> Style:
-    """Return the line style of joint ``k``, the same in every figure."""
-    n = len(COLOURS)
-    return {"color": COLOURS[k % n], "linestyle": ("-", "-.", ":")[k // n % 3]}
+def depths(values: Array) -> Array:
+    """Return the order of drawing of each column of ``values``: the longest way up and down first.
+
+    All are from 2 to 2.5, as lines are by default, so that other things stay before and behind.
+    """
+    # A run that diverged may contain infinite values.
+    with np.errstate(invalid="ignore", over="ignore"):
+        ways = np.nansum(np.abs(np.diff(values, axis=0)), axis=0)
+    places = np.argsort(np.argsort(-ways, kind="stable"), kind="stable")
+    return np.asarray(2.0 + 0.5 * places / max(1, places.size))
 
 
 def joint_handles(n: int) -> list[Line2D]:
     """Return the entries of a one-line legend: the word "joint", then the numbers."""
-    joints = [Line2D([], [], label=f"{k + 1}", **joint_style(k)) for k in range(n)]
+    joints = [Line2D([], [], label=f"{k + 1}", **nth(k)) for k in range(n)]
     return [Line2D([], [], linestyle="none", label="joint"), *joints]
 
 
@@ -179,14 +154,20 @@ def legend(ax: Axes, handles: list[Line2D] | None = None) -> None:
     if not entries:
         return
     many = len(entries) > 5
-    ax.legend(
+    made = ax.legend(
         handles=entries,
         loc="lower center",
         bbox_to_anchor=(0.5, 1.0),
         ncols=min(len(entries), 9),
-        handlelength=1.0 if many else None,
-        columnspacing=0.7 if many else None,
+        # Long enough for a pattern of dashes.
+        handlelength=(1.4 if len(entries) > _MANY else 1.9) if many else 2.2,
+        columnspacing=(0.4 if len(entries) > _MANY else 0.6) if many else None,
+        handletextpad=0.3 if many else None,
     )
+    for line in made.get_lines():
+        # Those of noise are pale and thin.
+        line.set_alpha(1.0)
+        line.set_linewidth(max(_LEGIBLE, line.get_linewidth()))
 
 
 def ticks(axis: Any, most: int) -> None:
@@ -238,9 +219,16 @@ def largest(values: Array) -> float:
 
 
 def noisy(values: Array) -> bool:
-    """Return whether curves jump up and down from sample to sample, so that lines overlap."""
-    steps = np.diff(values, axis=0)
-    return bool(np.nansum(np.abs(np.diff(steps, axis=0))) > 0.5 * np.nansum(np.abs(steps)))
+    """Return whether curves jump up and down from sample to sample, so that lines overlap.
+
+    Single peaks are no noise: after most steps there is one in the same direction.
+    """
+    # A run that diverged may contain infinite values.
+    with np.errstate(invalid="ignore", over="ignore"):
+        steps = np.diff(values, axis=0)
+        reversals = np.mean(steps[1:] * steps[:-1] < 0.0) if steps.shape[0] > 1 else 0.0
+        turned = np.nansum(np.abs(np.diff(steps, axis=0))) > 0.5 * np.nansum(np.abs(steps))
+    return bool(turned and reversals > _REVERSALS)
 
 
 def span(values: Array, least: float) -> tuple[float, float]:
@@ -263,7 +251,7 @@ def prefixed(values: Array, unit: str) -> tuple[str, float]:
 
 def unit(series: str) -> str:
     """Return the unit of a series, with superscripts."""
-    return UNITS[series].replace("^2", "²").replace("^3", "³")
+    return raised(UNITS[series])
 
 
 def label(text: str, series: str) -> str:

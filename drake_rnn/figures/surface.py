@@ -9,24 +9,25 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import BoundaryNorm, ListedColormap, to_rgb
+from matplotlib.patheffects import withStroke
 
 from ..inputs.fields import Array
 from ..runs.result import Result
 from ..systems import Contact
 from .ends import mark_ends
-from .style import COLOURS, DESIRED, Style, finite, legend, prefixed, span, ticks
+from .looks import DESIRED, FORCE, Style
+from .style import finite, legend, prefixed, span, ticks
 from .traits import evaluated, first_pass
 
 #: Relative error up to which a force counts as near the desired one.
 NEAR = 0.05
 
-#: Cosine of the angle between normal and x-axis up to which the surface's first axis follows x.
-_STEEP = 0.9
-#: Colours of the desired force, and of smaller and larger ones in the order of their distance from
-#: it: index in `COLOURS` and strength. They are in the palette of the file.
-_DESIRED = (2, 1.0)
-_LESS = ((5, 0.45), (5, 1.0), (0, 0.75), (0, 1.0))
-_MORE = ((4, 0.45), (4, 1.0), (1, 1.0), (6, 1.0))
+#: Vertical part of the normal below which a surface is a wall: it is read with its top up.
+_WALL = 0.7
+#: The desired force has the colour of forces, smaller ones are paler and larger ones darker: these
+#: are the ends, and the ways towards them in the order of the distance from the desired force.
+_PALE, _DARK = "#F3E9A6", "#06170F"
+_WAYS = (0.42, 0.65, 0.85, 1.0)
 #: Widths of a colour's range to choose from, relative to the desired force. None is narrower: that
 #: would show differences between forces that are all near the desired one.
 _STEPS = (0.02, 0.05, 0.1, 0.2, 0.25, 0.5, 1.0)
@@ -35,20 +36,21 @@ _LEAST = 1.0
 
 
 def surface_axes(result: Result) -> tuple[Array, list[str]]:
-    """Return two axes along the surface, the second to the left of the first as seen from above.
+    """Return two axes along the surface, to the right and up as its drawing is read.
 
-    The first is the base's x-axis projected onto the surface, or the y-axis if x is nearly the
-    normal.
+    It is seen from where the tool is, against the normal. On a wall, up is the base's z-axis
+    projected onto it. Elsewhere, as on a table, the first axis is the base's x-axis projected.
 
     Returns:
         Unit vectors, shape (2, 3), and for each the name of the closest axis of the base, with its
         sign.
     """
     n = _contact(result).surface.normal_W
-    base = np.eye(3)[0 if abs(n[0]) < _STEEP else 1]
-    first = base - n.dot(base) * n
-    first /= np.linalg.norm(first)
-    axes = np.stack((first, np.cross(n, first)))
+    is_wall = abs(n[2]) < _WALL
+    base = np.eye(3)[2 if is_wall else 0]
+    along = base - n.dot(base) * n
+    along /= np.linalg.norm(along)
+    axes = np.stack((np.cross(along, n), along) if is_wall else (along, np.cross(n, along)))
     closest = np.abs(axes).round(9).argmax(axis=1)
     signs = ["−" if axis[k] < 0 else "" for axis, k in zip(axes, closest, strict=True)]
     return axes, [sign + "xyz"[k] for sign, k in zip(signs, closest, strict=True)]
@@ -91,13 +93,14 @@ def plot_on_surface(ax: Axes, result: Result) -> None:
         array=(force[:-1] + force[1:]) / 2,
         norm=BoundaryNorm(edges.tolist(), colours.N),
         cmap=colours,
-        linewidth=3.2,
+        linewidth=4.4,
         capstyle="round",
     )
     ax.add_collection(curve)
     # A thin line on top: the error is usually smaller than the width of the coloured curve.
     once = first_pass(result)
-    ax.plot(*desired[once].T, label="desired", zorder=3, **{**DESIRED, "linewidth": 0.6})
+    edge: Style = {"path_effects": [withStroke(linewidth=1.6, foreground="white")]}
+    ax.plot(*desired[once].T, label="desired", zorder=3, **{**DESIRED, "linewidth": 0.8, **edge})
     mark_ends(ax, result, traced, desired)
     shown = finite(np.concatenate((traced, desired)))
     ax.update_datalim(np.stack([span(values, least=_LEAST) for values in shown.T], axis=1))
@@ -125,14 +128,20 @@ def force_scale(result: Result) -> tuple[Array, ListedColormap]:
     """
     desired = _desired(result)
     low, high = _range(result)
-    most = len(_LESS) + 0.5
+    most = len(_WAYS) + 0.5
     far = max(desired - low, high - desired)
     step = desired * next((s for s in _STEPS if far <= most * s * desired), far / (most * desired))
     less, more = (_steps_beyond(off / step) for off in (desired - low, high - desired))
+    paler, darker = (_towards(end) for end in (_PALE, _DARK))
     edges = desired + step * (np.arange(-less, more + 2) - 0.5)
-    tints = (*_LESS[:less][::-1], _DESIRED, *_MORE[:more])
-    colours = [1.0 - share * (1.0 - np.array(to_rgb(COLOURS[k]))) for k, share in tints]
-    return edges.clip(min=0.0), ListedColormap([tuple(colour) for colour in colours])
+    tints = [*paler[:less][::-1], to_rgb(FORCE["color"]), *darker[:more]]
+    return edges.clip(min=0.0), ListedColormap(tints)
+
+
+def _towards(end: str) -> list[tuple[float, ...]]:
+    """Return colours on the way from that of forces to another one."""
+    start, stop = (np.array(to_rgb(colour)) for colour in (FORCE["color"], end))
+    return [tuple(start + way * (stop - start)) for way in _WAYS]
 
 
 def _contact(result: Result) -> Contact:

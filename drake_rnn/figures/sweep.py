@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.ticker import (
     LogFormatterSciNotation,
     LogLocator,
@@ -19,21 +19,28 @@ from matplotlib.ticker import (
 
 from ..campaigns.sweep import Row
 from ..inputs.fields import Array
-from .style import COLOURS, PAGE, save, styled
+from ..measures import raised
+from .grid import filled_page
+from .labels import key_label, metric_label
+from .looks import nth
+from .style import save, styled
 
-_COLUMNS = 3
-#: Largest number of swept values that a logarithmic axis labels, and their smallest distance
-#: [decades].
-_TICKS, _APART = 10, 0.17
+#: Largest number of swept values that a logarithmic axis labels.
+_TICKS = 10
+#: Width of a character of a label, and room between two, as shares of a panel's width.
+_CHARACTER, _GAP = 0.034, 0.02
+#: Room for the names in a line of the legend [characters].
+_LEGEND = 110
 #: Smallest number of labels of a logarithmic axis.
 _LABELLED = 2
 #: Relative variation of a metric below which its axis begins at zero: it is nearly constant.
 _FLAT = 0.1
-#: Line styles: two curves that coincide are both visible.
-_LOOKS: Sequence[dict[str, Any]] = (
-    {"linestyle": "-", "marker": "o"},
-    {"linestyle": (0, (4, 2)), "marker": "s", "markerfacecolor": "white"},
-    {"linestyle": (0, (1, 1)), "marker": "^"},
+#: Markers: two curves that coincide are both visible.
+_MARKERS: Sequence[dict[str, Any]] = (
+    {"marker": "o"},
+    {"marker": "s", "markerfacecolor": "white"},
+    {"marker": "^"},
+    {"marker": "D", "markerfacecolor": "white"},
 )
 
 #: Swept values and the metrics there.
@@ -41,7 +48,11 @@ _Curve = list[tuple[float, dict[str, float]]]
 
 
 def sweep_figure(
-    keys: Sequence[str], rows: Sequence[Row], metrics: Sequence[str], file: Path
+    keys: Sequence[str],
+    rows: Sequence[Row],
+    metrics: Sequence[str],
+    file: Path,
+    units: Mapping[str, str] = MappingProxyType({}),
 ) -> Path | None:
     """Draw a panel for each metric, against the first swept key with numbers as values.
 
@@ -52,6 +63,7 @@ def sweep_figure(
         rows: Rows of the sweep; those that failed have no point.
         metrics: Names of the metrics to show.
         file: File to write.
+        units: Units of the swept keys, as far as they are known.
 
     Returns:
         The file, or None if there is nothing to draw: no run, no metric, or no key with numbers as
@@ -63,27 +75,31 @@ def sweep_figure(
     if not metrics or not curves:
         return None
     others = [key for k, key in enumerate(keys) if k != along]
-    height = -(-len(metrics) // _COLUMNS)
     with styled():
-        figure = Figure(figsize=(PAGE, 2.1 * height + 0.3), layout="constrained")
-        axes = figure.subplots(height, min(_COLUMNS, len(metrics)), squeeze=False)
-        for ax, metric in zip(axes.flat, metrics, strict=False):
+        figure, axes = filled_page(len(metrics))
+        for ax, metric in zip(axes, metrics, strict=True):
             for k, (values, curve) in enumerate(curves.items()):
                 x = np.array([value for value, _ in curve])
                 y = np.array([found.get(metric, np.nan) for _, found in curve])
-                name = ", ".join(f"{key} = {v}" for key, v in zip(others, values, strict=True))
-                look = {"markersize": 3, **_LOOKS[k % len(_LOOKS)]}
-                ax.plot(x, y, color=COLOURS[k % len(COLOURS)], label=name, **look)
+                look = {"markersize": 3.5, **nth(k), **_MARKERS[k % len(_MARKERS)]}
+                ax.plot(x, y, label=_named(others, values, units), **look)
             _scale(ax)
-            ax.set_xlabel(keys[along])
-            ax.set_title(metric, fontsize="small")
-        for ax in list(axes.flat)[len(metrics) :]:
-            ax.set_visible(False)
+            ax.set_xlabel(key_label(keys[along], units.get(keys[along], "")))
+            ax.set_ylabel(metric_label(metric))
         if others:
-            handles, names = axes.flat[0].get_legend_handles_labels()
-            figure.legend(handles, names, loc="outside upper center", ncols=len(names[:4]))
+            handles, names = axes[0].get_legend_handles_labels()
+            columns = max(1, min(len(names), _LEGEND // max(map(len, names))))
+            figure.legend(handles, names, loc="outside upper center", ncols=columns)
         save(figure, file)
     return file
+
+
+def _named(keys: Sequence[str], values: Sequence[object], units: Mapping[str, str]) -> str:
+    """Return the values of some keys with their units."""
+    pairs = zip(keys, values, strict=True)
+    return ", ".join(
+        f"{key} = {value} {raised(units.get(key, ''))}".strip() for key, value in pairs
+    )
 
 
 def _scale(ax: Axes) -> None:
@@ -121,11 +137,23 @@ def _label_decades(axis: Any) -> None:
 
 
 def _legible(values: Array) -> list[str]:
-    """Return labels for a logarithmic axis; empty where one would touch the previous one."""
-    names, last = [], -np.inf
-    for value in np.log10(values):
-        names.append(f"{10**value:g}" if value - last >= _APART else "")
-        last = value if names[-1] else last
+    """Return labels for a logarithmic axis; empty where one would touch another.
+
+    The first and the last value have theirs.
+    """
+    names = [f"{value:g}" for value in values]
+    places = (np.log10(values) - np.log10(values[0])) / np.log10(values[-1] / values[0])
+
+    def clear(one: int, other: int) -> bool:
+        needed = _CHARACTER * (len(names[one]) + len(names[other])) / 2 + _GAP
+        return bool(abs(places[one] - places[other]) > needed)
+
+    last = 0
+    for k in range(1, len(names) - 1):
+        if clear(last, k) and clear(k, len(names) - 1):
+            last = k
+        else:
+            names[k] = ""
     return names
 
 

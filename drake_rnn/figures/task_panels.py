@@ -11,13 +11,9 @@ from matplotlib.axes import Axes
 from ..inputs.fields import Array
 from ..runs.result import Result
 from .ends import mark_ends
+from .looks import BEHIND, BOUND, DESIRED, INK, MOMENT, PREDICTED, TRACED, Style, nth
 from .style import (
-    BOUND,
-    COLOURS,
-    DESIRED,
-    NOTE,
-    TRACED,
-    Style,
+    depths,
     finite,
     label,
     largest,
@@ -26,15 +22,12 @@ from .style import (
     noisy,
     prefixed,
     shade_window,
-    span,
     ticks,
     time_axis,
 )
 from .surface import surface_axes
-from .traits import evaluated, first_pass, has_path, presses
-
-#: Ratio of errors outside to those inside the window above which the former are only written.
-_OUTSIZE = 4.0
+from .traits import first_pass, has_path, presses
+from .transients import in_view, keep_in_view
 
 
 def plot_path(ax: Axes, result: Result) -> None:
@@ -56,10 +49,10 @@ def plot_path(ax: Axes, result: Result) -> None:
 def plot_position_error(ax: Axes, result: Result) -> None:
     """Plot the norm of the position error, and when it has settled."""
     tolerance = result.experiment.document.settling_tolerance_m
-    ax.plot(result.time, result.position_error, color=COLOURS[0])
+    ax.plot(result.time, result.position_error, color=INK)
     ax.axhline(tolerance, label="settling tolerance", **BOUND)
     if (settled := result.metrics.get("settling_time_s", 0.0)) > 0:
-        ax.axvline(settled, color="0.25", linestyle=":", label=f"settled at {settled:.2f} s")
+        ax.axvline(settled, label=f"settled at {settled:.2f} s", **MOMENT)
     shade_window(ax, result)
     log_axis(ax, [result.position_error, tolerance * np.array([0.6, 1.6])])
     if not has_path(result):
@@ -85,11 +78,12 @@ def plot_velocity_error(ax: Axes, result: Result) -> None:
     if predicted is None:
         _plot_error(ax, result, error, "velocity error", "m/s")
     else:
-        scale = _plot_axes(ax, result, error, "velocity error", "m/s", linewidth=2.6, alpha=0.4)
-        inner: Style = {**DESIRED, "linewidth": 1.1}
-        for colour, column in zip(COLOURS, predicted.T, strict=False):
-            ax.plot(result.time, scale * column, **{**inner, "color": colour})
-        ax.plot([], [], label=r"predicted, $\sigma$", **{**inner, "color": "0.25"})
+        pale: Style = {"linestyle": "-", "linewidth": 2.6, "alpha": 0.4}
+        scale = _plot_axes(ax, result, error, "velocity error", "m/s", **pale)
+        for k, column in enumerate(predicted.T):
+            ax.plot(result.time, scale * column, **{**PREDICTED, "color": nth(k)["color"]})
+        ax.plot([], [], label=r"predicted, $\sigma$", **PREDICTED)
+        keep_in_view(ax, result, scale * np.hstack((error, predicted)))
     shade_window(ax, result)
     legend(ax)
 
@@ -100,14 +94,14 @@ def plot_end_effector(ax: Axes, result: Result) -> None:
     scale = _plot_axes(ax, result, moved, "end-effector drift", "m", norm="distance")
     if "displacement" in result.series:
         implied = result.series["displacement"] - result.series["displacement"][0]
-        lines = ax.plot(result.time, scale * implied, **DESIRED)
+        lines = ax.plot(result.time, scale * implied, **PREDICTED)
         lines[0].set_label("by the multipliers")
     legend(ax)
 
 
 def plot_rotation(ax: Axes, result: Result) -> None:
     """Plot the angle between the end effector and the orientation that it should keep."""
-    ax.plot(result.time, 1e3 * result.series["orientation_error"], color=COLOURS[0])
+    ax.plot(result.time, 1e3 * result.series["orientation_error"], color=INK)
     ax.set_ylim(bottom=0)
     ax.set_ylabel("orientation error [mrad]")
     time_axis(ax, result)
@@ -119,13 +113,13 @@ def plot_orientation_error(ax: Axes, result: Result) -> None:
     The axis suits the values in the window.
     """
     error = result.series["orientation_error"]
-    shown, scale = prefixed(error, "rad")
-    ax.plot(result.time, scale * error, color=COLOURS[0], linewidth=0.6 if noisy(error) else 1.0)
+    shown, scale = prefixed(in_view(result, error), "rad")
+    ax.plot(result.time, scale * error, color=INK, linewidth=0.6 if noisy(error) else 1.0)
     shade_window(ax, result)
     ax.set_ylim(0, 1.06 * scale * largest(error) or None)
-    _keep_window_in_view(ax, result, scale * error)
     ax.set_ylabel(f"orientation error [{shown}]")
     time_axis(ax, result)
+    keep_in_view(ax, result, scale * error)
     legend(ax)
 
 
@@ -144,35 +138,19 @@ def _plot_error(
         unit: Unit of the error.
         norm: Label of its norm; the norm is not plotted if it is empty.
     """
-    if not presses(result):
-        _plot_axes(ax, result, error, text, unit, norm)
-        return
-    axes, names = surface_axes(result)
-    error = error @ axes.T
-    style: Style = {"linewidth": 0.6} if noisy(error) else {}
+    names: Sequence[str] = "xyz"
+    if presses(result):
+        axes, names = surface_axes(result)
+        error = error @ axes.T
+    style: Style = {"linewidth": 0.5, "alpha": 0.7} if noisy(error) else {}
     scale = _plot_axes(ax, result, error, _along(result, text), unit, norm, names, **style)
-    _keep_window_in_view(ax, result, scale * error)
+    shown = np.column_stack((error, np.linalg.norm(error, axis=1))) if norm else error
+    keep_in_view(ax, result, scale * shown)
 
 
 def _along(result: Result, text: str) -> str:
     """Return a label that says whether an error is that along the surface."""
     return f"{text}\nalong the surface" if presses(result) else text
-
-
-def _keep_window_in_view(ax: Axes, result: Result, values: Array) -> None:
-    """Limit the y-axis to the window if larger values outside, as at first contact, flatten it.
-
-    The largest value is then written above the curves.
-    """
-    inner = values[evaluated(result)]
-    peak = largest(values)
-    if not peak > _OUTSIZE * largest(inner) > 0.0:
-        return
-    low, high = span(np.append(inner.ravel(), 0.0), least=0.0)
-    room = high - low
-    ax.set_ylim(low - 0.3 * room if low < 0.0 else 0.0, high + 0.4 * room)
-    place: Style = {"ha": "right", "va": "top", "transform": ax.transAxes}
-    ax.text(0.99, 0.99, f"up to {peak:.3g} outside the window", **place, **NOTE)
 
 
 def _plot_axes(
@@ -200,14 +178,14 @@ def _plot_axes(
     Returns:
         Factor from ``unit`` to the unit shown.
     """
-    shown, scale = prefixed(values, unit)
+    shown, scale = prefixed(in_view(result, values), unit)
     if norm:
         size = scale * np.linalg.norm(values, axis=1)
-        ax.plot(result.time, size, color="0.75", linewidth=2.2, label=norm)
-    for name, colour, column in zip(names, COLOURS, values.T, strict=False):
-        ax.plot(
-            result.time, scale * column, label=name, color=colour, **{"linewidth": 1.4, **style}
-        )
+        ax.plot(result.time, size, label=norm, **BEHIND)
+    order = depths(values)
+    for k, (name, column) in enumerate(zip(names, values.T, strict=False)):
+        look = {**nth(k), "linewidth": 1.2, "zorder": order[k], **style}
+        ax.plot(result.time, scale * column, label=name, **look)
     ax.set_ylabel(f"{text} [{shown}]")
     time_axis(ax, result)
     return scale

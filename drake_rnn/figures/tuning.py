@@ -13,11 +13,14 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator, StrMethodFor
 from ..inputs.fields import Array
 from ..measures import METRICS
 from ..tuning import Tuned
-from .style import COLOURS, PAGE, TARGET, legend, prefixed, save, styled
+from .looks import MOMENT, nth
+from .style import PAGE, legend, prefixed, save, styled
 
 _UNITS = {metric.name: metric.unit for metric in METRICS}
 # Decades from which on only these are labelled.
 _DECADES = 2.0
+#: Number of the colour of what Drake found.
+_VERIFIED = 3
 
 
 def tuning_figure(tuned: Tuned, file: Path) -> Path:
@@ -40,9 +43,8 @@ def tuning_figure(tuned: Tuned, file: Path) -> Path:
         verified = {0: tuned.before, tuned.chosen: tuned.after}
         seen = [scale * result.metrics[tuned.metric] for result in verified.values()]
         square: dict[str, Any] = {"marker": "s", "markersize": 6, "markerfacecolor": "none"}
-        left.plot(
-            list(verified), seen, color=COLOURS[1], linestyle="none", label="run by Drake", **square
-        )
+        square |= {"color": nth(_VERIFIED)["color"], "linestyle": "none"}
+        left.plot(list(verified), seen, label="run by Drake", **square)
         left.set_ylabel(f"{tuned.metric} [{unit}]")
         _finish(left, tuned, scale * values)
         factors = []
@@ -58,12 +60,12 @@ def tuning_figure(tuned: Tuned, file: Path) -> Path:
 
 
 def _look(k: int) -> dict[str, Any]:
-    return {"color": COLOURS[k % len(COLOURS)], "marker": "o", "markersize": 3}
+    return {**nth(k), "marker": "o", "markersize": 3}
 
 
 def _finish(ax: Axes, tuned: Tuned, values: Array) -> None:
     """Mark the chosen step, and scale and label the axes."""
-    ax.axvline(tuned.chosen, zorder=0, **TARGET)
+    ax.axvline(tuned.chosen, zorder=0, **MOMENT)
     positive = values[values > 0.0]
     if positive.size == values.size:
         low, high = 0.8 * values.min(), 1.25 * values.max()

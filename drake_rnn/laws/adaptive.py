@@ -20,7 +20,7 @@ h             period                  time for which a velocity is held [s]
 kappa         kappa                   gain of the feedback [1/s]
 a             braking                 deceleration at the end of the way [m/s^2]
 s_max         feedback_limit          largest speed of the feedback [m/s]
-mu            softness                price of the task's error against |v - g|^2 [m^2]
+mu            softness                price of the task's error against v - g [m^2]
 W             lever                   1 for positions, lever^2 for rotations
 g             secondary               velocities preferred among those that do the task
 J             J or J_hat              Jacobian, at the middle of the sample if it is known

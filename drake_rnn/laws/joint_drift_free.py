@@ -28,22 +28,22 @@ tau = M v_dot + h, where h holds the Coriolis and gravity terms, by zeta = 1 - a
     (-\varrho J^T \dot e + J^T \omega - \alpha \lambda (I - J^+ J) c - \zeta M h)), \quad
     \dot\omega = \eta (\ddot p_d - \dot J v - J \dot v - \delta d).
 
-============  ==================  ==============================================
-paper         here                meaning
-============  ==================  ==============================================
-q             position            joint positions
-q_dot         v                   joint velocities (state)
-omega         omega               compensation of the acceleration (state)
-r, r_d        p_WE, p_WE_desired  end effector's position, actual and desired
-lambda        return_weight       weight of the drift index
-beta1, gamma1 return_beta, .._gamma  roots of the joints' return [1/s]
-beta2, gamma2 task_beta, .._gamma    roots of the position feedback [1/s]
-delta         position_gain       gain of the position feedback
-varrho        velocity_gain       gain of the gradient of the velocity error [1/(m^2 s)]
-eta           rate                rate of omega [1/(m^2 s)]
-nu            limits.acceleration largest joint acceleration [rad/s^2]
-alpha         alpha               weight of the kinematics; 1 - alpha of the torque
-============  ==================  ==============================================
+=============  =====================  ================================================
+paper          here                   meaning
+=============  =====================  ================================================
+q              position               joint positions
+q_dot          v                      joint velocities (state)
+omega          omega                  compensation of the acceleration (state)
+r, r_d         p_WE, p_WE_desired     end effector's position, actual and desired
+lambda         return_weight          weight of the drift index
+beta1, gamma1  return_beta, .._gamma  roots of the joints' return [1/s]
+beta2, gamma2  task_beta, .._gamma    roots of the position feedback [1/s]
+delta          position_gain          gain of the position feedback
+varrho         velocity_gain          gain of the gradient of the velocity error [1/(m^2 s)]
+eta            rate                   rate of omega [1/(m^2 s)]
+nu             limits.acceleration    largest joint acceleration [rad/s^2]
+alpha          alpha                  weight of the kinematics; 1 - alpha of the torque
+=============  =====================  ================================================
 
 Corrected: (42) is not the optimality condition of (41): the projection is missing, the weight of
 the acceleration is alpha, not 1, and omega must account for all of J v_dot, not for J J^T omega.

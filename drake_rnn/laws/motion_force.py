@@ -53,7 +53,7 @@ Not in the paper:
     ``form: normalised`` divides the force rows by eta, so that A = [P_n; P_t], and merges the
     two multipliers of each direction, which have the same effect on the joints. It has three
     multipliers instead of the paper's six and can be sampled at 1 kHz. The network's fastest
-    mode oscillates at eta |J| / (2 pi delta), several kHz for ``form: literal``, which
+    mode oscillates at ``eta |J| / (2 pi delta)``, several kHz for ``form: literal``, which
     therefore takes substeps of 20 us; in return, its remaining force error is smaller by a
     factor of eta^2. The paper computes F as eta times the depth of the tip according to its
     own kinematics, ``force_feedback: assumed``. ``measured`` uses a sensor, and eta then acts
@@ -62,7 +62,7 @@ Not in the paper:
     normal, and `ContactLoss` defines the reaction to a lost contact.
 
     The least-norm v has no term that brings the joints back after a lap. With ``return_gain`` kappa
-    the network minimises |v - kappa (q_0 - q)|^2 / 2 instead: the joints return to the start
+    the network minimises ``|v - kappa (q_0 - q)|^2 / 2`` instead: the joints return to the start
     posture q_0 as far as the tasks leave them free.
 """
 

@@ -19,25 +19,25 @@ accelerate the joints beyond their bounds,
     \dot v = \tfrac{\delta}{\eta} (P(J^T \lambda - d (q - q_0)) - v), \qquad
     \dot \lambda = \tfrac{\delta}{\eta} (\dot p_d - \kappa (p - p_d) - J v).
 
-=============  ==================  =============================================
-paper          here                meaning
-=============  ==================  =============================================
-theta          position            joint positions q
-theta_dot      v                   commanded joint velocities (state)
-lambda         multipliers         multipliers of the task equation (state)
-J-hat          J_hat               learned Jacobian (state)
-theta_dot - n  velocity            joint velocities with the injected noise n
-p_r-dot        v_WE                end effector's velocity
-delta          rate                rate of the network [1/s]
-kappa          kappa               gain of the position feedback [1/s]
-d              return_gain         pull towards the initial posture q_0 [1/s]
-alpha          limit_stiffness     velocity per radian to a position limit [1/s]
-rho            rho                 time constant of the learning [rad^2/s]
-c_max          limits.acceleration largest joint acceleration [rad/s^2]
-=============  ==================  =============================================
+=============  ===================  =============================================
+paper          here                 meaning
+=============  ===================  =============================================
+theta          position             joint positions q
+theta_dot      v                    commanded joint velocities (state)
+lambda         multipliers          multipliers of the task equation (state)
+J-hat          J_hat                learned Jacobian (state)
+theta_dot - n  velocity             joint velocities with the injected noise n
+p_r-dot        v_WE                 end effector's velocity
+delta          rate                 rate of the network [1/s]
+kappa          kappa                gain of the position feedback [1/s]
+d              return_gain          pull towards the initial posture q_0 [1/s]
+alpha          limit_stiffness      velocity per radian to a position limit [1/s]
+rho            rho                  time constant of the learning [rad^2/s]
+c_max          limits.acceleration  largest joint acceleration [rad/s^2]
+=============  ===================  =============================================
 
 Corrected: rho = tau / xi gives 1e6 for the printed values; they are swapped, and rho is 1e-6.
-(18) is 0/0 at rest; as in (25), eta = max(1, |v_dot| / c_max). The text's "(12e)" is (12d).
+(18) is 0/0 at rest; as in (25), ``eta = max(1, |v_dot| / c_max)``. The text's "(12e)" is (12d).
 Joint 4's upper limit is printed as +0.0698 rad; the Panda's is -0.0698.
 
 Not in the paper:
@@ -131,7 +131,7 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
         J_hat_initial: Initial J_hat: ``uniform`` in [0, 1], ``zero``, or ``exact``, the arm's own.
         warm_up: Small motion of every joint before the task begins, in place of noise.
         substeps: Euler steps of the network per sample; by default as many as keep it stable:
-            rate times step is at most 1, and at most 1 / |J|^2 where |J| exceeds 1.
+            rate times step is at most 1, and at most ``1 / |J|^2`` where ``|J|`` exceeds 1.
     """
 
     kind: Literal["simultaneous_learning"] = "simultaneous_learning"

@@ -1,7 +1,7 @@
 """Recording of a run, and the metrics taken from it."""
 
 from .groups import ARRIVED, ContactMetrics, FollowingMetrics
-from .metrics import METRIC_NAMES, METRICS, Metric, shown_in, violation_metric
+from .metrics import METRIC_NAMES, METRICS, Metric, raised, shown_in, violation_metric
 from .motion import Motion, Pressing
 from .recorder import PART, Recorder, Steps, Take
 from .run_metrics import RunMetrics
@@ -24,6 +24,7 @@ __all__ = [
     "Steps",
     "Take",
     "last_end",
+    "raised",
     "shown_in",
     "violation_metric",
 ]

@@ -17,6 +17,8 @@ Over = Literal["window", "run"]
 #: Places that show a metric: overviews, by what the run is about, and the table of a sweep.
 Shown = Literal["path", "posture", "return", "force", "sweep"]
 
+_SUPERSCRIPTS = str.maketrans("2345", "²³⁴⁵")
+
 
 @dataclass(frozen=True)
 class Metric:
@@ -36,6 +38,17 @@ class Metric:
     over: Over = "run"
     shown: frozenset[Shown] = frozenset()
 
+    @property
+    def words(self) -> str:
+        """Its name in words, without the unit at its end."""
+        return self.name.removesuffix(f"_{_ending(self.unit)}").replace("_", " ")
+
+
+def raised(unit: str) -> str:
+    """Return a unit with its powers as superscripts, such as ``rad/s²``."""
+    head, *powers = unit.split("^")
+    return head + "".join(power[:1].translate(_SUPERSCRIPTS) + power[1:] for power in powers)
+
 
 def violation_metric(limit: str) -> str:
     """Return the name of the metric of a limit's violation.
@@ -43,8 +56,12 @@ def violation_metric(limit: str) -> str:
     Args:
         limit: A key of `LIMIT_UNITS`.
     """
-    unit = LIMIT_UNITS[limit].replace("/s^", "_s").replace("/", "_")
-    return f"{limit}_violation_max_{unit}"
+    return f"{limit}_violation_max_{_ending(LIMIT_UNITS[limit])}"
+
+
+def _ending(unit: str) -> str:
+    """Return a unit as names of metrics end on it."""
+    return unit.replace("/s^", "_s").replace("/", "_")
 
 
 def _shown(*places: Shown) -> frozenset[Shown]:

@@ -1,19 +1,17 @@
-"""The recorded animation: objects that move, and a traced path that appears as time passes."""
+"""What moves: objects, by the recording, and a traced path, which the page lets grow."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.geometry import Meshcat, MeshcatAnimation, Rgba
 
+from .. import colours
 from ..inputs.fields import Array
 from .lines import LineMesh
-from .stage import TRACED_COLOUR
-
-_PIECES_PER_SECOND = 12
-_MOST_PIECES = 400
+from .packing import packed
 
 
 def move(recording: MeshcatAnimation, path: str, points: Array) -> None:
@@ -29,19 +27,21 @@ def move(recording: MeshcatAnimation, path: str, points: Array) -> None:
 
 
 class Trace:
-    """Lines that grow, cut into pieces: an animation can show a mesh but not change it.
+    """Lines that grow: one mesh, of which the page shows the faces that are reached by a time.
 
     Args:
         meshcat: Meshcat with the scene.
-        duration: Duration of the run [s].
-        place: Scene path that the pieces are below.
+        place: Scene path of the mesh.
     """
 
-    def __init__(self, meshcat: Meshcat, duration: float, place: str = "/traced/path") -> None:
+    def __init__(self, meshcat: Meshcat, place: str = "/traced/path") -> None:
         self._meshcat = meshcat
-        self._duration = duration
         self._place = place
-        self._appears: dict[str, float] = {}
+        self._vertices: list[Array] = []
+        self._faces: list[NDArray[np.int32]] = []
+        self._time: list[Array] = []
+        self._reached: list[NDArray[np.int64]] = []
+        self._counts = np.zeros(2, dtype=int)
 
     def add(self, line: LineMesh, time: Array) -> None:
         """Add a line.
@@ -51,35 +51,47 @@ class Trace:
             time: Time at which each point was passed, shape (k,) [s].
         """
         vertices, faces, reached = line
-        for begin, end in self._pieces(time):
-            path = f"{self._place}/{len(self._appears):03d}"
-            piece = faces[:, reached[begin] : reached[end]]
-            first, last = piece.min(), piece.max()
-            self._meshcat.SetTriangleMesh(
-                path, vertices[:, first : last + 1], piece - first, Rgba(*TRACED_COLOUR)
-            )
-            self._appears[path] = float(time[end])
+        vertex_count, face_count = self._counts
+        self._vertices.append(vertices)
+        self._faces.append(faces + np.int32(vertex_count))
+        self._time.append(np.asarray(time))
+        # What rounds off the beginning of a line is no part of its first step.
+        self._reached.append(np.where(np.arange(len(reached)) == 0, 0, reached) + face_count)
+        self._counts += (vertices.shape[1], faces.shape[1])
 
-    def record(self, recording: MeshcatAnimation, time: Array) -> None:
-        """Record that each piece appears when its end is reached.
+    def draw(self) -> None:
+        """Draw all lines; none, if none was added."""
+        if self._vertices:
+            vertices = np.asfortranarray(np.concatenate(self._vertices, axis=1))
+            faces = np.asfortranarray(np.concatenate(self._faces, axis=1))
+            draw_smooth(self._meshcat, self._place, vertices, faces, colours.TRACED)
 
-        Args:
-            recording: The animation.
-            time: Time of each frame, shape (f,) [s].
-        """
-        last = len(time) - 1
-        for path, appears in self._appears.items():
-            frame = int(np.searchsorted(time, appears - 1e-6 * time[1])) if last else 0
-            recording.SetProperty(0, path, "visible", frame == 0)
-            recording.SetProperty(frame, path, "visible", True)
-            # Each track repeats on its own: they stay in step only if all are equally long.
-            recording.SetProperty(last, path, "visible", True)
+    def as_data(self) -> list[dict[str, Any]]:
+        """Return how the mesh grows: by each time, how many faces are to be seen."""
+        if not self._time:
+            return []
+        time, reached = np.concatenate(self._time), np.concatenate(self._reached)
+        return [{"path": self._place, "time": packed(time), "faces": packed(reached)}]
 
-    def _pieces(self, time: Array) -> Iterator[tuple[int, int]]:
-        """Yield the indices of the first and the last point of each piece."""
-        count = min(math.ceil(self._duration * _PIECES_PER_SECOND), _MOST_PIECES)
-        ends = np.searchsorted(time, np.linspace(0.0, self._duration, count + 1)[1:] - 1e-9)
-        begin = 0
-        for end in np.unique(np.minimum(ends[ends > 0], len(time) - 1)).tolist():
-            yield begin, end
-            begin = end
+
+def draw_smooth(
+    meshcat: Meshcat,
+    place: str,
+    vertices: Any,
+    faces: Any,
+    colour: str,
+    side: Meshcat.SideOfFaceToRender = Meshcat.SideOfFaceToRender.kDoubleSide,
+) -> None:
+    """Draw a mesh whose faces join smoothly; Meshcat would show each of them flat.
+
+    Args:
+        meshcat: Meshcat with the scene.
+        place: Scene path of the mesh.
+        vertices: Shape (3, v) [m].
+        faces: Indices of each triangle's corners, shape (3, f).
+        colour: One of `drake_rnn.colours`.
+        side: Which side of the faces is drawn.
+    """
+    rgba = Rgba(*colours.components(colour))
+    meshcat.SetTriangleMesh(place, vertices, faces, rgba, side=side)
+    meshcat.SetProperty(f"{place}/<object>", "material.flatShading", False)

@@ -11,8 +11,9 @@ from .replay import ReplayedMotion
 
 # Largest number of poses along the path at which the desired axes are drawn.
 _POSES = 12
-# Length and radius of an axis, relative to the radius of the traced path.
-_LENGTH, _RADIUS = 18.0, 0.6
+# Largest and smallest length of an axis, relative to the radius of the traced path; its length
+# relative to the extent of the path, and its radius relative to its length.
+_LENGTH, _SHORTEST, _SHARE, _RADIUS = 18.0, 8.0, 0.2, 0.03
 # Red, green and blue for x, y and z, as in other viewers.
 _COLOURS = ((0.85, 0.15, 0.15), (0.15, 0.6, 0.2), (0.2, 0.3, 0.85))
 _DESIRED_OPACITY = 0.35
@@ -52,7 +53,9 @@ class Axes:
             recording.SetTransform(frame, "/traced/axes", pose)
 
     def _draw_at(self, place: str, opacity: float) -> None:
-        length, radius = _LENGTH * self._radius, _RADIUS * self._radius
+        extent = float(np.ptp(self._motion.course, axis=0).max())
+        length = min(_LENGTH * self._radius, max(_SHARE * extent, _SHORTEST * self._radius))
+        radius = _RADIUS * length
         for axis, colour in enumerate(_COLOURS):
             path = f"{place}/{'xyz'[axis]}"
             self._meshcat.SetObject(path, Cylinder(radius, length), Rgba(*colour, opacity))

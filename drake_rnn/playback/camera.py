@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-from pydrake.geometry import Meshcat
 from pydrake.math import RotationMatrix
 
 from ..inputs.fields import Array
 from .boxes import Boxes
 from .replay import ReplayedContact, ReplayedMotion
-from .stage import ASPECT, FIELD_OF_VIEW
 
-# How much larger than what it should show the view is.
-_MARGIN = 1.08
 # Number of points of a path whose visibility is checked.
 _CHECKED = 50
 # Sine of the preferred angle between the line of sight and a surface, and the horizontal plane.
 _STEEPNESS = 0.6
 # Room in the view beside and above a drawing: for the tool with the force arrow [m].
-_ROOM_BESIDE, _ROOM_ABOVE = 0.03, 0.2
+_ROOM_BESIDE, _ROOM_ABOVE = 0.06, 0.2
+# Sine of the angle from which on a surface counts as inclined.
+_LEVEL = 0.02
 
 
 def view_of_paths(motion: ReplayedMotion, boxes: Boxes) -> Array:
@@ -55,9 +52,29 @@ def view_of_paths(motion: ReplayedMotion, boxes: Boxes) -> Array:
     return _direction(ahead + math.radians(min(asides, key=cost)), elevation)
 
 
-def view_of_surface(contact: ReplayedContact, boxes: Boxes) -> Array:
-    """Return the direction from which to look at a drawing on a surface, as `view_of_drawing`."""
-    return view_of_drawing(contact.course, contact.normal, boxes)
+def view_of_arm_and_surface(contact: ReplayedContact, boxes: Boxes) -> Array:
+    """Return the direction from which to look at an arm that presses on a surface.
+
+    The camera stands low enough for the ground to be seen beside the surface, and where an inclined
+    surface is seen from its side.
+
+    Returns:
+        A unit vector from the scene to the camera, shape (3,).
+    """
+    drawing = _some(contact.course)
+    centre = drawing.mean(axis=0)
+    ahead = math.atan2(centre[1], centre[0])
+
+    def cost(direction: Array) -> float:
+        hidden = boxes.hidden(drawing, direction)
+        return hidden + _slope_in_sight(direction, contact.normal) + abs(direction[2] - 0.4)
+
+    directions = (
+        _direction(ahead + math.radians(aside), math.radians(elevation))
+        for aside in (55, -55, 70, -70, 90, -90, 40, -40, 110, -110)
+        for elevation in (20, 27, 14)
+    )
+    return min(directions, key=cost)
 
 
 def view_of_drawing(course: Array, normal: Array, boxes: Boxes) -> Array:
@@ -82,12 +99,13 @@ def view_of_drawing(course: Array, normal: Array, boxes: Boxes) -> Array:
         to_surface = abs(float(direction @ normal) - _STEEPNESS)
         to_horizontal = abs(float(direction[2]) - _STEEPNESS)
         hidden = 2.0 * boxes.hidden(drawing, direction) + last.hidden(drawing, direction)
-        return hidden + to_surface + 0.5 * to_horizontal
+        slope = _slope_in_sight(direction, normal)
+        return hidden + to_surface + 0.5 * to_horizontal + slope
 
     directions = (
         _direction(ahead + math.radians(aside), math.radians(elevation))
         for aside in (40, -40, 55, -55, 70, -70, 90, -90, 110, -110, 135, -135, 180, 0)
-        for elevation in (36, 28, 20, 44, 52)
+        for elevation in (36, 28, 20, 44, 52, 14)
     )
     return min(directions, key=cost)
 
@@ -111,34 +129,6 @@ def points_round(drawing: Array, normal: Array) -> Array:
     return np.concatenate((middle + aside, middle + above + aside))
 
 
-def aim_camera(meshcat: Meshcat, points: Array, path: Array, direction: Array) -> None:
-    """Place the camera as close as possible with all points in its view.
-
-    Args:
-        meshcat: Meshcat with the scene.
-        points: Points to show, shape (k, 3) [m].
-        path: Points about which a user turns the view, on average, shape (j, 3) [m].
-        direction: Unit vector from the scene to the camera, shape (3,).
-    """
-    right = np.cross([0.0, 0.0, 1.0], direction)
-    right /= np.linalg.norm(right)
-    up = np.cross(direction, right)
-    depth = points @ direction
-    half_height = math.tan(FIELD_OF_VIEW / 2.0) / _MARGIN
-    camera: Any = np.zeros(3)
-    distance = -math.inf
-    for axis, slope in ((right, half_height * ASPECT), (up, half_height)):
-        # Both edges of the view touch the outermost points.
-        above = float((points @ axis + slope * depth).max())
-        below = float((-points @ axis + slope * depth).max())
-        camera += (above - below) / 2.0 * axis
-        distance = max(distance, (above + below) / (2.0 * slope))
-    camera += distance * direction
-    target: Any = camera - (distance - float((path @ direction).mean())) * direction
-    meshcat.SetProperty("/Cameras/default/rotated/<object>", "fov", math.degrees(FIELD_OF_VIEW))
-    meshcat.SetCameraPose(camera, target)
-
-
 def _view_of_change(boxes: Boxes, point: Array, ahead: float) -> Array:
     """Return the direction from which the first posture hides least of the last one.
 
@@ -160,6 +150,13 @@ def _view_of_change(boxes: Boxes, point: Array, ahead: float) -> Array:
 
     asides = np.radians(np.arange(-150.0, 151.0, 15.0))
     return min((_direction(ahead + aside, math.radians(20.0)) for aside in asides), key=cost)
+
+
+def _slope_in_sight(direction: Array, normal: Array) -> float:
+    """Return how nearly one looks along the slope of a plane, 0 to 1: its side shows how steep."""
+    uphill = np.array([normal[0], normal[1], 0.0])
+    size = float(np.linalg.norm(uphill))
+    return abs(float(direction @ uphill)) / size if size > _LEVEL else 0.0
 
 
 def _some(points: Array) -> Array:

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from pydrake.geometry import Box, Meshcat, MeshcatAnimation, Rgba, Shape, Sphere
 from pydrake.math import RigidTransform
 
+from .. import colours
 from ..inputs.fields import Array
-from .animation import Trace, move
-from .lines import thinned, tube
+from .animation import Trace, draw_smooth, move
+from .lines import simplified, tube
 from .replay import ReplayedMotion
-from .stage import DESIRED_COLOUR, TRACED_COLOUR
 
 # Radius of the ball at the start of an open path and edge of the box at its end, relative to that
 # of the traced path.
 _START, _END = 4.0, 7.0
+# How far a tube may be off the path, relative to the radius of the traced one.
+_DEVIATION = 0.04
 # Radii relative to that of the traced path: of the desired path, the traced point, the desired
 # point, and a desired point at rest, which would hide the flange if it were larger.
 _PATH, _TRACED_POINT, _DESIRED_POINT, _RESTING_POINT = 2.2, 2.0, 7.0, 5.5
@@ -48,44 +52,68 @@ class Curves:
         self._place = place
         self._aside = np.zeros(3) if aside is None else aside
         self._desired_point = desired_point
-        self._trace = Trace(meshcat, motion.duration, f"{place}/traced/path")
+        self._trace = Trace(meshcat, f"{place}/traced/path")
 
     def draw(self) -> None:
         """Draw both paths, and a ball on each."""
         motion, radius = self._motion, self._radius
         self._draw_desired(radius)
-        points, kept = thinned(motion.traced + self._aside, radius)
-        self._trace.add(tube(points, radius), motion.time[kept])
+        kept = simplified(motion.traced, _DEVIATION * radius, motion.time)
+        self._trace.add(tube(motion.traced[kept] + self._aside, radius), motion.time[kept])
+        self._trace.draw()
         ball = Sphere(_TRACED_POINT * radius)
-        self._meshcat.SetObject(f"{self._place}/traced/point", ball, Rgba(*TRACED_COLOUR))
+        self._set_object("traced/point", ball, colours.TRACED)
 
     def record(self, recording: MeshcatAnimation, time: Array) -> None:
         """Record how the balls move and the traced path grows."""
         motion, aside = self._motion, self._aside
         for name, points in (("desired", motion.desired), ("traced", motion.traced)):
             move(recording, f"{self._place}/{name}/point", motion.at(time, points + aside))
-        self._trace.record(recording, time)
+
+    def grows(self) -> list[dict[str, Any]]:
+        """Return how the traced path grows."""
+        return self._trace.as_data()
+
+    def scaled(self) -> list[dict[str, Any]]:
+        """Return what the page draws thicker or thinner, to suit the view."""
+        marks = ("start", "end") if self._motion.ends else ()
+        solids = ("traced/point", "desired/point", *(f"desired/{name}" for name in marks))
+        radii = {"traced/path": self._radius}
+        if not self._motion.rests:
+            radii["desired/path"] = _PATH * self._radius
+        return [
+            {
+                "kind": "lines" if name in radii else "solids",
+                "path": f"{self._place}/{name}",
+                "radius": radii.get(name, 0.0),
+                "unit": self._radius,
+            }
+            for name in (*radii, *solids)
+        ]
 
     def _draw_desired(self, radius: float) -> None:
         """Draw the desired path, unless it is a point, and the desired point."""
         motion = self._motion
         course = motion.course + self._aside
         if not motion.rests:
-            vertices, faces, _ = tube(thinned(course, radius)[0], _PATH * radius)
+            kept = simplified(course, _DEVIATION * radius)
+            vertices, faces, _ = tube(course[kept], _PATH * radius)
             # Only the inside of the wider tube is drawn, where it faces the camera: a rim round the
             # traced path that never hides it.
             rim = Meshcat.SideOfFaceToRender.kBackSide
-            colour = Rgba(*DESIRED_COLOUR)
             place = f"{self._place}/desired/path"
-            self._meshcat.SetTriangleMesh(place, vertices, faces, colour, side=rim)
+            draw_smooth(self._meshcat, place, vertices, faces, colours.DESIRED, rim)
         if motion.ends:
             self._mark("start", Sphere(_START * radius), course[0])
             self._mark("end", Box(*3 * (_END * radius,)), course[-1])
         ball = Sphere((_RESTING_POINT if motion.rests else self._desired_point) * radius)
-        self._meshcat.SetObject(f"{self._place}/desired/point", ball, Rgba(*DESIRED_COLOUR, 0.5))
+        self._set_object("desired/point", ball, colours.DESIRED, 0.5)
 
     def _mark(self, name: str, shape: Shape, point: Array) -> None:
         """Draw a shape at a point of the desired path, below its "/desired"."""
-        place = f"{self._place}/desired/{name}"
-        self._meshcat.SetObject(place, shape, Rgba(*DESIRED_COLOUR))
-        self._meshcat.SetTransform(place, RigidTransform(point))
+        self._set_object(f"desired/{name}", shape, colours.DESIRED)
+        self._meshcat.SetTransform(f"{self._place}/desired/{name}", RigidTransform(point))
+
+    def _set_object(self, name: str, shape: Shape, colour: str, opacity: float = 1.0) -> None:
+        rgba = Rgba(*colours.components(colour), opacity)
+        self._meshcat.SetObject(f"{self._place}/{name}", shape, rgba)

@@ -2,30 +2,48 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from functools import cached_property
 from typing import Any
 
+import numpy as np
 from pydrake.geometry import (
+    Box,
+    Capsule,
     Convex,
+    Cylinder,
+    Ellipsoid,
     GeometryId,
+    IllustrationProperties,
     Mesh,
     Meshcat,
     MeshcatVisualizer,
     MeshcatVisualizerParams,
     Rgba,
     Role,
+    RoleAssign,
+    SceneGraph,
     SceneGraphInspector,
     Shape,
+    Sphere,
 )
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import DiagramBuilder
 
+from .. import colours
 from ..inputs.fields import Array
 from ..robot.arm import Arm
-from .stage import DESIRED_COLOUR, TARGET_OPACITY
+from ..robot.drake_log import quiet_drake
+
+TARGET_OPACITY = 0.4
+# Shapes that have no colour but the one that the model gives them, and what a saturated or a dark
+# colour takes from the lightness that they are drawn with.
+_PRIMITIVE = (Box, Capsule, Cylinder, Ellipsoid, Sphere)
+_LIGHT, _SATURATED = 0.6, 0.5
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 # Where arm and target posture coincide, only the arm should be seen, without flicker: the target
 # is drawn as if it were some millimetres farther away, in units of the depth buffer.
@@ -55,7 +73,11 @@ class DrawnArm:
         self.plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
         arm.add_to(self.plant)
         self.plant.Finalize()
+        # Drake warns that visualizers that exist do not see this; there is none yet.
+        with quiet_drake(logging.ERROR):
+            _mute(self.plant, scene_graph)
         parameters = MeshcatVisualizerParams()
+        parameters.default_color = Rgba(*colours.components(colours.ARM))
         parameters.role = Role.kIllustration
         parameters.prefix = "/arm"
         MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, parameters)
@@ -107,7 +129,8 @@ class DrawnArm:
             self._meshcat.SetTransform(path, self.inspector.GetPoseInFrame(geometry))
             layers = (("depth", 1.0, _DEPTH_ONLY), ("tint", TARGET_OPACITY, _BEHIND))
             for layer, opacity, look in layers:
-                self._meshcat.SetObject(f"{path}/{layer}", shape, Rgba(*DESIRED_COLOUR, opacity))
+                rgba = Rgba(*colours.components(colours.TARGET), opacity)
+                self._meshcat.SetObject(f"{path}/{layer}", shape, rgba)
                 for name, value in look.items():
                     self._meshcat.SetProperty(f"{path}/{layer}/<object>", name, value)
 
@@ -138,3 +161,26 @@ def _scene_name(body: Any) -> str:
 def _without_colour(shape: Shape) -> Shape:
     """Return a mesh's convex hull, which has no colours of its own; any other shape as it is."""
     return Convex(shape.source(), shape.scale3()) if isinstance(shape, Mesh) else shape
+
+
+def _mute(plant: Any, scene_graph: SceneGraph) -> None:
+    """Draw primitive shapes in greys, so that none looks like a path; meshes keep their colours."""
+    inspector = scene_graph.model_inspector()
+    for geometry in inspector.GetAllGeometryIds(Role.kIllustration):
+        properties = inspector.GetIllustrationProperties(geometry)
+        if not isinstance(inspector.GetShape(geometry), _PRIMITIVE):
+            continue
+        if properties is None or not properties.HasProperty("phong", "diffuse"):
+            continue
+        muted = IllustrationProperties(properties)
+        muted.UpdateProperty("phong", "diffuse", _muted(properties.GetProperty("phong", "diffuse")))
+        scene_graph.AssignRole(plant.get_source_id(), geometry, muted, RoleAssign.kReplace)
+
+
+def _muted(colour: Rgba) -> Rgba:
+    """Return a grey: lighter for a light colour, darker for a dark or a saturated one."""
+    rgb = np.array([colour.r(), colour.g(), colour.b()])
+    light = float(rgb @ _LUMINANCE) / _LIGHT - _SATURATED * float(np.ptp(rgb))
+    share = min(max(light, 0.0), 1.0)
+    dark, bright = (np.array(colours.components(c)) for c in (colours.ARM_DARK, colours.ARM))
+    return Rgba(*(dark + share * (bright - dark)), colour.a())

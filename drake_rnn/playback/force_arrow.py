@@ -10,9 +10,9 @@ import numpy as np
 from pydrake.geometry import Meshcat, MeshcatAnimation, Rgba
 from pydrake.math import RigidTransform, RotationMatrix
 
+from .. import colours
 from ..inputs.fields import Array
 from .replay import ReplayedContact
-from .stage import FORCE_COLOUR
 
 #: Length of the arrow for the force that the legend names [m].
 LENGTH = 0.1
@@ -53,7 +53,7 @@ def arrow_legend(contact: ReplayedContact) -> str:
 def draw_arrow(meshcat: Meshcat) -> None:
     """Draw an arrow of length `LENGTH` along z at "/force"."""
     vertices, faces = _arrow()
-    meshcat.SetTriangleMesh("/force", vertices, faces, Rgba(*FORCE_COLOUR))
+    meshcat.SetTriangleMesh("/force", vertices, faces, Rgba(*colours.components(colours.FORCE)))
     for name, value in _IN_FRONT.items():
         meshcat.SetProperty("/force/<object>", name, value)
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..inputs.fields import Array
 
 # Sides of a tube, and corners of a ribbon's round ends.
-_TUBE_SIDES, _ROUND_CORNERS = 8, 16
+_TUBE_SIDES, _ROUND_CORNERS = 10, 24
 # Elevations of the rings that round off a tube's end [rad].
 _CAP_ANGLES = np.radians([90.0, 60.0, 30.0])
 # Cosine of the angle of a corner from which on one tube ends there and another begins.
@@ -22,6 +22,8 @@ _STRAIGHT = math.cos(math.radians(5.0))
 # Length below which a segment has no direction [m].
 _NO_LENGTH = 1e-12
 _MOST_POINTS = 3000
+# Longest time between two points that are kept [s]: a line grows from one to the next.
+_STEP = 1.0 / 24.0
 
 
 class LineMesh(NamedTuple):
@@ -59,6 +61,35 @@ def thinned(points: Array, step: float) -> tuple[Array, list[int]]:
             kept.pop()
         kept.append(len(points) - 1)
     return points[kept], kept
+
+
+def simplified(points: Array, deviation: float, time: Array | None = None) -> list[int]:
+    """Return indices of points that a line needs, the first and the last included.
+
+    Args:
+        points: Points along a line, shape (k, 3) [m].
+        deviation: How far the line through the points that are kept may be off the others [m];
+            more on a line so long that it would keep too many points.
+        time: Time of each point, shape (k,) [s]; with it, points are kept at least every 1/24 s
+            while they move.
+    """
+    _, candidates = thinned(points, deviation)
+    kept = [0]
+    for before, here in pairwise(candidates[1:]):
+        since = points[kept[-1] : here + 1]
+        late = time is not None and time[here] - time[kept[-1]] > _STEP
+        if late or _off(since) > deviation:
+            kept.append(before)
+    kept += candidates[-1:] if candidates[-1] != kept[-1] else []
+    return kept
+
+
+def _off(points: Array) -> float:
+    """Return how far points are off the line from the first to the last of them [m]."""
+    along = points[-1] - points[0]
+    away = points[1:-1] - points[0]
+    share = np.clip(away @ along / max(float(along @ along), _NO_LENGTH**2), 0.0, 1.0)
+    return float(np.linalg.norm(away - np.outer(share, along), axis=1).max(initial=0.0))
 
 
 def tube(points: Array, radius: float) -> LineMesh:
@@ -169,12 +200,17 @@ def ribbon(points: Array, normal: Array, width: float) -> LineMesh:
         face_count += len(triangles)
 
     add(points[0] + disc, fan)
+    begin_side = across[0]
     for k, side in enumerate(across):
         begin, end = points[k], points[k + 1]
-        quad = np.array([begin - side, end - side, end + side, begin + side])
+        bends = k + 1 == len(across) or along[k] @ along[k + 1] < _STRAIGHT
+        # Where the line goes on nearly straight, two segments meet in the middle of their edges.
+        end_side = side if bends else (side + across[k + 1]) / 2.0
+        quad = np.array([begin - begin_side, end - end_side, end + end_side, begin + begin_side])
         add(quad, np.array([(0, 1, 2), (0, 2, 3)]))
-        if k + 1 == len(across) or along[k] @ along[k + 1] < _STRAIGHT:
+        if bends:
             add(end + disc, fan)
+        begin_side = across[min(k + 1, len(across) - 1)] if bends else end_side
         reached.append(face_count)
     return _mesh(np.concatenate(vertices).T, np.concatenate(faces).T, reached)
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatAnimation
 
 from ..inputs.fields import Array
 from .boxes import Boxes
-from .camera import aim_camera, points_round, view_of_drawing
+from .camera import points_round, view_of_drawing
 from .curves import Curves
 from .labels import Label
 from .replay import ReplayedMotion, name_of
+from .views import View, facing
 
 # Radius of a traced path, the distance from one drawing to the next, and the room for a label below
 # a drawing, relative to the extent of a drawing.
@@ -47,7 +49,7 @@ class PathsBeside:
         others: Sequence[ReplayedMotion],
         boxes: Boxes,
     ) -> None:
-        self._meshcat = meshcat
+        self._boxes = boxes
         self._motions = (motion, *others)
         course = motion.course
         middle = (course.min(axis=0) + course.max(axis=0)) / 2.0
@@ -77,12 +79,22 @@ class PathsBeside:
         """Return the points of all paths; there is nothing that they lie on."""
         return self._drawings
 
-    def aim(self) -> None:
-        """Aim the camera at the drawings and the tool above the first."""
+    def stand(self, floor: float) -> None:
+        """Draw nothing: paths in the air lie on nothing."""
+
+    def views(self) -> dict[str, View]:
+        """Return the views: with the arm, of the drawings with the tool, of the drawings alone."""
         tool = points_round(_points(self._motions[0]), self._normal)
         below = [point - _LABEL * self._extent * self._up for _, point in self.labels]
-        points = np.concatenate((tool, self._drawings, below))
-        aim_camera(self._meshcat, points, self._drawings, self._direction)
+        drawings = np.concatenate((self._drawings, below))
+        middle = (drawings.min(axis=0) + drawings.max(axis=0)) / 2.0
+        arm = np.concatenate((self._boxes.corners, drawings))
+        face = facing(self._motions[0].course, self._direction)
+        return {
+            "arm": View(arm, middle, self._direction),
+            "close": View(np.concatenate((tool, drawings)), middle, self._direction),
+            "path": View(drawings, middle, face),
+        }
 
     def draw(self) -> None:
         """Draw all paths, and a ball on each."""
@@ -93,6 +105,14 @@ class PathsBeside:
         """Record how the balls move and the traced paths grow."""
         for curves in self._curves:
             curves.record(recording, time)
+
+    def grows(self) -> list[dict[str, Any]]:
+        """Return how the traced paths grow."""
+        return [grows for curves in self._curves for grows in curves.grows()]
+
+    def scaled(self) -> list[dict[str, Any]]:
+        """Return what the page draws thicker or thinner, to suit the view."""
+        return [scaled for curves in self._curves for scaled in curves.scaled()]
 
     @property
     def _places(self) -> list[str]:

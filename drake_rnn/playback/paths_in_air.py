@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatAnimation
@@ -11,13 +12,17 @@ from pydrake.geometry import Meshcat, MeshcatAnimation
 from ..inputs.fields import Array
 from .axes import Axes
 from .boxes import Boxes
-from .camera import aim_camera, view_of_paths
+from .camera import view_of_paths
 from .curves import Curves
 from .labels import Label
 from .replay import ReplayedMotion
+from .views import View, box_round, facing
 
 # Radius of the traced path, relative to the extent of the scene.
 _RADIUS = 0.003
+# Room round the paths in a view of them, relative to their extent; for the tool beside them, and
+# round an end effector that rests, relative to the extent of the scene.
+_EDGE, _BESIDE, _NEAR = 0.06, 0.03, 0.12
 
 
 class PathsInAir:
@@ -41,10 +46,23 @@ class PathsInAir:
         """Return the points of both paths; there is nothing that they lie on."""
         return self._path
 
-    def aim(self) -> None:
-        """Aim the camera at the arm and both paths."""
-        direction = view_of_paths(self._motion, self._boxes)
-        aim_camera(self._meshcat, self._points, self._path, direction)
+    def stand(self, floor: float) -> None:
+        """Draw nothing: a path in the air lies on nothing."""
+
+    def views(self) -> dict[str, View]:
+        """Return the views: with the arm, of the paths with the tool, of the paths alone."""
+        motion, path = self._motion, self._path
+        direction = view_of_paths(motion, self._boxes)
+        middle = (path.min(axis=0) + path.max(axis=0)) / 2.0
+        arm = View(self._points, path.mean(axis=0), direction)
+        if motion.rests:
+            # There is no path to be seen closely, but the end effector, and what it does.
+            near = View(box_round(path, _NEAR * self._size), middle, direction)
+            return {"arm": arm, "close": near, "path": near}
+        edge = _EDGE * float(np.ptp(path, axis=0).max())
+        near = View(box_round(path, edge + _BESIDE * self._size), middle, direction)
+        face = facing(motion.course, direction)
+        return {"arm": arm, "close": near, "path": View(box_round(path, edge), middle, face)}
 
     def draw(self) -> None:
         """Draw both paths, and a ball on each."""
@@ -58,6 +76,14 @@ class PathsInAir:
         if self._motion.turns:
             self._axes.record(recording, time)
 
+    def grows(self) -> list[dict[str, Any]]:
+        """Return how the traced path grows."""
+        return self._curves.grows()
+
+    def scaled(self) -> list[dict[str, Any]]:
+        """Return what the page draws thicker or thinner, to suit the view."""
+        return self._curves.scaled()
+
     @cached_property
     def _curves(self) -> Curves:
         return Curves(self._meshcat, self._motion, self._radius)
@@ -69,7 +95,12 @@ class PathsInAir:
     @cached_property
     def _radius(self) -> float:
         """Radius of the traced path [m]."""
-        return _RADIUS * float(np.ptp(self._points, axis=0).max())
+        return _RADIUS * self._size
+
+    @cached_property
+    def _size(self) -> float:
+        """Extent of the scene [m]."""
+        return float(np.ptp(self._points, axis=0).max())
 
     @cached_property
     def _path(self) -> Array:

@@ -4,26 +4,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
-from pydrake.geometry import Meshcat, MeshcatAnimation, Rgba
+from pydrake.geometry import Meshcat, MeshcatAnimation
 
+from .. import colours
 from ..inputs.fields import Array
-from .animation import Trace, move
+from .animation import Trace, draw_smooth, move
 from .boxes import Boxes
-from .camera import aim_camera, points_round, view_of_surface
+from .camera import points_round, view_of_arm_and_surface, view_of_drawing
 from .force_arrow import arrow_legend, draw_arrow, record_arrow
 from .labels import Label
 from .lines import ribbon, thinned
 from .replay import ReplayedContact, ReplayedMotion
-from .stage import DESIRED_COLOUR
-from .surface import draw_surface
+from .surface import draw_stand, draw_surface
+from .views import View, box_round, facing
 
 # Widths of the traced and of the desired line relative to the extent of the drawing, and the
 # smallest extent that counts [m]: lines on a smaller drawing would be too thin to see.
 _TRACED, _DESIRED, _LEAST_EXTENT = 0.022, 0.05, 0.03
 # Diameter of the dot at the start of an open path and edge of the square at its end, likewise.
 _START, _END = 0.12, 0.16
+# Room round a drawing that is seen alone, relative to its extent.
+_EDGE = 0.08
+# Distance of a surface's corners from the drawing up to which a near view shows them [m].
+_PLATE = 0.4
 # Radius and width of the ring round the desired point [m]; it is wider than the tool's ball.
 _RING, _RING_WIDTH = 0.014, 0.0024
 
@@ -47,7 +53,8 @@ class PathsOnSurface:
         self._motion = motion
         self._contact = contact
         self._boxes = boxes
-        self._trace = Trace(meshcat, motion.duration)
+        self._trace = Trace(meshcat)
+        self._corners = np.zeros((0, 3))
 
     @property
     def legend(self) -> str:
@@ -58,20 +65,35 @@ class PathsOnSurface:
         """Draw the surface and return corners of boxes round it."""
         contact = self._contact
         drawing = np.concatenate((contact.course, contact.trace))
-        return draw_surface(self._meshcat, contact.surface, contact.p_WS, drawing)
+        self._corners = draw_surface(self._meshcat, contact.surface, contact.p_WS, drawing)
+        return self._corners
 
-    def aim(self) -> None:
-        """Aim the camera at the drawing and the tool above it."""
-        contact = self._contact
-        direction = view_of_surface(contact, self._boxes)
-        aim_camera(
-            self._meshcat, points_round(contact.course, contact.normal), contact.course, direction
-        )
+    def stand(self, floor: float) -> None:
+        """Draw what carries a plate, from the ground at the height ``floor`` [m]."""
+        draw_stand(self._meshcat, self._contact.surface, self._contact.p_WS, floor)
+
+    def views(self) -> dict[str, View]:
+        """Return the views: with the arm, of the drawing with the tool, of the drawing alone."""
+        contact, boxes = self._contact, self._boxes
+        course = contact.course
+        middle = (course.min(axis=0) + course.max(axis=0)) / 2.0
+        tool = points_round(course, contact.normal)
+        arm = np.concatenate((boxes.corners, self._corners, tool))
+        near = view_of_drawing(course, contact.normal, boxes)
+        # A plate that is not much larger shows by its edges how it lies.
+        away = np.linalg.norm(self._corners - middle, axis=1)
+        edges = self._corners if away.max(initial=0.0) < _PLATE else course
+        drawing = box_round(np.concatenate((course, contact.trace)), _EDGE * self._extent + _RING)
+        return {
+            "arm": View(arm, middle, view_of_arm_and_surface(contact, boxes)),
+            "close": View(np.concatenate((tool, drawing, edges)), middle, near),
+            "path": View(drawing, middle, facing(course, near)),
+        }
 
     def draw(self) -> None:
         """Draw the desired path, a ring round the desired point, the traced path and the force."""
         contact = self._contact
-        extent = max(float(np.linalg.norm(np.ptp(contact.course, axis=0))), _LEAST_EXTENT)
+        extent = self._extent
         step = _TRACED * extent / 4.0
         if not self._motion.rests:
             self._draw_desired("path", thinned(contact.course, step)[0], _DESIRED * extent)
@@ -86,6 +108,7 @@ class PathsOnSurface:
                 points, kept = points[[0, 0]], [0, 0]
             line = ribbon(points, contact.normal, _TRACED * extent)
             self._trace.add(line, self._motion.time[stroke][kept])
+        self._trace.draw()
         for layer in ("/desired", "/traced"):
             self._meshcat.SetProperty(layer, "castShadow", False)
         draw_arrow(self._meshcat)
@@ -96,13 +119,24 @@ class PathsOnSurface:
         move(recording, "/desired/point", motion.at(time, contact.desired))
         points, forces = motion.at(time, contact.contact), motion.at(time, contact.force)
         record_arrow(recording, contact, points, forces)
-        self._trace.record(recording, time)
+
+    def grows(self) -> list[dict[str, Any]]:
+        """Return how the drawing grows."""
+        return self._trace.as_data()
+
+    def scaled(self) -> list[dict[str, Any]]:
+        """Return nothing: lines on a surface are as wide as a pen draws them."""
+        return []
+
+    @property
+    def _extent(self) -> float:
+        """Extent of the drawing [m]."""
+        return max(float(np.linalg.norm(np.ptp(self._contact.course, axis=0))), _LEAST_EXTENT)
 
     def _draw_desired(self, name: str, points: Array, width: float) -> None:
         """Draw a line of the desired path, ``width`` [m] wide, at "/desired/name"."""
         vertices, faces, _ = ribbon(points, self._contact.normal, width)
-        colour = Rgba(*DESIRED_COLOUR)
-        self._meshcat.SetTriangleMesh(f"/desired/{name}", vertices, faces, colour)
+        draw_smooth(self._meshcat, f"/desired/{name}", vertices, faces, colours.DESIRED)
 
     def _ring(self) -> Array:
         """Return points of a ring round the origin, parallel to the surface, shape (k, 3) [m]."""

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from pydrake.geometry import (
     Box,
+    Cylinder,
     Meshcat,
     MeshcatVisualizer,
     MeshcatVisualizerParams,
@@ -18,13 +19,17 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
+from .. import colours
 from ..environments import ModelSurface, Plate, Surface
 from ..inputs.fields import Array
 
-_PLATE = Rgba(0.94, 0.91, 0.85)
+_PLATE = Rgba(*colours.components(colours.SURFACE))
+_STAND = Rgba(*colours.components(colours.ARM_DARK))
+# Radius of a post below a plate, relative to the plate's edge.
+_POST = 0.06
 # A surface without a thickness is drawn as a transparent sheet: its thickness, and how much wider
 # than the drawing it is [m].
-_SHEET = Rgba(0.94, 0.91, 0.85, 0.6)
+_SHEET = Rgba(*colours.components(colours.SURFACE), 0.6)
 _SHEET_THICKNESS, _SHEET_MARGIN = 0.005, 0.16
 _CORNERS = np.stack(np.meshgrid((-1, 1), (-1, 1), (-1, 1)), axis=-1).reshape(8, 3)
 
@@ -57,6 +62,24 @@ def draw_surface(meshcat: Meshcat, surface: Surface, p_WS: Array, drawing: Array
     meshcat.SetObject("/surface/plate", box, _PLATE if plate is surface else _SHEET)
     meshcat.SetTransform("/surface/plate", pose)
     return _corners(pose, box.size() / 2.0)
+
+
+def draw_stand(meshcat: Meshcat, surface: Surface, p_WS: Array, floor: float) -> None:
+    """Draw a post from the ground to the middle of a plate: a vertical beside what is inclined.
+
+    Args:
+        meshcat: Meshcat with the scene.
+        surface: The surface; only a plate gets a post.
+        p_WS: Point of the surface below the tool at the start, shape (3,) [m].
+        floor: Height of the ground [m].
+    """
+    if not isinstance(surface, Plate):
+        return
+    x, y, z = surface.pose(p_WS).translation()
+    if (height := float(z) - floor) > surface.thickness:
+        radius = _POST * surface.size
+        meshcat.SetObject("/stand", Cylinder(radius, height), _STAND)
+        meshcat.SetTransform("/stand", RigidTransform([x, y, floor + height / 2.0]))
 
 
 def clipped_to_edges(points: Array, surface: Surface, p_WS: Array) -> Array:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from pydrake.systems.framework import Diagram
 
-from ..diagrams import Loop
+from ..diagrams import Loop, wiring_graph
 from ..errors import InvalidInputError
 from ..experiment import Experiment, Forecast
 from ..inputs.fields import Array
@@ -102,7 +102,7 @@ class Evaluation:
                 *contact_caveats(self._metrics.contact, metrics),
                 *motor_caveats(self._loop.arm, self._metrics.following),
             ],
-            graphviz=diagram.GetGraphvizString(max_depth=1),
+            graphviz=wiring_graph(diagram),
         )
         return result, fault
 

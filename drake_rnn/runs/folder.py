@@ -21,6 +21,7 @@ _FILES = (
     "metrics.json",
     "diagram.*",
     "playback.html",
+    "film.*",
     "figures/*.png",
 )
 

@@ -193,6 +193,10 @@ class Result:
                 series = {name: arrays[name] for name in arrays.files}
             metrics = json.loads((folder / "metrics.json").read_text())
             time = series.pop("time")
+        except FileNotFoundError as error:
+            lacks = f"{Path(error.filename).name} is missing"
+            why = lacks if folder.is_dir() else "there is no such folder"
+            raise InvalidInputError(f"{folder}: holds no result: {why}") from None
         except _UNREADABLE as error:
             raise InvalidInputError(f"{folder}: holds no result: {error}") from None
         try:

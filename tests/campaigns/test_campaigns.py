@@ -21,6 +21,7 @@ from drake_rnn.cli import app
 from drake_rnn.experiment import load_experiment, parse_change
 from drake_rnn.figures.campaign import strongest
 from drake_rnn.inputs.documents import to_yaml
+from process_helpers import assert_gone
 
 DAMPING = {"kind": "log_uniform", "low": 1e-6, "high": 1e-2}
 LINE = {
@@ -52,19 +53,6 @@ def undisturbed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("undisturbed")
     assert run_campaign(LINE, folder, jobs=0).ending == "complete"
     return folder
-
-
-@pytest.fixture
-def simulated(monkeypatch):
-    """Names of all that is simulated in this process."""
-    names = []
-
-    def counted(experiment, **how):
-        names.append(experiment.name)
-        return simulate(experiment, **how)
-
-    monkeypatch.setattr(perform, "simulate", counted)
-    return names
 
 
 def test_a_table_has_a_row_for_each_with_the_numbers_of_that_run_alone(undisturbed):
@@ -303,17 +291,6 @@ def test_what_is_stopped_says_what_was_not_run_and_leaves_no_process(file, tmp_p
     assert len(rows(tmp_path / "campaign_lines")) == ended >= 2
     assert "Traceback" not in complained
     assert_gone(process.pid)
-
-
-def assert_gone(group):
-    """No process of the group is left, a moment later at most."""
-    for _ in range(200):
-        try:
-            os.killpg(group, 0)
-        except ProcessLookupError:
-            return
-        time.sleep(0.05)
-    pytest.fail("a process is left")
 
 
 def disturbed(file, out, victims):

@@ -7,7 +7,7 @@ import pytest
 from doc_pages import ROOT, tables
 
 from drake_rnn import InvalidInputError, load_experiment, shipped_experiments
-from drake_rnn.claims import SCHEMES, Judge, read_claims, reading
+from drake_rnn.claims import SCHEMES, Judge, read_claims, reading, schemes_in
 
 ALL = [(scheme, claim) for scheme in SCHEMES for claim in read_claims(scheme).claims]
 every_claim = pytest.mark.parametrize(("scheme", "claim"), ALL, ids=[claim.id for _, claim in ALL])
@@ -56,14 +56,18 @@ BROKEN = {
 
 
 @pytest.mark.parametrize(("old", "new", "message"), BROKEN.values(), ids=BROKEN)
-def test_a_file_that_cannot_be_judged_is_refused(monkeypatch, tmp_path, old, new, message):
+def test_a_file_that_cannot_be_judged_is_refused(tmp_path, old, new, message):
     text = (reading._FOLDER / "joint_drift_free.yaml").read_text()
     assert old in text
     (tmp_path / "joint_drift_free.yaml").write_text(text.replace(old, new, 1))
-    monkeypatch.setattr(reading, "_FOLDER", tmp_path)
     with pytest.raises(InvalidInputError, match=message) as caught:
-        reading.read_claims.__wrapped__("joint_drift_free")
+        read_claims("joint_drift_free", tmp_path)
     assert str(caught.value).startswith("joint_drift_free.yaml: ")
+
+
+def test_a_folder_without_claims_is_refused(tmp_path):
+    with pytest.raises(InvalidInputError, match=r"no claims file, \*\.yaml, in "):
+        schemes_in(tmp_path)
 
 
 def test_an_unknown_scheme_is_refused():

@@ -1,9 +1,20 @@
 """Verdicts follow from what is measured; a claim edited to be false turns its verdict."""
 
+from dataclasses import replace
+
 import pytest
 
 from drake_rnn import InvalidInputError
-from drake_rnn.claims import Claim, Claims, Judge, Paper
+from drake_rnn.claims import (
+    Claim,
+    Claims,
+    Finding,
+    Judge,
+    Judgement,
+    Paper,
+    Quantity,
+    SimulatedRuns,
+)
 
 SHORT = {"duration": 0.1}
 ZERO = {"of": 0.0}
@@ -101,10 +112,29 @@ def test_a_criterion_whose_run_lacks_the_number_is_not_met():
     assert found.failure == "no force_error_rms_N in this run"
 
 
-def test_a_run_is_made_once(monkeypatch):
-    judge = Judge(Claims("test", Paper(title="A paper"), "README.md", (), {}))
-    first = judge.run("pinv_line", SHORT)
-    assert judge.run("pinv_line", dict(SHORT)) is first
+def test_a_run_is_made_once():
+    runs = SimulatedRuns()
+    first = runs.run("pinv_line", SHORT)
+    assert runs.run("pinv_line", dict(SHORT)) is first
+    assert runs.metrics("pinv_line", SHORT) is first.metrics
+
+
+def test_a_judgement_with_an_error_is_none():
+    """Whatever else was found."""
+    one = Claim(id="slc-C1", where="here", says="x", as_stated=[error_below(1.0)] * 2)
+    met, broken = (Finding(each, True) for each in one.as_stated)
+    assert Judgement(one, (met, met)).verdict == "holds"
+    broken = replace(broken, holds=False, error="it broke")
+    assert Judgement(one, (met, broken)).verdict == "failed"
+    assert str(broken) == "it broke"
+
+
+def test_a_command_repeats_its_run_to_the_last_bit():
+    """Numbers that are longer than is usual are written out."""
+    quantity = Quantity(run="pinv_line", set={"law.damping": 1 / 3, "duration": 0.1}, metric="x")
+    assert quantity.command == (
+        f"drake-rnn run pinv_line --set law.damping={1 / 3!r} --set duration=0.1"
+    )
 
 
 @pytest.mark.parametrize(

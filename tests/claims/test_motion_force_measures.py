@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import InvalidInputError
-from drake_rnn.claims import Judge, read_claims
+from drake_rnn.claims import SimulatedRuns, read_claims
 from drake_rnn.claims.papers.motion_force import effort, residual_at_rest, tip_off_the_start
 
 TIME = np.linspace(0.0, 2.0, 201)
@@ -35,7 +35,7 @@ def test_the_network_comes_to_rest_where_its_constraints_hold():
 
 def test_a_law_that_learns_is_told_no_jacobian_but_that_of_the_rotation():
     claims = read_claims("motion_force")
-    run, count = Judge(claims).run, claims.measures["true_jacobians"]
+    run, count = SimulatedRuns().run, claims.measures["true_jacobians"]
     assert count(run, "motion_force_cat") == 1.0
     assert count(run, "motion_force_cat", position_only=True) == 0.0
     assert count(run, "motion_force_tricuspid_printed") == 2.0
@@ -45,4 +45,4 @@ def test_the_eight_angles_of_the_paper_are_refused():
     claims = read_claims("motion_force")
     (claim,) = (claim for claim in claims.claims if claim.id == "mf-C5")
     with pytest.raises(InvalidInputError, match="8 entries for 7 joints"):
-        Judge(claims).run("contact_cat_learned", claim.as_stated[0].set)
+        SimulatedRuns().run("contact_cat_learned", claim.as_stated[0].set)

@@ -22,7 +22,7 @@ def here(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("what", "name", "title"),
     [
-        ("law", "my_law", "MyLaw"),
+        pytest.param("law", "my_law", "MyLaw", marks=pytest.mark.long),
         pytest.param("path", "figure_8", "Figure8", marks=pytest.mark.long),
         pytest.param("environment", "table_2", "Table2", marks=pytest.mark.long),
     ],

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 import re
 from collections.abc import Iterator
 from pathlib import Path
+
+import drake_rnn
 
 ROOT = Path(__file__).parents[2]
 
@@ -14,6 +17,8 @@ PAGES = sorted(
     for pattern in (
         "*.md",
         "docs/*.md",
+        "docs/schemes/*.md",
+        "docs/notebooks/*.md",
         "diagrams/*.md",
         "diagrams/campaigns/*.md",
         "diagrams/experiments/*.md",
@@ -22,7 +27,8 @@ PAGES = sorted(
     for file in ROOT.glob(pattern)
 )
 
-_FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+# Also those of a directive of the site, e.g. ```{toctree}.
+_FENCE = re.compile(r"^```(\w*|\{[\w-]+\}.*?)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 _SPAN = re.compile(r"`([^`]+)`")
 
 
@@ -38,6 +44,14 @@ def fenced(page: str, language: str) -> list[tuple[int, str]]:
         (text.count("\n", 0, match.start(2)) + 1, match[2])
         for match in _FENCE.finditer(text)
         if match[1] == language
+    ]
+
+
+def cells(page: str) -> list[tuple[int, str]]:
+    """Return the Python of a notebook's cells, each with the number of its first line."""
+    return [
+        (line, re.sub(r"^%.*$", "", code, flags=re.MULTILINE))
+        for line, code in fenced(page, "{code-cell} ipython3")
     ]
 
 
@@ -66,3 +80,15 @@ def tables(page: str) -> Iterator[tuple[list[str], list[list[str]]]]:
 
 def _cells(line: str) -> list[str]:
     return [cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
+
+
+def assert_public(code: str, others: set[str]) -> None:
+    """Python of a page imports only public names of this package, and ``others``."""
+    for node in ast.walk(ast.parse(code)):
+        if isinstance(node, ast.Import):
+            assert {alias.name.split(".")[0] for alias in node.names} <= others
+        elif isinstance(node, ast.ImportFrom) and node.module == "drake_rnn":
+            assert {alias.name for alias in node.names} <= set(drake_rnn.__all__)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.module is not None
+            assert node.module.split(".")[0] in others

@@ -1,12 +1,10 @@
 """Every piece of Python in the pages runs, and imports only what is public."""
 
-import ast
 from collections.abc import Iterator
 
 import pytest
-from doc_pages import PAGES, ROOT, fenced
+from doc_pages import PAGES, ROOT, assert_public, fenced
 
-import drake_rnn
 from drake_rnn import (
     ENVIRONMENTS,
     LAWS,
@@ -51,13 +49,7 @@ def test_there_are_snippets():
 
 @pytest.mark.parametrize(("page", "line", "code"), blocks("python"))
 def test_a_snippet_imports_only_what_is_public(page, line, code):
-    for node in ast.walk(ast.parse(code)):
-        if isinstance(node, ast.Import):
-            assert {alias.name.split(".")[0] for alias in node.names} <= OTHERS
-        elif isinstance(node, ast.ImportFrom) and node.module == "drake_rnn":
-            assert {alias.name for alias in node.names} <= set(drake_rnn.__all__)
-        elif isinstance(node, ast.ImportFrom):
-            assert node.module.split(".")[0] in OTHERS
+    assert_public(code, OTHERS)
 
 
 @pytest.mark.parametrize(("page", "line", "code"), blocks("python"))

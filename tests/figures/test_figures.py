@@ -12,7 +12,8 @@ from PIL import Image
 from drake_rnn.errors import InvalidInputError
 from drake_rnn.experiment import load_experiment
 from drake_rnn.figures import drawable, write_figures
-from drake_rnn.figures.style import COLOURS, save
+from drake_rnn.figures.looks import SERIES
+from drake_rnn.figures.style import save
 from drake_rnn.runs.simulation import simulate
 from figure_helpers import assert_no_text_is_cut_off, changed, curves, dashed_levels, draw, panel
 
@@ -52,7 +53,7 @@ def test_every_figure_is_written_as_a_small_png(learned, tmp_path):
         f"{name}.png" for name in LEARNED
     }
     for file in files:
-        assert 3_000 < file.stat().st_size < 200_000
+        assert 3_000 < file.stat().st_size < 400_000
         with Image.open(file) as image:
             assert image.format == "PNG"
             # The width of a column or a page at 200 dots per inch.
@@ -225,7 +226,8 @@ def test_overview_shows_the_metrics_and_their_expected_values(known):
     missed = [text for part in page.subfigs for text in part.texts if text.get_weight() == "bold"]
     # The arm has not reached its path after half a second.
     assert f"{known.metrics['position_error_max_m']:.4g}" in [text.get_text() for text in missed]
-    assert len(page.get_axes()) == 6
+    # Six panels, and that of the limits.
+    assert len(page.get_axes()) == 7
 
 
 def test_an_overview_has_no_empty_lines_above(known):
@@ -287,8 +289,8 @@ def test_nothing_else_changes(learned, tmp_path):
 def test_no_colour_is_lost_in_the_file(learned, name, tmp_path):
     save(draw(learned, name), tmp_path / "figure.png")
     with Image.open(tmp_path / "figure.png") as image:
-        counts = {rgb: count for count, rgb in image.convert("RGB").getcolors()}
-    assert {*COLOURS} <= {to_hex(np.array(rgb) / 255).upper() for rgb in counts}
+        counts = {rgb: count for count, rgb in image.getcolors(1 << 24)}
+    assert {*SERIES} <= {to_hex(np.array(rgb) / 255).upper() for rgb in counts}
     assert max(counts, key=counts.get) == (255, 255, 255)
 
 

@@ -7,9 +7,10 @@ import pytest
 from matplotlib.colors import to_rgb
 
 from drake_rnn import load_arm
+from drake_rnn.colours import BOUND
 from drake_rnn.experiment import load_experiment, make_experiment
 from drake_rnn.figures import drawable, write_figures
-from drake_rnn.figures.style import COLOURS
+from drake_rnn.figures.looks import SERIES
 from drake_rnn.robot.self_motion import SelfMotion
 from drake_rnn.runs.simulation import simulate
 from figure_helpers import (
@@ -182,7 +183,7 @@ def test_every_joint_has_its_target(modified):
         (x,), y = mark.get_data()
         assert x == modified.time[-1]
         assert y == pytest.approx([target[k]])
-        assert mark.get_color() == COLOURS[k]
+        assert mark.get_color() == SERIES[k]
 
 
 def test_joint_error_is_the_distance_to_the_target(modified):
@@ -204,7 +205,8 @@ def test_moving_bounds_are_the_series_and_drawn_once(modified):
     np.testing.assert_array_equal(upper.get_ydata(), modified.series["velocity_upper"][:, 0])
     np.testing.assert_array_equal(lower.get_ydata(), modified.series["velocity_lower"][:, 0])
     # The sixth joint starts near its limit; its bound differs until it has left it.
-    assert own.get_color() == COLOURS[5]
+    assert own.get_color() == BOUND
+    assert [text.get_text() for text in ax.texts] == ["6"]
     apart = np.isfinite(own.get_ydata())
     sixth = modified.series["velocity_lower"][:, 5]
     np.testing.assert_array_equal(own.get_ydata()[apart], sixth[apart])
@@ -237,6 +239,7 @@ def test_overview_of_a_target(modified, null_space):
         r"$|q_i - q_{i,\mathrm{target}}|$ [rad]",
         "joint velocity [rad/s]",
         "largest $|\\ddot q_i|$ [rad/s²]",
+        "limit [-]",
     ]
     texts = {text.get_text() for part in page.subfigs for text in part.texts}
     assert {

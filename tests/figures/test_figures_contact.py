@@ -8,11 +8,11 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_hex
 
 from drake_rnn.campaigns.sweep import Row
+from drake_rnn.colours import FORCE
 from drake_rnn.experiment import load_experiment
 from drake_rnn.figures import drawable, write_figures
 from drake_rnn.figures.force_panels import force_spectrum
 from drake_rnn.figures.learning import learning_figure
-from drake_rnn.figures.style import COLOURS
 from drake_rnn.figures.surface import force_scale, surface_axes, surface_coordinates
 from drake_rnn.runs.simulation import simulate
 from figure_helpers import assert_no_text_is_cut_off, changed, draw, is_dashed, panel
@@ -276,7 +276,7 @@ def pressed(result, shares):
 def test_a_run_that_is_hardly_off_has_one_colour(level, shares):
     drawn = curve(panel(pressed(level, shares), "path_on_surface"))
     rgba = drawn.to_rgba(drawn.get_array())[level.time[:-1] >= 1.0]
-    assert {to_hex(colour).upper() for colour in rgba} == {COLOURS[2]}
+    assert {to_hex(colour).upper() for colour in rgba} == {FORCE}
 
 
 @pytest.mark.parametrize("shares", [[1.0], [0.8, 1.0], [0.97, 1.3], [0.0, 1.0], [0.0, 7.0], [3.0]])
@@ -288,7 +288,7 @@ def test_the_desired_force_is_in_the_middle_of_a_colour(level, shares):
     k = int(np.searchsorted(edges, 0.1)) - 1
     assert edges[k : k + 2].mean() == pytest.approx(0.1)
     assert edges[k + 1] - edges[k] >= 0.02 * 0.1 - 1e-12
-    assert to_hex(colours.colors[k]).upper() == COLOURS[2]
+    assert to_hex(colours.colors[k]).upper() == FORCE
     assert edges[0] <= 0.1 * min(0.95, *shares) + 1e-12
     assert edges[-1] >= 0.1 * max(1.05, *shares) - 1e-12
 
@@ -368,7 +368,7 @@ def test_errors_before_the_window_do_not_flatten_those_in_it(level):
     np.testing.assert_allclose(ax.lines[0].get_ydata(), 1e3 * error)
     assert 0.1 < ax.get_ylim()[1] < 0.2
     (note,) = ax.texts
-    assert note.get_text() == "up to 10 outside the window"
+    assert note.get_text() == "10 at 0 s"
     # Everything is shown if the window stays readable.
     ax = panel(with_series(level, orientation_error=error.clip(max=3e-4)), "orientation_error")
     assert ax.get_ylim()[1] > 0.3
@@ -401,6 +401,7 @@ def test_overview(level, inclined, learned):
         "position error\nalong the surface",
         "orientation error",
     }
+    common.add("limit")
     assert labels(level) == {*common, "joint velocity", "force error"}
     assert labels(inclined) == {*common, "joint velocity, law", "force error"}
     assert labels(learned) == {*common, "joint velocity, law", r"error of $\hat J$"}
@@ -441,10 +442,13 @@ def test_runs_are_compared_by_what_they_learned(learned, monkeypatch, tmp_path):
         Row((1e-4,), {}, learning=(learned.time, 10 * error)),
         Row((1.0,), {}, failure="lost"),
     ]
-    assert learning_figure(["law.rho"], rows, tmp_path / "learning.png") is not None
+    units = {"law.rho": "rad^2/s"}
+    assert learning_figure(["law.rho"], rows, tmp_path / "learning.png", units) is not None
     (ax,) = drawn[0].get_axes()
     assert ax.get_yscale() == "log"
-    assert entries(ax) == ["rho = 1e-06", "rho = 0.0001"]
+    (told,) = drawn[0].legends
+    assert told.get_title().get_text() == "rho [rad²/s]"
+    assert [text.get_text() for text in told.get_texts()] == ["1e-06", "0.0001"]
     np.testing.assert_array_equal(ax.lines[1].get_ydata(), 10 * error)
     assert_no_text_is_cut_off(drawn[0])
     assert learning_figure(["law.rho"], rows[2:], tmp_path / "learning.png") is None

@@ -10,7 +10,7 @@ from matplotlib.colors import to_hex
 from drake_rnn.campaigns.sweep import Row
 from drake_rnn.experiment import load_experiment
 from drake_rnn.figures import drawable, write_figures
-from drake_rnn.figures.style import COLOURS
+from drake_rnn.figures.looks import SERIES
 from drake_rnn.figures.sweep import sweep_figure
 from drake_rnn.runs.simulation import simulate
 from figure_helpers import (
@@ -103,7 +103,7 @@ def test_drift_is_from_the_start_and_what_is_left_at_the_end(galjdf):
     np.testing.assert_array_equal(curves(top, 6), q - q[0])
     for k, mark in enumerate(top.lines[6:]):
         assert mark.get_marker() == "o"
-        assert mark.get_color() == COLOURS[k]
+        assert mark.get_color() == SERIES[k]
         assert [*mark.get_xdata(), *mark.get_ydata()] == [10.0, q[-1, k] - q[0, k]]
     assert bottom.get_ylabel() == "drift at the end [mrad]"
     heights = np.array([bar.get_height() for bar in bottom.patches])
@@ -190,7 +190,12 @@ def test_overview(galjdf, moaljdf, windowed):
 
     common = ["y [m]", "position error [mm]", "velocity error [µm/s]", "joint drift [rad]"]
     force = "largest $|\\ddot q_i|$ [rad/s²]"
-    assert labels(galjdf) == [*common, force, "smallest singular value of $J$ [m]"]
+    assert labels(galjdf) == [
+        *common,
+        force,
+        "smallest singular value of $J$ [m]",
+        "limit [-]",
+    ]
     common[2] = "velocity error [mm/s]"
     assert labels(moaljdf) == [*common, force, "joint torque [N m]"]
     texts = {text.get_text() for part in draw(galjdf, "overview").subfigs for text in part.texts}
@@ -226,12 +231,12 @@ def test_values_that_are_not_finite(galjdf, moaljdf, tmp_path):
 def pictured(monkeypatch, tmp_path):
     """Return a function that draws a sweep and returns its axes."""
 
-    def draw_sweep(keys, rows, metrics):
+    def draw_sweep(keys, rows, metrics, **units):
         drawn = []
         monkeypatch.setattr(
             "drake_rnn.figures.sweep.save", lambda figure, file: drawn.append(figure)
         )
-        assert sweep_figure(keys, rows, metrics, tmp_path / "sweep.png") is not None
+        assert sweep_figure(keys, rows, metrics, tmp_path / "sweep.png", units) is not None
         return [ax for ax in drawn[0].get_axes() if ax.get_visible()]
 
     return draw_sweep
@@ -260,6 +265,26 @@ def test_a_sweep_is_over_the_key_of_numbers_whichever_comes_first(pictured):
         assert len({(to_hex(line.get_color()), line.get_marker()) for line in ax.lines}) == 2
 
 
+def test_axes_of_a_sweep_are_named_with_their_units(pictured):
+    rows = [Row((x,), {"joint_jerk_max_rad_s3": x, "saturated_fraction": 0.1 * x}) for x in (1, 2)]
+    panels = pictured(["kappa"], rows, ["joint_jerk_max_rad_s3", "saturated_fraction"], kappa="1/s")
+    assert [ax.get_xlabel() for ax in panels] == ["kappa [1/s]"] * 2
+    assert [ax.get_ylabel() for ax in panels] == [
+        "joint jerk max [rad/s³]",
+        "saturated fraction [-]",
+    ]
+
+
+@pytest.mark.parametrize("count", range(1, 13))
+def test_no_row_of_a_page_is_half_empty(pictured, count):
+    names = [f"metric {k}" for k in range(count)]
+    rows = [Row((x,), {name: k + x for k, name in enumerate(names)}) for x in (1.0, 2.0)]
+    panels = pictured(["x"], rows, names)
+    lengths = [ax.get_subplotspec().colspan for ax in panels]
+    parts = panels[0].get_subplotspec().get_gridspec().ncols
+    assert sum(map(len, lengths)) == parts * len({ax.get_subplotspec().rowspan for ax in panels})
+
+
 def test_values_are_labelled_where_there_is_room(pictured):
     weights = [1, 2, 2.1, 100]
     (ax,) = pictured(["x"], [Row((x,), {"error": x}) for x in weights], ["error"])
@@ -269,6 +294,6 @@ def test_values_are_labelled_where_there_is_room(pictured):
 def test_a_duplicate_metric_is_left_out_and_a_constant_one_looks_constant(pictured):
     rows = [Row(row.values, {**row.metrics, "again": row.metrics["error"]}) for row in weighed()]
     panels = pictured(["scheme", "weight"], rows, ["error", "again", "speed"])
-    assert [ax.get_title() for ax in panels] == ["error", "speed"]
+    assert [ax.get_ylabel() for ax in panels] == ["error", "speed"]
     # Nearly constant, and drawn so.
     assert panels[1].get_ylim()[0] == 0.0

@@ -9,13 +9,13 @@ from PIL import Image
 from drake_rnn import JointLimits
 from drake_rnn.experiment import load_experiment
 from drake_rnn.figures import drawable
+from drake_rnn.figures.bound_shares import shares_of_bounds
 from drake_rnn.figures.comparison import (
-    _share_of_range,
     comparison_figure,
-    shares_of_bounds,
 )
 from drake_rnn.figures.derivative_panels import derivatives_of_motion
 from drake_rnn.figures.style import save
+from drake_rnn.runs.limit_use import share_of_range
 from drake_rnn.runs.simulation import simulate
 from figure_helpers import assert_no_text_is_cut_off, changed, curves, dashed_levels, draw
 
@@ -88,7 +88,8 @@ def test_derivatives_are_the_arms_and_as_large_as_the_metrics_say(filters, print
             largest = np.abs(curves(axes[order])).max() / BOUNDS[order - 1]
             assert largest == pytest.approx(result.metrics[RATIOS[order - 1]], rel=1e-6)
         notes = [ax.get_title(loc="right") for ax in axes[1:]]
-        told = [f"up to {result.metrics[name]:.3g} × bound" for name in RATIOS]
+        ratios = [result.metrics[name] for name in RATIOS]
+        told = [f"{'✗ ' * (ratio > 1)}up to {ratio:.3g} × bound" for ratio in ratios]
         assert notes == told
 
 
@@ -253,6 +254,6 @@ def test_joints_without_limits_have_no_share_of_their_range():
     """Without a warning, and the others have theirs; with none at all there is no curve."""
     q = np.array([[0.5, 3.0], [-0.5, 3.0]])
     half = JointLimits(position_lower=[-1, -np.inf], position_upper=[1, np.inf], velocity=[1, 1])
-    np.testing.assert_allclose(_share_of_range(q, half), [0.5, 0.5])
+    np.testing.assert_allclose(share_of_range(q, half), [0.5, 0.5])
     none = JointLimits(position_lower=[-1] * 2, position_upper=[np.inf] * 2, velocity=[1, 1])
-    assert np.isnan(_share_of_range(q, none)).all()
+    assert np.isnan(share_of_range(q, none)).all()

@@ -57,11 +57,15 @@ def test_halving_the_period_takes_the_error_to_an_eighth(monkeypatch):
     ("changes", "best"),
     [
         ({}, 1e-7),
-        ({"task_size": 6}, 3e-7),
-        ({"limits": JERKY}, 1e-7),
+        pytest.param({"task_size": 6}, 3e-7, marks=pytest.mark.long),
+        pytest.param({"limits": JERKY}, 1e-7, marks=pytest.mark.long),
         ({"jacobian": "learned"}, 1e-7),
-        ({"jacobian": "learned", "task_size": 6}, 1e-6),
-        ({"secondary": {"manipulability": 1.0, "low_acceleration": 0.2}}, 1e-7),
+        pytest.param({"jacobian": "learned", "task_size": 6}, 1e-6, marks=pytest.mark.long),
+        pytest.param(
+            {"secondary": {"manipulability": 1.0, "low_acceleration": 0.2}},
+            1e-7,
+            marks=pytest.mark.long,
+        ),
     ],
 )
 def test_a_circle_is_joined_and_tracked(changes, best):

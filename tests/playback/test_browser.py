@@ -2,139 +2,145 @@
 
 from __future__ import annotations
 
-import json
-import shutil
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from browsing import ask, chromium, farthest, messages, open_page, requests, set_size, wait_for
 from drake_rnn.experiment import load_experiment
+from drake_rnn.playback import _in_notebook as in_notebook
 from drake_rnn.playback import write_playback
 from drake_rnn.runs.simulation import simulate
 
-CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
 DURATION = 2.0
 
 
 @pytest.fixture
-def browser(tmp_path: Path) -> Iterator[Any]:
-    webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
-    if CHROMIUM is None or DRIVER is None:
-        pytest.skip("Debian's chromium and chromium-driver are not installed")
-    options = webdriver.ChromeOptions()
-    options.binary_location = CHROMIUM
-    for argument in (
-        "--headless",
-        "--no-sandbox",  # chromium refuses a sandbox for root
-        "--use-angle=swiftshader",  # WebGL without a graphics card
-        "--enable-unsafe-swiftshader",
-        "--host-resolver-rules=MAP * ~NOTFOUND",
-        "--disable-quic",
-        "--disable-sync",
-        "--disable-background-networking",
-        "--disable-component-update",
-        "--disable-dev-shm-usage",
-        "--no-first-run",
-        "--window-size=640,400",
-        f"--user-data-dir={tmp_path / 'profile'}",
-    ):
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
-    driver.set_page_load_timeout(30)
-    try:
+def browser() -> Iterator[Any]:
+    """One of its own for each test, as what it asks for is looked at."""
+    with chromium() as driver:
+        set_size(driver, (640, 460))
         yield driver
-    finally:
-        driver.quit()
 
 
-def wait_for(condition: Callable[[], bool], seconds: float = 20.0) -> bool:
-    until = time.monotonic() + seconds
-    while time.monotonic() < until:
-        if condition():
-            return True
-        time.sleep(0.05)
-    return False
-
-
-def test_a_playback_plays_without_a_network(browser: Any, tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def known() -> Any:
     changes = {"duration": DURATION, "window": None}
-    result = simulate(load_experiment("slc_nephroid_known", changes))
-    page = write_playback(result, tmp_path / "playback.html")
-    browser.get(page.as_uri())
+    return simulate(load_experiment("slc_nephroid_known", changes))
 
-    def ask(expression: str) -> Any:
-        return browser.execute_script(f"return {expression}")
 
-    # It plays by itself and in a loop, with all tracks in step.
-    assert wait_for(lambda: ask("viewer.animator.actions.length") > 0)
-    assert ask("viewer.animator.playing")
-    assert ask("viewer.animator.duration") == DURATION
-    assert wait_for(lambda: ask("viewer.animator.mixer.time") > 0.1)
-    browser.execute_script("viewer.animator.mixer.timeScale = 5")
-    assert wait_for(lambda: ask("viewer.animator.mixer.time") > 1.5 * DURATION)
-    assert ask("viewer.animator.playing")
-    times = ask("viewer.animator.actions.map(action => action.time)")
+def test_a_playback_plays_without_a_network(browser: Any, known: Any, tmp_path: Path) -> None:
+    page = write_playback(known, tmp_path / "playback.html")
+    open_page(browser, page)
+
+    # It plays by itself, and over and over.
+    assert ask(browser, "playback.playing")
+    assert ask(browser, "playback.duration") == DURATION
+    assert wait_for(lambda: ask(browser, "playback.time") > 0.1)
+    browser.execute_script("playback.seek(1.9); playback.play(); playback.setSpeed(5)")
+    assert wait_for(lambda: ask(browser, "playback.time") < 1.5)
+    assert ask(browser, "playback.playing")
+    times = ask(browser, "viewer.animator.actions.map(action => action.time)")
     assert max(times) - min(times) < 1e-6
 
     # The tool's origin is E, and the traced path follows it. In three.js, y points up.
-    browser.execute_script("viewer.animator.pause()")
     shown = []
     for sample in (0, 50, 125, 200):
-        t = result.time[sample]
-        browser.execute_script(f"viewer.animator.seek({t}); viewer.scene.updateMatrixWorld(true);")
+        t = known.time[sample]
+        browser.execute_script(f"playback.seek({t}); viewer.scene.updateMatrixWorld(true);")
+        assert ask(browser, "playback.time") == pytest.approx(t)
         tool = "viewer.scene_tree.find(['arm', 'panda', 'tool']).object"
-        x, y, z = ask(f"{tool}.matrixWorld.elements.slice(12, 15)")
-        np.testing.assert_allclose([x, -z, y], result.series["p_WE"][sample], atol=1e-3)
-        pieces = "Object.values(viewer.scene_tree.find(['traced', 'path']).children)"
-        shown.append(ask(f"{pieces}.filter(piece => piece.object.visible).length"))
+        x, y, z = ask(browser, f"{tool}.matrixWorld.elements.slice(12, 15)")
+        np.testing.assert_allclose([x, -z, y], known.series["p_WE"][sample], atol=1e-3)
+        traced = "viewer.scene_tree.find(['traced', 'path', '<object>']).object"
+        drawn = f"{traced}.visible ? {traced}.geometry.drawRange.count : 0"
+        shown.append(ask(browser, drawn))
+    assert not ask(browser, "playback.playing")
     assert shown[0] == 0
     assert np.all(np.diff(shown) > 0)
-    assert shown[-1] == ask(f"{pieces}.length")
+    assert shown[-1] == ask(browser, f"{traced}.geometry.index.count")
 
-    assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
-    messages = [json.loads(entry["message"]) for entry in browser.get_log("performance")]
-    requests = [
-        message["message"]["params"]
-        for message in messages
-        if message["message"]["method"] == "Network.requestWillBeSent"
-    ]
+    assert messages(browser) == []
     # Other requests are those of the empty tab before.
-    urls = {sent["request"]["url"] for sent in requests if sent["documentURL"] == page.as_uri()}
+    sent = [one for one in requests(browser) if one["documentURL"] == page.as_uri()]
+    urls = {one["request"]["url"] for one in sent}
     assert {url for url in urls if not url.startswith("data:")} == {page.as_uri()}
 
 
+@pytest.mark.long
+def test_a_film_is_seen_without_bars(browser: Any, known: Any, tmp_path: Path) -> None:
+    """Whatever is asked for in one script is in the picture that the same script takes."""
+    open_page(browser, write_playback(known, tmp_path / "playback.html", 8))
+    browser.execute_script("playback.chrome(false); playback.setView('close')")
+    assert ask(browser, "[innerWidth, innerHeight]") == ask(
+        browser, "[viewer.renderer.domElement.width, viewer.renderer.domElement.height]"
+    )
+    taken = "viewer.render(); return viewer.renderer.domElement.toDataURL();"
+    first, second, again = (
+        browser.execute_script(f"playback.seek({t}); {taken}") for t in (0.5, 1.5, 0.5)
+    )
+    assert first != second
+    assert first == again
+    browser.execute_script("playback.chrome(true)")
+    assert ask(browser, "document.getElementById('bar').offsetHeight") > 0
+
+
+@pytest.mark.parametrize("size", [(240, 140), (140, 240), (320, 200), (1000, 250)])
+def test_the_arm_is_in_a_picture_of_any_shape(
+    browser: Any, known: Any, tmp_path: Path, size: tuple[int, int]
+) -> None:
+    """With and without room for the path enlarged in a corner."""
+    page = write_playback(known, tmp_path / "playback.html", 8)
+    open_page(browser, page, (max(size[0], 500), 700))
+    browser.execute_script("playback.chrome(false)")
+    set_size(browser, size)
+    canvas = "viewer.renderer.domElement"
+    fits = f"[{canvas}.clientWidth, {canvas}.clientHeight].join() === '{size[0]},{size[1]}'"
+    assert wait_for(lambda: ask(browser, fits))
+    for t in (0.0, 2.0):
+        browser.execute_script(f"playback.seek({t})")
+        reach = farthest(browser, ["arm", "desired", "traced"])
+        assert 0.5 < reach.max() < 1.0
+
+
+def test_a_frame_of_a_notebook_has_room_for_the_arm(
+    browser: Any, known: Any, tmp_path: Path
+) -> None:
+    notebook = tmp_path / "notebook.html"
+    notebook.write_text(f"<!DOCTYPE html><body style='margin: 0'>{in_notebook(known)}</body>")
+    set_size(browser, (800, 700))
+    browser.get(notebook.as_uri())
+    browser.switch_to.frame(0)
+    assert wait_for(lambda: ask(browser, "Boolean(window.playback && playback.ready)"))
+    assert ask(browser, "innerHeight") == 480
+    assert ask(browser, "document.getElementById('meshcat-pane').offsetHeight") > 0.45 * 480
+    assert messages(browser) == []
+
+
+@pytest.mark.long
 def test_the_ghost_stands_still_while_the_arm_comes_to_it(browser: Any, tmp_path: Path) -> None:
     result = simulate(load_experiment("modified_state_adjustment"))
-    browser.get(write_playback(result, tmp_path / "playback.html").as_uri())
-    assert wait_for(lambda: browser.execute_script("return viewer.animator.actions.length") > 0)
-    browser.execute_script("viewer.animator.pause()")
+    open_page(browser, write_playback(result, tmp_path / "playback.html"))
 
     def poses(scene: str, t: float) -> Any:
-        browser.execute_script(f"viewer.animator.seek({t}); viewer.scene.updateMatrixWorld(true);")
-        return np.array(
-            [
-                browser.execute_script(
-                    f"return viewer.scene_tree.find(['{scene}', 'iiwa14', 'iiwa_link_{k}'])"
-                    ".object.matrixWorld.elements"
-                )
-                for k in range(1, 8)
-            ]
-        )
+        browser.execute_script(f"playback.seek({t}); viewer.scene.updateMatrixWorld(true);")
+        links = [f"iiwa_link_{k}" for k in range(1, 8)]
+        find = f"viewer.scene_tree.find(['{scene}', 'iiwa14', link]).object.matrixWorld.elements"
+        return np.array(ask(browser, f"arguments[0].map(link => {find})", links))
 
     ghost = poses("target", 0.0)
     assert np.abs(poses("arm", 0.0) - ghost).max() > 0.1
     np.testing.assert_allclose(poses("arm", result.time[-1]), ghost, atol=1e-4)
     np.testing.assert_array_equal(poses("target", result.time[-1]), ghost)
     # The viewer knows every property of the ghost.
-    assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
+    assert messages(browser) == []
 
 
-@pytest.mark.parametrize("size", [(900, 600), (500, 800)])
+@pytest.mark.long
+@pytest.mark.parametrize("size", [(900, 600), (390, 800)])
 def test_labels_are_below_their_drawings_in_any_window(
     browser: Any, tmp_path: Path, size: tuple[int, int]
 ) -> None:
@@ -144,27 +150,25 @@ def test_labels_are_below_their_drawings_in_any_window(
         simulate(load_experiment(f"{scheme}_clover_iiwa", changes | {"name": scheme}))
         for scheme in ("naljdf", "galjdf")
     )
-    browser.set_window_size(*size)
     page = write_playback(naljdf, tmp_path / "playback.html", 8, beside=[galjdf])
-    browser.get(page.as_uri())
-    width, height = browser.execute_script("return [innerWidth, innerHeight]")
+    open_page(browser, page, size)
+    pane = ask(browser, "document.getElementById('stage').getBoundingClientRect().toJSON()")
 
     def places() -> list[dict[str, float]]:
-        script = """return [...document.querySelectorAll(".label")].map(label => {
-            const {left, right, top} = label.getBoundingClientRect();
-            return {left, right, top};
-        })"""
-        found: list[dict[str, float]] = browser.execute_script(script)
-        return found
+        found: list[dict[str, float]] = ask(
+            browser,
+            "[...document.querySelectorAll('.label')].map(x => x.getBoundingClientRect().toJSON())",
+        )
+        return sorted(found, key=lambda label: label["left"])
 
     def seen() -> bool:
+        one, other = places()
+        low, high = pane["top"] + pane["height"] / 3, pane["bottom"]
         inside = all(
-            label["left"] > 0 and label["right"] < width and height / 3 < label["top"] < height
-            for label in places()
+            label["left"] > 0 and label["right"] < size[0] and low < label["top"] < high
+            for label in (one, other)
         )
-        one, other = sorted(places(), key=lambda label: label["left"])
         return inside and one["right"] < other["left"]
 
-    assert wait_for(lambda: browser.execute_script("return viewer.animator.actions.length") > 0)
     assert wait_for(seen), places()
-    assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
+    assert messages(browser) == []

@@ -111,17 +111,8 @@ def vertices(page: Page, path: str) -> np.ndarray:
     return np.frombuffer(data, dtype=np.float32).reshape(-1, 3).astype(float)
 
 
-def pieces(page: Page) -> list[str]:
-    return sorted(path for path in page.objects if path.startswith("/traced/path/"))
-
-
-def appears(page: Page, piece: str) -> int:
-    keys = page.tracks[piece, ".visible"]
-    return min(frame for frame, visible in keys if visible)
-
-
 def traced_vertices(page: Page) -> np.ndarray:
-    return np.concatenate([vertices(page, piece) for piece in pieces(page)])
+    return vertices(page, "/traced/path")
 
 
 def with_force(result: Result, force: np.ndarray) -> Result:
@@ -137,23 +128,23 @@ def heights(points: np.ndarray, result: Result) -> np.ndarray:
 def test_nothing_is_drawn_before_the_tool_touches(approach: Result, approach_page: Page) -> None:
     touch = approach.time[np.argmax(touches(approach))]
     assert touch > 0.3
-    assert len(pieces(approach_page)) >= 5
-    assert min(appears(approach_page, piece) for piece in pieces(approach_page)) >= touch * RATE
+    time, faces = approach_page.grows("/traced/path")
+    assert (time[0], faces[0]) == (pytest.approx(touch), 0)
+    assert len(time) >= 5
 
 
 def test_strokes_appear_one_after_another(approach_page: Page) -> None:
-    since = [appears(approach_page, piece) for piece in pieces(approach_page)]
-    assert np.all(np.diff(since) > 0)
-    assert since[-1] == 1.5 * RATE
+    time, faces = approach_page.grows("/traced/path")
+    assert np.all(np.diff(time) >= 0)
+    assert np.all(np.diff(faces) >= 0)
+    assert time[-1] == pytest.approx(1.5)
 
 
 def test_once_contact_is_lost_the_drawing_stays_as_it_is(edge: Result, edge_page: Page) -> None:
     lost = edge.time[np.flatnonzero(touches(edge))[-1]]
     assert lost < 1.2
-    # At most one frame late.
-    assert max(appears(edge_page, piece) for piece in pieces(edge_page)) <= lost * RATE + 1
-    for piece in pieces(edge_page):
-        assert edge_page.tracks[piece, ".visible"][-1] == (1.5 * RATE, True)
+    time, _ = edge_page.grows("/traced/path")
+    assert time[-1] == pytest.approx(lost)
 
 
 def test_nothing_is_drawn_beyond_the_edge(edge: Result, edge_page: Page) -> None:
@@ -212,7 +203,9 @@ def test_a_touch_of_one_sample_is_a_dot(edge: Result, tmp_path: Path) -> None:
     force = np.zeros((len(edge.time), 3))
     force[40] = UP
     page = page_of(with_force(edge, force), tmp_path)
-    assert len(pieces(page)) == 1
+    time, faces = page.grows("/traced/path")
+    assert time.tolist() == pytest.approx(2 * [edge.time[40]])
+    assert faces[-1] > faces[0]
     dot = traced_vertices(page)
     np.testing.assert_allclose(dot.mean(axis=0)[:2], edge.series["p_WE"][40, :2], atol=1e-4)
     assert 5e-4 < np.ptp(dot, axis=0)[:2].max() < 3e-3
@@ -220,7 +213,8 @@ def test_a_touch_of_one_sample_is_a_dot(edge: Result, tmp_path: Path) -> None:
 
 def test_a_run_without_a_touch_can_be_shown(edge: Result, tmp_path: Path) -> None:
     page = page_of(with_force(edge, np.zeros((len(edge.time), 3))), tmp_path)
-    assert not pieces(page)
+    assert page.data["grows"] == []
+    assert "/traced/path" not in page.objects
     assert not any(visible for _, visible in page.tracks["/force", ".visible"])
 
 
@@ -259,7 +253,8 @@ def test_the_arm_never_hides_the_arrow(approach_page: Page) -> None:
 
 def test_the_caption_says_how_long_an_arrow_is(approach_page: Page, inclined_page: Page) -> None:
     for page in (approach_page, inclined_page):
-        assert "force, 5 N = 10 cm" in page.text
+        assert page.data["legend"]["force"] == "force, 5 N = 10 cm"
+        assert "force, 5 N = 10 cm</li>" in page.text
 
 
 @pytest.mark.parametrize(
@@ -388,28 +383,37 @@ def test_the_ring_goes_where_the_tool_is_to_be(inclined: Result, inclined_page: 
 
 
 @pytest.mark.parametrize("kind", ["approach", "edge", "inclined"])
-def test_the_camera_is_near_enough_to_read_the_drawing(
+def test_near_views_show_the_drawing_and_the_arrow_from_its_side_of_the_surface(
     kind: str, request: pytest.FixtureRequest
 ) -> None:
-    page = request.getfixturevalue(f"{kind}_page")
-    # Meshcat's camera has y pointing up: (x, z, -y).
-    x, y, z = page.properties["/Cameras/default/rotated/<object>", "position"]
-    eye = np.array([x, -z, y])
-    x, y, z = page.looks_at
-    ahead = np.array([x, -z, y]) - eye
-    ahead /= np.linalg.norm(ahead)
-    right = np.cross(ahead, UP)
-    right /= np.linalg.norm(right)
-    screen = np.stack((right, np.cross(right, ahead))) / math.tan(math.radians(15.0))
     contact = contact_of(request.getfixturevalue(kind))
+    views = request.getfixturevalue(f"{kind}_page").data["views"]
     arrow = contact.contact + LENGTH * contact.normal
-    for points in (contact.course, contact.contact, arrow):
-        aside, above = screen @ (points - eye).T / ((points - eye) @ ahead)
-        assert np.abs(aside).max() < 1.4
-        assert np.abs(above).max() < 1.0
-    # The view is neither along the surface nor from below; 3 cm fill at least a tenth of it.
-    assert -ahead @ contact.normal > 0.3
-    assert 0.03 / np.linalg.norm(eye - contact.p_WS) / math.tan(math.radians(15.0)) > 0.2
+    for name, shown in (
+        ("close", np.concatenate((contact.course, arrow))),
+        ("path", contact.course),
+    ):
+        assert np.dot(views[name]["direction"], contact.normal) > 0.25
+        held = np.array(views[name]["points"])
+        assert (held.min(axis=0) <= shown.min(axis=0) + 1e-3).all()
+        assert (held.max(axis=0) >= shown.max(axis=0) - 1e-3).all()
+        # Near enough for a drawing of 3 cm to be seen.
+        assert np.ptp(held, axis=0).max() < 0.7
+
+
+def test_an_inclined_plate_is_seen_from_its_side(inclined_page: Page, inclined: Result) -> None:
+    """Its slope is across the line of sight, and the ground is seen from not far above."""
+    uphill = contact_of(inclined).normal * [1, 1, 0]
+    for name in ("arm", "close"):
+        direction = np.array(inclined_page.data["views"][name]["direction"])
+        assert abs(direction @ uphill) / np.linalg.norm(uphill) < 0.6, name
+    assert 0.2 < inclined_page.data["views"]["arm"]["direction"][2] < 0.5
+
+
+def test_a_post_carries_a_plate_above_the_ground(inclined_page: Page) -> None:
+    assert inclined_page.objects["/stand"]["geometries"][0]["type"] == "CylinderGeometry"
+    x, y, _ = inclined_page.poses["/stand"][:3, 3]
+    np.testing.assert_allclose([x, y], inclined_page.poses["/surface/plate"][:2, 3], atol=1e-9)
 
 
 @pytest.mark.parametrize("count", [1, 2])
@@ -438,7 +442,7 @@ def test_a_run_without_contact_has_neither_surface_nor_force(tmp_path: Path) -> 
     page = page_of(run("slc_nephroid_known", duration=0.1), tmp_path)
     assert not [path for path in page.objects if path.startswith(("/surface", "/force"))]
     assert not [path for path, _ in page.tracks if path.startswith(("/surface", "/force"))]
-    assert "force" not in page.text.rpartition('<div id="caption">')[2]
+    assert page.data["legend"]["force"] is None
 
 
 def test_a_plate_is_not_clear(edge_page: Page, edge: Result) -> None:

@@ -44,12 +44,18 @@ def test_killed_at_any_moment_it_is_one_result_or_incomplete(result, tmp_path):
     results[0].save(folder)
     outcomes = set()
     for _ in range(60):
+        begun, begins = os.pipe()
         child = os.fork()
         if child == 0:
             try:
+                os.write(begins, b"1")
                 save_for_ever(results, folder)
             finally:
                 os._exit(1)
+        # On a busy machine the child begins late.
+        os.read(begun, 1)
+        os.close(begun)
+        os.close(begins)
         time.sleep(rng.uniform(0.0, 0.04))
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)

@@ -106,12 +106,15 @@ def test_the_end_is_marked_once_it_is_reached(tmp_path, duration):
     result = run(LINE, duration=duration)
     write_figures(result, tmp_path / "figures")
     page = write_playback(result, tmp_path / "playback.html").read_text()
-    assert ("&#9632;</span> end" in page) == (duration >= 1.0)
+    assert ('<i class="square desired"></i>end' in page) == (duration >= 1.0)
 
 
 def test_a_closed_path_has_no_end_in_the_playback(tmp_path):
     result = run({"kind": "circle", "size": 0.02, "period": 1.0, "laps": 1, "timing": "sin2"})
-    assert "&#9632;</span> end" not in write_playback(result, tmp_path / "page.html").read_text()
+    assert (
+        '<i class="square desired"></i>end'
+        not in write_playback(result, tmp_path / "page.html").read_text()
+    )
 
 
 def test_a_law_that_should_return_the_joints_shows_its_angles_along_an_open_path(tmp_path):
@@ -182,7 +185,7 @@ def test_a_trajectory_of_drakes_runs_with_metrics_figures_and_playback(tmp_path)
     assert result.metrics["orientation_error_max_rad"] < 5e-5
     assert {"orientation_error", "path_3d"} <= set(drawable(result))
     page = write_playback(result, tmp_path / "page.html").read_text()
-    assert "&#9632;</span> end" in page
+    assert '<i class="square desired"></i>end' in page
     assert json.dumps(result.metrics)
 
 

@@ -30,12 +30,12 @@ _APART = 0.1
 
 
 def structure_inputs(run: Run, name: str) -> float:
-    """Return the number of signals that an experiment's law sees of the arm's structure [1]."""
+    """Number of signals that an experiment's law sees of the arm's structure [1]."""
     return signals_of_structure(name)
 
 
 def joint_speed(run: Run, name: str, joint: int) -> float:
-    """Return the largest speed that the law gives to a joint, from 1 on, per its bound [1]."""
+    """Largest speed that the law gives to a joint, from 1 on, per its bound [1]."""
     result = run(name, None)
     bound = result.experiment.limits.require("velocity", "the speed bound")
     largest = np.abs(result.series["network_velocity"]).max(axis=0)
@@ -43,7 +43,7 @@ def joint_speed(run: Run, name: str, joint: int) -> float:
 
 
 def visits_to_acceleration_bound(run: Run, name: str) -> float:
-    """Return how often the largest joint acceleration of the law comes to its bound [1]."""
+    """How often the largest joint acceleration of the law comes to its bound [1]."""
     result = run(name, None)
     bound = result.experiment.limits.require("acceleration", "the acceleration bound").min()
     largest = np.abs(result.series["network_acceleration"]).max(axis=1)
@@ -52,7 +52,7 @@ def visits_to_acceleration_bound(run: Run, name: str) -> float:
 
 
 def learning_time(run: Run, name: str, changes: Mapping[str, Any], level: float) -> float:
-    """Return when the largest entry of J - J_hat first is below a level in metres [s]."""
+    """When the largest entry of J - J_hat first is below a level in metres [s]."""
     result = run(name, changes)
     error = np.abs(result.series["J"] - result.series["J_hat"]).max(axis=(1, 2))
     below = result.time[error < level]
@@ -60,7 +60,7 @@ def learning_time(run: Run, name: str, changes: Mapping[str, Any], level: float)
 
 
 def jacobian_mismatch(run: Run, name: str, start: float) -> float:
-    """Return the largest |J - J_hat| after a time, per the largest change of J from then on [1]."""
+    """Largest |J - J_hat| after a time, per the largest change of J from then on [1]."""
     result = run(name, None)
     late = result.time >= start
     J, J_hat = result.series["J"][late], result.series["J_hat"][late]
@@ -68,22 +68,22 @@ def jacobian_mismatch(run: Run, name: str, start: float) -> float:
 
 
 def step_cost(run: Run, name: str) -> float:
-    """Return the median time of one sample of the run's law alone [us]."""
+    """Median time of one sample of the run's law alone [us]."""
     return run(name, None).timings["control_step_us"]
 
 
 def cost_ratio(run: Run, name: str, other: str) -> float:
-    """Return the time of one sample of a run's law, per that of another run's [1]."""
+    """Time of one sample of a run's law, per that of another run's [1]."""
     return time_ratio(_sample(run(name, None)), _sample(run(other, None)))
 
 
 def printed_rho(run: Run, xi: float, tau: float) -> float:
-    """Return rho = tau / xi, as the paper defines it [rad^2/s]."""
+    """Rho = tau / xi, as the paper defines it [rad^2/s]."""
     return tau / xi
 
 
 def projection_product(run: Run, *, nearest: bool) -> float:
-    """Return the least (m - P(m))^T (P(m) - w) for m outside a box and w in it [1].
+    """Least (m - P(m))^T (P(m) - w) for m outside a box and w in it [1].
 
     Args:
         run: Not needed.
@@ -98,7 +98,7 @@ def projection_product(run: Run, *, nearest: bool) -> float:
 
 
 def projection_excess(run: Run) -> float:
-    """Return the least of (m - P(m))^T (m - w) / |m - P(m)|^2 for m outside a box, w in it [1]."""
+    """Least of (m - P(m))^T (m - w) / |m - P(m)|^2 for m outside a box, w in it [1]."""
     return min(
         float((m - P_m) @ (m - point) / ((m - P_m) @ (m - P_m)))
         for m, P_m, w in _outside()
@@ -107,7 +107,7 @@ def projection_excess(run: Run) -> float:
 
 
 def acceleration_ratio(run: Run, samples: int = 2000) -> float:
-    """Return the largest joint acceleration at random states of the network, per its bound [1]."""
+    """Largest joint acceleration at random states of the network, per its bound [1]."""
     result = run("slc_nephroid_known", None)
     law = result.experiment.law
     assert isinstance(law, SimultaneousLearning)
@@ -123,7 +123,7 @@ def acceleration_ratio(run: Run, samples: int = 2000) -> float:
 
 
 def convexity(run: Run, samples: int = 2000) -> float:
-    """Return how far the learning's cost, half |v_WE - J_hat v|^2, lies below its chords [m^2/s^2].
+    """How far the learning's cost, half |v_WE - J_hat v|^2, lies below its chords [m^2/s^2].
 
     The least over random pairs of J_hat, halfway between them; at least 0 if the cost is convex.
     """

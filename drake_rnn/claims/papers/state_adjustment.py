@@ -81,9 +81,10 @@ def off_the_optimum(run: Run, name: str) -> float:
 
 
 def off_the_optimum_at_rest(run: Run, name: str) -> float:
-    """The same once the network has settled, posture and time standing still [rad/s].
+    """Distance of a joint's velocity from the optimum once the network has settled [rad/s].
 
-    At five of these instants, after two thousand time constants.
+    The largest at five of the instants of `off_the_optimum`, posture and time standing still, after
+    two thousand time constants.
     """
     result = run(name, None)
     law = _law(result)

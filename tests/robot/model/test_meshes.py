@@ -1,7 +1,9 @@
 """Meshes of models: in which formats they may be, where they are found, and what if they fail."""
 
+import base64
 import json
 import multiprocessing
+import re
 
 import numpy as np
 import pytest
@@ -259,4 +261,6 @@ def test_a_run_of_an_arm_with_meshes_plays_back(tmp_path, ending):
     result = simulate(make_experiment(experiment(arm)))
     assert result.metrics["position_error_max_m"] < 1e-4
     page = write_playback(result, tmp_path / "playback.html", 8).read_text()
-    assert page.count("data:application/octet-binary;base64,") > 1
+    (scene,) = re.findall(r'<script id="playback-scene" [^>]*>(.*?)</script>', page)
+    sent = [base64.b64decode(command) for command in json.loads(scene)]
+    assert any(b"_meshfile_object" in command for command in sent)

@@ -1,0 +1,139 @@
+"""Moving pictures of results that are saved."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TextColumn
+
+from ..errors import InvalidInputError
+from ..film import FilmProgress, FilmSettings, write_film
+from ..runs.result import Result
+from .again import Folder
+from .console import FAILED, err, errors, out
+
+_UNITS = {"": 1, "B": 1, "KB": 1_000, "MB": 1_000_000}
+#: Options that have other names than the settings that they are.
+_OPTIONS = {
+    "begin": "--from",
+    "end": "--to",
+    "frames_per_second": "--fps",
+    "most_bytes": "--most-bytes",
+    "seconds": "--seconds",
+    "size": "--size",
+}
+
+
+def film(  # noqa: PLR0913  one argument for each option
+    folder: Folder,
+    form: Annotated[
+        Literal["webp", "gif", "mp4"],
+        typer.Option("--format", help="Format of the file; mp4 needs ffmpeg."),
+    ] = "webp",
+    size: Annotated[
+        str, typer.Option(metavar="WIDTHxHEIGHT", help="Size of its pictures [px].")
+    ] = "640x400",
+    frames_per_second: Annotated[
+        float, typer.Option("--fps", help="Pictures in each second of the film [1/s].")
+    ] = 12.0,
+    seconds: Annotated[
+        float, typer.Option(help="Length of the film [s]; a longer run is shown faster.")
+    ] = 8.0,
+    begin: Annotated[
+        float, typer.Option("--from", help="Time of the run at which the film begins [s].")
+    ] = 0.0,
+    end: Annotated[
+        float | None, typer.Option("--to", help="Time of the run at which it ends [s].")
+    ] = None,
+    view: Annotated[
+        Literal["arm", "close", "path"] | None,
+        typer.Option(help="What it shows; by default what the playback shows first."),
+    ] = None,
+    theme: Annotated[
+        Literal["light", "dark"], typer.Option(help="Light or dark ground.")
+    ] = "light",
+    most_bytes: Annotated[
+        str,
+        typer.Option(metavar="SIZE", help="Size that the file must not exceed, e.g. 800kB."),
+    ] = "1.5MB",
+    beside: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="FOLDER", help="Show the path of this result beside it; repeatable."),
+    ] = None,
+) -> None:
+    """Write a saved result as a moving picture, into its folder."""
+    with errors(), _named_as_options():
+        width, height = _size_of(size)
+        settings = FilmSettings(
+            size=(width, height),
+            frames_per_second=frames_per_second,
+            seconds=seconds,
+            begin=begin,
+            end=end,
+            view=view,
+            theme=theme,
+            most_bytes=_bytes_of(most_bytes),
+        )
+        result, *others = (Result.load(each, modules=True) for each in (folder, *(beside or [])))
+        try:
+            with _bar() as progress:
+                written = write_film(result, folder / f"film.{form}", settings, others, progress)
+        except KeyboardInterrupt:
+            err.print("[red]failed[/] film: interrupted; nothing is written")
+            raise typer.Exit(FAILED) from None
+    out.print(escape(f"film      {written}"), soft_wrap=True)
+
+
+def _size_of(text: str) -> tuple[int, int]:
+    found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text)
+    if found is None:
+        raise InvalidInputError(f"--size: must be width and height, e.g. 640x400, not {text!r}")
+    return int(found[1]), int(found[2])
+
+
+def _bytes_of(text: str) -> int:
+    found = re.fullmatch(r"(\d+(?:\.\d+)?) ?(k?B|MB|)", text, re.IGNORECASE)
+    if found is None:
+        raise InvalidInputError(
+            f"--most-bytes: must be a number of bytes, kB or MB, e.g. 800kB, not {text!r}"
+        )
+    return round(float(found[1]) * _UNITS[found[2].upper()])
+
+
+@contextmanager
+def _named_as_options() -> Iterator[None]:
+    """Name options in errors in place of the settings that they are."""
+    try:
+        yield
+    except InvalidInputError as error:
+        found = re.match(r"(?:FilmSettings\.)?(\w+)(?:\.\d)?(: .*)", str(error), re.DOTALL)
+        if found is None or found[1] not in _OPTIONS:
+            raise
+        raise InvalidInputError(_OPTIONS[found[1]] + found[2]) from None
+
+
+def _told_by_quarters(done: int, count: int) -> None:
+    if done == count or done % max(1, count // 4) == 0:
+        err.print(f"film: {done} of {count} pictures are drawn")
+
+
+@contextmanager
+def _bar() -> Iterator[FilmProgress]:
+    """Show a progress bar on a terminal; elsewhere a line for each quarter."""
+    if not err.is_terminal:
+        yield _told_by_quarters
+        return
+    columns: tuple[Any, ...] = (
+        TextColumn("drawing pictures"),
+        BarColumn(),
+        TextColumn("{task.completed:.0f} / {task.total:.0f}"),
+    )
+    with Progress(*columns, console=err, transient=True) as bar:
+        task = bar.add_task("", total=None)
+        yield lambda done, count: bar.update(task, completed=done, total=count)

@@ -1,0 +1,28 @@
+"""The colours of playbacks, figures and pages: what means the same has one colour everywhere.
+
+Blue and vermilion are of Okabe and Ito. What means something is told apart, and stands out from the
+arm, a surface and paper, also for people who see no red or no green: `tests/test_colours.py`.
+"""
+
+from __future__ import annotations
+
+#: The path that the end effector should follow.
+DESIRED = "#0072B2"
+#: The path that it followed.
+TRACED = "#D55E00"
+#: A posture that should be reached.
+TARGET = "#6200CC"
+#: A force on the tool.
+FORCE = "#008060"
+#: A limit that must not be exceeded; on a dark ground light, `BOUND_ON_DARK`.
+BOUND, BOUND_ON_DARK = "#222222", "#E8E8E8"
+#: The arm, muted so that none of its parts looks like a path, and what it presses on.
+ARM, SURFACE = "#C9CDD2", "#EFE8D8"
+#: Beside the arm's own: its joints and tool.
+ARM_DARK = "#8E959D"
+
+
+def components(colour: str) -> tuple[float, float, float]:
+    """Return red, green and blue of a colour such as ``#0072B2``, each from 0 to 1."""
+    red, green, blue = (int(colour[k : k + 2], 16) / 255.0 for k in (1, 3, 5))
+    return red, green, blue

@@ -1,0 +1,48 @@
+"""How curves look: their colours, dashes and widths, by what they mean.
+
+What has a meaning has the colour of `drake_rnn.colours`, as in playbacks. Joints, axes, laws and
+other curves of one kind have a colour and a pattern of dashes each, from `nth`. What is neither is
+drawn in ink: errors, norms and singular values.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .. import colours
+
+Style = dict[str, Any]
+
+_DASHED = (0, (4, 2))
+_DOTTED = (0, (1.5, 1.5))
+
+#: Colours of joints and of other curves that are told apart by number, by people who see no red or
+#: no green as well. None is close to the colour of a meaning.
+SERIES = ("#663300", "#CC88EE", "#DDAA44", "#443388", "#00C4B4", "#889966", "#006677")
+#: Dashes of these curves. Colours and dashes repeat after seven and four: all of 28 curves differ.
+DASHES: tuple[Any, ...] = ("-", (0, (6, 1.2)), (0, (6, 1.2, 1.2, 1.2)), (0, (1.8, 0.9)))
+
+DESIRED: Style = {"color": colours.DESIRED, "linestyle": _DASHED, "linewidth": 1.0}
+TRACED: Style = {"color": colours.TRACED, "linewidth": 1.8}
+TARGET: Style = {"color": colours.TARGET, "linestyle": _DOTTED, "linewidth": 1.0}
+FORCE: Style = {"color": colours.FORCE}
+BOUND: Style = {"color": colours.BOUND, "linestyle": _DASHED, "linewidth": 0.8}
+
+#: Errors, norms, and whatever has no meaning of its own.
+INK = "#4A4A4A"
+#: The same, wide and behind other curves: norms over components, readings over true values.
+BEHIND: Style = {"color": "0.78", "linewidth": 2.2}
+#: What a theory predicts, or a law asks for, over what came of it.
+PREDICTED: Style = {"color": INK, "linestyle": _DASHED, "linewidth": 1.0}
+#: A time at which something happened.
+MOMENT: Style = {"color": INK, "linestyle": ":", "linewidth": 1.0}
+NOTE: Style = {"color": "0.35", "fontsize": 6.5}
+SHADE: Style = {"color": "0.93", "linewidth": 0, "zorder": 0}
+#: What is said of a bound that is broken, as red as on the terminal. Words or signs say it too.
+BROKEN = "#B00020"
+ALARM: Style = {"color": BROKEN, "fontsize": 6.5, "weight": "bold"}
+
+
+def nth(k: int) -> Style:
+    """Return colour and dashes of curve ``k`` of several; of a joint the same in all figures."""
+    return {"color": SERIES[k % len(SERIES)], "linestyle": DASHES[k % len(DASHES)]}

@@ -1,0 +1,187 @@
+"""Chromium without a window, which draws a page of this package without a network."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from importlib import import_module
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import FrameType
+from typing import Any
+
+from ..errors import InvalidInputError
+
+#: Names under which Chromium and its relatives are installed, the first that is there is taken.
+_NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+_ARGUMENTS = (
+    "--headless=new",
+    # WebGL is drawn by the processor, alike on all machines.
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    # A page needs no network, and none is used.
+    "--host-resolver-rules=MAP * ~NOTFOUND",
+    "--disable-quic",
+    "--disable-sync",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-dev-shm-usage",
+    "--force-color-profile=srgb",
+    "--hide-scrollbars",
+    "--mute-audio",
+    "--no-first-run",
+)
+#: Time that one script or the loading of a page may take [s].
+_PATIENCE = 180.0
+
+
+def require_browser() -> None:
+    """Check that all that `open_browser` needs is installed.
+
+    Raises:
+        InvalidInputError: If something is missing; the message says how to install it.
+    """
+    _webdriver()
+    _programs()
+
+
+@contextmanager
+def open_browser(
+    size: tuple[int, int], arguments: Sequence[str] = (), logs: dict[str, str] | None = None
+) -> Iterator[Any]:
+    """Start Chromium, and end it with all of its processes whatever happens meanwhile.
+
+    Args:
+        size: Width and height of the page [px].
+        arguments: More arguments of Chromium.
+        logs: What is logged, as in ``{"browser": "ALL"}``; by default what pages complain of.
+
+    Yields:
+        Selenium's driver, a ``selenium.webdriver.Chrome``.
+
+    Raises:
+        InvalidInputError: If selenium, Chromium or its driver is missing, or does not start.
+    """
+    webdriver = _webdriver()
+    chromium, program = _programs()
+    with TemporaryDirectory(prefix="drake_rnn_", ignore_cleanup_errors=True) as scratch:
+        options = webdriver.ChromeOptions()
+        options.binary_location = chromium
+        # Chromium has no sandbox for root.
+        for argument in (*_ARGUMENTS, *(["--no-sandbox"] if os.geteuid() == 0 else []), *arguments):
+            options.add_argument(argument)
+        options.add_argument(f"--user-data-dir={Path(scratch) / 'profile'}")
+        options.add_argument("--window-size={},{}".format(*size))
+        options.set_capability("goog:loggingPrefs", logs or {"browser": "ALL"})
+        # Ctrl-C goes to a whole group: in another one the driver can still end the browser.
+        service = webdriver.ChromeService(program, popen_kw={"start_new_session": True})
+        driver = None
+        try:
+            with _uninterrupted():
+                driver = _started(webdriver, options, service)
+            driver.set_page_load_timeout(_PATIENCE)
+            driver.set_script_timeout(_PATIENCE)
+            _fit_page(driver, size)
+            yield driver
+        finally:
+            with _uninterrupted():
+                _end(driver, service)
+
+
+def complaints(driver: Any) -> list[str]:
+    """Return what the page complained of since this was asked last."""
+    return [
+        " ".join(str(entry["message"]).split())
+        for entry in driver.get_log("browser")
+        if entry["level"] == "SEVERE"
+    ]
+
+
+def _webdriver() -> Any:
+    try:
+        return import_module("selenium.webdriver")
+    except ImportError:
+        raise InvalidInputError(
+            "film: needs selenium, which is not installed: pip install 'drake-rnn[film]'"
+        ) from None
+
+
+def _programs() -> tuple[str, str]:
+    """Return the files of Chromium and of its driver."""
+    chromium = next(filter(None, map(shutil.which, _NAMES)), None)
+    driver = shutil.which("chromedriver")
+    missing = [
+        name for name, file in (("chromium", chromium), ("chromedriver", driver)) if file is None
+    ]
+    if chromium is None or driver is None:
+        raise InvalidInputError(
+            f"film: needs {' and '.join(missing)}, which {'is' if len(missing) == 1 else 'are'} "
+            "not installed; on Debian: apt-get install chromium chromium-driver"
+        )
+    return chromium, driver
+
+
+def _started(webdriver: Any, options: Any, service: Any) -> Any:
+    try:
+        return webdriver.Chrome(options=options, service=service)
+    except browser_errors() as error:
+        raise InvalidInputError(f"film: Chromium does not start: {first_line(error)}") from None
+
+
+def first_line(error: Exception) -> str:
+    """Return what an error of selenium's says, without the stack of the browser's own functions."""
+    text = str(error).removeprefix("Message:").strip()
+    return " ".join(text.splitlines()[0].split()) if text else type(error).__name__
+
+
+def browser_errors() -> tuple[type[Exception], ...]:
+    """Return the classes of what is raised when a browser or its driver fails."""
+    selenium, urllib3 = import_module("selenium.common"), import_module("urllib3.exceptions")
+    return (selenium.WebDriverException, urllib3.HTTPError)
+
+
+def _fit_page(driver: Any, size: tuple[int, int]) -> None:
+    """Give the page a size; that of the window is another one."""
+    width, height = size
+    metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+    driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+
+
+def _end(driver: Any, service: Any) -> None:
+    """End the browser, its driver and all that they have started."""
+    process = service.process
+    # One that has crashed cannot be asked to quit, and needs not.
+    with suppress(Exception):
+        if driver is not None:
+            driver.quit()
+    with suppress(Exception):
+        service.stop()
+    if process is not None:
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, signal.SIGKILL)
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Let Ctrl-C and SIGTERM wait until the block has ended."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    waiting: list[int] = []
+
+    def note(number: int, frame: FrameType | None) -> None:
+        waiting.append(number)
+
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(number, note) for number in numbers]
+    try:
+        yield
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)
+        if waiting:
+            signal.raise_signal(waiting[0])

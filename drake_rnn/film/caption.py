@@ -1,0 +1,199 @@
+"""The strip below each picture: name, legend, live numbers, speed and time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+import matplotlib
+from PIL import Image, ImageDraw, ImageFont
+
+from ..colours import DESIRED, FORCE, TARGET, TRACED
+from ..runs.result import Result
+from .numbers import Numbers, live_numbers
+from .settings import FilmSettings
+
+#: Height of letters in a wide picture and in a narrow one, and width from which it is wide [px].
+_LARGE, _SMALL, _WIDE = 14, 12, 480
+#: Height of a row over that of its letters.
+_SPACED = 1.6
+_GAP, _EDGE, _BAR = 16, 10, 3
+_FIGURE_SPACE = "\u2007"
+
+
+@dataclass(frozen=True)
+class _Colours:
+    ground: str
+    text: str
+    faint: str
+    done: str
+
+
+_THEMES = {
+    "light": _Colours("#FFFFFF", "#1A222C", "#D3D9E0", "#55606D"),
+    "dark": _Colours("#1C2229", "#E9EDF2", "#37414C", "#A3AEBB"),
+}
+
+
+class _Entry(NamedTuple):
+    """A piece of text, with a coloured sign before it."""
+
+    text: str
+    sign: str = ""
+    colour: str = ""
+
+
+class Caption:
+    """The caption of a film.
+
+    All of it stands in one row if there is room, else in two. Then a name that is too long is cut,
+    and what finds no room beside the legend is left out.
+
+    Args:
+        results: The run that the film shows, and those beside it.
+        settings: What the film shows.
+        speed: How much faster than the run it is.
+        span: Times of the run at which the film begins and ends [s].
+    """
+
+    def __init__(
+        self,
+        results: Sequence[Result],
+        settings: FilmSettings,
+        speed: float,
+        span: tuple[float, float],
+    ) -> None:
+        self._size, self._colours = settings.size, _THEMES[settings.theme]
+        self._speed, self._span = speed, span
+        height = _LARGE if settings.size[0] >= _WIDE else _SMALL
+        self._plain, self._bold = _font("DejaVuSans", height), _font("DejaVuSans-Bold", height)
+        self._row = round(_SPACED * height)
+        # Of several runs, labels beside the paths tell the errors.
+        numbers = live_numbers(results[0]) if len(results) == 1 else Numbers(results[0].time, [])
+        title = " beside ".join(
+            each.experiment.name or each.experiment.arm.name for each in results
+        )
+        room = settings.size[0] - 2 * _EDGE
+        before_clock = room - self._width(self._clock(span[1]))
+        legend, left = self._that_fit(_legend(results[0]), room)
+        widest = [_Entry(text) for text in numbers.widest]
+        one_row = self._bold.getlength(title) + _GAP + (room - left) + sum(map(self._width, widest))
+        self._rows = 1 if one_row <= before_clock else 2
+        if self._rows == 2:
+            title = _cut(title, self._bold, before_clock)
+            kept = self._that_fit(widest, left)[0]
+            numbers = numbers.only([widest.index(each) for each in kept])
+        self._title, self._legend, self._numbers = title, legend, numbers
+
+    @property
+    def height(self) -> int:
+        """Height of the strip [px]."""
+        return self._rows * self._row + _BAR
+
+    def below(self, picture: Image.Image, time: float) -> Image.Image:
+        """Return a picture with its caption.
+
+        Args:
+            picture: The picture, without the strip's height.
+            time: Its time in the run [s].
+        """
+        whole = Image.new("RGB", self._size, self._colours.ground)
+        whole.paste(picture, (0, 0))
+        draw = ImageDraw.Draw(whole)
+        self._draw_bar(draw, time)
+        numbers = [_Entry(text) for text in self._numbers.at(time)]
+        y = self._size[1] - self._row * (self._rows - 0.5)
+        draw.text((_EDGE, y), self._title, self._colours.text, self._bold, "lm")
+        if self._rows == 1:
+            left = _EDGE + self._bold.getlength(self._title) + _GAP
+            self._draw_from_left(draw, (left, y), self._legend)
+            self._draw_from_right(draw, y, [*numbers, self._clock(time)])
+        else:
+            self._draw_from_right(draw, y, [self._clock(time)])
+            self._draw_from_left(draw, (_EDGE, y + self._row), self._legend)
+            self._draw_from_right(draw, y + self._row, numbers)
+        return whole
+
+    def _draw_bar(self, draw: ImageDraw.ImageDraw, time: float) -> None:
+        """Draw how much of the film has passed."""
+        width, height = self._size
+        top = height - self.height
+        begin, end = self._span
+        done = round(width * (time - begin) / (end - begin))
+        draw.rectangle((0, top, width, top + _BAR - 1), fill=self._colours.faint)
+        if done > 0:
+            draw.rectangle((0, top, done - 1, top + _BAR - 1), fill=self._colours.done)
+
+    def _draw_from_left(
+        self, draw: ImageDraw.ImageDraw, at: tuple[float, float], entries: Sequence[_Entry]
+    ) -> None:
+        x, y = at
+        for entry in entries:
+            sign = f"{entry.sign} " if entry.sign else ""
+            draw.text((x, y), entry.sign, entry.colour or self._colours.text, self._bold, "lm")
+            text_at = (x + self._plain.getlength(sign), y)
+            draw.text(text_at, entry.text, self._colours.text, self._plain, "lm")
+            x += self._width(entry)
+
+    def _draw_from_right(
+        self, draw: ImageDraw.ImageDraw, y: float, entries: Sequence[_Entry]
+    ) -> None:
+        x: float = self._size[0] - _EDGE
+        for entry in reversed(entries):
+            draw.text((x, y), entry.text, self._colours.text, self._plain, "rm")
+            x -= self._width(entry)
+
+    def _clock(self, time: float) -> _Entry:
+        # Of one width during the whole film.
+        digits = len(f"{self._span[1]:.1f}")
+        written = f"{time:.1f}".rjust(digits, _FIGURE_SPACE) + " s"
+        faster = "" if self._speed < 1.005 else f"{self._speed:.3g}×   "
+        return _Entry(faster + written)
+
+    def _width(self, entry: _Entry) -> float:
+        """Return the width of a piece, with the gap that follows [px]."""
+        text = f"{entry.sign} {entry.text}" if entry.sign else entry.text
+        return self._plain.getlength(text) + _GAP
+
+    def _that_fit(self, entries: Sequence[_Entry], room: float) -> tuple[list[_Entry], float]:
+        """Return the pieces that find room, and what is left of it [px]."""
+        kept = []
+        for entry in entries:
+            if (width := self._width(entry)) <= room:
+                kept.append(entry)
+                room -= width
+        return kept, room
+
+
+def _legend(result: Result) -> list[_Entry]:
+    """Return what the playback draws, with its colours."""
+    experiment = result.experiment
+    traced = _Entry("traced", "●", TRACED)
+    if experiment.target is not None:
+        return [_Entry("target", "●", TARGET), traced]
+    legend = [_Entry("desired", "●", DESIRED), traced]
+    passed = experiment.desired.traversal + experiment.path_delay
+    if not experiment.desired.closed and result.time[-1] - result.time[0] >= passed * (1.0 - 1e-9):
+        legend.append(_Entry("end", "■", DESIRED))
+    if experiment.contact is not None:
+        legend.append(_Entry("force", "↑", FORCE))
+    return legend
+
+
+def _cut(text: str, font: ImageFont.FreeTypeFont, room: float) -> str:
+    """Return a text that is as wide as there is room for, or less."""
+    if font.getlength(text) <= room:
+        return text
+    while text and font.getlength(text + "…") > room:
+        text = text[:-1]
+    return text + "…"
+
+
+@cache
+def _font(name: str, height: int) -> ImageFont.FreeTypeFont:
+    """Return a font that comes with Matplotlib, so that a film is alike on all machines."""
+    file = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / f"{name}.ttf"
+    return ImageFont.truetype(str(file), height)

@@ -1,0 +1,216 @@
+"""The curves that a page shows beside the motion: whatever a run has."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from ..inputs.fields import Array
+from ..measures.groups.higher import difference_time
+from ..robot.limits import DERIVATIVE_UNITS
+from .packing import packed
+from .replay import ReplayedMotion
+
+# Number of samples up to which a page holds all of them; of more, it holds the least and the
+# largest of each of so many intervals, and the samples at the frames.
+_MOST, _INTERVALS = 6000, 2000
+# Bounds that differ by less are the same for all joints.
+_ALIKE = 1e-9
+
+Scale = Literal["log", "linear"]
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A quantity over the time of a run.
+
+    Attributes:
+        key: Name in the page.
+        name: What is told of it.
+        unit: SI unit; "1" for a ratio.
+        time: Shape (k,) [s], since the first sample.
+        values: Shape (k,).
+        scale: Axis that suits it.
+        desired: What it should be, shape (k,); None if that is zero, or nothing is desired.
+        bound: What it must not exceed; for ``above``, not fall below.
+        above: Whether it must stay above the bound.
+    """
+
+    key: str
+    name: str
+    unit: str
+    time: Array
+    values: Array
+    scale: Scale = "linear"
+    desired: Array | None = None
+    bound: float | None = None
+    above: bool = False
+
+    def as_data(self, frames: Array) -> dict[str, Any]:
+        """Return the curve as the page reads it; ``frames`` are their times, shape (f,) [s]."""
+        told = {
+            "key": self.key,
+            "name": self.name,
+            "unit": self.unit,
+            "scale": self.scale,
+            "bound": self.bound,
+            "above": self.above,
+        }
+        if self.values.size <= _MOST:
+            desired = {} if self.desired is None else {"desired": packed(self.desired)}
+            return told | {"time": packed(self.time), "values": packed(self.values)} | desired
+        at = nearest(self.time, frames)
+        time, low, high = thinned(self.time, self.values)
+        shown = {"time": packed(self.time[at]), "values": packed(self.values[at])}
+        if self.desired is not None:
+            shown["desired"] = packed(self.desired[at])
+        return told | shown | {"begins": packed(time), "low": packed(low), "high": packed(high)}
+
+
+def nearest(time: Array, wanted: Array) -> Any:
+    """Return the index of the sample nearest to each wanted time."""
+    after = np.clip(np.searchsorted(time, wanted), 1, max(1, time.size - 1))
+    before = after - 1
+    after = np.minimum(after, time.size - 1)
+    return np.where(wanted - time[before] <= time[after] - wanted, before, after)
+
+
+def thinned(time: Array, values: Array) -> tuple[Array, Array, Array]:
+    """Return the beginning, the least and the largest value of each interval, shape (i,) each."""
+    edges = np.linspace(0, time.size, _INTERVALS + 1).astype(int)[:-1]
+    low, high = np.fmin.reduceat(values, edges), np.fmax.reduceat(values, edges)
+    return time[edges], low, high
+
+
+def curves_of(motion: ReplayedMotion) -> list[Curve]:
+    """Return the curves of a run, the most telling one first."""
+    groups = (_forces, _target, _errors, _jacobian, _ratios, _torque, _margins)
+    return [curve for group in groups for curve in group(motion) if _is_telling(curve)]
+
+
+def _is_telling(curve: Curve) -> bool:
+    """Return whether a curve has finite values, and not zeros alone."""
+    finite = curve.values[np.isfinite(curve.values)]
+    return bool(finite.size) and bool(np.any(finite != 0.0))
+
+
+def _forces(motion: ReplayedMotion) -> list[Curve]:
+    series = _series(motion, "normal_force", "normal_force_desired")
+    if series is None:
+        return []
+    force, desired = series
+    return [
+        Curve("force", "contact force", "N", motion.time, force, desired=desired),
+        Curve("force_error", "force error", "N", motion.time, np.abs(force - desired), "log"),
+    ]
+
+
+def _target(motion: ReplayedMotion) -> list[Curve]:
+    series = _series(motion, "joint_error")
+    if series is None:
+        return []
+    farthest = np.abs(series[0]).max(axis=1)
+    return [Curve("joint_error", "to the target posture", "rad", motion.time, farthest, "log")]
+
+
+def _errors(motion: ReplayedMotion) -> list[Curve]:
+    result, count = motion.result, len(motion.time)
+    found = []
+    if _series(motion, "p_WE", "p_WE_desired") is not None:
+        error = result.position_error[:count]
+        pressed = result.experiment.contact is not None
+        name = "error along the surface" if pressed else "position error"
+        found.append(Curve("position_error", name, "m", motion.time, error, "log"))
+    if (turned := _series(motion, "orientation_error")) is not None:
+        name = "orientation error"
+        found.append(Curve("orientation_error", name, "rad", motion.time, turned[0], "log"))
+    return found
+
+
+def _jacobian(motion: ReplayedMotion) -> list[Curve]:
+    learned, known = _series(motion, "J", "J_hat"), _series(motion, "J")
+    if learned is not None:
+        size = np.sqrt(np.square(learned[0] - learned[1]).sum(axis=(1, 2)))
+        return [Curve("jacobian_error", "error of Ĵ", "m/rad", motion.time, size, "log")]
+    if known is None or not np.isfinite(known[0]).all():
+        return []
+    smallest = np.asarray(np.linalg.svd(known[0], compute_uv=False)[:, -1], dtype=float)
+    return [Curve("singular_value", "least singular value of J", "m/rad", motion.time, smallest)]
+
+
+def _ratios(motion: ReplayedMotion) -> list[Curve]:
+    """Return how much of its bound each derivative of the joint positions uses, worst joint."""
+    bounds = motion.result.experiment.limits.bounds
+    found = []
+    for name in DERIVATIVE_UNITS:
+        bound = bounds[name]
+        if bound is None or not np.isfinite(bound).any():
+            continue
+        time, worst = _magnitudes(motion, name, bound)
+        if worst.size:
+            found.append(Curve(f"{name}_ratio", f"{name} / bound", "1", time, worst, bound=1.0))
+    return found
+
+
+def _magnitudes(motion: ReplayedMotion, name: str, bound: Array) -> tuple[Array, Array]:
+    """Return times and the largest ratio of a derivative to its bound, shape (k,) each."""
+    if (series := _series(motion, name)) is None:
+        time, values = _differences(motion, list(DERIVATIVE_UNITS).index(name))
+        return time, np.abs(values / bound).max(axis=1, initial=0.0)
+    peak = _series(motion, f"{name}_peak")
+    if peak is not None and np.ptp(bound) <= _ALIKE * bound.max():
+        # The largest of all steps since the sample before.
+        return motion.time, peak[0] / bound[0]
+    return motion.time, np.abs(series[0] / bound).max(axis=1)
+
+
+def _differences(motion: ReplayedMotion, order: int) -> tuple[Array, Array]:
+    """Return a derivative of the velocity by differences over some 10 ms, as metrics take it.
+
+    Args:
+        motion: The motion.
+        order: Number of times that the velocity is differentiated.
+
+    Returns:
+        Times, shape (k,) [s], in the middle of what the differences span, and shape (k, n).
+    """
+    document = motion.result.experiment.document
+    step = max(difference_time(document.period), document.log_period)
+    velocity = motion.result.series["velocity"][: len(motion.time)]
+    wanted = np.arange(0.0, motion.duration + 1e-9, step)
+    at = np.unique(nearest(motion.time, wanted)) if motion.time.size > 1 else np.zeros(1, int)
+    time, values = motion.time[at], velocity[at]
+    for _ in range(order):
+        with np.errstate(invalid="ignore", over="ignore"):
+            values = np.diff(values, axis=0) / np.diff(time)[:, None]
+        time = (time[1:] + time[:-1]) / 2.0
+    return time, values
+
+
+def _torque(motion: ReplayedMotion) -> list[Curve]:
+    series, effort = _series(motion, "torque"), motion.result.experiment.arm.effort
+    if series is None:
+        return []
+    if np.isfinite(effort).any():
+        worst = np.abs(series[0] / effort).max(axis=1)
+        return [Curve("torque_ratio", "torque / bound", "1", motion.time, worst, bound=1.0)]
+    largest = np.abs(series[0]).max(axis=1)
+    return [Curve("torque", "largest torque", "N m", motion.time, largest)]
+
+
+def _margins(motion: ReplayedMotion) -> list[Curve]:
+    limits, q = motion.result.experiment.limits, motion.position
+    margin = np.minimum(q - limits.position_lower, limits.position_upper - q).min(axis=1)
+    return [
+        Curve("margin", "to a position limit", "rad", motion.time, margin, bound=0.0, above=True)
+    ]
+
+
+def _series(motion: ReplayedMotion, *names: str) -> list[Array] | None:
+    """Return series up to the last posture that is shown; None unless the run has them all."""
+    series: dict[str, Array] = motion.result.series
+    if not set(names) <= series.keys():
+        return None
+    return [series[name][: len(motion.time)] for name in names]

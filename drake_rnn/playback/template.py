@@ -1,0 +1,38 @@
+"""The page's own HTML, style and scripts, which are files in ``web``, put together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from .. import colours
+from .recorded import Recorded
+
+# In the order in which they are run; they share one scope.
+_SCRIPTS = ("numbers.js", "scene.js", "camera.js", "chart.js", "player.js", "main.js")
+
+
+def rendered(
+    title: str, scene: Recorded, outcome: Mapping[str, Any], data: Mapping[str, Any]
+) -> str:
+    """Return the page.
+
+    Args:
+        title: Title of the page.
+        scene: The scene with its animation.
+        outcome: What is told of the run.
+        data: What the scripts read.
+    """
+    environment = Environment(
+        loader=PackageLoader(__package__, "web"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    page = environment.get_template("page.html.jinja")
+    return page.render(
+        title=title, scene=scene, outcome=outcome, data=data, scripts=_SCRIPTS, colours=colours
+    )

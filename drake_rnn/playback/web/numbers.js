@@ -1,0 +1,50 @@
+// Numbers: how they are held in the page, and how they are told.
+
+const data = JSON.parse(document.getElementById("playback-data").textContent);
+const byId = (id) => document.getElementById(id);
+const clamp = (x, low, high) => Math.min(Math.max(x, low), high);
+
+function bytesOf(text) {
+  return Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+}
+
+/** Numbers that Python packed as 32-bit floats. */
+function unpacked(text) {
+  return new Float32Array(bytesOf(text).buffer);
+}
+
+const PREFIXES = [[1, 1, ""], [1e-3, 1e3, "m"], [1e-6, 1e6, "µ"], [0, 1e9, "n"]];
+const PREFIXED = ["m", "rad", "N", "s", "m/s", "N m"];
+
+/** The factor and the name of a unit in which a number has few digits. */
+function unitFor(value, unit) {
+  if (unit === "1") return [1, ""];
+  if (!PREFIXED.includes(unit) || !(Math.abs(value) > 0) || !isFinite(value)) return [1, unit];
+  const [, factor, prefix] = PREFIXES.find(([least]) => Math.abs(value) >= least);
+  return [factor, prefix + unit];
+}
+
+/** A number with four digits and its unit, e.g. "0.1234 mm". */
+function told(value, unit) {
+  if (!isFinite(value)) return "–";
+  const [factor, name] = unitFor(value, unit);
+  const number = value === 0 ? "0" : (factor * value).toPrecision(4);
+  return (number + " " + name).trim().replace("-", "−");
+}
+
+/** The index of the last entry that is at most x; -1 if there is none. */
+function lastUpTo(sorted, x) {
+  let low = 0, high = sorted.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (sorted[middle] <= x) low = middle + 1; else high = middle;
+  }
+  return low - 1;
+}
+
+/** The index of the entry nearest to x. */
+function nearest(sorted, x) {
+  const before = clamp(lastUpTo(sorted, x), 0, sorted.length - 1);
+  const after = Math.min(before + 1, sorted.length - 1);
+  return x - sorted[before] <= sorted[after] - x ? before : after;
+}

@@ -1,0 +1,77 @@
+// The clock: time passes while it plays, and is exactly what was asked for when it does not.
+
+// How long the end of the run stays before it begins again [s].
+const PAUSE = 1.0;
+// Longest time between two frames that counts [s]: a page in the background must not leap.
+const LEAP = 1.0;
+
+const player = {
+  ready: false,
+  playing: false,
+  speed: 1,
+  time: 0,
+  rest: 0,
+  before: null,
+
+  seek(t) {
+    this.pause();
+    this.show(t);
+  },
+
+  show(t) {
+    this.time = clamp(Number.isFinite(+t) ? +t : 0, 0, data.duration);
+    this.rest = 0;
+    showTime(this.time);
+    chart.show(this.time);
+    this.tell();
+  },
+
+  play() {
+    if (this.time >= data.duration) this.show(0);
+    this.playing = true;
+    this.before = null;
+    this.tell();
+  },
+
+  pause() {
+    this.playing = false;
+    this.tell();
+  },
+
+  toggle() {
+    if (this.playing) this.pause(); else this.play();
+  },
+
+  setSpeed(x) {
+    if (!(x > 0)) throw new RangeError(`speed: must be positive, not ${x}`);
+    this.speed = +x;
+    const choice = [...byId("speed").options].find((option) => +option.value === this.speed);
+    byId("speed").value = choice ? choice.value : "";
+  },
+
+  /** Lets time pass until now [ms], the time that an animation frame has. */
+  advance(now) {
+    const passed = this.before === null ? 0 : Math.min((now - this.before) / 1000, LEAP);
+    this.before = now;
+    if (!this.playing || data.duration === 0) return;
+    const next = this.time + this.rest + this.speed * passed;
+    if (next < data.duration) {
+      this.show(next);
+    } else if (next < data.duration + PAUSE * this.speed) {
+      if (this.time < data.duration) this.show(data.duration);
+      this.rest = next - data.duration;
+    } else {
+      this.show(0);
+    }
+  },
+
+  tell() {
+    const { playing, time } = this;
+    document.body.classList.toggle("playing", playing);
+    byId("play").setAttribute("aria-label", playing ? "Pause" : "Play");
+    const digits = data.duration < 100 ? 2 : 1;
+    byId("clock").textContent = `${time.toFixed(digits)} / ${data.duration.toFixed(digits)} s`;
+    byId("scrubber").value = time;
+    byId("scrubber").setAttribute("aria-valuetext", `${time.toFixed(2)} s`);
+  },
+};

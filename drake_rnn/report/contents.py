@@ -1,0 +1,216 @@
+"""What a report says, as plain data: all that is in ``report.json``, and what pages are made of."""
+
+from __future__ import annotations
+
+import inspect
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from math import isfinite
+from typing import Any, get_args
+
+from ..claims import Claims, ClaimVerdict, Finding, Judgement, Quantity
+from ..claims.claim import run_command
+from ..experiment import ExperimentDocument
+from ..inputs.complaints import plain
+from ..measures import METRICS
+from ..runs.folder import RECORD
+from .gathering import Chosen
+from .kept_runs import AskedRun, KeptRuns
+from .origin import origin
+from .pictures import FIGURE, PLAYBACK, pictures_of
+
+#: Version of the form of ``report.json``: a key that is there stays what it is.
+SCHEMA = 1
+#: The verdicts, in the order in which they are shown.
+VERDICTS: tuple[ClaimVerdict, ...] = get_args(ClaimVerdict)
+_METRICS = {metric.name: metric for metric in METRICS}
+
+
+def contents_of(chosen: Chosen, judgements: dict[str, Judgement], runs: KeptRuns) -> dict[str, Any]:
+    """Return what a report says.
+
+    Args:
+        chosen: The claims.
+        judgements: What was found of each, by its id.
+        runs: Where their runs are kept.
+    """
+    used: dict[str, AskedRun] = {}
+    papers = []
+    for claims, several in chosen:
+        rows = [_row(claims, judgements[claim.id], runs, used) for claim in several]
+        papers.append(_paper(claims, rows))
+    verdicts = [row["verdict"] for paper in papers for row in paper["claims"]]
+    return {
+        "schema": SCHEMA,
+        "versions": origin(),
+        "counts": _counts(verdicts),
+        "papers": papers,
+        "runs": {key: _run(asked, runs) for key, asked in used.items()},
+    }
+
+
+def main_runs(contents: dict[str, Any]) -> set[str]:
+    """Return the keys of each claim's main runs: the first as stated, the first corrected."""
+    found = set()
+    for paper in contents["papers"]:
+        for claim in paper["claims"]:
+            for corrected in (False, True):
+                keys = [
+                    key
+                    for finding in claim["findings"]
+                    if finding["corrected"] is corrected
+                    for key in finding["runs"]
+                    if contents["runs"][key]["status"] == "complete"
+                ]
+                found.update(keys[:1])
+    return found
+
+
+def failures(contents: dict[str, Any]) -> list[tuple[str, str]]:
+    """Return what failed: names of claims and runs, each with the error."""
+    told = [
+        (claim["id"], finding["error"])
+        for paper in contents["papers"]
+        for claim in paper["claims"]
+        for finding in claim["findings"]
+        if finding["error"]
+    ]
+    return told + [
+        (f"pictures of {run['command']}", run["picture_failure"])
+        for run in contents["runs"].values()
+        if run["picture_failure"]
+    ]
+
+
+def _paper(claims: Claims, rows: list[dict[str, Any]]) -> dict[str, Any]:
+    paper = claims.paper
+    return {
+        "scheme": claims.scheme,
+        "title": paper.title,
+        "authors": paper.authors,
+        "journal": paper.journal,
+        "year": paper.year,
+        "doi": paper.doi,
+        "citation": str(paper),
+        "page": claims.page,
+        "counts": _counts(row["verdict"] for row in rows),
+        "claims": rows,
+    }
+
+
+def _counts(verdicts: Iterable[str]) -> dict[str, int]:
+    counted = Counter(verdicts)
+    return {verdict: counted[verdict] for verdict in VERDICTS}
+
+
+def _row(
+    claims: Claims, judgement: Judgement, runs: KeptRuns, used: dict[str, AskedRun]
+) -> dict[str, Any]:
+    claim = judgement.claim
+    findings = [
+        {"corrected": corrected, **_finding(claims, finding, runs, used)}
+        for corrected, several in ((False, judgement.as_stated), (True, judgement.corrected))
+        for finding in several
+    ]
+    return {
+        "id": claim.id,
+        "where": claim.where,
+        "says": claim.says,
+        "verdict": judgement.verdict,
+        "why": why(judgement),
+        "because": claim.because or claim.unchecked,
+        "command": claim.command,
+        "findings": findings,
+        "runs": list(dict.fromkeys(key for finding in findings for key in finding["runs"])),
+        "tests": list(claim.tests),
+    }
+
+
+def why(judgement: Judgement) -> str:
+    """Return why a verdict is what it is, in one sentence that follows from what was measured."""
+    if judgement.verdict == "cannot be checked":
+        return "There is nothing to measure it by."
+    if judgement.verdict == "failed":
+        broken = sum(bool(finding.error) for finding in judgement.findings)
+        return f"{broken} of {len(judgement.findings)} numbers could not be measured."
+    stated = f"As stated, {_kept(judgement.as_stated)}"
+    if judgement.verdict == "holds" or not judgement.corrected:
+        return f"{stated}."
+    return f"{stated}; with the correction, {_kept(judgement.corrected)}."
+
+
+def _kept(findings: Sequence[Finding]) -> str:
+    kept, total = sum(finding.holds for finding in findings), len(findings)
+    if total == 1:
+        return f"the one number is {'' if kept else 'not '}as asked"
+    if kept == total:
+        return f"{'both' if total == 2 else f'all {total}'} numbers are as asked"
+    return f"{kept or 'none'} of {total} numbers {'are' if kept > 1 else 'is'} as asked"
+
+
+def _finding(
+    claims: Claims, finding: Finding, runs: KeptRuns, used: dict[str, AskedRun]
+) -> dict[str, Any]:
+    criterion = finding.criterion
+    keys = []
+    for quantity in filter(None, (criterion, criterion.per)):
+        for asked in runs.used_by(claims, quantity):
+            keys.append(asked.order.key)
+            used.setdefault(asked.order.key, asked)
+    return {
+        "number": str(criterion),
+        "meaning": _meaning(claims, criterion),
+        "unit": None
+        if criterion.metric is None or criterion.per
+        else _METRICS[criterion.metric].unit,
+        "measure": criterion.measure,
+        "given": plain(criterion.given),
+        "command": criterion.command if criterion.run is not None else None,
+        "metric": criterion.metric,
+        "per": None if criterion.per is None else str(criterion.per),
+        "at_least": criterion.at_least,
+        "at_most": criterion.at_most,
+        "asked": str(criterion.bounds),
+        "paper": criterion.paper,
+        "value": finding.value if isfinite(finding.value) else None,
+        "shown": str(finding),
+        "met": finding.holds,
+        "failure": finding.failure,
+        "error": finding.error,
+        "timed": criterion.timed,
+        "runs": list(dict.fromkeys(keys)),
+    }
+
+
+def _meaning(claims: Claims, quantity: Quantity) -> str:
+    """Return what a number is, in a sentence: a metric's, or the first of its measure."""
+    if quantity.metric is not None:
+        return _METRICS[quantity.metric].meaning
+    told = inspect.getdoc(claims.measures[str(quantity.measure)]) or ""
+    return " ".join(told.partition("\n\n")[0].split()).removesuffix(".")
+
+
+def _run(asked: AskedRun, runs: KeptRuns) -> dict[str, Any]:
+    order = asked.order
+    outcome, folder = runs.outcome(order), runs.folder_of(order)
+    pictures = pictures_of(folder)
+    place = folder.relative_to(runs.place.parents[1]).as_posix()
+    played = pictures is not None and (folder / PLAYBACK).is_file() and pictures.playback
+    metrics = {} if outcome is None else outcome.metrics
+    return {
+        "experiment": asked.name,
+        "changes": plain(asked.changes),
+        "command": run_command(asked.name, asked.changes),
+        "seed": order.document.get("seed", ExperimentDocument.seed),
+        "duration_s": order.document["duration"],
+        "status": "not made" if outcome is None else outcome.status,
+        "failure": "" if outcome is None else outcome.failure,
+        "until_s": None if outcome is None else outcome.until_s,
+        "wall_time_s": None if outcome is None else outcome.wall_time_s,
+        "metrics": {name: value if isfinite(value) else None for name, value in metrics.items()},
+        "folder": place if (folder / RECORD).is_file() else None,
+        "figure": f"{place}/{FIGURE}" if pictures and pictures.size else None,
+        "figure_size": list(pictures.size) if pictures and pictures.size else None,
+        "playback": f"{place}/{PLAYBACK}" if played else None,
+        "picture_failure": pictures.failure if pictures else "",
+    }

@@ -1,0 +1,143 @@
+"""Making of the runs that claims need, and judging by them, whatever fails on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+
+from ..campaigns import Order, Outcome
+from ..campaigns.engine import Take, carry_out
+from ..campaigns.perform import attempt, require_stamp
+from ..campaigns.workers import Processes, ThisProcess, Workers
+from ..claims import Claim, Claims, Criterion, Finding, Judge, Judgement
+from ..claims.reading import quantities_of
+from ..errors import DrakeRnnError
+from ..inputs.own_code import described
+from .kept_runs import KeptRuns, MissingRunError
+
+#: Papers with those of their claims that a report is about.
+Chosen = Sequence[tuple[Claims, Sequence[Claim]]]
+#: Called with what is being made, the number of those that have ended, and the number of all.
+Done = Callable[[str, int, int], None]
+
+# What a step of an arm with dynamics costs, in steps of one without.
+_DYNAMIC = 4.0
+
+
+def gather(chosen: Chosen, runs: KeptRuns, jobs: int, done: Done) -> bool:
+    """Make the runs that are missing; return whether all were, or False if interrupted.
+
+    What a measure looks at is known once it has been tried, so there are a few rounds. Measures of
+    times come last, when nothing else is running.
+
+    Args:
+        chosen: The claims.
+        runs: Where runs are kept; each is when it ends.
+        jobs: Number of processes; 0 for this process itself.
+        done: Called when a run has ended.
+    """
+    ended: set[str] = set()
+    for timed in (False, True):
+        while wanted := [o for o in _wanted(chosen, runs, timed) if o.key not in ended]:
+            total = len(ended) + len(wanted)
+            done("runs", len(ended), total)
+
+            def take(order: Order, outcome: Outcome, total: int = total) -> None:
+                runs.rows.put(order, outcome)
+                ended.add(order.key)
+                done("runs", len(ended), total)
+
+            tasks = [[order] for order in sorted(wanted, key=_effort, reverse=True)]
+            if not carry_out(tasks, partial(_keep_each, runs.place), workers(jobs), take):
+                return False
+    return True
+
+
+def workers(jobs: int) -> Workers:
+    """Return processes of this machine; this process itself for none."""
+    return Processes(jobs) if jobs > 0 else ThisProcess()
+
+
+def told_to(done: Done, what: str, total: int) -> Take:
+    """Return a function that counts outcomes, and tells how many there are."""
+    ended = 0
+
+    def take(order: Order, outcome: Outcome) -> None:
+        nonlocal ended
+        ended += 1
+        done(what, ended, total)
+
+    return take
+
+
+def judged(claims: Claims, claim: Claim, runs: KeptRuns) -> Judgement:
+    """Return what is found of a claim; what fails on the way is told in its findings."""
+    judge = Judge(claims, runs)
+    return Judgement(
+        claim,
+        tuple(_found(judge, criterion) for criterion in claim.as_stated),
+        tuple(_found(judge, criterion) for criterion in claim.corrected),
+    )
+
+
+def _found(judge: Judge, criterion: Criterion) -> Finding:
+    try:
+        return judge.find(criterion)
+    except DrakeRnnError as error:
+        return Finding(criterion, False, error=str(error))
+    # A fault in a measure is that of its rows alone.
+    except Exception as error:
+        return Finding(criterion, False, error=described(error))
+
+
+def _wanted(chosen: Chosen, runs: KeptRuns, timed: bool) -> list[Order]:
+    """Return the runs that are missing, each once."""
+    missing = {
+        order.key: order
+        for claims, several in chosen
+        for claim in several
+        if timed or not any(criterion.timed for criterion in claim.criteria)
+        for order in _missing(claims, claim, runs)
+    }
+    return list(missing.values())
+
+
+def _missing(claims: Claims, claim: Claim, runs: KeptRuns) -> Iterator[Order]:
+    for quantity in quantities_of(claim):
+        try:
+            if quantity.measure is not None:
+                runs.measured(claims, quantity)
+            else:
+                runs.metrics(str(quantity.run), quantity.set)
+        except MissingRunError as missing:
+            yield missing.order
+        # Whatever it is, the claim's findings tell of it.
+        except Exception:
+            continue
+
+
+def _effort(order: Order) -> float:
+    """Return what a run is expected to take, in any unit: long ones are to begin first."""
+    document = order.document
+    steps = document["duration"] / (document.get("period") or 1e-3)
+    return float(steps * (_DYNAMIC if document.get("level") == "dynamic" else 1.0))
+
+
+def _keep_each(place: Path, orders: Sequence[Order]) -> list[Outcome]:
+    """Run orders one after another, and keep the results of those that come to something.
+
+    Raises:
+        InvalidInputError: If they cannot be written.
+    """
+    outcomes = []
+    for order in orders:
+        require_stamp(order)
+        began = perf_counter()
+        outcome, result = attempt(order, "full")
+        if result is not None:
+            result.save(place / order.key)
+        outcomes.append(replace(outcome, wall_time_s=perf_counter() - began))
+    return outcomes

@@ -1,0 +1,153 @@
+"""The report of the papers: a folder with what they claim, what was measured, and what holds."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from ..errors import InvalidInputError
+from ..runs.whole_file import written_whole
+from .contents import contents_of, failures, main_runs
+from .gathering import Chosen, Done, gather, judged
+from .kept_runs import KeptRuns
+from .markdown import index_page, paper_page
+from .pages import index_html, paper_html
+from .pictures import draw_missing
+
+#: In what form the pages are written.
+Format = Literal["html", "md"]
+_DATA = "report.json"
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a report has come to.
+
+    Attributes:
+        folder: Where it is.
+        contents: What ``report.json`` holds; nothing if it was interrupted before the verdicts.
+        complete: Whether it came to its end; what was made is kept if not.
+    """
+
+    folder: Path
+    contents: dict[str, Any]
+    complete: bool
+
+    @property
+    def failures(self) -> list[tuple[str, str]]:
+        """What failed, claims and pictures, each with the error."""
+        return failures(self.contents) if self.contents else []
+
+
+@dataclass(frozen=True)
+class ReportSettings:
+    """How a report is made.
+
+    Attributes:
+        jobs: Number of processes; 0 for this process itself.
+        format: In what form the pages are written.
+        pictures: Whether figures are drawn.
+        playbacks: Whether playbacks are written.
+        again: Whether runs are made again that failed before.
+    """
+
+    jobs: int = 1
+    format: Format = "html"
+    pictures: bool = True
+    playbacks: bool = True
+    again: bool = False
+
+
+def make_report(
+    chosen: Chosen,
+    folder: str | Path,
+    settings: ReportSettings | None = None,
+    done: Done = lambda what, ended, total: None,
+) -> Report:
+    """Make what is missing of a report, and write its pages.
+
+    Runs, measured numbers and pictures are kept in the folder as they end. Called again, also after
+    this process was killed, it goes on with what is missing. What fails is told in its rows.
+
+    Args:
+        chosen: Papers with their claims.
+        folder: Folder of the report, which is created if missing.
+        settings: How it is made.
+        done: Called when a part has ended, with what it is, the number of those that have ended,
+            and the number of all.
+
+    Raises:
+        InvalidInputError: If the folder cannot be written to, or another process is at it.
+    """
+    folder, settings = Path(folder), settings or ReportSettings()
+    runs = KeptRuns(folder)
+    with runs.rows.claimed():
+        try:
+            return _made(chosen, runs, folder, settings, done)
+        except KeyboardInterrupt:
+            return Report(folder, {}, complete=False)
+
+
+def _made(
+    chosen: Chosen, runs: KeptRuns, folder: Path, settings: ReportSettings, done: Done
+) -> Report:
+    if settings.again:
+        runs.forget_failed()
+    if not gather(chosen, runs, settings.jobs, done):
+        return Report(folder, {}, complete=False)
+    judgements = {
+        claim.id: judged(claims, claim, runs) for claims, several in chosen for claim in several
+    }
+    contents = _written(contents_of(chosen, judgements, runs), folder, settings.format)
+    complete = True
+    if settings.pictures:
+        played = main_runs(contents) if settings.playbacks else set()
+        complete = draw_missing(runs, list(contents["runs"]), played, settings.jobs, done)
+        contents = _written(contents_of(chosen, judgements, runs), folder, settings.format)
+    if complete:
+        runs.remove_others()
+    return Report(folder, contents, complete)
+
+
+def _written(contents: dict[str, Any], folder: Path, form: Format) -> dict[str, Any]:
+    """Write the pages as far as they have changed, and remove those of an earlier report.
+
+    Returns:
+        The contents with the names of the pages.
+    """
+    page_of = {paper["scheme"]: f"{paper['scheme']}.{form}" for paper in contents["papers"]}
+    if form == "html":
+        pages = {"index.html": index_html(contents, page_of)}
+        for paper in contents["papers"]:
+            pages[page_of[paper["scheme"]]] = paper_html(contents, paper, page_of)
+    else:
+        pages = {"index.md": index_page(contents, page_of)}
+        for paper in contents["papers"]:
+            pages[page_of[paper["scheme"]]] = paper_page(contents, paper)
+    data = contents | {"pages": sorted(pages)}
+    try:
+        for name in set(_pages_before(folder)) - pages.keys():
+            (folder / name).unlink(missing_ok=True)
+        pages[_DATA] = json.dumps(data, indent=1, allow_nan=False) + "\n"
+        for name, text in pages.items():
+            _put(folder / name, text)
+    except OSError as error:
+        raise InvalidInputError(f"report folder {folder}: {error.strerror}") from None
+    return data
+
+
+def _put(file: Path, text: str) -> None:
+    if not file.is_file() or file.read_text(encoding="utf-8") != text:
+        with written_whole(file) as stream:
+            stream.write(text)
+
+
+def _pages_before(folder: Path) -> list[str]:
+    """Return the pages that an earlier report has written."""
+    try:
+        told = json.loads((folder / _DATA).read_text())["pages"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return []
+    return [Path(name).name for name in told]

@@ -1,0 +1,98 @@
+"""How much of each limit a run uses, and which ones it breaks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..experiment import Experiment
+from ..inputs.fields import Array
+from ..measures import violation_metric
+from ..robot.limits import DERIVATIVE_UNITS, LIMIT_UNITS, JointLimits
+from .result import Result
+
+#: Ratio to a bound from which on it is broken: a secant at its bound carries rounding errors.
+EXCEEDED = 1.0 + 1e-9
+#: Excess of a limit that is no rounding error [rad, rad/s].
+_BEYOND = 1e-6
+
+
+@dataclass(frozen=True)
+class Use:
+    """How much of a limit a run uses.
+
+    Attributes:
+        name: ``position``, ``velocity`` and so on.
+        share: Largest ratio to the bound of any joint; of a position, distance from the middle of
+            its range over half of that.
+        broken: Whether the bound is exceeded, by more than rounding.
+    """
+
+    name: str
+    share: float
+    broken: bool
+
+
+def counted_limits(experiment: Experiment) -> list[str]:
+    """Return the limits that count in a run, of `LIMIT_UNITS`.
+
+    These are what the law or a filter keeps by construction, what the document's ``limits`` sets,
+    and what its ``accept`` bounds, as far as any joint has a bound.
+    """
+    document = experiment.document
+    asked = set(document.limits) if isinstance(document.limits, dict) else set()
+    if {"position_lower", "position_upper"} & asked:
+        asked.add("position")
+    for order, name in enumerate(LIMIT_UNITS):
+        metrics = {violation_metric(name), f"limit_ratio_{order}_max"}
+        if name == "position":
+            metrics.add("joint_limit_margin_min_rad")
+        if metrics & document.accept.keys():
+            asked.add(name)
+    counted = asked | set(experiment.kept_limits)
+    return [name for name in LIMIT_UNITS if name in counted and _is_bounded(experiment, name)]
+
+
+def uses(result: Result) -> list[Use]:
+    """Return how much a run uses of each limit that counts, from its metrics of every step.
+
+    No arm can exceed limits of position and velocity: where they are broken, they count.
+    """
+    counted = counted_limits(result.experiment)
+    for name in ("position", "velocity"):
+        if result.metrics.get(violation_metric(name), 0.0) > _BEYOND:
+            counted.append(name)
+    found = []
+    for name in (name for name in LIMIT_UNITS if name in counted):
+        if name == "position":
+            shares = share_of_range(result.series["position"], result.experiment.limits)
+            share = float(shares[np.isfinite(shares)].max(initial=0.0))
+            broken = result.metrics.get("joint_limit_margin_min_rad", 0.0) < 1.0 - EXCEEDED
+        else:
+            order = list(DERIVATIVE_UNITS).index(name) + 1
+            share = result.metrics.get(f"limit_ratio_{order}_max", np.nan)
+            broken = share > EXCEEDED
+        if np.isfinite(share):
+            found.append(Use(name, float(share), broken))
+    return found
+
+
+def share_of_range(position: Array, limits: JointLimits) -> Array:
+    """Return how far the worst joint is from the middle of its range; 1 at either limit.
+
+    Joints without two limits have no middle; NaN if there are no others.
+    """
+    lower, upper = limits.position_lower, limits.position_upper
+    bounded = np.isfinite(lower) & np.isfinite(upper)
+    middle = np.add(upper, lower, out=np.full_like(upper, np.nan), where=bounded) / 2
+    half = np.subtract(upper, lower, out=np.full_like(upper, np.nan), where=bounded) / 2
+    return np.asarray(np.fmax.reduce(np.abs(position - middle) / half, axis=1))
+
+
+def _is_bounded(experiment: Experiment, name: str) -> bool:
+    limits = experiment.limits
+    if name == "position":
+        return bool(np.isfinite(limits.position_upper - limits.position_lower).any())
+    bound = limits.bounds[name]
+    return bound is not None and bool(np.isfinite(bound).any())

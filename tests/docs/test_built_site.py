@@ -1,0 +1,90 @@
+"""The site that `make docs` has built opens without a network; skipped where there is none."""
+
+from functools import cache
+from html.parser import HTMLParser
+from urllib.parse import unquote, urlsplit
+
+import pytest
+from doc_pages import ROOT
+
+from browsing import DESKTOP, PHONE, set_size
+
+SITE = ROOT / "build" / "site"
+PAGES = sorted(
+    str(file.relative_to(SITE))
+    for file in SITE.rglob("*.html")
+    if "_modules" not in file.parts and "playbacks" not in file.parts
+)
+
+pytestmark = pytest.mark.skipif(not PAGES, reason="make docs has not been run")
+
+
+class _Links(HTMLParser):
+    """What a page loads, what it links to, and what can be linked to in it."""
+
+    def __init__(self):
+        super().__init__()
+        self.loaded, self.linked, self.names = set(), set(), set()
+
+    def handle_starttag(self, tag, attributes):
+        given = dict(attributes)
+        if name := given.get("id"):
+            self.names.add(name)
+        if tag == "a" and given.get("href"):
+            self.linked.add(given["href"])
+        elif tag == "link" and given.get("rel") in ("stylesheet", "icon"):
+            self.loaded.add(given["href"])
+        elif given.get("src"):
+            self.loaded.add(given["src"])
+
+
+@cache
+def links(page):
+    found = _Links()
+    found.feed((SITE / page).read_text())
+    return found
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_a_page_loads_only_files_of_the_site(page):
+    for address in links(page).loaded:
+        parts = urlsplit(address)
+        assert parts.scheme in ("", "data"), address
+        if not parts.scheme:
+            assert ((SITE / page).parent / unquote(parts.path)).is_file(), address
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_link_of_a_page_leads_somewhere(page):
+    for address in links(page).linked:
+        parts = urlsplit(address)
+        if parts.scheme or parts.netloc:
+            assert parts.scheme in ("https", "mailto"), address
+            continue
+        target = (SITE / page).parent / unquote(parts.path) if parts.path else SITE / page
+        assert target.is_file(), address
+        if parts.fragment and target.suffix == ".html":
+            name = str(target.resolve().relative_to(SITE))
+            assert unquote(parts.fragment) in links(name).names, address
+
+
+def test_formulas_are_drawn_without_a_network(browser):
+    browser.get((SITE / "docs" / "reference" / "laws.html").as_uri())
+    drawn, wrong = browser.execute_async_script(
+        """
+        const done = arguments[0];
+        MathJax.startup.promise.then(() => done([
+          document.querySelectorAll("mjx-container svg").length,
+          document.querySelectorAll("mjx-merror, [data-mjx-error]").length]));
+        """
+    )
+    assert drawn >= 15
+    assert wrong == 0
+
+
+@pytest.mark.parametrize("size", [DESKTOP, PHONE])
+@pytest.mark.parametrize("page", ["docs/index", "docs/claims", "docs/concepts", "docs/experiments"])
+def test_no_page_is_wider_than_its_window(page, size, browser):
+    set_size(browser, size)
+    browser.get((SITE / f"{page}.html").as_uri())
+    assert browser.execute_script("return document.documentElement.scrollWidth") <= size[0]

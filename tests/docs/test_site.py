@@ -1,0 +1,61 @@
+"""What the site is made of fits the code and the pages."""
+
+import re
+import shutil
+import subprocess
+
+import pytest
+from doc_pages import ROOT, spans, text_of
+
+import drake_rnn
+from drake_rnn import build_diagram, load_experiment, wiring_graph
+
+DOCS = ROOT / "docs"
+REFERENCE = sorted((DOCS / "reference").glob("*.rst"))
+_DIRECTIVE = re.compile(r"^\.\. (?:autoclass|autofunction|data):: (\w+)$", re.MULTILINE)
+#: The commands of drawings that pages show.
+DRAWN = dict(
+    re.fullmatch(r"drake-rnn show (\w+) --diagram (docs/wiring_\w+\.svg)", span).group(2, 1)
+    for page in ("docs/concepts.md", "diagrams/README.md")
+    for span in spans(text_of(page))
+    if span.startswith("drake-rnn show") and "--diagram docs/" in span
+)
+_TEXT = re.compile(r"<text [^>]*>([^<]*)</text>")
+
+
+def test_every_public_name_is_documented_once():
+    found = [name for file in REFERENCE for name in _DIRECTIVE.findall(file.read_text())]
+    assert sorted(found) == sorted(drake_rnn.__all__)
+
+
+def test_every_law_has_its_module_in_the_reference():
+    laws = (DOCS / "reference" / "laws.rst").read_text()
+    for law in drake_rnn.LAWS.values():
+        assert f".. automodule:: {law.__module__}\n" in laws
+
+
+def test_every_page_of_the_reference_is_in_its_list():
+    listed = (DOCS / "reference" / "index.rst").read_text().split()
+    assert {file.stem for file in REFERENCE} - {"index"} <= set(listed)
+
+
+def test_every_drawing_has_its_command():
+    assert {str(file.relative_to(ROOT)) for file in DOCS.glob("wiring_*.svg")} == set(DRAWN)
+
+
+@pytest.mark.skipif(shutil.which("dot") is None, reason="needs Graphviz")
+@pytest.mark.parametrize("file", DRAWN)
+def test_a_drawing_is_what_its_command_draws(file):
+    """In what is written in it; where things stand depends on Graphviz and its fonts."""
+    graph = wiring_graph(build_diagram(load_experiment(DRAWN[file]))[0])
+    drawn = subprocess.run(
+        ["dot", "-Tsvg"], input=graph, capture_output=True, text=True, check=True
+    ).stdout
+    assert sorted(_TEXT.findall(text_of(file))) == sorted(_TEXT.findall(drawn))
+
+
+def test_pages_know_no_address_but_those_of_others():
+    """The site opens without a network: nothing that it shows is fetched."""
+    for file in [DOCS / "conf.py", *(DOCS / "site").rglob("*.*")]:
+        if file.suffix in (".py", ".css", ".html"):
+            assert "http" not in file.read_text().replace("http-equiv", ""), file

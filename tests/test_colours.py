@@ -1,0 +1,39 @@
+"""Colours that mean different things can be told apart, by people who see no green or red too."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import pytest
+
+from colour_vision import VISIONS, distance
+from drake_rnn import colours
+
+MEANINGS = {
+    name: colours.components(getattr(colours, name))
+    for name in ("DESIRED", "TRACED", "TARGET", "FORCE", "BOUND")
+}
+GROUNDS = {name: colours.components(getattr(colours, name)) for name in ("ARM", "SURFACE")} | {
+    "white": (1.0, 1.0, 1.0)
+}
+
+
+@pytest.mark.parametrize("vision", VISIONS)
+def test_meanings_are_told_apart(vision: str) -> None:
+    """30 is as far as black from a dark grey of 28 %; 2.3 is just noticed side by side."""
+    for one, other in combinations(MEANINGS, 2):
+        assert distance(MEANINGS[one], MEANINGS[other], vision) > 30.0, (one, other)
+
+
+@pytest.mark.parametrize("vision", VISIONS)
+def test_meanings_stand_out_from_arm_surface_and_paper(vision: str) -> None:
+    for meaning, colour in MEANINGS.items():
+        for ground, behind in GROUNDS.items():
+            assert distance(colour, behind, vision) > 30.0, (meaning, ground)
+
+
+def test_green_and_red_of_equal_lightness_look_alike_without_the_receptor_for_green() -> None:
+    """The simulation does simulate: such a pair is far apart for others."""
+    red, green = (0.75, 0.25, 0.2), (0.42, 0.46, 0.1)
+    assert distance(red, green, "normal") > 60.0
+    assert distance(red, green, "deuteranopia") < 20.0

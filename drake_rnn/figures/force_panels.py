@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ..inputs.fields import Array
+from ..measures import prefixed
 from ..runs.result import Result
 from .looks import BEHIND, DESIRED, FORCE, MOMENT, NOTE, Style
 from .style import (
@@ -13,7 +14,6 @@ from .style import (
     legend,
     log_axis,
     noisy,
-    prefixed,
     shade_window,
     span,
     time_axis,
@@ -47,7 +47,7 @@ def plot_force(ax: Axes, result: Result, until: float | None = None) -> None:
     true, desired, measured = (
         result.series[f"normal_force{name}"][shown] for name in ("", "_desired", "_measured")
     )
-    unit, scale = prefixed(desired, "N")
+    unit, scale = prefixed(largest(desired), "N")
     levels = [scale * true, (1 + NEAR) * scale * desired, np.zeros(1)]
     low, high = ((1 + sign * NEAR) * scale * desired for sign in (-1, 1))
     ax.fill_between(time, low, high, label=f"±{100 * NEAR:g} %", **_BAND)
@@ -79,7 +79,7 @@ def plot_force_error(ax: Axes, result: Result) -> None:
     """
     within = evaluated(result)
     time, error = result.time[within], _force_error(result)
-    unit, scale = prefixed(error, "N")
+    unit, scale = prefixed(largest(error), "N")
     ax.plot(time, scale * error, label="true", **FORCE)
     misread = (result.series["normal_force_measured"] - result.series["normal_force"])[within]
     if _APART_OF_ERROR * largest(error) < _root_mean_square(misread) < largest(error):

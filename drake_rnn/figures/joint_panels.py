@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from ..inputs.fields import Array
-from ..measures import ARRIVED
+from ..measures import ARRIVED, prefixed
 from ..runs.limit_use import EXCEEDED
 from ..runs.result import Result
 from .bound_lines import draw_bounds, number_bounds
@@ -29,7 +29,6 @@ from .style import (
     legend,
     log_axis,
     plot_joints,
-    prefixed,
     shade_window,
     span,
     time_axis,
@@ -108,7 +107,7 @@ def plot_drift(ax: Axes, result: Result) -> None:
     for k, final in enumerate(end):
         last = result.time[evaluated(result)][-1:]
         ax.plot(last, final, "o", color=nth(k)["color"], markersize=3, clip_on=False)
-    shown, scale = prefixed(end, "rad")
+    shown, scale = prefixed(largest(end), "rad")
     sizes = scale * np.abs(end)
     note = f"at the end: mean {sizes.mean():.3g}, largest {sizes.max():.3g} {shown}"
     place: Style = {"ha": "right", "va": "top", "transform": ax.transAxes}
@@ -124,7 +123,7 @@ def plot_drift(ax: Axes, result: Result) -> None:
 def plot_drift_left(ax: Axes, result: Result) -> None:
     """Plot the drift that is left at the end as a bar for each joint."""
     sizes = np.abs(joint_drift(result)[1])
-    shown, scale = prefixed(sizes, "rad")
+    shown, scale = prefixed(largest(sizes), "rad")
     joints = np.arange(sizes.size) + 1
     colours = [nth(k)["color"] for k in range(sizes.size)]
     ax.bar(joints, scale * sizes, width=0.6, color=colours)

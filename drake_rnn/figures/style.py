@@ -239,16 +239,6 @@ def span(values: Array, least: float) -> tuple[float, float]:
     return low - widen, high + widen
 
 
-def prefixed(values: Array, unit: str) -> tuple[str, float]:
-    """Return the unit with a prefix that suits the values, and the factor to convert to it."""
-    peak = largest(values)
-    return next(
-        (name + unit, scale)
-        for name, scale in (("", 1.0), ("m", 1e3), ("µ", 1e6))
-        if peak * scale >= 0.1 or name == "µ"
-    )
-
-
 def unit(series: str) -> str:
     """Return the unit of a series, with superscripts."""
     return raised(UNITS[series])

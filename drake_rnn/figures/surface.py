@@ -12,11 +12,12 @@ from matplotlib.colors import BoundaryNorm, ListedColormap, to_rgb
 from matplotlib.patheffects import withStroke
 
 from ..inputs.fields import Array
+from ..measures import prefixed
 from ..runs.result import Result
 from ..systems import Contact
 from .ends import mark_ends
 from .looks import DESIRED, FORCE, Style
-from .style import finite, legend, prefixed, span, ticks
+from .style import finite, largest, legend, span, ticks
 from .traits import evaluated, first_pass
 
 #: Relative error up to which a force counts as near the desired one.
@@ -84,7 +85,7 @@ def plot_on_surface(ax: Axes, result: Result) -> None:
     """Plot the path on the surface as seen from above, coloured by the normal force."""
     traced = 1e3 * surface_coordinates(result, result.series["p_WE"])
     desired = 1e3 * surface_coordinates(result, result.series["p_WE_desired"])
-    unit, scale = prefixed(result.series["normal_force_desired"], "N")
+    unit, scale = prefixed(largest(result.series["normal_force_desired"]), "N")
     force = scale * result.series["normal_force"]
     edges, colours = force_scale(result)
     edges = scale * edges

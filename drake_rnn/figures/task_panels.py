@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ..inputs.fields import Array
+from ..measures import prefixed
 from ..runs.result import Result
 from .ends import mark_ends
 from .looks import BEHIND, BOUND, DESIRED, INK, MOMENT, PREDICTED, TRACED, Style, nth
@@ -20,7 +21,6 @@ from .style import (
     legend,
     log_axis,
     noisy,
-    prefixed,
     shade_window,
     ticks,
     time_axis,
@@ -113,7 +113,7 @@ def plot_orientation_error(ax: Axes, result: Result) -> None:
     The axis suits the values in the window.
     """
     error = result.series["orientation_error"]
-    shown, scale = prefixed(in_view(result, error), "rad")
+    shown, scale = prefixed(largest(in_view(result, error)), "rad")
     ax.plot(result.time, scale * error, color=INK, linewidth=0.6 if noisy(error) else 1.0)
     shade_window(ax, result)
     ax.set_ylim(0, 1.06 * scale * largest(error) or None)
@@ -178,7 +178,7 @@ def _plot_axes(
     Returns:
         Factor from ``unit`` to the unit shown.
     """
-    shown, scale = prefixed(in_view(result, values), unit)
+    shown, scale = prefixed(largest(in_view(result, values)), unit)
     if norm:
         size = scale * np.linalg.norm(values, axis=1)
         ax.plot(result.time, size, label=norm, **BEHIND)

@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator, StrMethodFormatter
 
 from ..inputs.fields import Array
-from ..measures import METRICS
+from ..measures import METRICS, prefixed
 from ..tuning import Tuned
 from .looks import MOMENT, nth
-from .style import PAGE, legend, prefixed, save, styled
+from .style import PAGE, largest, legend, save, styled
 
 _UNITS = {metric.name: metric.unit for metric in METRICS}
 # Decades from which on only these are labelled.
@@ -38,7 +38,7 @@ def tuning_figure(tuned: Tuned, file: Path) -> Path:
     with styled():
         figure = Figure(figsize=(PAGE, 2.5), layout="constrained")
         left, right = figure.subplots(1, 2)
-        unit, scale = prefixed(values, _UNITS[tuned.metric])
+        unit, scale = prefixed(largest(values), _UNITS[tuned.metric])
         left.plot(steps, scale * values, label="compiled run", **_look(0))
         verified = {0: tuned.before, tuned.chosen: tuned.after}
         seen = [scale * result.metrics[tuned.metric] for result in verified.values()]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..inputs.fields import Array
+from ..measures import told
 from ..runs.result import Result
 
 
@@ -49,13 +50,5 @@ def live_numbers(result: Result) -> Numbers:
         written.append([f"Jacobian off by {each:.0f} %" for each in share])
     if "joint_error" in series:
         written.append([f"{each:.2f} rad to go" for each in np.abs(series["joint_error"]).max(1)])
-    written.append([f"error {written_length(each)}" for each in result.position_error])
+    written.append([f"error {told(float(each), 'm', 2)}" for each in result.position_error])
     return Numbers(result.time - result.time[0], written)
-
-
-def written_length(length: float) -> str:
-    """Return a length [m] in the unit that suits it."""
-    for unit, factor, least in (("cm", 1e2, 1.0), ("mm", 1e3, 0.1), ("µm", 1e6, 0.1)):
-        if length * factor >= least:
-            return f"{length * factor:.1f} {unit}"
-    return f"{length * 1e9:.0f} nm"

@@ -17,8 +17,6 @@ Over = Literal["window", "run"]
 #: Places that show a metric: overviews, by what the run is about, and the table of a sweep.
 Shown = Literal["path", "posture", "return", "force", "sweep"]
 
-_SUPERSCRIPTS = str.maketrans("2345", "²³⁴⁵")
-
 
 @dataclass(frozen=True)
 class Metric:
@@ -42,12 +40,6 @@ class Metric:
     def words(self) -> str:
         """Its name in words, without the unit at its end."""
         return self.name.removesuffix(f"_{_ending(self.unit)}").replace("_", " ")
-
-
-def raised(unit: str) -> str:
-    """Return a unit with its powers as superscripts, such as ``rad/s²``."""
-    head, *powers = unit.split("^")
-    return head + "".join(power[:1].translate(_SUPERSCRIPTS) + power[1:] for power in powers)
 
 
 def violation_metric(limit: str) -> str:

@@ -8,15 +8,12 @@ from typing import Any
 import numpy as np
 
 from ..experiment.document import Acceptance
-from ..measures import METRICS, raised
+from ..measures import METRICS, told
 from ..robot.limits import DERIVATIVE_UNITS
 from ..runs.limit_use import uses
 from ..runs.result import Result
 
 _MEANINGS = {metric.name: metric for metric in METRICS}
-# Units that are told with prefixes, and the prefixes: the least magnitude and the factor of each.
-_PREFIXED = ("m", "rad", "N", "s", "m/s", "N m")
-_PREFIXES = ((1.0, 1.0, ""), (1e-3, 1e3, "m"), (1e-6, 1e6, "µ"), (0.0, 1e9, "n"))
 
 
 def outcome_of(result: Result) -> dict[str, Any]:
@@ -57,17 +54,6 @@ def in_words(metric: str) -> str:
     for order, derivative in enumerate(DERIVATIVE_UNITS, start=1):
         words = words.replace(f"limit ratio {order}", f"{derivative} / bound")
     return words
-
-
-def told(value: float, unit: str) -> str:
-    """Return a number with four digits and its unit, with a prefix if that makes it readable."""
-    if unit == "1":
-        return f"{value:.4g}"
-    unit = raised(unit)
-    if unit not in _PREFIXED or not np.isfinite(value) or value == 0.0:
-        return f"{value:.4g} {unit}"
-    _, factor, prefix = next(each for each in _PREFIXES if abs(value) >= each[0])
-    return f"{factor * value:.4g} {prefix}{unit}"
 
 
 def _kind(complete: bool, met: bool, asked: bool) -> str:

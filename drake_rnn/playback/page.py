@@ -11,6 +11,7 @@ import numpy as np
 from pydrake.geometry import Meshcat, MeshcatAnimation, MeshcatParams
 
 from ..inputs.fields import Array
+from ..measures import LEAST, PREFIXED_UNITS, PREFIXES
 from ..robot.drake_log import quiet_drake
 from .boxes import Boxes, boxes_of
 from .drawn_arm import DrawnArm
@@ -105,6 +106,7 @@ def make_page(
         "rate": rate,
         "size": size,
         "window": _window(motion),
+        "units": {"prefixes": PREFIXES, "prefixed": PREFIXED_UNITS, "least": LEAST},
         "curves": [curve.as_data(frames) for curve in curves_of(motion)],
         **_seen(motion, beside, paths, size),
     }

@@ -9,6 +9,7 @@ import numpy as np
 from pydrake.geometry import Meshcat, MeshcatAnimation
 
 from ..inputs.fields import Array
+from ..measures import told
 from .boxes import Boxes
 from .camera import points_round, view_of_drawing
 from .curves import Curves
@@ -23,8 +24,6 @@ _RADIUS, _GAP, _LABEL = 0.006, 0.3, 0.3
 _DESIRED_POINT = 4.0
 # Smallest extent of a drawing that counts [m].
 _LEAST_EXTENT = 0.03
-# Units in which a length is told: the least length [m], factor and name of each.
-_UNITS = ((1.0, 1.0, "m"), (1e-4, 1e3, "mm"), (1e-7, 1e6, "µm"), (0.0, 1e9, "nm"))
 
 
 class PathsBeside:
@@ -165,5 +164,4 @@ def _told(motion: ReplayedMotion) -> tuple[str, str]:
     name = name_of(motion.result)
     if (error := motion.result.metrics.get("position_error_max_m")) is None:
         return name, ""
-    _, scale, unit = next(each for each in _UNITS if error >= each[0])
-    return name, f"{scale * error:.3g} {unit} off at most"
+    return name, f"{told(error, 'm', 3)} off at most"

@@ -7,7 +7,8 @@ from PIL import Image
 from drake_rnn import FilmSettings, load_experiment, simulate
 from drake_rnn.colours import DESIRED, TRACED, components
 from drake_rnn.film.caption import Caption
-from drake_rnn.film.numbers import live_numbers, written_length
+from drake_rnn.film.numbers import live_numbers
+from drake_rnn.measures import told
 
 SHORT = {"duration": 0.2, "window": None, "accept": None}
 
@@ -78,13 +79,5 @@ def test_the_numbers_are_those_of_the_run(run):
         off = 100.0 * np.linalg.norm(J_hat - J) / np.linalg.norm(J)
         assert numbers.at(t) == [
             f"Jacobian off by {off:.0f} %",
-            f"error {written_length(run.position_error[sample])}",
+            f"error {told(run.position_error[sample], 'm', 2)}",
         ]
-
-
-@pytest.mark.parametrize(
-    ("length", "written"),
-    [(0.0, "0 nm"), (3.2e-8, "32 nm"), (3.7e-7, "0.4 µm"), (2.6e-3, "2.6 mm"), (0.045, "4.5 cm")],
-)
-def test_a_length_is_written_in_the_unit_that_suits_it(length, written):
-    assert written_length(length) == written

@@ -175,9 +175,9 @@ function ticksOf({ log, low, high }, count) {
   return ticks;
 }
 
-/** A tick's number, without the digits that it does not need. */
-function tickText(value, unit) {
-  const [factor, name] = unitFor(value, unit);
+/** A tick's number, without the digits that it does not need; a linear axis has one unit. */
+function tickText(value, unit, { log, low, high }) {
+  const [factor, name] = unitFor(log ? value : Math.max(Math.abs(low), Math.abs(high)), unit);
   return `${parseFloat((factor * value).toPrecision(6))} ${name}`.trim().replace("-", "−");
 }
 
@@ -219,7 +219,7 @@ function drawAxes(context, curve, range, { left, top, width, height }, { toX, to
     context.moveTo(left, y);
     context.lineTo(left + width, y);
     context.stroke();
-    context.fillText(tickText(tick, curve.unit), left - 8, y);
+    context.fillText(tickText(tick, curve.unit, range), left - 8, y);
   }
   context.textAlign = "center";
   context.textBaseline = "top";

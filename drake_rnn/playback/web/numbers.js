@@ -13,14 +13,13 @@ function unpacked(text) {
   return new Float32Array(bytesOf(text).buffer);
 }
 
-const PREFIXES = [[1, 1, ""], [1e-3, 1e3, "m"], [1e-6, 1e6, "µ"], [0, 1e9, "n"]];
-const PREFIXED = ["m", "rad", "N", "s", "m/s", "N m"];
-
-/** The factor and the name of a unit in which a number has few digits. */
+/** The factor and the name of a unit in which a number has few digits, by the tables of Python. */
 function unitFor(value, unit) {
   if (unit === "1") return [1, ""];
-  if (!PREFIXED.includes(unit) || !(Math.abs(value) > 0) || !isFinite(value)) return [1, unit];
-  const [, factor, prefix] = PREFIXES.find(([least]) => Math.abs(value) >= least);
+  const { prefixes, prefixed, least } = data.units;
+  if (!prefixed.includes(unit) || !(Math.abs(value) > 0) || !isFinite(value)) return [1, unit];
+  const suits = ([, factor]) => Math.abs(value) * factor >= least;
+  const [prefix, factor] = prefixes.find(suits) || prefixes.at(-1);
   return [factor, prefix + unit];
 }
 

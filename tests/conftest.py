@@ -6,6 +6,7 @@ import signal
 import pytest
 from hypothesis import settings
 
+import shared_runs
 from browsing import chromium
 from drake_rnn.campaigns import perform
 from drake_rnn.runs import simulation
@@ -20,6 +21,11 @@ def surroundings(tmp_path_factory):
     """A cache folder of the tests' own, no ROS, and Ctrl-C: results depend on nobody's machine."""
     before = os.environ.copy()
     os.environ["XDG_CACHE_HOME"] = str(tmp_path_factory.mktemp("cache"))
+    # Of several processes, each has a folder in that of all.
+    base = tmp_path_factory.getbasetemp()
+    shared = (base.parent if "PYTEST_XDIST_WORKER" in before else base) / "shared_runs"
+    shared.mkdir(exist_ok=True)
+    os.environ[shared_runs.FOLDER] = str(shared)
     for name in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"):
         os.environ.pop(name, None)
     # A shell that starts the tests in the background lets them, and what they start, ignore it.

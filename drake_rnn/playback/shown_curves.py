@@ -133,11 +133,11 @@ def _jacobian(motion: ReplayedMotion) -> list[Curve]:
     learned, known = _series(motion, "J", "J_hat"), _series(motion, "J")
     if learned is not None:
         size = np.sqrt(np.square(learned[0] - learned[1]).sum(axis=(1, 2)))
-        return [Curve("jacobian_error", "error of Ĵ", "m/rad", motion.time, size, "log")]
+        return [Curve("jacobian_error", "error of Ĵ", "m", motion.time, size, "log")]
     if known is None or not np.isfinite(known[0]).all():
         return []
     smallest = np.asarray(np.linalg.svd(known[0], compute_uv=False)[:, -1], dtype=float)
-    return [Curve("singular_value", "least singular value of J", "m/rad", motion.time, smallest)]
+    return [Curve("singular_value", "least singular value of J", "m", motion.time, smallest)]
 
 
 def _ratios(motion: ReplayedMotion) -> list[Curve]:

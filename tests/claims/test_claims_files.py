@@ -8,6 +8,7 @@ from doc_pages import ROOT, tables
 
 from drake_rnn import InvalidInputError, load_experiment, shipped_experiments
 from drake_rnn.claims import SCHEMES, Judge, read_claims, reading, schemes_in
+from shared_runs import SharedRuns
 
 ALL = [(scheme, claim) for scheme in SCHEMES for claim in read_claims(scheme).claims]
 every_claim = pytest.mark.parametrize(("scheme", "claim"), ALL, ids=[claim.id for _, claim in ALL])
@@ -93,7 +94,7 @@ def test_the_page_has_a_row_for_every_claim():
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_the_verdicts_are_those_on_the_page(scheme):
     claims, rows = read_claims(scheme), page_rows()
-    judge = Judge(claims)
+    judge = Judge(claims, SharedRuns())
     # Ratios of times belong to a quiet machine.
     judged = [claim for claim in claims.claims if not any(c.timed for c in claim.criteria)]
     found = {claim.id: judge.judge(claim) for claim in judged}

@@ -19,7 +19,7 @@ VIOLATIONS = (
 def test_no_bound_is_broken_anywhere(tmp_path):
     """Whatever path, target, posture and Jacobian are; also by those that lose their path."""
     shipped = fields_of(read_campaign("bounds_anywhere"))
-    changes = {**shipped["changes"], "duration": 3, "window": [2.5, 3]}
+    changes = {**shipped["changes"], "duration": 2, "window": [1.5, 2]}
     campaign = {**shipped, "changes": changes, "samples": 12}
     result = run_campaign(campaign, tmp_path, jobs=0)
     assert result.ending == "complete"

@@ -7,6 +7,7 @@ digit; what learns amplifies rounding, so its bounds are some times what was mea
 import pytest
 
 from drake_rnn import load_experiment, shipped_experiments, simulate
+from shared_runs import shared_run
 
 NAMES = [name for name in shipped_experiments() if name.startswith("adaptive_")]
 ERROR = "position_error_max_m"
@@ -19,7 +20,7 @@ def metrics(name, **changes):
 @pytest.mark.long
 @pytest.mark.parametrize("name", NAMES)
 def test_an_experiment_does_what_it_accepts(name):
-    result = simulate(load_experiment(name))
+    result = shared_run(name)
     assert result.verdicts
     assert [verdict for verdict in result.verdicts if not verdict.met] == []
 

@@ -4,7 +4,6 @@ The figures are those of a plain-array implementation of the same equations, int
 Runge-Kutta steps of 1e-5 s; see docs/joint_drift_free.md.
 """
 
-from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +15,7 @@ from drake_rnn.inputs.fields import field_names
 from drake_rnn.laws.parts.two_step import TwoStep
 from drake_rnn.runs.simulation import build_simulator
 from limit_helpers import broken
+from shared_runs import shared_run
 
 NAMES = [
     name
@@ -48,14 +48,8 @@ NALJDF = {
 ERRORS = ("position_error_max_m", "velocity_error_max_m_s", "joint_drift_mean_rad")
 
 
-@cache
-def as_it_is(name):
-    """Several tests look at the same run."""
-    return simulate(load_experiment(name))
-
-
 def run(name, **changes):
-    return simulate(load_experiment(name, changes)) if changes else as_it_is(name)
+    return simulate(load_experiment(name, changes)) if changes else shared_run(name)
 
 
 @pytest.fixture(scope="module")

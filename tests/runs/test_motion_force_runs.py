@@ -10,6 +10,7 @@ import pytest
 
 from drake_rnn import InvalidInputError, SimulationError, load_experiment, simulate
 from limit_helpers import broken
+from shared_runs import shared_run
 
 QUICK = ["motion_force_tricuspid", "motion_force_cat"]
 LONG = [
@@ -42,7 +43,7 @@ def metrics(name, **changes):
     "name", [*QUICK, *(pytest.param(name, marks=pytest.mark.long) for name in LONG)]
 )
 def test_it_comes_to_what_its_document_expects(name):
-    result = run(name)
+    result = shared_run(name)
     assert result.experiment.document.accept
     for metric, accepted in result.experiment.document.accept.items():
         assert accepted.holds(result.metrics[metric]), (metric, result.metrics[metric])

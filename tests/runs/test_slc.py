@@ -9,6 +9,7 @@ import pytest
 
 from drake_rnn import InvalidInputError, load_experiment, simulate
 from limit_helpers import broken
+from shared_runs import shared_run
 
 # A whole run takes half a minute, and seed 0 has one. Seeds differ in how J_hat and the noise
 # begin, and all have settled within 2.6 s: the others are judged from 3 s on, as strictly.
@@ -22,7 +23,7 @@ def metrics(name, **changes):
 
 @pytest.fixture(scope="module")
 def known_run():
-    return simulate(load_experiment("slc_nephroid_known"))
+    return shared_run("slc_nephroid_known")
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +33,7 @@ def known(known_run):
 
 @pytest.fixture(scope="module")
 def unbounded():
-    return metrics("slc_nephroid_unbounded")
+    return shared_run("slc_nephroid_unbounded").metrics
 
 
 def test_with_a_known_jacobian_the_arm_tracks_the_nephroid(known):
@@ -128,14 +129,14 @@ def test_the_error_is_in_inverse_proportion_to_kappa_and_to_rate(changes):
 
 @pytest.mark.long
 def test_it_tracks_while_it_learns_from_random():
-    got = metrics("slc_nephroid")
+    got = shared_run("slc_nephroid").metrics
     assert_it_tracks_and_learns(got)
     assert got["joint_drift_max_rad"] <= 1e-3
 
 
 @pytest.mark.long
 def test_bounding_the_feedback_allows_a_larger_gain():
-    assert_it_is_faster(metrics("slc_nephroid_fast"))
+    assert_it_is_faster(shared_run("slc_nephroid_fast").metrics)
 
 
 @pytest.mark.long
@@ -152,7 +153,7 @@ def test_a_larger_gain_learns_from_every_seed(seed):
 
 @pytest.mark.long
 def test_with_virtual_noise_the_arm_keeps_the_acceleration_bound():
-    got = metrics("slc_nephroid_virtual")
+    got = shared_run("slc_nephroid_virtual").metrics
     assert got["joint_acceleration_max_rad_s2"] <= 1 + 1e-9
     assert got["position_error_max_m"] <= 1.0e-3
     assert got["jacobian_error_median"] <= 3e-3
@@ -184,7 +185,7 @@ def test_an_arm_that_noise_moves_accelerates_whenever_noise_or_law_change(hold, 
     "name", ["slc_four_ring", pytest.param("slc_four_ring_per_joint", marks=pytest.mark.long)]
 )
 def test_the_four_ring_returns_to_its_start(name):
-    result = simulate(load_experiment(name))
+    result = shared_run(name)
     assert result.metrics["position_error_max_m"] <= 0.5e-3
     assert result.metrics["joint_drift_max_rad"] <= 5e-4
     assert result.metrics["network_acceleration_max_rad_s2"] <= 1.1 + 1e-9

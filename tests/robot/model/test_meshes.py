@@ -236,6 +236,8 @@ def make(number):
     return cached_file("race/file", lambda: b"x" * 1_000_000).read_bytes() == b"x" * 1_000_000
 
 
+# JAX, where another test has loaded it, is not used by what is forked here.
+@pytest.mark.filterwarnings("ignore:os.fork:RuntimeWarning")
 def test_processes_that_race_for_a_file_all_get_it_whole():
     with multiprocessing.get_context("fork").Pool(8) as pool:
         assert all(pool.map(make, range(64), chunksize=1))

@@ -52,7 +52,10 @@ def check_figures(entry: Mapping[str, Any], folder: Path) -> None:
         run, _, metric = name.rpartition(".")
         found = kept_result(run or entry["run"], folder).metrics[metric]
         if not bound / _LOOSE <= found <= bound:
-            raise SystemExit(f"gallery.yaml: {entry['run']}: {name} is {found:.3g}, not {bound:g}")
+            raise SystemExit(
+                f"gallery.yaml: {entry['run']}: {name} is {found:.6g}, "
+                f"not from {bound / _LOOSE:.3g} to {bound:g}"
+            )
 
 
 def _run(folder: Path, name: str) -> str:

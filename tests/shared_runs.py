@@ -1,7 +1,6 @@
 """Whole runs that several tests look at: each is made once, by whichever process asks first."""
 
 import os
-from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -22,9 +21,12 @@ def shared_run(name, changes=None):
         result = simulate(load_experiment(name, changes))
         with TemporaryDirectory(dir=folder) as scratch:
             result.save(Path(scratch) / "run")
-            # Another process may have been as quick: its run has the same bits.
-            with suppress(OSError):
+            try:
                 os.rename(Path(scratch) / "run", place)
+            except OSError:
+                # Another process may have been as quick: its run has the same bits.
+                if not place.is_dir():
+                    raise
     return Result.load(place)
 
 

@@ -43,7 +43,8 @@ def film(  # noqa: PLR0913  one argument for each option
         float, typer.Option("--fps", help="Pictures in each second of the film [1/s].")
     ] = 12.0,
     seconds: Annotated[
-        float, typer.Option(help="Length of the film [s]; a longer run is shown faster.")
+        float,
+        typer.Option(help="Length [s], to which the end adds 1 s; longer runs are faster."),
     ] = 8.0,
     begin: Annotated[
         float, typer.Option("--from", help="Time of the run at which the film begins [s].")

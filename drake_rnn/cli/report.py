@@ -37,7 +37,9 @@ def report(  # noqa: PLR0913  one argument for each option
     playbacks: Annotated[
         bool, typer.Option(help="Write playbacks of the claims' main runs.")
     ] = True,
-    again: Annotated[bool, typer.Option("--again", help="Try runs again that failed.")] = False,
+    again: Annotated[
+        bool, typer.Option("--again", help="Try runs again that failed or cannot be read.")
+    ] = False,
     claims: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Folder with claims files, in place of the shipped ones."),

@@ -105,7 +105,7 @@ METRICS: tuple[Metric, ...] = (
     Metric(
         "settling_time_s",
         "s",
-        "time after which the position error stays below ``settling_tolerance_m``",
+        "time after which the position error stays below settling_tolerance_m",
         shown=_shown("path", "sweep"),
     ),
     Metric(

@@ -36,6 +36,6 @@ def prefixed(size: float, unit: str) -> tuple[str, float]:
 def told(value: float, unit: str, digits: int = 4) -> str:
     """Return a number and its unit, such as ``0.37 µm``."""
     # Rounded before the prefix is chosen: 0.1 m rather than 1e+02 mm.
-    value = float(f"{value:.{digits}g}")
+    value = float(f"{value:.{digits}g}") + 0.0
     written, factor = ("", 1.0) if unit == "1" else prefixed(value, unit)
-    return f"{factor * value:.{digits}g} {written}".rstrip()
+    return f"{factor * value:.{max(digits, 4)}g} {written}".rstrip()

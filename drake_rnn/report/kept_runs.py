@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import re
 import shutil
 from collections.abc import Mapping
 from contextlib import suppress
@@ -27,6 +28,9 @@ from ..runs.whole_file import written_whole
 #: How runs end that might end otherwise another time, such as on a machine with more memory.
 _FAILED = ("failed", "killed its worker")
 _CLAIMS = Path(inspect.getfile(Claims)).parent
+_ROWS = "rows"
+# Names of the folders of runs, one for each state of the code.
+_DIGEST = re.compile("[0-9a-f]{12}")
 
 
 class MissingRunError(DrakeRnnError):
@@ -75,7 +79,7 @@ class KeptRuns(RunSource):
 
     def __init__(self, folder: Path) -> None:
         self.place = folder / "runs" / sha256(stamp().encode()).hexdigest()[:12]
-        self.rows = RowStore(self.place / "rows")
+        self.rows = RowStore(self.place / _ROWS)
         self._orders: dict[str, Order] = {}
         self._asked: dict[str, list[AskedRun]] = {}
 
@@ -155,17 +159,26 @@ class KeptRuns(RunSource):
         return list(self._asked.get(_name_of(claims, quantity), []))
 
     def remove_others(self) -> None:
-        """Remove the runs of other code."""
+        """Remove the runs that reports of other code have kept, and nothing else."""
         for folder in self.place.parent.iterdir():
-            if folder != self.place:
+            kept = _DIGEST.fullmatch(folder.name) and (folder / _ROWS).is_dir()
+            if kept and folder != self.place:
                 shutil.rmtree(folder, ignore_errors=True)
 
     def forget_failed(self) -> None:
-        """Forget the runs that failed, so that they are made again."""
+        """Forget the runs that failed or cannot be read, so that they are made again."""
         for key in self.rows.kept():
             outcome = self.rows.get(key)
-            if outcome is not None and outcome.status in _FAILED:
+            if outcome is not None and (outcome.status in _FAILED or not self._is_whole(key)):
                 self.rows.forget(key)
+
+    def _is_whole(self, key: str) -> bool:
+        """Return whether what is kept of a run can be read; nothing is of those refused."""
+        folder = self.place / key
+        try:
+            return not folder.is_dir() or bool(Result.load(folder))
+        except InvalidInputError:
+            return False
 
     def _ended(self, name: str, changes: Mapping[str, Any] | None) -> tuple[Order, Outcome]:
         order = self.asked(name, changes).order
@@ -178,7 +191,7 @@ class KeptRuns(RunSource):
         return order, outcome
 
     def _known(self, name: str) -> float | None:
-        """Return a number that was measured before, if the runs that it is of are the same."""
+        """Return a number that was measured before, if the runs that it is of are still kept."""
         try:
             told = json.loads(self._file(name).read_text())
             asked = [self.asked(each, changes) for each, changes, _ in told["runs"]]
@@ -186,6 +199,8 @@ class KeptRuns(RunSource):
         except (OSError, ValueError, KeyError, TypeError):
             return None
         if [each.order.key for each in asked] != [key for _, _, key in told["runs"]]:
+            return None
+        if not all(self.outcome(each.order) for each in asked):
             return None
         self._asked[name] = asked
         return value

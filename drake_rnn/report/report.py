@@ -79,9 +79,12 @@ def make_report(
             and the number of all.
 
     Raises:
-        InvalidInputError: If the folder cannot be written to, or another process is at it.
+        InvalidInputError: If the folder cannot be written to, another process is at it, or pages
+            that no report has written are in the way.
     """
     folder, settings = Path(folder), settings or ReportSettings()
+    pages = (f"{name}.{settings.format}" for name in ("index", *(c.scheme for c, _ in chosen)))
+    _refuse_others(folder, {_DATA, *pages})
     runs = KeptRuns(folder)
     with runs.rows.claimed():
         try:
@@ -130,7 +133,8 @@ def _written(contents: dict[str, Any], folder: Path, form: Format) -> dict[str, 
     try:
         for name in set(_pages_before(folder)) - pages.keys():
             (folder / name).unlink(missing_ok=True)
-        pages[_DATA] = json.dumps(data, indent=1, allow_nan=False) + "\n"
+        # First of all: a report that is killed here knows its pages again.
+        _put(folder / _DATA, json.dumps(data, indent=1, allow_nan=False) + "\n")
         for name, text in pages.items():
             _put(folder / name, text)
     except OSError as error:
@@ -144,10 +148,21 @@ def _put(file: Path, text: str) -> None:
             stream.write(text)
 
 
+def _refuse_others(folder: Path, names: set[str]) -> None:
+    """Refuse to write over files of a user's own."""
+    before = _pages_before(folder)
+    ours = {_DATA, *before} if before else set()
+    if others := sorted(name for name in names - ours if (folder / name).exists()):
+        raise InvalidInputError(
+            f"report folder {folder}: {others[0]} is not of a report; give another folder"
+        )
+
+
 def _pages_before(folder: Path) -> list[str]:
     """Return the pages that an earlier report has written."""
     try:
-        told = json.loads((folder / _DATA).read_text())["pages"]
+        told = json.loads((folder / _DATA).read_text())
+        names = [Path(name).name for name in told["pages"]]
     except (OSError, ValueError, KeyError, TypeError):
         return []
-    return [Path(name).name for name in told]
+    return names if {"papers", "runs"} <= told.keys() else []

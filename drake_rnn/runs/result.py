@@ -186,6 +186,8 @@ class Result:
         """
         require_type("folder", folder, str, Path)
         folder = Path(folder)
+        if folder.is_file():
+            raise InvalidInputError(f"{folder}: holds no result: it is a file, not a folder")
         record = read_record(folder)
         try:
             document = parse_yaml((folder / "experiment.yaml").read_text(), str(folder))
@@ -193,6 +195,7 @@ class Result:
                 series = {name: arrays[name] for name in arrays.files}
             metrics = json.loads((folder / "metrics.json").read_text())
             time = series.pop("time")
+            _require_whole(time, series, metrics)
         except FileNotFoundError as error:
             lacks = f"{Path(error.filename).name} is missing"
             why = lacks if folder.is_dir() else "there is no such folder"
@@ -215,6 +218,27 @@ class Result:
             failure=record.get("failure", ""),
             timings=record.get("timings", {}),
         )
+
+
+def _require_whole(time: Array, series: dict[str, Array], metrics: Any) -> None:
+    """Refuse what no run has written.
+
+    Raises:
+        ValueError: If it is so.
+    """
+    if not isinstance(metrics, dict) or not all(
+        isinstance(value, (int, float)) for value in metrics.values()
+    ):
+        raise ValueError("metrics.json must hold numbers by name")
+    if "position" not in series:
+        raise ValueError("result.npz: position is missing")
+    if time.ndim != 1 or not np.isfinite(time).all():
+        raise ValueError("result.npz: time must be finite numbers, shape (k,)")
+    for name, values in series.items():
+        if values.shape[:1] != time.shape:
+            raise ValueError(
+                f"result.npz: {name} has shape {values.shape}, but there are {time.size} samples"
+            )
 
 
 def versions() -> dict[str, str]:

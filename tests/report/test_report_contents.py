@@ -79,6 +79,31 @@ def test_a_second_call_makes_no_run_and_writes_nothing(tiny, report, simulated):
     assert files(folder) == before
 
 
+def test_files_of_a_users_own_are_not_touched(tiny, report, tmp_path):
+    own = tmp_path / "report" / "runs" / "mine" / "result.npz"
+    own.parent.mkdir(parents=True)
+    own.write_text("mine")
+    page = tmp_path / "report" / "index.html"
+    page.write_text("mine")
+    with pytest.raises(InvalidInputError, match=r"report: index.html is not of a report; give an"):
+        report(tiny())
+    assert page.read_text() == "mine"
+    page.unlink()
+    notes = page.with_name("notes.md")
+    notes.write_text("mine")
+    assert report(tiny()).complete
+    assert (own.read_text(), notes.read_text()) == ("mine", "mine")
+
+
+def test_a_kept_run_that_is_damaged_is_made_again_if_asked(tiny, report, simulated):
+    folder = report(tiny()).folder
+    (metrics, *_) = sorted(folder.rglob("metrics.json"))
+    metrics.write_text("{")
+    assert report(tiny(), again=True).complete
+    assert len(simulated) == 4
+    assert json.loads(metrics.read_text())
+
+
 def test_a_claim_edited_to_be_false_turns_its_verdict_without_a_run(tiny, report, simulated):
     report(tiny())
     del simulated[:]

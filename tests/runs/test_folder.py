@@ -134,3 +134,24 @@ def test_a_folder_from_before_there_were_records_is_read(result, tmp_path):
     result.save(tmp_path)
     (tmp_path / "run.json").unlink()
     assert Result.load(tmp_path).status == "complete"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"metrics": []}, "metrics.json must hold numbers by name"),
+        ({"metrics": {"position_error_max_m": "x"}}, "metrics.json must hold numbers by name"),
+        ({"position": None}, "result.npz: position is missing"),
+        ({"position": np.zeros((3, 7))}, r"result.npz: position has shape \(3, 7\), but there are"),
+        ({"time": np.array([np.nan])}, "result.npz: time must be finite numbers"),
+    ],
+)
+def test_a_folder_that_no_run_has_written_is_refused(result, tmp_path, change, message):
+    result.save(tmp_path)
+    if "metrics" in change:
+        (tmp_path / "metrics.json").write_text(json.dumps(change.pop("metrics")))
+    with np.load(tmp_path / "result.npz") as arrays:
+        series = {name: arrays[name] for name in arrays.files} | change
+    np.savez(tmp_path / "result.npz", **{k: v for k, v in series.items() if v is not None})
+    with pytest.raises(InvalidInputError, match=f"holds no result: {message}"):
+        Result.load(tmp_path)

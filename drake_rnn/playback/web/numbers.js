@@ -26,7 +26,8 @@ function unitFor(value, unit) {
 /** A number with four digits and its unit, e.g. "0.1234 mm". */
 function told(value, unit) {
   if (!isFinite(value)) return "–";
-  const [factor, name] = unitFor(value, unit);
+  // Rounded before the unit is chosen, as in Python.
+  const [factor, name] = unitFor(+value.toPrecision(4), unit);
   const number = value === 0 ? "0" : (factor * value).toPrecision(4);
   return (number + " " + name).trim().replace("-", "−");
 }

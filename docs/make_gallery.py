@@ -29,7 +29,7 @@ PICTURES = DOCS / "gallery"
 _RATE = 32
 #: How much less than its bound a figure may be: what is learned differs between processors, which
 #: round sums in another order.
-_LOOSE = 3.0
+_LOOSE = 2.5
 
 
 def kept_result(name: str, folder: Path) -> Result:

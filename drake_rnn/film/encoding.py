@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from PIL import Image
 
@@ -37,34 +38,22 @@ class Format:
 
 
 def _webp(pictures: Pictures, times: FilmTimes, quality: int) -> bytes:
-    stream = BytesIO()
-    pictures[0].save(
-        stream,
-        "WEBP",
-        save_all=True,
-        append_images=pictures[1:],
-        duration=times.durations(_MILLISECOND),
-        loop=0,
-        quality=quality,
-        method=4,
-    )
-    return stream.getvalue()
+    return _moving("WEBP", pictures, times.durations(_MILLISECOND), quality=quality, method=4)
 
 
 def _gif(pictures: Pictures, times: FilmTimes, colours: int) -> bytes:
     palette = _common_palette(pictures, colours)
     # Without dither, what stands still stays as it is, which takes no bytes.
     reduced = [each.quantize(palette=palette, dither=Image.Dither.NONE) for each in pictures]
+    durations = [10 * ticks for ticks in times.durations(_GIF_UNIT)]
+    return _moving("GIF", reduced, durations, optimize=False)
+
+
+def _moving(form: str, pictures: Pictures, durations: list[int], **options: Any) -> bytes:
+    """Return pictures as a file that shows each for a time [ms], again and again."""
     stream = BytesIO()
-    reduced[0].save(
-        stream,
-        "GIF",
-        save_all=True,
-        append_images=reduced[1:],
-        duration=[10 * ticks for ticks in times.durations(_GIF_UNIT)],
-        loop=0,
-        optimize=False,
-    )
+    animation = {"save_all": True, "append_images": pictures[1:], "loop": 0}
+    pictures[0].save(stream, form, duration=durations, **animation, **options)
     return stream.getvalue()
 
 

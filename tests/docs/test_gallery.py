@@ -97,6 +97,6 @@ def test_a_figure_that_does_not_bound_that_of_the_run_is_refused(tmp_path):
     make_gallery.check_figures(entry, tmp_path)
     (name,) = entry["figures"]
     found = result.metrics[name]
-    for wrong in (0.99 * found, 3.1 * found):
+    for wrong in (0.99 * found, 2.6 * found):
         with pytest.raises(SystemExit, match=f"{QUICK}: {name} is "):
             make_gallery.check_figures(entry | {"figures": {name: wrong}}, tmp_path)

@@ -3,9 +3,17 @@
 from importlib.metadata import version
 
 from .arrays.jax_module import require_jax
+from .batch import (
+    CompiledRuns,
+    CompiledStep,
+    Many,
+    Slopes,
+    run_many,
+    value_and_gradient,
+    why_not,
+)
 from .campaigns import CampaignDocument, CampaignResult, read_campaign, run_campaign
 from .campaigns.sweep import sweep
-from .compiled import CompiledRuns, CompiledStep, Slopes, value_and_gradient
 from .diagrams import AddLoop, Loop, wiring_graph
 from .environments import (
     ENVIRONMENTS,
@@ -55,7 +63,6 @@ from .laws.parts.measurement import Measurement
 from .laws.parts.online_stiffness import OnlineStiffness
 from .laws.parts.secondary import Secondary
 from .laws.parts.warm_up import WarmUp
-from .many import Many, run_many, why_not
 from .measures import METRICS
 from .paths import (
     PATHS,

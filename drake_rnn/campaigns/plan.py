@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..batch.why_not import why_not_arm, why_not_law
 from ..errors import InvalidInputError
 from ..experiment import (
     Arms,
@@ -21,7 +22,6 @@ from ..experiment import (
     require_none_lost,
 )
 from ..inputs.complaints import plain
-from ..many.why_not import why_not_arm, why_not_law
 from ..runs.effort import effort_of, require_effort
 from .document import CampaignDocument
 from .fingerprint import forget_files, row_key, stamp, surroundings

@@ -7,13 +7,13 @@ from dataclasses import replace
 from time import perf_counter
 from typing import TypeVar
 
+from ..batch.grouping import Robot
+from ..batch.in_reach import surely_in_reach
+from ..batch.run import Many, robots_of, run_robots
 from ..errors import InvalidInputError
 from ..experiment import Experiment, forecasts, make_experiment
 from ..inputs.own_code import at, described
 from ..laws.checks import caveats_of
-from ..many.grouping import Robot
-from ..many.in_reach import surely_in_reach
-from ..many.run import Many, robots_of, run_robots
 from ..runs.effort import check_effort
 from ..runs.stored import stored_period
 from ..runs.verdict import verdicts_of

@@ -73,6 +73,18 @@ class Experiment:
         """Name of the experiment."""
         return self.document.name
 
+    def last_lap(self, until: float, delay: float | None = None) -> float | None:
+        """Return the time at which the last whole lap of a run began [s]; None without one.
+
+        Args:
+            until: Time at which the run ends [s].
+            delay: Delay with which the path is followed [s]; by default ``path_delay``.
+        """
+        delay = self.path_delay if delay is None else delay
+        began = self.desired.last_lap(until - delay)
+        # The first lap begins with the run, whatever the delay.
+        return began + delay if began is not None and began > 0.0 else began
+
     @property
     def limits(self) -> JointLimits:
         """Joint limits of the experiment, those of its arm."""

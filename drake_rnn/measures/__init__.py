@@ -1,13 +1,14 @@
 """Recording of a run, and the metrics taken from it."""
 
-from .groups import ARRIVED, ContactMetrics, FollowingMetrics
-from .metrics import METRIC_NAMES, METRICS, Metric, shown_in, violation_metric
+from .groups import FollowingMetrics, Found, GapMetrics
+from .metrics import ARRIVED, METRIC_NAMES, METRICS, Metric, shown_in, violation_metric
 from .motion import Motion, Pressing
 from .recorder import PART, Recorder, Steps, Take
-from .run_metrics import RunMetrics
+from .run_metrics import RunMetrics, of_one_run
 from .series import UNITS
 from .ticks import last_end
 from .units import LEAST, PREFIXED_UNITS, PREFIXES, prefixed, raised, told
+from .yardsticks import Yardsticks
 
 __all__ = [
     "ARRIVED",
@@ -18,8 +19,9 @@ __all__ = [
     "PREFIXED_UNITS",
     "PREFIXES",
     "UNITS",
-    "ContactMetrics",
     "FollowingMetrics",
+    "Found",
+    "GapMetrics",
     "Metric",
     "Motion",
     "Pressing",
@@ -27,7 +29,9 @@ __all__ = [
     "RunMetrics",
     "Steps",
     "Take",
+    "Yardsticks",
     "last_end",
+    "of_one_run",
     "prefixed",
     "raised",
     "shown_in",

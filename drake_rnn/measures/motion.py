@@ -1,116 +1,217 @@
-"""The motion of an arm and its law, step by step."""
+"""The motion of arms and their laws, step by step."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..inputs.fields import Array
+from ..arrays.namespace import AnyArray
+from ..arrays.series import along, lengths, sizes, transformed
 from .ticks import secant
+
+#: Share of the desired force at which a force has risen.
+RISEN = 0.95
+#: Joint speed above which an arm moves [rad/s].
+MOVING = 1e-6
 
 
 @dataclass(frozen=True)
 class Pressing:
-    """The contact of a tool with a surface over k steps.
+    """The contact of tools with surfaces over k steps; axes as those of a `Motion`.
 
     Attributes:
-        normal: Outward unit normal of the surface, shape (3,).
-        force: Pressing force along the normal, shape (k,) [N].
-        desired: Desired pressing force, shape (k,) [N].
+        normal: Outward unit normal of the surface, shape (..., 3).
+        force: Pressing force along the normal, shape (k, ...) [N].
+        desired: Desired pressing force, shape (k, ...) [N].
+        desired_end: Desired pressing force when the run ends, shape (...) [N].
     """
 
-    normal: Array
-    force: Array
-    desired: Array
+    normal: AnyArray
+    force: AnyArray
+    desired: AnyArray
+    desired_end: AnyArray
+
+    @property
+    def error(self) -> AnyArray:
+        """The pressing force minus the desired one, shape (k, ...) [N]."""
+        return self.force - self.desired
+
+    @property
+    def touching(self) -> AnyArray:
+        """Whether there is any force, shape (k, ...)."""
+        return self.force > 0.0
+
+    @property
+    def risen(self) -> AnyArray:
+        """Whether the force is 95 % of what is desired in the end, shape (k, ...)."""
+        return self.force >= RISEN * self.desired_end
 
 
 @dataclass(frozen=True)
 class Motion:
-    """The motion of an arm with n joints and of its law over k steps, for m position axes.
+    """The motion of arms with n joints and of their laws over k steps, for m position axes.
+
+    Steps are the first axis of every series. The motion of one arm has no other leading axis; that
+    of robots side by side has a second one: below, ``...`` is nothing or the number of robots. What
+    does not vary from step to step has no axis of steps. Arrays are NumPy's, or one step is JAX's.
 
     The steps are those of a run, or of a part of it. A part that does not begin the run begins with
     the last step of the part before, at which ticks of the arm and of the law end.
 
     Attributes:
         time: Time of each step, shape (k,) [s].
-        position, velocity: Joint positions and velocities of the arm, shape (k, n) [rad, rad/s].
-        network_velocity: The law's own joint velocities, shape (k, n) [rad/s].
-        p_WE, v_WE: Position and velocity of the end effector, shape (k, m) [m, m/s].
-        p_WE_desired, v_WE_desired: Their desired values, shape (k, m) [m, m/s].
-        J: Jacobian, shape (k, m, n); for a pose task, three rotation rows come first.
-        J_hat: Learned Jacobian, shape (k, m, n); None without learning.
-        target: Target posture, shape (n,) [rad]; None without one.
+        position, velocity: Joint positions and velocities of the arm, shape (k, ..., n)
+            [rad, rad/s].
+        network_velocity: The law's own joint velocities, shape (k, ..., n) [rad/s].
+        p_WE, v_WE: Position and velocity of the end effector, shape (k, ..., m) [m, m/s].
+        p_WE_desired, v_WE_desired: Their desired values, shape (k, ..., m) [m, m/s].
+        J: Jacobian, shape (k, ..., m, n); for a pose task, three rotation rows come first.
+        J_hat: Learned Jacobian, shape (k, ..., m, n); None without learning.
+        target: Target posture, shape (..., n) [rad]; None without one.
         orientation_error: Angle between the orientation of the end effector and the desired one,
-            shape (k,) [rad]; None if the orientation is left free.
+            shape (k, ...) [rad]; None if the orientation is left free.
         pressing: Contact with a surface; None without one. With a contact, position errors are
             those along the surface.
-        returns: Whether the desired path ends where it began, so that the joints should as well.
+        returns: Whether the desired path ends where it began, so that the joints should as well,
+            shape (...).
         lap_start: Time at which the lap began that the run's last step ends, or the last whole one
-            after which the arm has stood still [s]; None without one.
-        position_commanded: Joint positions that motors are told to follow, shape (k, n) [rad];
+            after which the arm has stood still, shape (...) [s]; NaN or None without one.
+        until: Time at which the run is to end [s]; None if these steps end it.
+        position_commanded: Joint positions that motors are told to follow, shape (k, ..., n) [rad];
             None for an arm that is where it is commanded to be.
-        p_WE_commanded: Position of the end effector at these, shape (k, m) [m]; None as well.
+        p_WE_commanded: Position of the end effector at these, shape (k, ..., m) [m]; None as well.
         tick, network_tick: Time for which the arm's and the law's velocities are held [s];
             None if they change at every step.
+        origin: Time of the run's first step [s]; None if it is the first of these.
+        observed: Observables of the law, by name, each of shape (k, ..., size).
+        virtual: Motion of the arm that the law sees, where that is not this one: the arm ahead of a
+            filter. Its Jacobian is the one that the law learns.
     """
 
-    time: Array
-    position: Array
-    velocity: Array
-    network_velocity: Array
-    p_WE: Array
-    v_WE: Array
-    p_WE_desired: Array
-    v_WE_desired: Array
-    J: Array
-    J_hat: Array | None
-    target: Array | None = None
-    orientation_error: Array | None = None
+    time: AnyArray
+    position: AnyArray
+    velocity: AnyArray
+    network_velocity: AnyArray
+    p_WE: AnyArray
+    v_WE: AnyArray
+    p_WE_desired: AnyArray
+    v_WE_desired: AnyArray
+    J: AnyArray
+    J_hat: AnyArray | None
+    target: AnyArray | None = None
+    orientation_error: AnyArray | None = None
     pressing: Pressing | None = None
-    returns: bool = True
-    lap_start: float | None = None
-    position_commanded: Array | None = None
-    p_WE_commanded: Array | None = None
+    returns: AnyArray = True
+    lap_start: AnyArray | None = None
+    until: float | None = None
+    position_commanded: AnyArray | None = None
+    p_WE_commanded: AnyArray | None = None
     tick: float | None = None
     network_tick: float | None = None
     origin: float | None = None
+    observed: Mapping[str, AnyArray] = field(default_factory=dict)
+    virtual: Motion | None = None
 
-    def aside(self, vectors: Array) -> Array:
-        """Return ``vectors``, shape (k, m); in contact, only their part along the surface."""
-        if self.pressing is None:
-            return vectors
-        n = self.pressing.normal
-        return vectors - np.outer(vectors @ n, n)
-
-    @cached_property
-    def joint_acceleration(self) -> Array:
-        """Secant of the arm's velocity over each step's tick, shape (k - 1, n) [rad/s^2]."""
-        return secant(self.time, self.velocity, self.tick, self._origin)
+    @property
+    def seen(self) -> Motion:
+        """The motion of the arm that the law sees."""
+        return self.virtual or self
 
     @cached_property
-    def network_acceleration(self) -> Array:
-        """Secant of the law's velocity over each step's tick, shape (k - 1, n) [rad/s^2]."""
-        return secant(self.time, self.network_velocity, self.network_tick, self._origin)
+    def error(self) -> AnyArray:
+        """Position error; in contact, its part along the surface, shape (k, ..., m) [m]."""
+        return self._aside(self.p_WE - self.p_WE_desired)
+
+    @cached_property
+    def error_length(self) -> AnyArray:
+        """Norm of the position error, shape (k, ...) [m]."""
+        return lengths(self.error)
+
+    @cached_property
+    def velocity_error(self) -> AnyArray:
+        """Velocity error; in contact, its part along the surface, shape (k, ..., m) [m/s]."""
+        return self._aside(self.v_WE - self.v_WE_desired)
+
+    @cached_property
+    def target_error(self) -> AnyArray | None:
+        """Largest distance of a joint from the target posture, shape (k, ...) [rad]."""
+        if self.target is None:
+            return None
+        return abs(self.position - self.target).max(axis=-1)
+
+    @cached_property
+    def speed(self) -> AnyArray:
+        """Magnitudes of the joint velocities, shape (k, ..., n) [rad/s]."""
+        return abs(self.velocity)
+
+    @cached_property
+    def joint_acceleration(self) -> AnyArray:
+        """Secant of the arm's velocity over each step's tick, shape (k - 1, ..., n) [rad/s^2]."""
+        return secant(self.time, self.velocity, self.tick, self.first_time)
+
+    @cached_property
+    def acceleration_magnitude(self) -> AnyArray:
+        """Magnitudes of the joint accelerations, shape (k - 1, ..., n) [rad/s^2]."""
+        return abs(self.joint_acceleration)
+
+    @cached_property
+    def network_acceleration(self) -> AnyArray:
+        """Secant of the law's velocity over each step's tick, shape (k - 1, ..., n) [rad/s^2]."""
+        if self.network_velocity is self.velocity and self.network_tick == self.tick:
+            return self.joint_acceleration
+        return secant(self.time, self.network_velocity, self.network_tick, self.first_time)
+
+    @cached_property
+    def jacobian_error(self) -> AnyArray | None:
+        """Difference of J and J_hat, shape (k, ..., m, n); None without learning."""
+        return None if self.J_hat is None else self.J - self.J_hat
+
+    @cached_property
+    def jacobian_error_size(self) -> AnyArray | None:
+        """Frobenius norm of that difference, shape (k, ...); None without learning."""
+        return None if self.jacobian_error is None else sizes(self.jacobian_error)
+
+    @cached_property
+    def jacobian_error_along(self) -> AnyArray | None:
+        """That difference in the direction of the law's velocity, shape (k, ...); NaN at rest."""
+        if self.jacobian_error is None:
+            return None
+        v = self.network_velocity
+        speed = lengths(v)
+        moving = speed > MOVING
+        off = lengths(transformed(self.jacobian_error, v))
+        return np.where(moving, off / np.where(moving, speed, 1.0), np.nan)
+
+    @property
+    def begins(self) -> bool:
+        """Whether these steps begin the run."""
+        return self.origin is None
 
     @property
     def fresh(self) -> slice:
         """The steps that the part of the run before this one does not have."""
-        return slice(0 if self.origin is None else 1, None)
+        return slice(0 if self.begins else 1, None)
 
-    def within(self, window: tuple[float, float] | None) -> NDArray[np.bool_]:
-        """Return which steps are fresh and in the window, shape (k,); None for the whole run."""
-        within = np.ones(self.time.size, dtype=bool)
+    def steps_within(self, window: tuple[float, float] | None) -> slice:
+        """Return the fresh steps in the window; all fresh ones for None."""
+        begin, end = self.fresh.start, self.time.size
         if window is not None:
             # Step times carry rounding errors.
-            within = (self.time >= window[0] - 1e-9) & (self.time <= window[1] + 1e-9)
-        within[: self.fresh.start] = False
-        return within
+            begin = max(begin, int(np.searchsorted(self.time, window[0] - 1e-9)))
+            end = int(np.searchsorted(self.time, window[1] + 1e-9, side="right"))
+        return slice(begin, max(begin, end))
+
+    def _aside(self, vectors: AnyArray) -> AnyArray:
+        if self.pressing is None:
+            return vectors
+        return vectors - along(vectors, self.pressing.normal)
 
     @property
-    def _origin(self) -> float:
+    def first_time(self) -> float:
+        """Time of the run's first step [s]."""
         if self.origin is not None:
             return self.origin
         return float(self.time[0]) if self.time.size else 0.0

@@ -1,97 +1,109 @@
-"""All metrics of a run, taken from its parts as they come."""
+"""All metrics of a run, or of runs side by side, taken from their parts as they come."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..laws.layout import Signals
-from ..robot.limits import JointLimits
+from .gathering import State
 from .groups import (
-    ContactMetrics,
+    BoundMetrics,
+    DisplacementMetrics,
     DriftMetrics,
-    ErrorMetrics,
     FollowingMetrics,
     Found,
+    GapMetrics,
     Group,
     HeldJerkMetrics,
     HigherMetrics,
-    JacobianMetrics,
-    JointMetrics,
-    LawMetrics,
-    PostureMetrics,
+    NetworkMetrics,
 )
+from .metrics import METRICS
 from .motion import Motion
+from .yardsticks import Yardsticks
+
+_TAKEN = tuple(metric for metric in METRICS if metric.of is not None)
 
 
 class RunMetrics:
-    """The metrics of a run.
+    """The metrics of a run, or of robots that run side by side.
 
-    Errors, drift and Jacobian errors are taken over ``window``; velocities, accelerations,
-    margins and violations always over the whole run.
+    Errors, drift and Jacobian errors are taken over the window; velocities, accelerations, margins
+    and violations always over the whole run.
 
     Args:
-        limits: Limits of the experiment.
-        window: Start and end of the window [s]; None for the whole run.
-        settling_tolerance: Position error below which the arm has settled [m].
+        against: What motions are measured against.
 
     Attributes:
-        contact: The metrics of the contact.
-        following: Those of how closely the arm follows its command.
+        gap: When contact was lost.
+        following: Where the arm is farthest from its command.
     """
 
-    def __init__(
-        self,
-        limits: JointLimits,
-        window: tuple[float, float] | None,
-        settling_tolerance: float,
-    ) -> None:
-        self.contact = ContactMetrics(window)
+    def __init__(self, against: Yardsticks) -> None:
+        self._against = against
+        self.gap = GapMetrics()
         self.following = FollowingMetrics()
-        self._of_motion: tuple[Group, ...] = (
-            ErrorMetrics(window, settling_tolerance),
-            DriftMetrics(window),
-            JointMetrics(limits),
-            HigherMetrics(limits),
-            HeldJerkMetrics(limits),
-            PostureMetrics(window),
+        self._groups: tuple[Group, ...] = (
+            DriftMetrics(),
+            BoundMetrics(against),
+            NetworkMetrics(),
+            HigherMetrics(against),
+            HeldJerkMetrics(against),
+            DisplacementMetrics(),
             self.following,
-            self.contact,
+            self.gap,
         )
-        self._learned = JacobianMetrics(window)
-        self._of_law = LawMetrics()
+        self._gathered: dict[str, State] = {}
 
-    def add(self, motion: Motion, seen: Motion, learned: Motion, observed: Signals) -> None:
-        """Add the next part of the run.
-
-        Args:
-            motion: Motion of the arm.
-            seen: Motion as the law saw it.
-            learned: Motion of the arm of which a law learns the Jacobian.
-            observed: Observables of the law at every step.
-        """
+    def add(self, motion: Motion) -> None:
+        """Add the next part of the run."""
         if motion.time.size == 0:
             return
         # In a run that diverged, squares may overflow: metrics that are not finite are left out.
-        with np.errstate(over="ignore", invalid="ignore"):
-            for group in self._of_motion:
+        with np.errstate(all="ignore"):
+            for group in self._groups:
                 group.add(motion)
-            self._learned.add(learned)
-            self._of_law.add(seen, observed)
+            everywhere = motion.steps_within(None)
+            inside = motion.steps_within(self._against.window)
+            for metric in _TAKEN:
+                steps = inside if metric.over == "window" else everywhere
+                if steps.start == steps.stop or metric.of is None:
+                    continue
+                if (values := metric.of(motion, self._against)) is None:
+                    continue
+                # Values between steps have none for the first one.
+                lead = motion.time.size - len(values)
+                values = values[max(0, steps.start - lead) : max(0, steps.stop - lead)]
+                if len(values):
+                    known = self._gathered.get(metric.name, metric.by.start)
+                    times = motion.time[steps.stop - len(values) : steps.stop]
+                    self._gathered[metric.name] = metric.by.added(known, values, times)
 
-    def found(self, *, of_law: bool = True) -> dict[str, float]:
-        """Return the metrics that apply, by name.
+    def found(self, *, of_law: bool = True) -> Found:
+        """Return the metrics, by name, each of shape (...); not finite where there is none.
 
         Args:
             of_law: Whether those that follow from the law's observables are among them.
         """
-        with np.errstate(over="ignore", invalid="ignore"):
-            metrics: Found = {}
-            for group in (*self._of_motion, self._learned):
-                metrics |= group.found()
-            if of_law:
-                metrics |= self._of_law.found()
-        return {
-            name: float(value)
-            for name, value in metrics.items()
-            if value is not None and np.isfinite(value)
-        }
+        with np.errstate(all="ignore"):
+            found: Found = {}
+            for group in self._groups:
+                if of_law or not isinstance(group, DisplacementMetrics):
+                    found |= group.found()
+            for metric in _TAKEN:
+                if metric.name not in self._gathered or (metric.of_law and not of_law):
+                    continue
+                value = np.asarray(metric.by.value(self._gathered[metric.name]))
+                if metric.name in found:
+                    # A loss of contact that the law detects counts even if some contact is left.
+                    value = np.where(np.isfinite(value), value, found[metric.name])
+                found[metric.name] = value
+        return found
+
+
+def of_one_run(found: Found) -> dict[str, float]:
+    """Return the metrics of one run that apply, by name, in the order of `METRICS`."""
+    return {
+        metric.name: float(found[metric.name])
+        for metric in METRICS
+        if metric.name in found and np.isfinite(found[metric.name])
+    }

@@ -11,21 +11,24 @@ from ..inputs.fields import Array
 
 
 def secant(time: Array, values: Array, tick: float | None, origin: float) -> Array:
-    """Return difference quotients over ticks, shape (k - 1, n), for the tick each step ends in.
+    """Return difference quotients over ticks, shape (k - 1, ...), for the tick each step ends in.
 
     Without a tick they are taken over the steps themselves; steps that events split a rounding
     error apart are merged.
 
     Args:
         time: Time of each step, shape (k,) [s]; the first is that of the run or ends a tick.
-        values: Values at these, shape (k, n).
+        values: Values at these, shape (k, ...).
         tick: Time for which a value is held [s]; None if it changes at every step.
         origin: Time at which the first tick begins [s].
     """
     if time.size < 2:
-        return np.zeros((0, values.shape[1]))
+        return np.zeros((0, *values.shape[1:]))
     last, ends = tick_ends(time, tick, origin)
-    quotients = np.diff(values[last], axis=0) / np.diff(ends)[:, np.newaxis]
+    lengths = np.diff(ends).reshape(-1, *(1,) * (values.ndim - 1))
+    if last.size == time.size:
+        return np.asarray(np.diff(values, axis=0) / lengths)
+    quotients = np.diff(values[last], axis=0) / lengths
     return np.asarray(quotients[np.searchsorted(last, np.arange(1, time.size)) - 1])
 
 

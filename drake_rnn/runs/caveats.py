@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..experiment import Experiment, Forecast
-from ..measures import ContactMetrics, FollowingMetrics, violation_metric
+from ..measures import FollowingMetrics, GapMetrics, violation_metric
 from ..robot.limits import LIMIT_UNITS
 from ..systems import Body
 
@@ -60,17 +60,19 @@ def _why(name: str, experiment: Experiment) -> str:
     return "noise, a filter or errors of measurement lie between this law and the arm"
 
 
-def contact_caveats(contact: ContactMetrics, metrics: Mapping[str, float]) -> list[str]:
+def contact_caveats(gap: GapMetrics, metrics: Mapping[str, float]) -> list[str]:
     """Return warnings about a contact that was never made, or lost."""
     caveats = []
-    if contact.force_seen is False:
+    if gap.force_seen is False:
         caveats.append("contact: the tool never touched the surface")
     if "contact_lost_time_s" in metrics:
         caveats.append(f"contact: lost at t = {metrics['contact_lost_time_s']:.4g} s")
     return caveats
 
 
-def motor_caveats(arm: Body, following: FollowingMetrics) -> list[str]:
+def motor_caveats(
+    arm: Body, following: FollowingMetrics, metrics: Mapping[str, float]
+) -> list[str]:
     """Return a warning if the arm is far from what its motors are told: 5 mm, or 0.02 rad.
 
     The measure is the distance from the command, not from the path: where motors are too weak for
@@ -79,15 +81,15 @@ def motor_caveats(arm: Body, following: FollowingMetrics) -> list[str]:
 
     Args:
         arm: Body that was moved.
-        following: What was found of how it follows its command.
+        following: Where it is farthest from its command.
+        metrics: Metrics of the run.
     """
-    found = following.found()
-    off, away = found["command_error_max_rad"], found["command_error_max_m"]
-    if following.worst is None or off is None or away is None:
-        return []
-    if not (away > _FAR or off > _FAR_JOINT):
+    away = metrics.get("command_error_max_m")
+    if following.worst is None or away is None:
         return []
     off, joint, time = following.worst
+    if not (away > _FAR or off > _FAR_JOINT):
+        return []
     return [
         f"plant: the arm is far from its command: {arm.arm.joints[joint]} by up to "
         f"{off:.3g} rad, at t = {time:.4g} s, and the end effector by up to "

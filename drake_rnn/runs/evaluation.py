@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 
 from pydrake.systems.framework import Diagram
 
@@ -13,7 +14,7 @@ from ..experiment import Experiment, Forecast
 from ..inputs.fields import Array
 from ..laws import Reading, Signals
 from ..laws.checks import caveats_of
-from ..measures import Motion, RunMetrics, Steps, last_end
+from ..measures import Motion, RunMetrics, Steps, Yardsticks, last_end, of_one_run
 from .caveats import contact_caveats, limit_caveats, motor_caveats, standing
 from .motion import (
     measured_signals,
@@ -48,7 +49,7 @@ class Evaluation:
         document = experiment.document
         self._experiment, self._loop = experiment, loop
         self._metrics = RunMetrics(
-            experiment.limits, document.window, document.settling_tolerance_m
+            Yardsticks.of(experiment.limits, document.window, document.settling_tolerance_m)
         )
         self._series = StoredSeries(period, document.duration)
         # An error in the law's observables, of which nothing is told then.
@@ -78,7 +79,7 @@ class Evaluation:
         """
         self._add(steps)
         reading, fault = self._loop.controller.reading, self._fault
-        metrics = self._metrics.found(of_law=fault is None)
+        metrics = of_one_run(self._metrics.found(of_law=fault is None))
         if (delay := self._experiment.path_delay) > 0.0:
             metrics["path_delay_s"] = delay
         series = self._series.taken()
@@ -99,8 +100,8 @@ class Evaluation:
                 *standing(found, metrics),
                 *limit_caveats(self._experiment, metrics),
                 *caveats,
-                *contact_caveats(self._metrics.contact, metrics),
-                *motor_caveats(self._loop.arm, self._metrics.following),
+                *contact_caveats(self._metrics.gap, metrics),
+                *motor_caveats(self._loop.arm, self._metrics.following, metrics),
             ],
             graphviz=wiring_graph(diagram),
         )
@@ -113,9 +114,9 @@ class Evaluation:
         seen = seen_motion(experiment, steps, loop, motion)
         measured = measured_signals(steps, loop)
         observed = self._observed(steps, seen, measured)
-        # The law learns the Jacobian of the arm that it sees.
-        learned = seen if experiment.feedback == "unfiltered" else motion
-        self._metrics.add(motion, seen, learned, observed)
+        virtual = seen if experiment.feedback == "unfiltered" else None
+        motion = replace(motion, observed=observed, virtual=virtual)
+        self._metrics.add(motion)
         series = _series(motion) | _contact_series(motion, steps)
         series |= {f"{name}_measured": values for name, values in measured.items()}
         series |= _state_series(steps.series("state"), loop.controller.reading)

@@ -165,7 +165,8 @@ def motion_of(
         orientation_error=turned,
         pressing=_pressing(experiment, steps),
         returns=experiment.desired.closed,
-        lap_start=_lap_start(experiment, until, delay),
+        lap_start=None if until is None else experiment.last_lap(until, delay),
+        until=until,
         position_commanded=commanded,
         p_WE_commanded=None if commanded is None else _placed(experiment, commanded),
         tick=tick,
@@ -219,13 +220,6 @@ def _desired(experiment: Experiment, times: Array) -> tuple[Array, Array]:
     return p_WE, v_WE
 
 
-def _lap_start(experiment: Experiment, until: float | None, delay: float) -> float | None:
-    """Return the time at which the last whole lap of a run until then began; None without one."""
-    began = None if until is None else experiment.desired.last_lap(until - delay)
-    # The first lap begins with the run, whatever the delay.
-    return began + delay if began is not None and began > 0.0 else began
-
-
 def _pressing(experiment: Experiment, steps: Steps) -> Pressing | None:
     """Return the true contact force along the surface's true normal; None without a contact."""
     contact = experiment.contact
@@ -236,6 +230,7 @@ def _pressing(experiment: Experiment, steps: Steps) -> Pressing | None:
         normal=n,
         force=steps.series("contact_force") @ n,
         desired=np.array([contact.force.at(t) for t in steps.time.tolist()]),
+        desired_end=contact.force.at(experiment.document.duration),
     )
 
 

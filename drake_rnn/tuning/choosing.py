@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..batch import run_many
 from ..errors import InvalidInputError, SimulationError
 from ..experiment import Arms, Experiment, expected_bounds, load_experiment
 from ..inputs.fields import Array
-from ..many import run_many
 from ..runs import Result, simulate
 
 # Places that are looked at on the way from one step to the next.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..compiled import Slopes
+from ..batch import Slopes
 from ..errors import InvalidInputError
 from ..experiment import Described, Experiment, load_experiment
 from ..inputs.fields import Array

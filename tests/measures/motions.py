@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 
 from drake_rnn import JointLimits
-from drake_rnn.measures import Motion, Pressing, RunMetrics
+from drake_rnn.measures import Motion, Pressing, RunMetrics, Yardsticks, of_one_run
 
 TOLERANCE = 1e-3
 FREE = JointLimits.unlimited(2)
@@ -30,10 +30,10 @@ def metrics(motion, limits=FREE, window=None, observed=None):
 
 
 def metrics_of_parts(parts, limits=FREE, window=None, observed=None):
-    taken = RunMetrics(limits, window, TOLERANCE)
+    taken = RunMetrics(Yardsticks.of(limits, window, TOLERANCE))
     for part, told in zip(parts, observed or [{}] * len(parts), strict=True):
-        taken.add(part, part, part, told)
-    found = taken.found()
+        taken.add(replace(part, observed=told))
+    found = of_one_run(taken.found())
     assert np.isfinite(list(found.values())).all()
     assert all(type(value) is float for value in found.values())
     return found
@@ -50,7 +50,7 @@ def pressed(time, force, desired=2.0, **fields):
     there = {name: at_rest for name in ("p_WE", "v_WE", "p_WE_desired", "v_WE_desired")}
     J = np.broadcast_to(np.eye(3, 2), (time.size, 3, 2))
     wanted = np.broadcast_to(np.asarray(desired, dtype=float), time.shape)
-    pressing = Pressing(np.array([0.0, 0.0, 1.0]), np.array(force, dtype=float), wanted)
+    pressing = Pressing(np.array([0.0, 0.0, 1.0]), np.array(force, dtype=float), wanted, wanted[-1])
     return motion(time, **{**there, "J": J, "pressing": pressing, **fields})
 
 

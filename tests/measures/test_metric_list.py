@@ -1,6 +1,7 @@
 """The one list of metrics: names, units, and that nothing is measured that it does not name."""
 
 import re
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -12,6 +13,7 @@ from drake_rnn.measures import (
     Motion,
     Pressing,
     RunMetrics,
+    Yardsticks,
     shown_in,
 )
 from drake_rnn.measures.metrics import Over, Shown
@@ -105,7 +107,9 @@ def swing(**fields):
         "position_commanded": velocity / 3,
         "p_WE_commanded": at_rest,
         "lap_start": 0.0,
-        "pressing": Pressing(normal=np.eye(3)[2], force=force, desired=np.full(k, 5.0)),
+        "pressing": Pressing(
+            normal=np.eye(3)[2], force=force, desired=np.full(k, 5.0), desired_end=5.0
+        ),
     }
     return Motion(time=time, **{**there, **fields})
 
@@ -127,8 +131,8 @@ def test_every_metric_that_is_taken_is_in_the_list_and_the_other_way_round():
     towards = swing(target=np.zeros(2), position=np.zeros((1000, 2)))
     taken = set()
     for motion in (along, towards):
-        metrics = RunMetrics(BOUNDED, None, 1e-3)
-        metrics.add(motion, motion, motion, observed(motion.time.size))
+        metrics = RunMetrics(Yardsticks.of(BOUNDED, None, 1e-3))
+        metrics.add(replace(motion, observed=observed(motion.time.size)))
         taken |= metrics.found().keys()
     assert taken <= {*METRIC_NAMES}
     assert {*METRIC_NAMES} - taken == OF_THE_RUN

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from motions import FREE, columns, cut, metrics, metrics_of_parts, motion
 
-from drake_rnn.measures import RunMetrics
+from drake_rnn.measures import RunMetrics, Yardsticks
 
 TIME = np.arange(4.0)
 
@@ -22,9 +22,9 @@ def test_a_command_is_missed_by_the_joint_and_by_the_tip_that_is_farthest_from_i
     assert found["command_error_max_rad"] == 0.25
     assert found["command_error_max_m"] == 5.0
     for parts in ([moved], cut(moved, 1), cut(moved, 2)):
-        taken = RunMetrics(FREE, None, 1e-3)
+        taken = RunMetrics(Yardsticks.of(FREE, None, 1e-3))
         for part in parts:
-            taken.add(part, part, part, {})
+            taken.add(part)
         assert taken.following.worst == (0.25, 1, 1.0)
 
 

@@ -1,29 +1,27 @@
 """Groups of metrics, each taken from the parts of a run as they come."""
 
-from .contact import ContactMetrics
+from .bounds import AT_BOUND, BoundMetrics
+from .displacement import DisplacementMetrics
 from .drift import DriftMetrics
-from .errors import ErrorMetrics
 from .following import FollowingMetrics
+from .gap import GapMetrics
 from .group import Found, Group
-from .held_jerk import HeldJerkMetrics
-from .higher import HigherMetrics
-from .jacobian import JacobianMetrics
-from .joints import JointMetrics
-from .law import LawMetrics
-from .posture import ARRIVED, PostureMetrics
+from .held_jerk import HELD_JERK, HeldJerkMetrics
+from .higher import HigherMetrics, difference_time
+from .network import NetworkMetrics
 
 __all__ = [
-    "ARRIVED",
-    "ContactMetrics",
+    "AT_BOUND",
+    "HELD_JERK",
+    "BoundMetrics",
+    "DisplacementMetrics",
     "DriftMetrics",
-    "ErrorMetrics",
     "FollowingMetrics",
     "Found",
+    "GapMetrics",
     "Group",
     "HeldJerkMetrics",
     "HigherMetrics",
-    "JacobianMetrics",
-    "JointMetrics",
-    "LawMetrics",
-    "PostureMetrics",
+    "NetworkMetrics",
+    "difference_time",
 ]

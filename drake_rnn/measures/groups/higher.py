@@ -6,11 +6,14 @@ from math import ceil
 
 import numpy as np
 
+from ...arrays.namespace import AnyArray
+from ...arrays.series import summed
 from ...inputs.fields import Array
-from ...robot.limits import DERIVATIVE_UNITS, JointLimits
+from ...robot.limits import DERIVATIVE_UNITS
+from ..gathering import Largest, RootMean, State
 from ..motion import Motion
-from ..running import Largest, Mean
-from .bound import BoundMetrics
+from ..yardsticks import Yardsticks
+from .bounds import Bound
 from .group import Found
 
 _HIGHER = tuple(DERIVATIVE_UNITS)[2:]
@@ -40,36 +43,50 @@ class HigherMetrics:
     of positions would dominate the fifth derivative.
 
     Args:
-        limits: Limits of the experiment.
+        against: Limits of the joints.
     """
 
-    def __init__(self, limits: JointLimits) -> None:
-        self._bounds = {name: BoundMetrics(name, limits.bounds[name]) for name in _HIGHER}
-        self._jerk, self._square = Largest(), Mean()
+    def __init__(self, against: Yardsticks) -> None:
+        self._bounds = {name: Bound(name, against.limits[name]) for name in _HIGHER}
+        self._jerk: State = Largest.start
+        self._square: State = RootMean.start
         # When the run began and how long it is, how many velocities were taken, and the last ones.
         self._begin, self._length = 0.0, 0.0
         self._difference = DIFFERENCE
         self._count = 0
-        self._velocities: Array | None = None
+        self._velocities: AnyArray | None = None
 
     def add(self, motion: Motion) -> None:
         """Add the next part of the run."""
-        if motion.origin is None:
+        if motion.begins:
             self._begin = float(motion.time[0])
             self._difference = difference_time(motion.tick)
         self._length = motion.time[-1] - self._begin
-        new = motion.velocity[self._steps(motion.time)]
-        kept = np.empty((0, new.shape[1])) if self._velocities is None else self._velocities
-        velocities = np.concatenate((kept, new))
+        steps = self._steps(motion.time)
+        if not steps.size:
+            return
+        new = motion.velocity[steps]
+        velocities = new
+        if self._velocities is not None:
+            velocities = np.concatenate((self._velocities, new))
+        kept = len(velocities) - len(new)
         for order, name in enumerate(_HIGHER, start=2):
+            if name != "jerk" and self._bounds[name].bound is None:
+                continue
             # A difference that the kept velocities alone make was taken before.
-            part = velocities[max(0, len(kept) - order) :]
-            values = np.abs(np.diff(part, n=order, axis=0)) / self._difference**order
-            self._bounds[name].add(values)
-            if name == "jerk":
-                self._jerk.add(values)
-                self._square.add(values**2)
+            part = velocities[max(0, kept - order) :]
+            if len(part) > order:
+                values = np.abs(np.diff(part, n=order, axis=0)) / self._difference**order
+                self._add(name, values, motion.time)
         self._velocities = velocities[-len(DERIVATIVE_UNITS) :]
+
+    def _add(self, name: str, values: AnyArray, time: AnyArray) -> None:
+        """Add magnitudes of a derivative, shape (k, ..., n)."""
+        self._bounds[name].add(values, time)
+        if name == "jerk":
+            self._jerk = Largest().added(self._jerk, values.max(axis=-1), time)
+            mean = summed(values * values) / values.shape[-1]
+            self._square = RootMean.added(self._square, mean, time)
 
     def _steps(self, time: Array) -> Array:
         """Return, for each further 10 ms, the step that ends there, or the first one after it."""
@@ -86,8 +103,8 @@ class HigherMetrics:
         if self._length < 6 * self._difference:
             return {}
         found: Found = {
-            "joint_jerk_max_rad_s3": self._jerk.value,
-            "joint_jerk_rms_rad_s3": self._square.root,
+            "joint_jerk_max_rad_s3": Largest().value(self._jerk),
+            "joint_jerk_rms_rad_s3": RootMean.value(self._square),
         }
         for bound in self._bounds.values():
             found |= bound.found()

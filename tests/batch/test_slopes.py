@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import InvalidInputError, load_experiment, run_many, simulate, value_and_gradient
-from drake_rnn.compiled import CompiledRuns, Slopes
+from drake_rnn.batch import CompiledRuns, Slopes
 from drake_rnn.compiled.metrics import metrics_of
 
 pytest.importorskip("jax")

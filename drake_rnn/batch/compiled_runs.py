@@ -12,15 +12,17 @@ from ..arrays.jax_module import require_jax
 from ..arrays.namespace import AnyArray
 from ..errors import InvalidInputError
 from ..experiment import Described, Experiment
+from ..inputs.complaints import nearest
 from ..inputs.fields import Array
 from ..laws import SampledReading
 from ..laws.called import unchecked
 from ..laws.stacked import with_gains
-from ..many.grouping import blocks
-from ..many.robots import Around, Moving, Robots
-from ..many.step import Step
+from ..measures import METRICS, Metric, Motion
+from ..measures.gathering import State
 from .compiling import compilable, compiled_in_order
-from .metrics import Counts, counts_of, metrics_of, require_metrics
+from .grouping import blocks
+from .robots import Around, Moving, Robots
+from .snapshot import motion_of
 
 #: Numbers of a law by the names of its fields, each of shape (robots,).
 Gains = Mapping[str, AnyArray]
@@ -32,7 +34,7 @@ class _Row(NamedTuple):
     Attributes:
         t, until: Times at which it begins and ends [s].
         samples: Whether laws make a sample.
-        counts: What it counts for.
+        within: Whether it lies in the window.
         around: Paths and surfaces.
         noise: Noise from its time on, of standard deviation 1; None without dither.
     """
@@ -40,7 +42,7 @@ class _Row(NamedTuple):
     t: AnyArray
     until: AnyArray
     samples: AnyArray
-    counts: Counts
+    within: AnyArray
     around: Around
     noise: AnyArray | None
 
@@ -69,11 +71,14 @@ class CompiledRuns:
                 "experiments: must be 1 to 1000, whose laws differ in nothing but numbers"
             )
         self.experiments: list[Experiment] = [robot.experiment for robot in robots]
-        known = metrics_of(self.experiments)
-        require_metrics(known, metrics)
-        self._taken = {name: known[name] for name in metrics}
         self._first, self._robots = robots[0], Robots(robots)
         self._start = self._robots.started()
+        known = self._differentiable()
+        for name in metrics:
+            if name not in known:
+                told = nearest(str(name), list(known))
+                raise InvalidInputError(f"metric: {name!r} cannot be taken of this run; {told}")
+        self._taken = [known[name] for name in metrics]
         samples = self._robots.schedule.samples[:-1]
         self._always = bool(samples.all())
         self._table: _Row | None = None
@@ -113,20 +118,45 @@ class CompiledRuns:
         law = with_gains(self.law, gains)
         first = replace(self._start, command=law.commanded_velocity(0.0, self._start.x))
         rows, last = self._split(table)
-        like = self._measured(law, first, last)
-        gathered = {name: taken.started(taken.of(like)) for name, taken in self._taken.items()}
 
         def body(carry: Any, row: _Row) -> tuple[Any, None]:
             now = Moving(*carry[0])
             gathered = self._added(law, carry[1], now, row)
             return (_parts(self._advanced(law, now, row)), gathered), None
 
-        carry = (self._jax.tree.map(self._jax.numpy.asarray, _parts(first)), gathered)
+        carry = (self._jax.tree.map(self._jax.numpy.asarray, _parts(first)), self._begun(law, last))
         (parts, gathered), _ = self._jax.lax.scan(body, carry, rows)
         gathered = self._added(law, gathered, Moving(*parts), last)
-        steps = float(self._robots.schedule.within.sum())
-        means = {n: g / steps if self._taken[n].over == "mean" else g for n, g in gathered.items()}
-        return {name: self._taken[name].finish(value) for name, value in means.items()}
+        return {
+            metric.name: metric.by.value(state)
+            for metric, state in zip(self._taken, gathered, strict=True)
+        }
+
+    def _differentiable(self) -> dict[str, Metric]:
+        """Return the metrics that these runs have and that have derivatives, by name."""
+        begin = float(self._robots.schedule.times[0])
+        motion = self._motion(self.law, self._start, begin, self._robots.around(0))
+        return {metric.name: metric for metric in METRICS if self._values(metric, motion).size}
+
+    def _values(self, metric: Metric, motion: Motion) -> AnyArray:
+        """Return the values of a metric at a step, shape (1, robots, ...), or none."""
+        values = None
+        if metric.differentiable and metric.of is not None:
+            values = metric.of(motion, self._robots.yardsticks)
+        return np.empty(0) if values is None else values
+
+    def _begun(self, law: SampledReading, row: _Row) -> list[State]:
+        """Return what is gathered before the first step, in the shapes of what is later."""
+
+        def once() -> list[State]:
+            return self._added(law, [m.by.start for m in self._taken], self._start, row)
+
+        shapes = self._jax.eval_shape(once)
+        starts = [metric.by.start for metric in self._taken]
+        xp = self._jax.numpy
+        return self._jax.tree.map(
+            lambda start, like: xp.full(like.shape, start, like.dtype), starts, shapes
+        )
 
     def _rows(self) -> _Row:
         schedule, noises = self._robots.schedule, self._robots.noises
@@ -140,7 +170,7 @@ class CompiledRuns:
             times,
             np.append(times[1:], times[-1]),
             schedule.samples,
-            counts_of(schedule),
+            schedule.within,
             self._robots.all_around(),
             noise,
         )
@@ -150,22 +180,29 @@ class CompiledRuns:
         rows = self._jax.tree.map(lambda values: values[:-1], table)
         return rows, self._jax.tree.map(lambda values: values[-1], table)
 
-    def _measured(self, law: SampledReading, now: Moving, row: _Row) -> Step:
-        look = self._robots.look(0, row.t, self._jax.numpy.asarray(now.q), row.around)
-        return self._robots.measured(law, look, now, observes=False)
+    def _motion(self, law: SampledReading, now: Moving, t: AnyArray, around: Around) -> Motion:
+        """Return the motion of a single step."""
+        look = self._robots.look(t, self._jax.numpy.asarray(now.q), around)
+        snapshot = self._robots.measured(law, look, now, observes=False)
+        return motion_of([snapshot], **self._robots.fixed)
 
     def _added(
-        self, law: SampledReading, gathered: Mapping[str, AnyArray], now: Moving, row: _Row
-    ) -> dict[str, AnyArray]:
-        step = self._measured(law, now, row)
-        return {
-            name: taken.added(gathered[name], taken.of(step), row.counts)
-            for name, taken in self._taken.items()
-        }
+        self, law: SampledReading, gathered: Sequence[State], now: Moving, row: _Row
+    ) -> list[State]:
+        """Return what is gathered with another step."""
+        motion, xp = self._motion(law, now, row.t, row.around), self._jax.numpy
+        added = []
+        for metric, before in zip(self._taken, gathered, strict=True):
+            after = metric.by.added(before, self._values(metric, motion), motion.time)
+            if metric.over == "window":
+                pairs = zip(after, before, strict=True)
+                after = tuple(xp.where(row.within, new, old) for new, old in pairs)
+            added.append(after)
+        return added
 
     def _advanced(self, law: SampledReading, now: Moving, row: _Row) -> Moving:
         """Return the robots one step later."""
-        look = self._robots.look(0, row.t, now.q, row.around)
+        look = self._robots.look(row.t, now.q, row.around)
         u, period = self._robots.signals(look, now), self._robots.schedule.period
 
         def sampled() -> AnyArray:

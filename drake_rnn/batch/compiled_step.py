@@ -15,8 +15,8 @@ from ..experiment import Described
 from ..inputs.complaints import short
 from ..inputs.fields import Array
 from ..laws.called import unchecked
-from ..many.robots import Moving, Robots
 from .compiling import compilable, compiled_in_order
+from .robots import Moving, Robots
 
 _FLOAT = np.dtype(float)
 
@@ -96,7 +96,7 @@ class CompiledStep:
         t, around = self._unpacked(table[number.astype(int)])
         q = xp.asarray(q)[None]
         told = law.commanded_velocity(t, x) if velocity is None else xp.asarray(velocity)[None]
-        look = self._robots.look(0, t, q, around)
+        look = self._robots.look(t, q, around)
         step: Any = unchecked(law.step)
         x = step(t, x, self._robots.signals(look, Moving(q, x, told, None)), h)
         still = Moving(xp.zeros_like(q), x, told, None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,11 +13,11 @@ from ..inputs.fields import Array
 from ..inputs.own_code import described
 from ..laws.called import unchecked
 from ..laws.stacked import stacked
+from ..measures import Found, RunMetrics
 from .grouping import Robot
-from .metrics import ManyMetrics
-from .robots import Look, Moving, Robots, restarted
+from .robots import Moving, Robots, restarted
 from .schedule import Schedule
-from .step import Found
+from .snapshot import Snapshot, motion_of
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,11 @@ class Block:
         self._law = self._robots.law
         self._step: Any = unchecked(self._law.step)
         self.schedule: Schedule = self._robots.schedule
-        self._metrics = ManyMetrics([robot.experiment for robot in robots], self.schedule)
+        self._delay = robots[0].experiment.path_delay
+        self._metrics = RunMetrics(self._robots.yardsticks)
+        # The steps that metrics have not been taken of, and when the part before them began.
+        self._part: list[Snapshot] = []
+        self._origin: float | None = None
         self._kept: dict[int, Mapping[str, Array]] = {}
         self.positions: list[Array] = []
         self.failures: dict[int, Failure] = {}
@@ -70,7 +75,7 @@ class Block:
             for number in range(self.schedule.times.size):
                 moving = self._advanced(number, moving, first)
                 advanced(len(moving.q))
-            found = self._metrics.found()
+            found = self._found(self._metrics)
         for robot, kept in self._kept.items():
             for name, values in found.items():
                 values[robot] = kept[name][robot] if name in kept else np.nan
@@ -80,8 +85,13 @@ class Block:
         """Return the robots one step later; at the last step, as they are."""
         t = float(self.schedule.times[number])
         before = self._without_failed(before, first, t)
-        look = self._robots.look(number, t, before.q, self._robots.around(number))
-        self._measure(look, before)
+        look = self._robots.look(t, before.q, self._robots.around(number))
+        if self._recorded:
+            self.positions.append(before.position)
+        observes = self._law.observables.size > 0
+        self._part.append(self._robots.measured(self._law, look, before, observes=observes))
+        if number in self.schedule.part_ends:
+            self._take_part()
         if number + 1 == self.schedule.times.size:
             return before
         x, noise, noises = before.x, before.noise, self._robots.noises
@@ -116,21 +126,38 @@ class Block:
             self.failures.setdefault(robot, Failure(t, reason))
             return np.full(x.shape[-1], np.nan)
 
-    def _measure(self, look: Look, now: Moving) -> None:
-        """Take the metrics of a step, just before what happens at its time."""
-        if self._recorded:
-            self.positions.append(now.position)
-        observes = self._law.observables.size > 0
-        self._metrics.add(self._robots.measured(self._law, look, now, observes=observes))
+    def _take_part(self) -> None:
+        """Take the metrics of a part of the runs; the next one begins with its last step."""
+        self._add_part(self._metrics)
+        self._part = self._part[-1:]
+        self._origin = float(self.schedule.times[0])
+
+    def _add_part(self, metrics: RunMetrics) -> None:
+        metrics.add(motion_of(self._part, origin=self._origin, **self._robots.fixed))
+
+    def _found(self, metrics: RunMetrics) -> Found:
+        """Return metrics, each of shape (robots,); NaN for a robot that has none."""
+        robots = (len(self._robots.readings),)
+        found = {name: np.array(np.broadcast_to(v, robots)) for name, v in metrics.found().items()}
+        if self._delay > 0.0:
+            found["path_delay_s"] = np.full(robots, self._delay)
+        return found
+
+    def _found_so_far(self) -> Found:
+        """Return the metrics until now, in the midst of a part, which goes on as if not asked."""
+        metrics = deepcopy(self._metrics)
+        if self._part:
+            self._add_part(metrics)
+        return self._found(metrics)
 
     def _without_failed(self, now: Moving, first: Moving, t: float) -> Moving:
-        """Return robots of which those that failed, kept with their metrics, start again."""
+        """Return the robots; keep the metrics of one whose state is not finite, and restart it."""
         if np.isfinite(now.x).all() and np.isfinite(now.q).all():
             return now
         failed = ~np.isfinite(np.concatenate((now.x, now.q), axis=-1)).all(axis=-1)
         new = [robot for robot in np.flatnonzero(failed).tolist() if robot not in self._kept]
         if new:
-            found = {name: values.copy() for name, values in self._metrics.found().items()}
+            found = self._found_so_far()
         for robot in new:
             self._kept[robot] = found
             self.failures.setdefault(robot, Failure(t, self._reason(now, robot)))

@@ -5,25 +5,26 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays.namespace import AnyArray, in_front
+from ..arrays.namespace import AnyArray
 from ..inputs.fields import Array
 from ..laws import SampledReading
 from ..laws.stacked import stacked
 from ..laws.trial import started
+from ..measures import Yardsticks
+from ..robot.rotations import angle_between
 from .desired import Tables
 from .filtering import filters_of
 from .grouping import Robot, arm_of_all
 from .noise import Noises
 from .pressing import Surfaces
-from .rotation import angle_between
 from .schedule import Schedule, schedule_of
 from .signals import PREVIEWS, Desired, Rows, Sight
-from .step import Pressed, Seen, Step
+from .snapshot import Pressed, Snapshot
 
 # What a law sees of the past if its arm is late.
 _LATE = frozenset(("p_WE_desired", "R_WE_desired"))
@@ -80,15 +81,13 @@ class Look(NamedTuple):
     """What there is to see at a step.
 
     Attributes:
-        number: Number of the step; only metrics ask for it.
-        time: Its time [s].
+        time: Time of the step [s].
         sight: The arms.
         rows: Desired motions.
         around: Signals of paths and surfaces, by name.
         pressed: Contact with surfaces; None without these.
     """
 
-    number: int
     time: float
     sight: Sight
     rows: Rows
@@ -143,7 +142,7 @@ class Robots:
         """Return the robots at their start, with the states that their laws draw."""
         q = np.stack([each.start for each in self._experiments], axis=-1).T
         still = np.zeros_like(q)
-        look = self.look(0, float(self.schedule.times[0]), q, self.around(0))
+        look = self.look(float(self.schedule.times[0]), q, self.around(0))
         # The initial state may depend on a J that the law cannot see.
         u = {**self._seen(look, still, still), "J": look.sight.J}
         states = []
@@ -175,11 +174,10 @@ class Robots:
             force = np.stack([self._surfaces.row(t) for t in self.schedule.times.tolist()])
         return Around(self._desired.rows(), force)
 
-    def look(self, number: int, t: float, q: AnyArray, known: Around) -> Look:
+    def look(self, t: float, q: AnyArray, known: Around) -> Look:
         """Return what there is to see at a step.
 
         Args:
-            number: Its number.
             t: Its time [s].
             q: Joint positions, shape (robots, n) [rad].
             known: What is known of the surroundings.
@@ -189,7 +187,7 @@ class Robots:
         if self._surfaces is not None:
             pressed = self._surfaces.pressed(known.force, sight.origin)
             around |= self._surfaces.signals(pressed)
-        return Look(number, t, sight, known.rows, around, pressed)
+        return Look(t, sight, known.rows, around, pressed)
 
     def signals(self, look: Look, now: Moving) -> dict[str, AnyArray]:
         """Return what the laws see at a sample, by name."""
@@ -237,8 +235,8 @@ class Robots:
             q = q + 0.5 * h * ((command if acts is None else command + acts) - velocity)
         return replace(now, q=q, command=command)
 
-    def measured(self, law: SampledReading, look: Look, now: Moving, *, observes: bool) -> Step:
-        """Return what metrics are taken of, just before what happens at a step's time.
+    def measured(self, law: SampledReading, look: Look, now: Moving, *, observes: bool) -> Snapshot:
+        """Return what metrics are taken of, just before the updates at a step's time.
 
         Args:
             law: Their law.
@@ -248,53 +246,62 @@ class Robots:
         """
         state, sight = law.state, look.sight
         velocity = now.dithered if self._model == "actuated" else now.command
-        network = state.part(now.x, "v")
-        if law.holds_command and velocity is now.command and self._filters is None:
-            network = velocity
         seen = {**sight.of_arms(self._observed, velocity, velocity), **look.around}
         desired = {**look.around, **self._desired.late(look.rows, _EVALUATED & self._around)}
-        step = Step(
-            number=look.number,
-            time=look.time,
-            position=now.q.T,
-            velocity=velocity.T,
-            network_velocity=velocity.T if network is velocity else network.T,
-            p_WE=sight.p_WE.T,
-            p_WE_desired=desired["p_WE_desired"].T,
-            v_WE=seen["v_WE"].T,
-            v_WE_desired=desired["v_WE_desired"].T,
-            J=in_front(sight.J, 2),
-            turned=self._turned(sight, desired),
-            J_hat=in_front(state.part(now.x, "J_hat"), 2) if "J_hat" in state else None,
-            observed={},
-            pressed=look.pressed,
-        )
-        if now.behind is not None:
-            step = self._of_arms_behind(step, now, desired)
+        known = {name: desired[name] for name in ("p_WE_desired", "v_WE_desired")}
+        if not (law.holds_command and velocity is now.command and self._filters is None):
+            known["network_velocity"] = state.part(now.x, "v")
+        if "J_hat" in state:
+            known["J_hat"] = state.part(now.x, "J_hat")
+        arms, virtual = self._of_arms(sight, now.q, velocity, desired), None
+        if now.behind is not None and self._filters is not None and now.averages is not None:
+            behind = Sight(self._task, self._arm.at(now.behind), now.behind)
+            filtered = self._filters.velocity(now.averages)
+            virtual, arms = arms, self._of_arms(behind, now.behind, filtered, desired)
         elif len(look.rows.late):
             seen["p_WE_desired"] = desired["p_WE_desired"]
-        return replace(step, observed=law.diagnostics(look.time, now.x, seen) if observes else {})
+        observed = law.diagnostics(look.time, now.x, seen) if observes else {}
+        return Snapshot(look.time, {**known, **arms}, look.pressed, virtual, observed)
 
-    def _of_arms_behind(self, step: Step, now: Moving, desired: Mapping[str, AnyArray]) -> Step:
-        """Return a step of virtual arms with the motion of those behind the filters."""
-        assert self._filters is not None
-        assert now.averages is not None
-        assert now.behind is not None
-        sight = Sight(self._task, self._arm.at(now.behind), now.behind)
-        velocity = self._filters.velocity(now.averages)
-        return replace(
-            step,
-            position=now.behind.T,
-            velocity=velocity.T,
-            p_WE=sight.p_WE.T,
-            v_WE=sight.v_WE(velocity).T,
-            J=in_front(sight.J, 2),
-            turned=self._turned(sight, desired),
-            virtual=Seen(step.p_WE, step.J),
+    def _of_arms(
+        self, sight: Sight, q: AnyArray, velocity: AnyArray, desired: Mapping[str, AnyArray]
+    ) -> dict[str, AnyArray]:
+        """Return what metrics are taken of arms at a step, by the names of a motion's fields."""
+        known = {
+            "position": q,
+            "velocity": velocity,
+            "p_WE": sight.p_WE,
+            "v_WE": sight.v_WE(velocity),
+            "J": sight.J,
+        }
+        if self.oriented:
+            known["orientation_error"] = angle_between(sight.R_WE, desired["R_WE_desired"])
+        return known
+
+    @cached_property
+    def yardsticks(self) -> Yardsticks:
+        """What the robots' motions are measured against."""
+        return Yardsticks.side_by_side(
+            [
+                Yardsticks.of(each.limits, each.document.window, each.document.settling_tolerance_m)
+                for each in self._experiments
+            ]
         )
 
-    def _turned(self, sight: Sight, desired: Mapping[str, AnyArray]) -> AnyArray | None:
-        return angle_between(sight.R_WE, desired["R_WE_desired"]) if self.oriented else None
+    @cached_property
+    def fixed(self) -> dict[str, Any]:
+        """Fields of the robots' motion that do not vary from step to step."""
+        experiments, until = self._experiments, float(self.schedule.times[-1])
+        targets = [each.target for each in experiments if each.target is not None]
+        laps = [np.nan if (lap := each.last_lap(until)) is None else lap for each in experiments]
+        return {
+            "target": np.stack(targets, axis=-1).T if targets else None,
+            "returns": np.array([each.desired.closed for each in experiments]),
+            "lap_start": np.array(laps),
+            "until": until,
+            "tick": self.schedule.tick,
+            "network_tick": self.schedule.period,
+        }
 
 
 def restarted(now: Moving, first: Moving, which: NDArray[np.bool_]) -> Moving:

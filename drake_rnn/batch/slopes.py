@@ -15,8 +15,8 @@ from ..inputs.complaints import require_several, short
 from ..inputs.dataclass_fields import fields_of
 from ..inputs.fields import Array
 from ..laws import SampledReading
+from .compiled_runs import CompiledRuns
 from .compiling import compiled_in_order
-from .runs import CompiledRuns
 
 _LAW = "law."
 

@@ -11,6 +11,10 @@ from numpy.typing import NDArray
 from ..diagrams.loop import WATCHED
 from ..experiment import ExperimentDocument
 from ..inputs.fields import Array
+from ..measures.ticks import tick_ends
+
+#: Steps of a part at least: some make the cost of a call small, few stay in a processor's cache.
+PART = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +46,23 @@ class Schedule:
         begin, end = self.window
         within = (self.times >= begin - 1e-9) & (self.times <= end + 1e-9)
         return np.asarray(within)
+
+    @cached_property
+    def part_ends(self) -> frozenset[int]:
+        """Numbers of the steps with which parts of the motion end that metrics are taken of.
+
+        Ticks of the arm and of the law end with each. A part has `PART` steps or some more, however
+        many robots there are, so that a robot's means have the same bits in any company.
+        """
+        tick, network_tick = (
+            set(tick_ends(self.times, each, 0.0)[0].tolist()) for each in (self.tick, self.period)
+        )
+        ends, least = [], PART
+        for number in sorted(tick & network_tick):
+            if number >= least:
+                ends.append(number)
+                least = number + PART
+        return frozenset((*ends, self.times.size - 1))
 
 
 def schedule_of(document: ExperimentDocument) -> Schedule:

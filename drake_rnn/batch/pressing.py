@@ -13,7 +13,7 @@ from ..experiment import Experiment
 from ..inputs.fields import Array
 from ..systems import Contact
 from .grouping import contents
-from .step import Pressed, summed
+from .snapshot import Pressed
 
 
 class Surfaces:
@@ -31,11 +31,15 @@ class Surfaces:
         self._stiffness = np.array([_stiffness(contact) for contact in contacts])
         places = zip(contacts, experiments, strict=True)
         p_WS = [contact.place(each.arm, each.start) for contact, each in places]
-        self._height = summed(self._normal * np.stack(p_WS, axis=-1))
+        self._height = _added(self._normal * np.stack(p_WS, axis=-1))
         keys = [contents(contact.force) for contact in contacts]
         distinct = list(dict.fromkeys(keys))
         self._profiles = [contacts[keys.index(key)].force for key in distinct]
         self._which = np.array([distinct.index(key) for key in keys])
+        ends = [each.document.duration for each in experiments]
+        self._desired_end = np.array(
+            [contact.force.at(end) for contact, end in zip(contacts, ends, strict=True)]
+        )
 
     def row(self, t: float) -> Array:
         """Return the desired force of each profile at a time [s], shape (profiles,) [N]."""
@@ -48,10 +52,10 @@ class Surfaces:
             row: The desired force of each profile, shape (profiles,) [N].
             p_WE: Positions of the end effectors, shape (robots, 3) [m].
         """
-        depth = self._height - summed(self._normal * p_WE.T)
+        depth = self._height - _added(self._normal * p_WE.T)
         pushes = functions_of(depth).where(depth > 0.0, self._stiffness * depth, 0.0)
-        force = pushes * self._normal
-        return Pressed(self._normal, summed(force * self._normal), row[self._which])
+        force = _added(pushes * self._normal * self._normal)
+        return Pressed(self._normal.T, force, row[self._which], self._desired_end)
 
     def signals(self, pressed: Pressed) -> dict[str, Array]:
         """Return what the laws are told of the contact, by name.
@@ -62,9 +66,14 @@ class Surfaces:
         force = pressed.force * self._normal
         return {
             "normal_WE": self._believed.T,
-            "normal_force": summed(self._believed * force)[:, np.newaxis],
+            "normal_force": _added(self._believed * force)[:, np.newaxis],
             "normal_force_desired": pressed.desired[:, np.newaxis],
         }
+
+
+def _added(rows: AnyArray) -> AnyArray:
+    """Return the sum of three rows, shape (robots,)."""
+    return rows[0] + rows[1] + rows[2]
 
 
 def _contact(experiment: Experiment) -> Contact:

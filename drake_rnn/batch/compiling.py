@@ -9,8 +9,8 @@ from typing import Any
 from ..arrays.jax_module import require_jax
 from ..errors import InvalidInputError
 from ..experiment import Described
-from ..many.grouping import Robot
-from ..many.run import robots_of
+from .grouping import Robot
+from .run import robots_of
 
 # Operations one after the other: to hand small ones to threads takes longer than they do.
 _OPTIONS = {"xla_cpu_scheduler_type": 1}

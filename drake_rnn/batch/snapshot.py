@@ -1,0 +1,98 @@
+"""Robots side by side at one step, and the motion that steps make."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..arrays.algebra import functions_of
+from ..arrays.namespace import AnyArray, in_front
+from ..laws import Signals
+from ..measures import Motion, Pressing
+
+
+@dataclass(frozen=True)
+class Pressed:
+    """The contact of robots with their surfaces.
+
+    Attributes:
+        normal: Outward unit normals of the surfaces, shape (robots, 3).
+        force: Pressing forces along these, shape (robots,) [N].
+        desired: Desired ones, likewise.
+        desired_end: Desired ones at the end of the run, likewise.
+    """
+
+    normal: AnyArray
+    force: AnyArray
+    desired: AnyArray
+    desired_end: AnyArray
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """Robots at the end of a step, before the updates at its time.
+
+    Attributes:
+        time: Time of the step [s].
+        values: Fields of a `Motion` by name, each of shape (robots, ...).
+        pressed: Contact with surfaces; None without these.
+        virtual: Fields of the motion of the arms that the laws see, where these are virtual.
+        observed: Observables of the laws, each of shape (robots, size).
+    """
+
+    time: AnyArray
+    values: dict[str, AnyArray]
+    pressed: Pressed | None
+    virtual: dict[str, AnyArray] | None
+    observed: Signals
+
+
+def motion_of(steps: Sequence[Snapshot], **fixed: Any) -> Motion:
+    """Return the motion of robots over steps, shape (k, robots, ...).
+
+    Args:
+        steps: The steps.
+        fixed: Fields of the motion that do not vary from step to step.
+    """
+    first = steps[0]
+    fields = {"J_hat": None, **_together([step.values for step in steps])}
+    # A law whose velocity is the arm's has it once.
+    fields.setdefault("network_velocity", fields["velocity"])
+    time = functions_of(fields["position"]).asarray([step.time for step in steps])
+    pressing = None
+    if first.pressed is not None:
+        pressed = [step.pressed for step in steps if step.pressed is not None]
+        pressing = Pressing(
+            first.pressed.normal,
+            _stacked([each.force for each in pressed]),
+            _stacked([each.desired for each in pressed]),
+            first.pressed.desired_end,
+        )
+    virtual = None
+    if first.virtual is not None:
+        seen = _together([step.virtual for step in steps if step.virtual is not None])
+        virtual = Motion(time=time, **{**fields, **seen})
+    return Motion(
+        time=time,
+        **fields,
+        pressing=pressing,
+        virtual=virtual,
+        observed=_together([step.observed for step in steps]),
+        **fixed,
+    )
+
+
+def _together(steps: Sequence[Mapping[str, AnyArray]]) -> dict[str, AnyArray]:
+    return {name: _stacked([step[name] for step in steps]) for name in steps[0]}
+
+
+def _stacked(arrays: Sequence[AnyArray]) -> AnyArray:
+    """Return arrays of steps, shape (robots, ...), as one, with robots side by side in memory."""
+    xp = functions_of(*arrays)
+    if xp is not np:
+        return xp.stack(arrays)
+    parts = np.stack([in_front(array, array.ndim - 1) for array in arrays])
+    return parts.transpose(0, -1, *range(1, parts.ndim - 1))

@@ -56,14 +56,17 @@ class CompiledRuns:
     Args:
         experiments: Experiments that `run_many` can run, at most 1000, whose laws differ in nothing
             but numbers; each an experiment or what `load_experiment` takes.
-        metrics: Names of the metrics to take.
+        metrics: Names of the metrics to take; by default all of `METRICS` that these runs have and
+            that have derivatives.
 
     Raises:
         InvalidInputError: If JAX is not installed, an experiment cannot be run so, or a metric
             cannot be taken.
     """
 
-    def __init__(self, experiments: Sequence[Described], metrics: Sequence[str]) -> None:
+    def __init__(
+        self, experiments: Sequence[Described], metrics: Sequence[str] | None = None
+    ) -> None:
         self._jax = require_jax()
         robots = compilable(experiments)
         if len(blocks(robots)) != 1:
@@ -74,11 +77,11 @@ class CompiledRuns:
         self._first, self._robots = robots[0], Robots(robots)
         self._start = self._robots.started()
         known = self._differentiable()
-        for name in metrics:
+        for name in metrics or ():
             if name not in known:
                 told = nearest(str(name), list(known))
                 raise InvalidInputError(f"metric: {name!r} cannot be taken of this run; {told}")
-        self._taken = [known[name] for name in metrics]
+        self._taken = [known[name] for name in (known if metrics is None else metrics)]
         samples = self._robots.schedule.samples[:-1]
         self._always = bool(samples.all())
         self._table: _Row | None = None

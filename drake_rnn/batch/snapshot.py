@@ -61,7 +61,8 @@ def motion_of(steps: Sequence[Snapshot], **fixed: Any) -> Motion:
     fields = {"J_hat": None, **_together([step.values for step in steps])}
     # A law whose velocity is the arm's has it once.
     fields.setdefault("network_velocity", fields["velocity"])
-    time = functions_of(fields["position"]).asarray([step.time for step in steps])
+    xp = functions_of(fields["position"], first.time)
+    time = xp.asarray([step.time for step in steps])
     pressing = None
     if first.pressed is not None:
         pressed = [step.pressed for step in steps if step.pressed is not None]

@@ -83,7 +83,8 @@ def compare(before: Path, after: Path) -> int:
     differing = 0
     for name in sorted(old.keys() & new.keys()):
         keys = sorted(old[name].keys() | new[name].keys())
-        changed = [key for key in keys if old[name].get(key) != new[name].get(key)]
+        pairs = {key: (old[name].get(key), new[name].get(key)) for key in keys}
+        changed = [f"{key}{_apart(key, *pair)}" for key, pair in pairs.items() if len({*pair}) > 1]
         differing += bool(changed)
         if changed:
             print(f"{name}: {', '.join(changed)}")
@@ -92,6 +93,14 @@ def compare(before: Path, after: Path) -> int:
         differing += 1
     print(f"{len(old.keys() & new.keys())} experiments compared, {differing} differ")
     return differing
+
+
+def _apart(key: str, before: str | None, after: str | None) -> str:
+    """Return the relative difference of a metric, in brackets; empty for anything else."""
+    if not key.startswith("metrics.") or before is None or after is None:
+        return ""
+    first, second = float.fromhex(before), float.fromhex(after)
+    return f" ({abs(second - first) / max(abs(first), abs(second)):.1g})"
 
 
 def main() -> None:

@@ -1,10 +1,10 @@
 """Products of vectors and matrices that have leading axes of robots, in NumPy or in JAX arrays.
 
-One robot in NumPy takes the plain, fastest function, and no other. For many, sums of products are
-taken term by term: a matrix product may add up in an order that depends on how many robots there
-are and on how they lie in memory. A robot's result then has the same bits among any others.
+For one robot in NumPy, each function is NumPy's plain one, which is the fastest. For many robots,
+products are added up term by term, because the order in which a matrix product adds depends on the
+number of robots and on their layout in memory. A robot's result has the same bits in any batch.
 
-Where a robot's numbers differ from those of the next, as a gain may, they have shape (..., 1).
+Numbers that differ between robots, such as a gain, have shape (..., 1).
 """
 
 from __future__ import annotations
@@ -23,23 +23,20 @@ Product = Callable[[AnyArray], AnyArray]
 _ndarray, _minimum, _maximum, _concatenate = np.ndarray, np.minimum, np.maximum, np.concatenate
 _solve = np.linalg.solve
 
-# Share of its trace that is more than what rounding takes from a matrix.
+# Share of the trace of a matrix that is larger than its rounding errors.
 _ROUNDING = 1e-15
 
 
 def is_one(vector: AnyArray) -> bool:
-    """Return whether a vector, shape (..., n), is that of one robot and NumPy's.
+    """Return whether a vector, shape (..., n), is a NumPy vector of one robot.
 
-    Then, and only then, its numbers may decide which way the program goes.
+    Only then may the program branch on its entries.
     """
     return type(vector) is _ndarray and vector.ndim == 1
 
 
 def functions_of(*arrays: AnyArray) -> Any:
-    """Return the module whose functions take these: ``jax.numpy`` if any is JAX's, else ``numpy``.
-
-    Python's numbers may be among them.
-    """
+    """Return ``jax.numpy`` if any of the arrays is JAX's, else ``numpy``; numbers are allowed."""
     for array in arrays:
         if not isinstance(array, (_ndarray, np.generic, float, int)):
             return array.__array_namespace__()
@@ -116,7 +113,8 @@ def solved_for(A: AnyArray, b: AnyArray) -> AnyArray:
 def solved_regular(A: AnyArray, b: AnyArray) -> AnyArray:
     """Return x with A x = b, as `solved_for` does, of a symmetric and positive definite matrix.
 
-    One that rounding has made singular, in NumPy, is solved with a trace of it more.
+    In NumPy, a matrix that rounding has made singular is solved with 1e-15 of its trace added to
+    the diagonal.
     """
     if type(b) is not _ndarray:
         return solved_for(A, b)
@@ -127,7 +125,7 @@ def solved_regular(A: AnyArray, b: AnyArray) -> AnyArray:
             # Robot by robot: others of a batch keep their bits.
             rows = zip(A.reshape(-1, *A.shape[-2:]), b.reshape(-1, b.shape[-1]), strict=True)
             return np.reshape([_solved_singular(each, of) for each, of in rows], b.shape)
-    # Plain floats: LAPACK's answer for three rows would come four times as late.
+    # Plain floats: for three rows LAPACK takes four times as long.
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = A.tolist()
     bx, by, bz = b.tolist()
     least = _ROUNDING * (xx + yy + zz)
@@ -158,7 +156,7 @@ def transposed(A: AnyArray) -> AnyArray:
 
 
 def scaled(gain: Any, A: AnyArray) -> AnyArray:
-    """Return a matrix, shape (..., m, n), times a number, or one for each robot, shape (..., 1)."""
+    """Return a matrix, shape (..., m, n), times a gain: a number, or an array, shape (..., 1)."""
     return gain * A if isinstance(gain, float) else gain[..., None] * A
 
 
@@ -179,7 +177,7 @@ def larger(least: float, value: Any) -> Any:
 
 
 def root(square: AnyArray) -> AnyArray:
-    """Return the square root of what is not negative; in JAX, with the derivative 0 at 0."""
+    """Return the square root of a number >= 0; in JAX, its derivative at 0 is 0."""
     if isinstance(square, (_ndarray, np.generic)):
         return np.sqrt(square)
     xp = functions_of(square)
@@ -187,9 +185,10 @@ def root(square: AnyArray) -> AnyArray:
 
 
 def differentiable(way: AnyArray) -> AnyArray:
-    """Return a way that may be infinite, with 0 in its place then if JAX takes derivatives.
+    """Return a distance; in JAX, an infinite one is replaced by 0.
 
-    Its derivatives of what is not finite spoil those of what is chosen instead.
+    JAX differentiates both branches of a choice. An infinite value in the branch that is not chosen
+    would turn the derivative of the other one into NaN.
     """
     if isinstance(way, _ndarray):
         return way
@@ -213,19 +212,19 @@ def flat(A: AnyArray) -> AnyArray:
 
 
 def acts(gain: Any) -> bool:
-    """Return whether a gain is not zero for all robots, so that its term cannot be left out."""
+    """Return whether the term of a gain counts: False if the gain is zero for all robots."""
     return not isinstance(gain, float) or gain != 0.0
 
 
 def chosen(
     condition: Any, then: Callable[[], AnyArray], otherwise: Callable[[], AnyArray]
 ) -> AnyArray:
-    """Return one of two arrays, shape (..., n), and compute both only if robots may differ.
+    """Return one of two arrays, shape (..., n); compute both only if robots may differ.
 
     Args:
-        condition: Python's true or false, or an array of these, shape (..., 1).
-        then: Returns what holds where the condition does.
-        otherwise: Returns what holds elsewhere.
+        condition: A truth value, or one for each robot, shape (..., 1).
+        then: Returns the array for robots whose condition is true.
+        otherwise: Returns the array for the others.
     """
     if isinstance(condition, (bool, np.bool_)):
         return then() if condition else otherwise()

@@ -1,4 +1,4 @@
-"""JAX, which an ordinary installation does not have."""
+"""JAX, an optional dependency."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from ..errors import InvalidInputError
 
 
 def require_jax() -> Any:
-    """Return the module ``jax``, with numbers of 64 bits switched on, for the whole process.
+    """Return the module ``jax`` with 64-bit numbers, which are switched on for the whole process.
 
-    Arrays that JAX makes before have 32 bits, and are refused where it matters.
+    Arrays that JAX made before have 32 bits; functions that need 64 refuse them.
 
     Raises:
         InvalidInputError: If JAX is not installed.

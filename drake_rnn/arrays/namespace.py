@@ -1,4 +1,4 @@
-"""The functions that belong to an array, NumPy's or JAX's, and where its robots' numbers lie."""
+"""The module of an array's functions, NumPy's or JAX's, and the layout of robots in memory."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import InvalidInputError
 from ..inputs.complaints import short
 
-#: An array of NumPy or of JAX, or what JAX traces in place of one.
+#: An array of NumPy or JAX, or a tracer of JAX.
 AnyArray = Any
 
 
@@ -21,8 +21,8 @@ def namespace(name: str, array: AnyArray) -> Any:
         array: The array.
 
     Raises:
-        InvalidInputError: If it is no such array, or not of 64 bits; what JAX makes before
-            `drake_rnn.arrays.jax_module.require_jax` was called has 32.
+        InvalidInputError: If it is not such an array, or not of 64 bits; JAX makes arrays of 32
+            bits until `drake_rnn.arrays.jax_module.require_jax` is called.
     """
     # NumPy 1 has no __array_namespace__.
     if isinstance(array, np.ndarray):
@@ -42,7 +42,7 @@ def namespace(name: str, array: AnyArray) -> Any:
 
 
 def is_foreign(value: AnyArray) -> bool:
-    """Return whether a value is an array, but not NumPy's; its entries may not be known yet."""
+    """Return whether a value is an array, but not NumPy's; JAX may not know its entries yet."""
     try:
         return value.__array_namespace__() is not np and not isinstance(value, np.ndarray)
     except AttributeError:
@@ -52,9 +52,9 @@ def is_foreign(value: AnyArray) -> bool:
 def robots_last(array: AnyArray, axes: int) -> AnyArray:
     """Return an array with the last ``axes`` of its axes in front, and robots side by side.
 
-    A number of the arm, e.g. the position of its third joint, then lies next to the same number of
-    the next robot, as elementwise operations like it. What comes of these keeps this order, so
-    that nothing is copied here or later when it comes back.
+    The same entry of all robots, e.g. the position of the third joint, is then contiguous in
+    memory, which suits elementwise operations. Their results keep this layout, so that no later
+    call copies them.
     """
     moved = in_front(array, axes)
     return np.ascontiguousarray(moved) if isinstance(moved, np.ndarray) else moved
@@ -67,5 +67,5 @@ def in_front(array: AnyArray, axes: int) -> AnyArray:
 
 
 def robots_first(array: AnyArray, axes: int) -> AnyArray:
-    """Return a view of an array with the first ``axes`` of its axes last: undo `in_front`."""
+    """Return a view of an array with the first ``axes`` of its axes last; undoes `in_front`."""
     return array.transpose(*range(axes, array.ndim), *range(axes))

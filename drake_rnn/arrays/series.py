@@ -1,7 +1,7 @@
-"""Algebra of series: steps are in front, then robots or none, and last vectors or matrices.
+"""Algebra of series: the first axis is steps, an optional second one robots, then vectors.
 
-A series of one robot takes NumPy's plain functions. Of many robots sums are added term by term, so
-that a robot has the same bits in any company.
+For one robot, each function is NumPy's plain one. For many robots, sums are added term by term, so
+that a robot's result has the same bits in any batch.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def transformed(matrices: AnyArray, vectors: AnyArray) -> AnyArray:
 def summed(vectors: AnyArray) -> AnyArray:
     """Return the sums of the entries of vectors, one after the other, shape (k, ...).
 
-    NumPy's own sum of a single robot may add in another order than that of several.
+    NumPy's own sum may add in another order for one robot than for several.
     """
     total = vectors[..., 0]
     for k in range(1, vectors.shape[-1]):
@@ -99,5 +99,5 @@ def least_singular_squares(matrices: AnyArray) -> AnyArray:
 
 
 def _of_one(vectors: AnyArray) -> bool:
-    """Return whether a series of vectors is that of one robot, in NumPy."""
+    """Return whether a series of vectors is NumPy's and of one robot."""
     return vectors.ndim == 2 and functions_of(vectors) is np

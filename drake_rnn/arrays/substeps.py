@@ -1,4 +1,4 @@
-"""A number of steps that robots may not share, and that a compiler may not know."""
+"""Steps within a period whose number may differ between robots and may be unknown to a compiler."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ _most: ContextVar[int | None] = ContextVar("most", default=None)
 
 
 def rounded_up(count: Any) -> Any:
-    """Return a number of steps, at least one: an int, or an array of shape (..., 1) of an array."""
-    # What is a whole number but for rounding stays one.
+    """Return a number of steps >= 1: an int, or an array of shape (..., 1) for an array."""
+    # A rounding error above a whole number does not count.
     if isinstance(count, float):
         return max(1, ceil(count - 1e-9))
     xp = functions_of(count)
@@ -40,7 +40,7 @@ def in_steps(
         parts: The parts at the beginning.
         period: The period [s].
         count: Number of steps, an int, or one for each robot, shape (..., 1). A robot that has
-            made all of its steps makes others of length zero until all have.
+            made its steps continues with steps of length zero until all robots have made theirs.
     """
     h = period / count
     if isinstance(count, int):
@@ -61,7 +61,7 @@ def repeated(advance: Callable[[Parts], Parts], parts: Parts, count: int) -> Par
 
     Args:
         advance: Returns the parts after a step, of the same shapes.
-        parts: The parts at the beginning. The last one says which robots no step changes any more.
+        parts: The parts at the beginning. The last one tells which robots are done.
         count: Number of steps.
     """
     if not all(isinstance(part, np.ndarray) for part in parts):
@@ -76,11 +76,11 @@ def repeated(advance: Callable[[Parts], Parts], parts: Parts, count: int) -> Par
 
 @contextmanager
 def reversible(most: int) -> Iterator[None]:
-    """Let what JAX traces within have derivatives in reverse mode, as of ``jax.grad``.
+    """Give functions that JAX traces in this block derivatives in reverse mode (``jax.grad``).
 
-    They need a number of steps that is known to the compiler: there are ``most`` in each period,
-    some of length zero. Who needs more gets NaN. Derivatives in forward mode, as of ``jax.jvp`` and
-    ``jax.jacfwd``, need none of this. What was compiled before keeps what it was compiled with.
+    The compiler must then know the number of steps: each period has ``most`` of them, some of
+    length zero. A robot that needs more steps gets NaN. Derivatives in forward mode (``jax.jvp``,
+    ``jax.jacfwd``) do not need this block. Functions that are already compiled do not change.
 
     Args:
         most: Largest number of steps that a network makes in a period.
@@ -105,7 +105,7 @@ def _compiled(
         return advance(parts, k, xp.where(k < count, h, 0.0))
 
     most = _most.get()
-    # The state's parts take their leading axes from what drives them.
+    # Parts of the state take the leading axes of the signals that drive them.
     shapes = [part.shape for part in import_module("jax").eval_shape(lambda: body(0, parts))]
     parts = tuple(xp.broadcast_to(part, shape) for part, shape in zip(parts, shapes, strict=True))
     if most is None:

@@ -1,4 +1,4 @@
-"""Robots that run side by side: the order of things of a diagram, without the diagram."""
+"""Robots that run side by side, in the order of updates of a diagram, without a diagram."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ class Failure:
 class Block:
     """Robots whose laws differ in numbers alone.
 
-    A robot whose state is no longer finite has failed: its metrics are those until then, and in
-    its place one goes on from its start, so that it harms no other.
+    A robot whose state is no longer finite has failed. Its metrics until then are kept, and the
+    robot is restarted, so that its numbers do not disturb the others.
 
     Args:
         robots: The robots.
@@ -57,7 +57,7 @@ class Block:
         self.schedule: Schedule = self._robots.schedule
         self._delay = robots[0].experiment.path_delay
         self._metrics = RunMetrics(self._robots.yardsticks)
-        # The steps that metrics have not been taken of, and when the part before them began.
+        # Steps whose metrics have not been taken yet, and the time of the run's first step.
         self._part: list[Snapshot] = []
         self._origin: float | None = None
         self._kept: dict[int, Mapping[str, Array]] = {}
@@ -105,13 +105,13 @@ class Block:
         return self._robots.moved(self._law, after, t, float(self.schedule.times[number + 1]))
 
     def _stepped(self, t: float, x: Array, u: Mapping[str, Array]) -> Array:
-        """Return the laws' states one period later; not a number where a law has failed."""
+        """Return the laws' states one period later; NaN for a robot whose law has failed."""
         period = self.schedule.period
         try:
             after: Array = self._step(t, x, u, period)
             return after
         except Exception:
-            # One robot may have stopped all, e.g. with a singular matrix.
+            # The error of one robot, e.g. a singular matrix, stops the step of all.
             alone = [self._stepped_alone(k, t, x, u) for k in range(len(x))]
             return np.stack(alone, axis=-1).T
 
@@ -144,7 +144,7 @@ class Block:
         return found
 
     def _found_so_far(self) -> Found:
-        """Return the metrics until now, in the midst of a part, which goes on as if not asked."""
+        """Return the metrics until now without ending the part."""
         metrics = deepcopy(self._metrics)
         if self._part:
             self._add_part(metrics)

@@ -1,4 +1,4 @@
-"""Whole runs of robots side by side, compiled by JAX from the source that NumPy runs."""
+"""Whole runs side by side, compiled by JAX from the same source that NumPy runs."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Gains = Mapping[str, AnyArray]
 
 
 class _Row(NamedTuple):
-    """What a step needs that no gain changes; in a table of all, steps are in front.
+    """Inputs of a step that do not depend on gains; a table of them has an axis of steps in front.
 
     Attributes:
         t, until: Times at which it begins and ends [s].
@@ -48,10 +48,10 @@ class _Row(NamedTuple):
 
 
 class CompiledRuns:
-    """Runs of experiments side by side, compiled as a whole when they are first asked for.
+    """Runs of experiments side by side, compiled as a whole at the first call.
 
-    They are those of `run_many` but for rounding. A robot whose numbers are no longer finite has
-    metrics that are not. Tables of paths and noise are kept for all steps.
+    They equal those of `run_many` except for rounding. The metrics of a robot whose state is no
+    longer finite are not finite. Paths and noise are kept in tables for all steps.
 
     Args:
         experiments: Experiments that `run_many` can run, at most 1000, whose laws differ in nothing
@@ -105,7 +105,7 @@ class CompiledRuns:
 
     @property
     def table(self) -> _Row:
-        """What the steps of the runs need, made once; to be given to `of_gains`."""
+        """Inputs of all steps, made once; an argument of `of_gains`."""
         if self._table is None:
             table = self._rows()
             self._table = self._jax.tree.map(self._jax.numpy.asarray, table)
@@ -116,7 +116,7 @@ class CompiledRuns:
 
         Args:
             gains: Numbers of the law.
-            table: What the steps need.
+            table: Inputs of all steps.
         """
         law = with_gains(self.law, gains)
         first = replace(self._start, command=law.commanded_velocity(0.0, self._start.x))
@@ -149,7 +149,7 @@ class CompiledRuns:
         return np.empty(0) if values is None else values
 
     def _begun(self, law: SampledReading, row: _Row) -> list[State]:
-        """Return what is gathered before the first step, in the shapes of what is later."""
+        """Return the gathered states before the first step, in the shapes that they keep."""
 
         def once() -> list[State]:
             return self._added(law, [m.by.start for m in self._taken], self._start, row)
@@ -165,7 +165,7 @@ class CompiledRuns:
         schedule, noises = self._robots.schedule, self._robots.noises
         noise, times = None, schedule.times
         if noises is not None:
-            # What is held at a step is the noise of the last step at which it changed.
+            # The noise held at a step is that of the last step at which it changed.
             changes = np.flatnonzero(schedule.noises)
             drawn = np.stack([noises.row(float(times[k])) for k in changes])
             noise = drawn[np.cumsum(schedule.noises) - 1]
@@ -179,7 +179,7 @@ class CompiledRuns:
         )
 
     def _split(self, table: _Row) -> tuple[_Row, _Row]:
-        """Return all rows but the last one, and that."""
+        """Return the rows of all steps but the last, and that of the last."""
         rows = self._jax.tree.map(lambda values: values[:-1], table)
         return rows, self._jax.tree.map(lambda values: values[-1], table)
 
@@ -192,7 +192,7 @@ class CompiledRuns:
     def _added(
         self, law: SampledReading, gathered: Sequence[State], now: Moving, row: _Row
     ) -> list[State]:
-        """Return what is gathered with another step."""
+        """Return the gathered states after another step."""
         motion, xp = self._motion(law, now, row.t, row.around), self._jax.numpy
         added = []
         for metric, before in zip(self._taken, gathered, strict=True):

@@ -1,4 +1,4 @@
-"""One robot's step, kinematics inside, compiled by JAX for a loop of one's own."""
+"""A sample of one robot's law with its kinematics, compiled by JAX for a user's own loop."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ _FLOAT = np.dtype(float)
 
 
 class CompiledStep:
-    """What an experiment's law does at a sample: from joint positions to a joint velocity.
+    """A sample of an experiment's law: from joint positions to a joint velocity.
 
-    Kinematics, path and law are compiled together. The path is that of the experiment, in a table
-    of all samples. ::
+    Kinematics, path and law are compiled together. A table has the experiment's path at all
+    samples. ::
 
         robot = CompiledStep("slc_nephroid_known").start()
         for _ in range(robot.samples):
             v = robot.step(q)        # q as measured, or as commanded
             q = q + robot.period * v
 
-    On a processor JAX hands each call to a thread, and waiting for it takes most of a step. To do
-    without, call ``require_jax().config.update("jax_cpu_enable_async_dispatch", False)`` before JAX
+    On a CPU, JAX hands each call to a thread, and waiting for it takes most of a step. To avoid
+    this, call ``require_jax().config.update("jax_cpu_enable_async_dispatch", False)`` before JAX
     computes anything.
 
     Args:
-        experiment: An experiment that `run_many` can run, or what `load_experiment` takes, but one
-            without contact, and with dither only if it is ``actuated``: the noise is then yours.
+        experiment: An experiment that `run_many` can run, or what `load_experiment` takes, without
+            contact. Its dither may only be ``actuated``: the caller's own loop then adds the noise.
 
     Attributes:
         samples: Number of samples of the experiment.
@@ -64,7 +64,7 @@ class CompiledStep:
         )
         packed = import_module("jax.flatten_util").ravel_pytree
         self._unpacked = packed(jax.tree.map(lambda values: values[0], table))[1]
-        # In one array, and the state in another: each that is handed over takes time.
+        # One array for the table and one for the state: each argument of a call takes time.
         self._table = jax.vmap(lambda row: packed(row)[0])(table)
         x = self._robots.started().x[0]
         self._first = jax.device_put(np.concatenate(([0.0], x, np.zeros(self.joints))))
@@ -110,7 +110,7 @@ class CompiledStep:
         Args:
             state: The same of the sample before.
             q: Joint positions, shape (n,) [rad].
-            velocity: Joint velocities, likewise [rad/s]; None for those that the law commands.
+            velocity: Joint velocities, shape (n,) [rad/s]; None for those that the law commands.
         """
         return self._compiled(self._table, state, q, velocity)
 
@@ -121,7 +121,7 @@ class CompiledStep:
 
 
 class SteppedRobot:
-    """A robot that makes one sample after the other.
+    """A robot that steps from sample to sample.
 
     Args:
         step: The compiled step.
@@ -153,12 +153,12 @@ class SteppedRobot:
 
         Args:
             position: Joint positions, shape (n,) [rad].
-            velocity: Joint velocities, shape (n,) [rad/s]; those that the law commands by default.
-                With an arm that a noise moves they must be given: measured, or with the noise.
+            velocity: Joint velocities, shape (n,) [rad/s]; by default those that the law commands.
+                If noise moves the arm, they must be given: as measured, or with the noise.
 
         Raises:
-            InvalidInputError: If an argument is no such array, all samples have been made, or what
-                comes out is not finite.
+            InvalidInputError: If an argument is no such array, all samples have been made, or the
+                velocity is not finite.
         """
         if not (type(position) is np.ndarray and position.shape == self._shape):
             raise InvalidInputError(

@@ -1,4 +1,4 @@
-"""The dither of many robots: the same numbers as `drake_rnn.systems.Dither` has."""
+"""The dither of robots side by side, with the same numbers as `drake_rnn.systems.Dither`."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Noises:
         self._which = np.array([distinct.index(seed) for seed in seeds])
         self._sigma = np.array([each.sigma for each in settings])
         self._hold = settings[0].hold
-        # Memo of a pure function: samples are asked for one after the other.
+        # A memo of a pure function: the next sample asked for is usually in the same block.
         self._block, self._values = -1, np.empty(0)
 
     def row(self, t: float) -> Array:

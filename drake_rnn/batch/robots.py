@@ -26,9 +26,9 @@ from .schedule import Schedule, schedule_of
 from .signals import PREVIEWS, Desired, Rows, Sight
 from .snapshot import Pressed, Snapshot
 
-# What a law sees of the past if its arm is late.
+# Signals of the path that a law sees late if its arm is late.
 _LATE = frozenset(("p_WE_desired", "R_WE_desired"))
-# What a late arm is compared with.
+# Signals of the path that a late arm is compared with.
 _EVALUATED = _LATE | {"v_WE_desired"}
 _SEEN_ANYWAY = frozenset(("position", "p_WE", "J", "velocity", "v_WE"))
 
@@ -105,7 +105,7 @@ class Robots:
         schedule: Steps of their runs.
         law: Reading of a law with the numbers of all.
         noises: Their noise; None without dither.
-        oriented: Whether paths are told of their orientations.
+        oriented: Whether the orientations of the paths matter.
     """
 
     def __init__(self, robots: Sequence[Robot]) -> None:
@@ -118,10 +118,10 @@ class Robots:
         self.readings = [robot.reading for robot in robots]
         self.law: SampledReading = stacked(self.readings)
         self._sees = frozenset(self.law.inputs.parts)
-        # What observables are computed from: true signals, and none of the future.
+        # Observables are computed from true signals, none of them of the future.
         self._observed = (self._sees | _SEEN_ANYWAY) - PREVIEWS
         self.oriented = experiments[0].holds_orientation
-        # Paths are told of their orientations only where these matter.
+        # Orientations of paths are evaluated only where they matter.
         turns = frozenset(("R_WE_desired",)) if self.oriented else frozenset()
         self._around = self._observed | turns | {"p_WE_desired", "v_WE_desired"}
         self._model = None if document.dither is None else document.dither.model
@@ -202,7 +202,7 @@ class Robots:
         return {name: u[name] for name in self._sees}
 
     def filter(self, now: Moving, t: float) -> None:
-        """Let the filters take a sample of what moves the arms until a time [s], in place."""
+        """Add a sample of the velocities that move the arms to the filters' states, in place."""
         if self._filters is None or now.averages is None:
             return
         taken = self.law.commanded_velocity(t, now.x)
@@ -236,7 +236,7 @@ class Robots:
         return replace(now, q=q, command=command)
 
     def measured(self, law: SampledReading, look: Look, now: Moving, *, observes: bool) -> Snapshot:
-        """Return what metrics are taken of, just before the updates at a step's time.
+        """Return the values at a step that metrics use, just before the updates at its time.
 
         Args:
             law: Their law.
@@ -266,7 +266,7 @@ class Robots:
     def _of_arms(
         self, sight: Sight, q: AnyArray, velocity: AnyArray, desired: Mapping[str, AnyArray]
     ) -> dict[str, AnyArray]:
-        """Return what metrics are taken of arms at a step, by the names of a motion's fields."""
+        """Return the values of arms at a step that metrics use, by the fields of a `Motion`."""
         known = {
             "position": q,
             "velocity": velocity,
@@ -305,13 +305,13 @@ class Robots:
 
 
 def restarted(now: Moving, first: Moving, which: NDArray[np.bool_]) -> Moving:
-    """Return robots of which some, shape (robots,), start again."""
+    """Return the robots, with those selected by a mask, shape (robots,), back at their start."""
 
     def chosen(then: AnyArray, otherwise: AnyArray) -> AnyArray:
         return np.where(which, then.T, otherwise.T).T
 
     if now.averages is not None:
-        # A chain at rest; how many samples it has taken, which robots share, does not matter.
+        # A chain at rest; the number of its samples is shared by all robots and does not matter.
         now.averages[1:, which] = 0.0
     return replace(
         now,

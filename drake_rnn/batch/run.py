@@ -27,16 +27,16 @@ Status = Literal["complete", "failed"]
 
 @dataclass(frozen=True, eq=False)
 class Many:
-    """What many runs come to: a row for each experiment, in their order.
+    """The results of many runs: a row for each experiment, in their order.
 
     Attributes:
         metrics: Values by the name of the metric, each of shape (rows,), as `METRICS` describes
-            them; not a number where a run has none.
+            them; NaN where a run has none.
         status: Of each run, ``complete`` or ``failed``.
         until: Time that its metrics cover, shape (rows,) [s].
         failures: Why a run failed, by the number of its row.
         position: Joint positions at the end of each run, each of shape (n,) [rad]. Those of a run
-            that failed say nothing.
+            that failed have no meaning.
         time: Times of the steps of each run, each of shape (steps,) [s], if series were asked for.
         series: Series by name, for each run, each of shape (steps, ...), if they were asked for.
     """
@@ -74,19 +74,19 @@ def run_many(
 ) -> Many:
     """Run many experiments at once and return their metrics.
 
-    Robots whose laws differ in nothing but numbers run side by side, some 1000 at a time: they may
-    have starts, gains, limits, seeds, paths and arms of their own. Each runs as in `simulate`: its
-    joint positions are the same but for rounding, and have the same bits in any company. Memory
-    does not grow with the duration; a run needs some hundred bytes beside its experiment.
+    Robots whose laws differ only in numbers run side by side, up to 1000 at a time: each may have
+    its own start, gains, limits, seed, path and arm. A run equals that of `simulate` except for
+    rounding, and has the same bits in any batch. Memory does not grow with the duration; a run
+    needs some hundred bytes in addition to its experiment.
 
-    Metrics are those of `simulate`, but that the medians of a learned Jacobian's errors come from a
-    histogram, within 0.6 %. A run whose numbers are no longer finite has failed, and stops no
-    other. What `simulate` tells before a run, e.g. that a path is out of reach, is not looked for:
-    `check_experiment` says it of one.
+    Metrics are those of `simulate`, except that the medians of a learned Jacobian's errors come
+    from a histogram, within 0.6 %. A run whose state is no longer finite has failed; the others go on.
+    The checks of `simulate` before a run, e.g. whether the path is in reach, are not made:
+    `check_experiment` makes them for one experiment.
 
     Args:
-        experiments: What to run; each an experiment or what `load_experiment` takes. `why_not` says
-            which cannot be run so.
+        experiments: Experiments, or what `load_experiment` takes. `why_not` tells which ones cannot
+            run in a batch, and why.
         progress: Called with the share of steps made, from time to time.
         record: Series to keep of every step, which takes memory: ``position`` or nothing.
 

@@ -1,4 +1,4 @@
-"""When things happen in a run: the steps that Drake's simulator would make."""
+"""The times of the updates in a run: the steps that Drake's simulator would make."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..experiment import ExperimentDocument
 from ..inputs.fields import Array
 from ..measures.ticks import tick_ends
 
-#: Steps of a part at least: some make the cost of a call small, few stay in a processor's cache.
+#: Least number of steps of a part: more would not fit the cache, fewer would cost more calls.
 PART = 8
 
 
@@ -49,10 +49,10 @@ class Schedule:
 
     @cached_property
     def part_ends(self) -> frozenset[int]:
-        """Numbers of the steps with which parts of the motion end that metrics are taken of.
+        """Numbers of the steps that end a part of the motion, for metrics.
 
-        Ticks of the arm and of the law end with each. A part has `PART` steps or some more, however
-        many robots there are, so that a robot's means have the same bits in any company.
+        A tick of the arm and of the law ends with each part. A part has at least `PART` steps,
+        whatever the number of robots, so that a robot's means have the same bits in any batch.
         """
         tick, network_tick = (
             set(tick_ends(self.times, each, 0.0)[0].tolist()) for each in (self.tick, self.period)
@@ -75,7 +75,7 @@ def schedule_of(document: ExperimentDocument) -> Schedule:
     period, dither, duration = document.period, document.dither, document.duration
     samples = _multiples(period, duration)
     noises = np.empty(0) if dither is None else _multiples(dither.hold, duration)
-    # Times a rounding error apart are two steps, as in Drake, whose noise a law then sees or not.
+    # Times a rounding error apart are two steps, as in Drake; a law sees the noise of the first.
     ends = [samples, noises]
     if document.environment is not None:
         # The diagram's watch of the force sensor.

@@ -1,4 +1,4 @@
-"""What the laws of many robots see, and what is measured of them."""
+"""Signals of robots side by side: those of the arms, and those of their paths."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Found = dict[str, AnyArray]
 
 
 class Sight:
-    """What is seen of many robots at one step, each signal computed once.
+    """Signals of the arms of many robots at one step, each computed once.
 
     Args:
         task: Their task.
@@ -44,7 +44,7 @@ class Sight:
         self._axes = slice(task.axes[0], task.axes[-1] + 1)
         self._moved = moved
         self._translation = moved.J[..., self._axes, :]
-        # The last velocities asked for, and what they make of the end effectors'.
+        # The last joint velocities asked for, and those of the end effectors for them.
         self._moving: tuple[Array, Array] | None = None
         self.position = position
         self.origin: Array = moved.p_WE
@@ -88,12 +88,12 @@ class Sight:
 
 
 class Rows(NamedTuple):
-    """What is known of the desired motions at a step.
+    """The desired motions at a step.
 
     Attributes:
-        now: What robots share of them.
+        now: Those of the functions that robots share.
         ahead: The same one period later; empty if no law sees ahead.
-        late: The same as long before as the arms are late; empty if they are not.
+        late: The same, earlier by the delay of the arms; empty if they are not late.
     """
 
     now: Row

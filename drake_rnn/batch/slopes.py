@@ -26,10 +26,10 @@ def value_and_gradient(
 ) -> tuple[float, dict[str, float]]:
     """Return a metric of a whole run and its derivatives with respect to numbers of the law.
 
-    The run is that of the experiment, with its seed, compiled by JAX: the value is that of
-    `simulate` but for rounding. Derivatives are those of the run as it is computed, in forward
-    mode, step by step through the closed loop. Where the law changes its course, e.g. at a bound,
-    they are those of the side on which the run is. To ask again, keep a `Slopes`. ::
+    The run is that of the experiment, with its seed, compiled by JAX: the value equals that of
+    `simulate` except for rounding. Derivatives are taken in forward mode, step by step through the
+    closed loop. Where the law switches, e.g. at a bound, they are one-sided, on the side of the
+    run. For several calls keep a `Slopes`. ::
 
         value, gradient = value_and_gradient(
             "slc_nephroid_known", ["law.kappa", "law.return_gain"], "position_error_rms_m"
@@ -90,7 +90,7 @@ class Slopes:
         """Return metrics, shape (rows,), and derivatives, shape (rows, keys).
 
         Args:
-            gains: Sets of gains, shape (rows, keys). Nothing checks whether the law allows them.
+            gains: Sets of gains, shape (rows, keys). They are not checked against the law.
 
         Raises:
             InvalidInputError: If the gains have another shape, or the law needs to know one of the
@@ -116,13 +116,13 @@ class Slopes:
             value, slope = self._jax.jvp(metric, (gains,), (direction,))
             return value, slope
 
-        # A gain of all rows at once: no row depends on another's.
+        # One gain of all rows at once: no row depends on the gains of another.
         each = np.eye(len(self.keys))[:, :, np.newaxis] * np.ones(gains.shape)
         derived: Any = self._jax.vmap(along, out_axes=(None, 0))(each)
         return derived[0], derived[1]
 
     def _require_run_alone(self, law: SampledReading) -> None:
-        """Refuse numbers that the initial state depends on: it is drawn before the run."""
+        """Refuse numbers that the initial state depends on, since it is drawn before the run."""
         x = self._runs.start_of({})
         for key, field, value in zip(self.keys, self._fields, self.start, strict=True):
             if not np.array_equal(x, self._runs.start_of({field: 1.01 * float(value)})):

@@ -1,4 +1,4 @@
-"""What a batch of robots cannot do."""
+"""Why a batch cannot run an experiment."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SCHEMES = ("explicit_euler", "runge_kutta2")
 def why_not(experiment: Described) -> str | None:
     """Return why `run_many` cannot run an experiment, in a sentence; None if it can.
 
-    What it cannot run, `simulate` runs, and `sweep` in processes.
+    `simulate` and, in processes, `sweep` run the others.
 
     Args:
         experiment: The experiment, or what `load_experiment` takes.
@@ -90,7 +90,7 @@ def _able_reading(law: Law, period: float) -> SampledReading:
     name = type(law).__name__
     if law.joint_preview is not None:
         raise InvalidInputError(f"law: {name} plans ahead; a batch knows no future joint positions")
-    # What it declares was checked when the experiment was made.
+    # The law's declarations were checked when the experiment was made.
     reading = law.sampled(period)
     require_many(reading)
     if unknown := sorted(reading.inputs.parts.keys() - SIGNALS):

@@ -140,7 +140,7 @@ def _margin(motion: Motion, against: Yardsticks) -> AnyArray | None:
     return reduce(functions_of(motion.position).minimum, margins) if margins else None
 
 
-def _returning(motion: Motion) -> AnyArray | None:
+def _returning(motion: Motion, against: Yardsticks) -> AnyArray | None:
     """Return the joint positions of arms that are to come back; NaN for others."""
     if motion.target is not None or not np.any(motion.returns):
         return None
@@ -365,7 +365,7 @@ METRICS: tuple[Metric, ...] = (
         "only for a path that ends where it began",
         over="window",
         shown=_shown("return", "sweep"),
-        of=lambda motion, against: _returning(motion),
+        of=_returning,
         by=Change(_mean),
     ),
     Metric(
@@ -375,7 +375,7 @@ METRICS: tuple[Metric, ...] = (
         "only for a path that ends where it began",
         over="window",
         shown=_shown("path", "return", "sweep"),
-        of=lambda motion, against: _returning(motion),
+        of=_returning,
         by=Change(_top),
     ),
     Metric(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..arrays.namespace import AnyArray
 from .gathering import State
 from .groups import (
     BoundMetrics,
@@ -17,7 +18,7 @@ from .groups import (
     HigherMetrics,
     NetworkMetrics,
 )
-from .metrics import METRICS
+from .metrics import METRICS, Values
 from .motion import Motion
 from .yardsticks import Yardsticks
 
@@ -64,19 +65,23 @@ class RunMetrics:
                 group.add(motion)
             everywhere = motion.steps_within(None)
             inside = motion.steps_within(self._against.window)
+            # Metrics may share their values.
+            known: dict[Values, AnyArray | None] = {}
             for metric in _TAKEN:
                 steps = inside if metric.over == "window" else everywhere
                 if steps.start == steps.stop or metric.of is None:
                     continue
-                if (values := metric.of(motion, self._against)) is None:
+                if metric.of not in known:
+                    known[metric.of] = metric.of(motion, self._against)
+                if (values := known[metric.of]) is None:
                     continue
                 # Values between steps have none for the first one.
                 lead = motion.time.size - len(values)
                 values = values[max(0, steps.start - lead) : max(0, steps.stop - lead)]
                 if len(values):
-                    known = self._gathered.get(metric.name, metric.by.start)
+                    state = self._gathered.get(metric.name, metric.by.start)
                     times = motion.time[steps.stop - len(values) : steps.stop]
-                    self._gathered[metric.name] = metric.by.added(known, values, times)
+                    self._gathered[metric.name] = metric.by.added(state, values, times)
 
     def found(self, *, of_law: bool = True) -> Found:
         """Return the metrics, by name, each of shape (...); not finite where there is none.

@@ -53,13 +53,16 @@ def summed(vectors: AnyArray) -> AnyArray:
     return total
 
 
-def added_up(values: AnyArray) -> AnyArray:
-    """Return the sum of values over the steps, shape (...), of shape (k, ...)."""
+def added_up(total: AnyArray, values: AnyArray) -> AnyArray:
+    """Return a sum, shape (...), with the values of further steps, shape (k, ...), added.
+
+    For many robots the steps are added one after the other: the sum does not depend on how a run is
+    divided into parts.
+    """
     if values.ndim == 1:
-        return values.sum()
-    total = values[0]
-    for k in range(1, len(values)):
-        total = total + values[k]
+        return total + values.sum()
+    for row in values:
+        total = total + row
     return total
 
 

@@ -60,6 +60,7 @@ class Block:
         # Steps whose metrics have not been taken yet, and the time of the run's first step.
         self._part: list[Snapshot] = []
         self._origin: float | None = None
+        self._ends = self.schedule.part_ends(len(robots))
         self._kept: dict[int, Mapping[str, Array]] = {}
         self.positions: list[Array] = []
         self.failures: dict[int, Failure] = {}
@@ -90,7 +91,7 @@ class Block:
             self.positions.append(before.position)
         observes = self._law.observables.size > 0
         self._part.append(self._robots.measured(self._law, look, before, observes=observes))
-        if number in self.schedule.part_ends:
+        if number in self._ends:
             self._take_part()
         if number + 1 == self.schedule.times.size:
             return before

@@ -80,8 +80,8 @@ def run_many(
     needs some hundred bytes in addition to its experiment.
 
     Metrics are those of `simulate`, except that the medians of a learned Jacobian's errors come
-    from a histogram, within 0.6 %. A run whose state is no longer finite has failed; the others go on.
-    The checks of `simulate` before a run, e.g. whether the path is in reach, are not made:
+    from a histogram, within 0.6 %. A run whose state is no longer finite has failed; the others go
+    on. The checks of `simulate` before a run, e.g. whether the path is in reach, are not made:
     `check_experiment` makes them for one experiment.
 
     Args:

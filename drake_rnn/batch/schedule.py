@@ -13,8 +13,9 @@ from ..experiment import ExperimentDocument
 from ..inputs.fields import Array
 from ..measures.ticks import tick_ends
 
-#: Least number of steps of a part: more would not fit the cache, fewer would cost more calls.
-PART = 8
+# Robots times steps of a part of the motion: more would not fit a processor's cache, fewer would
+# cost more calls; and the least and the largest number of steps.
+_PART, _LEAST, _MOST = 8192, 8, 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,21 +48,23 @@ class Schedule:
         within = (self.times >= begin - 1e-9) & (self.times <= end + 1e-9)
         return np.asarray(within)
 
-    @cached_property
-    def part_ends(self) -> frozenset[int]:
-        """Numbers of the steps that end a part of the motion, for metrics.
+    def part_ends(self, robots: int) -> frozenset[int]:
+        """Return the numbers of the steps that end parts of the motion, for metrics.
 
-        A tick of the arm and of the law ends with each part. A part has at least `PART` steps,
-        whatever the number of robots, so that a robot's means have the same bits in any batch.
+        A tick of the arm and of the law ends with each part. Parts of few robots have more steps.
+
+        Args:
+            robots: Number of robots.
         """
+        count = min(max(_PART // robots, _LEAST), _MOST)
         tick, network_tick = (
             set(tick_ends(self.times, each, 0.0)[0].tolist()) for each in (self.tick, self.period)
         )
-        ends, least = [], PART
+        ends, least = [], count
         for number in sorted(tick & network_tick):
             if number >= least:
                 ends.append(number)
-                least = number + PART
+                least = number + count
         return frozenset((*ends, self.times.size - 1))
 
 

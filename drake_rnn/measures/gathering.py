@@ -110,7 +110,7 @@ class Mean:
 
     def added(self, state: State, values: AnyArray, time: AnyArray) -> State:
         # Truth values count as 0 and 1.
-        return state[0] + added_up(1.0 * values), state[1] + float(len(values))
+        return added_up(state[0], 1.0 * values), state[1] + float(len(values))
 
     def value(self, state: State) -> AnyArray:
         total, count = state

@@ -40,9 +40,10 @@ WAYS = [
     (Settling(), TRUE),
     (Median(), 10.0**NUMBERS),
 ]
+NAMES = [type(gathering).__name__ for gathering, _ in WAYS]
 
 
-@pytest.mark.parametrize(("gathering", "values"), WAYS, ids=str)
+@pytest.mark.parametrize(("gathering", "values"), WAYS, ids=NAMES)
 def test_parts_and_company_do_not_matter(gathering, values):
     whole = gathered(gathering, values)
     for cuts in ([1], [4, 9], range(1, 12)):
@@ -55,7 +56,9 @@ def test_parts_and_company_do_not_matter(gathering, values):
         assert one == pytest.approx(whole[robot], rel=0.006, nan_ok=True)
 
 
-@pytest.mark.parametrize(("gathering", "values"), [(Mean(), NUMBERS), (Share(), TRUE)], ids=str)
+@pytest.mark.parametrize(
+    ("gathering", "values"), [(Mean(), NUMBERS), (Share(), TRUE)], ids=["Mean", "Share"]
+)
 def test_a_mean_of_parts_is_that_of_all_but_for_rounding(gathering, values):
     assert gathered(gathering, values) == pytest.approx(values.mean(axis=0), rel=1e-12)
     assert gathered(gathering, values, [3, 7]) == pytest.approx(values.mean(axis=0), rel=1e-12)

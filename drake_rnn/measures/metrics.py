@@ -59,10 +59,10 @@ class Metric:
         meaning: Description for the documentation.
         over: Steps it is taken over.
         shown: Places that show it in addition to the metrics in the experiment's ``accept``.
-        of: Its values at the steps of a motion; None for a metric that a `Group` takes, or that
-            is not taken from motions.
-        by: How it is gathered from these.
-        of_law: Whether its values are observables of the law.
+        of: Function that gives the values at the steps of a motion; None if a `Group` takes the
+            metric, or if no motion shows it.
+        by: How the metric is gathered from these values.
+        of_law: Whether the values are observables of the law.
     """
 
     name: str
@@ -76,12 +76,12 @@ class Metric:
 
     @property
     def differentiable(self) -> bool:
-        """Whether a compiled run takes it, with its derivative, if the run has such values."""
+        """Whether a compiled run can take the metric and its derivative."""
         return self.of is not None and self.by.differentiable and not self.of_law
 
     @property
     def words(self) -> str:
-        """Its name in words, without the unit at its end."""
+        """The name in words, without the unit."""
         return self.name.removesuffix(f"_{_ending(self.unit)}").replace("_", " ")
 
 
@@ -95,7 +95,7 @@ def violation_metric(limit: str) -> str:
 
 
 def _ending(unit: str) -> str:
-    """Return a unit as names of metrics end on it."""
+    """Return a unit in the form in which it ends the name of a metric."""
     return unit.replace("/s^", "_s").replace("/", "_")
 
 
@@ -141,7 +141,7 @@ def _margin(motion: Motion, against: Yardsticks) -> AnyArray | None:
 
 
 def _returning(motion: Motion, against: Yardsticks) -> AnyArray | None:
-    """Return the joint positions of arms that are to come back; NaN for others."""
+    """Return the joint positions of arms on closed paths; NaN for other arms."""
     if motion.target is not None or not np.any(motion.returns):
         return None
     if np.all(motion.returns):
@@ -155,7 +155,7 @@ def _initial_acceleration(motion: Motion) -> AnyArray | None:
 
 
 def _observed(name: str) -> Values:
-    """Return the function of the largest magnitude in an observable of the law."""
+    """Return a function that gives the largest magnitude in an observable of the law."""
 
     def values(motion: Motion, against: Yardsticks) -> AnyArray | None:
         observed = motion.observed.get(name)

@@ -54,12 +54,13 @@ class Pressing:
 class Motion:
     """The motion of arms with n joints and of their laws over k steps, for m position axes.
 
-    Steps are the first axis of every series. The motion of one arm has no other leading axis; that
-    of robots side by side has a second one: below, ``...`` is nothing or the number of robots. What
-    does not vary from step to step has no axis of steps. Arrays are NumPy's, or one step is JAX's.
+    The first axis of every series is steps. The motion of robots side by side has a second axis,
+    robots; the motion of one arm does not: below, ``...`` stands for that axis or for nothing.
+    Fields that do not vary from step to step have no axis of steps. Arrays are NumPy's; a single
+    step may also be JAX's.
 
     The steps are those of a run, or of a part of it. A part that does not begin the run begins with
-    the last step of the part before, at which ticks of the arm and of the law end.
+    the last step of the part before it, at which a tick of the arm and of the law ends.
 
     Attributes:
         time: Time of each step, shape (k,) [s].
@@ -77,18 +78,19 @@ class Motion:
             those along the surface.
         returns: Whether the desired path ends where it began, so that the joints should as well,
             shape (...).
-        lap_start: Time at which the lap began that the run's last step ends, or the last whole one
-            after which the arm has stood still, shape (...) [s]; NaN or None without one.
+        lap_start: Time at which the last whole lap of the run begins, shape (...) [s]; NaN or None
+            without one.
         until: Time at which the run is to end [s]; None if these steps end it.
         position_commanded: Joint positions that motors are told to follow, shape (k, ..., n) [rad];
             None for an arm that is where it is commanded to be.
-        p_WE_commanded: Position of the end effector at these, shape (k, ..., m) [m]; None as well.
+        p_WE_commanded: Position of the end effector at the commanded joint positions,
+            shape (k, ..., m) [m]; None for such an arm.
         tick, network_tick: Time for which the arm's and the law's velocities are held [s];
             None if they change at every step.
         origin: Time of the run's first step [s]; None if it is the first of these.
         observed: Observables of the law, by name, each of shape (k, ..., size).
-        virtual: Motion of the arm that the law sees, where that is not this one: the arm ahead of a
-            filter. Its Jacobian is the one that the law learns.
+        virtual: Motion of the virtual arm ahead of a filter, where the law sees that arm and learns
+            its Jacobian; None where the law sees this arm.
     """
 
     time: AnyArray
@@ -171,12 +173,12 @@ class Motion:
 
     @cached_property
     def jacobian_error_size(self) -> AnyArray | None:
-        """Frobenius norm of that difference, shape (k, ...); None without learning."""
+        """Frobenius norm of J - J_hat, shape (k, ...); None without learning."""
         return None if self.jacobian_error is None else sizes(self.jacobian_error)
 
     @cached_property
     def jacobian_error_along(self) -> AnyArray | None:
-        """That difference in the direction of the law's velocity, shape (k, ...); NaN at rest."""
+        """Norm of (J - J_hat) v / |v|, shape (k, ...); NaN for an arm at rest."""
         if self.jacobian_error is None:
             return None
         v = self.network_velocity
@@ -192,7 +194,7 @@ class Motion:
 
     @property
     def fresh(self) -> slice:
-        """The steps that the part of the run before this one does not have."""
+        """The steps that are not also in the part of the run before this one."""
         return slice(0 if self.begins else 1, None)
 
     def steps_within(self, window: tuple[float, float] | None) -> slice:

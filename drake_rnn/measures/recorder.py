@@ -12,13 +12,13 @@ from ..inputs.fields import Array
 from ..laws.layout import Layout
 from .signals_held import signals_held
 
-#: Steps that are recorded before they are evaluated, unless a tick needs more: some 100 MB then.
+#: Number of steps that are evaluated together, unless a tick has more: about 100 MB.
 PART = 2**16
 
 
 @dataclass(frozen=True)
 class Steps:
-    """Recorded steps; they do not outlast the recorder's next step.
+    """Recorded steps, in arrays that the recorder's next step overwrites.
 
     Attributes:
         time: Times of all steps, shape (k,) [s].
@@ -37,12 +37,12 @@ class Steps:
         return self.layout.part(self.rows, name)
 
     def until(self, last: int) -> Steps:
-        """Return the steps up to the one of that number, which is included."""
+        """Return the steps up to and including the one with this number."""
         return Steps(self.time[: last + 1], self.rows[: last + 1], self.layout, self.origin)
 
 
-#: What is done with steps when there are many: it returns the number of the step that the next ones
-#: begin with; 0 if nothing can be done with these alone.
+#: Evaluates a part of the run and returns the number of the step with which the next part begins; 0
+#: if no part ends within these steps.
 Take = Callable[[Steps], int]
 
 
@@ -56,8 +56,8 @@ class Recorder:
     Args:
         root: Context of the simulated diagram.
         ports: Output ports to record, by name.
-        take: Called with the steps whenever there are many; without it, all are kept.
-        part: How many are many.
+        take: Called with the steps of each part; without it, all steps are kept.
+        part: Number of steps of a part.
     """
 
     def __init__(
@@ -91,12 +91,12 @@ class Recorder:
 
     @property
     def steps(self) -> Steps:
-        """The steps that were not taken yet; the first of them ended those that were."""
+        """The steps not taken yet; they begin with the last step of the part taken before."""
         count = self._count
         return Steps(self._times[:count], self._rows[:count], self._layout, self._origin)
 
     def _make_room(self) -> None:
-        # Interrupted on the way, steps would be taken twice or not at all.
+        # An interrupt in this block could make steps count twice or not at all.
         with signals_held():
             taken = 0
             if self._take is not None and self._count >= self._part:
@@ -108,7 +108,7 @@ class Recorder:
                 self._rows = np.concatenate((self._rows, np.empty_like(self._rows)))
 
     def _drop(self, first: int) -> None:
-        """Drop the steps before the one of that number."""
+        """Drop the steps before the one with this number."""
         if self._origin is None:
             self._origin = float(self._times[0])
         kept = self._count - first

@@ -35,8 +35,8 @@ class RunMetrics:
         against: What motions are measured against.
 
     Attributes:
-        gap: When contact was lost.
-        following: Where the arm is farthest from its command.
+        gap: The time at which contact was lost.
+        following: The largest distance of the arm from its command.
     """
 
     def __init__(self, against: Yardsticks) -> None:
@@ -59,7 +59,7 @@ class RunMetrics:
         """Add the next part of the run."""
         if motion.time.size == 0:
             return
-        # In a run that diverged, squares may overflow: metrics that are not finite are left out.
+        # Squares may overflow in a run that diverged; metrics that are not finite are left out.
         with np.errstate(all="ignore"):
             for group in self._groups:
                 group.add(motion)
@@ -75,7 +75,7 @@ class RunMetrics:
                     known[metric.of] = metric.of(motion, self._against)
                 if (values := known[metric.of]) is None:
                     continue
-                # Values between steps have none for the first one.
+                # Values between steps, e.g. accelerations, have no row for the first step.
                 lead = motion.time.size - len(values)
                 values = values[max(0, steps.start - lead) : max(0, steps.stop - lead)]
                 if len(values):
@@ -99,7 +99,7 @@ class RunMetrics:
                     continue
                 value = np.asarray(metric.by.value(self._gathered[metric.name]))
                 if metric.name in found:
-                    # A loss of contact that the law detects counts even if some contact is left.
+                    # A loss of contact that the law detects counts, even if some contact is left.
                     value = np.where(np.isfinite(value), value, found[metric.name])
                 found[metric.name] = value
         return found

@@ -1,4 +1,4 @@
-"""Work that Ctrl-C does not leave half done."""
+"""Work that Ctrl-C does not interrupt."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from contextlib import contextmanager
 
 @contextmanager
 def signals_held() -> Iterator[None]:
-    """Let what stops a process from a terminal or by ``kill`` wait until the block has ended.
+    """Delay SIGINT and SIGTERM until the block has ended.
 
-    Elsewhere than in the main thread nothing is done, because Python handles signals there alone.
+    Outside the main thread this has no effect, because Python handles signals in the main thread
+    only.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -21,7 +22,7 @@ def signals_held() -> Iterator[None]:
     handlers = {
         number: handler
         for number in (signal.SIGINT, signal.SIGTERM)
-        # A handler that was not installed from Python could not be put back.
+        # A handler that was not installed from Python could not be restored.
         if (handler := signal.getsignal(number)) is not None
     }
     for number in handlers:

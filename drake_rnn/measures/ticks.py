@@ -64,7 +64,7 @@ def _numbers(time: Array, tick: float | None, origin: float) -> NDArray[np.int_]
     """Return the number of the tick that each step ends in, shape (k,)."""
     if tick is None:
         step = np.diff(time)
-        # In a long run the rounding of the time itself is more than that of its steps.
+        # In a long run, the rounding error of the time exceeds that of a step.
         apart = step >= max(1e-9 * step.max(), 4.0 * np.spacing(time[-1]))
         # A change at the start counts as one over the first step.
         apart[: np.argmax(apart) + 1] = False

@@ -22,7 +22,7 @@ _ORDERS = range(1, 1 + len(DERIVATIVE_UNITS))
 _NEAR, _ADMISSIBLE = 0.99, 1.0
 _AIM = 0.998
 _TRIES = 8
-# Distance at which the arm no longer starts on its path [m].
+# Distance from the path above which the arm does not start on it [m].
 _ASIDE = 1e-6
 # Ratio assumed for a run in which a bound cut the law's demand.
 _CUT = 1.05
@@ -96,7 +96,7 @@ def fastest(experiment: Experiment, told: Callable[[str], None] | None = None) -
 
 
 def check_stretchable(experiment: Experiment) -> None:
-    """Raise an InvalidInputError if the path cannot be stretched in time, or nothing bounds it.
+    """Refuse a path that cannot be stretched in time, and an experiment without bounds.
 
     Args:
         experiment: The experiment.

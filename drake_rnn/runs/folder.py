@@ -1,4 +1,4 @@
-"""The folder of a run: at any time the old result, the new one, or marked as incomplete."""
+"""The folder of a run, which at any time holds a whole result or is marked as incomplete."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from typing import Any
 from ..errors import InvalidInputError
 from .whole_file import written_whole
 
-#: File that says what the folder holds; the first to be written and the last.
+#: File with the record of the run; it is written first, as incomplete, and last.
 RECORD = "run.json"
 _INCOMPLETE = {"status": "incomplete"}
-#: What runs leave in a folder, also those from before there was a record.
+#: Files that runs write, also those of versions without a record.
 _FILES = (
     "experiment.yaml",
     "result.npz",
@@ -28,10 +28,9 @@ _FILES = (
 
 @contextmanager
 def filled(folder: str | Path, record: Mapping[str, Any]) -> Iterator[Path]:
-    """Let the results of a run be written to a folder, in place of those of another run.
+    """Open a folder for the results of a run, which replace those of another run.
 
-    Whatever happens on the way, also to this process, the folder does not read as complete before
-    the block has ended.
+    The folder is marked as incomplete until the block has ended, even if this process is killed.
 
     Args:
         folder: The folder, which is created if missing. Files of other names than a run's stay.

@@ -12,9 +12,9 @@ from ..measures import violation_metric
 from ..robot.limits import DERIVATIVE_UNITS, LIMIT_UNITS, JointLimits
 from .result import Result
 
-#: Ratio to a bound from which on it is broken: a secant at its bound carries rounding errors.
+#: Ratio above which a bound counts as broken; secants at a bound have rounding errors.
 EXCEEDED = 1.0 + 1e-9
-#: Excess of a limit that is no rounding error [rad, rad/s].
+#: Excess over a limit that is more than a rounding error [rad, rad/s].
 _BEYOND = 1e-6
 
 

@@ -19,14 +19,14 @@ from ..robot.rotation import rotation_error
 def observed_signals(
     experiment: Experiment, motion: Motion, states: Array, reading: Reading, measured: Signals
 ) -> Signals:
-    """Return the law's observables at every step, computed when the steps were made.
+    """Return the law's observables at every step.
 
     Args:
         experiment: Experiment that was run.
         motion: Motion as the law saw it.
         states: States of the law, shape (k, state.size).
         reading: Reading of the law.
-        measured: What sensors said at every step, by name.
+        measured: Measurements of the sensors at every step, by name.
 
     Raises:
         InvalidInputError: If the law fails, or returns something else than it declares.
@@ -55,7 +55,7 @@ def _read_only(values: Array) -> Array:
 
 
 def _further(experiment: Experiment, motion: Motion, names: Iterable[str]) -> Signals:
-    """Return those of the signals that follow from posture, velocity and time, at every step."""
+    """Return the named signals that follow from posture, velocity and time, at every step."""
     arm, believed = experiment.arm.kinematics(), experiment.arm.believed_dynamics()
     axes = list(experiment.task.axes)
     of_step: dict[str, Callable[[float, Array, Array], Array]] = {
@@ -94,7 +94,7 @@ def seen_motion(experiment: Experiment, steps: Steps, loop: Loop, motion: Motion
 
 
 def measured_signals(steps: Steps, loop: Loop) -> Signals:
-    """Return what sensors said of joints and end effector at every step, by name."""
+    """Return the measurements of joints and end effector at every step, by name."""
     said = {name: steps.series(f"measured_{name}") for name in loop.measured}
     if "R_WE" in said:
         said["R_WE"] = said["R_WE"].reshape(-1, 3, 3)
@@ -104,12 +104,12 @@ def measured_signals(steps: Steps, loop: Loop) -> Signals:
 def sensed_motion(
     experiment: Experiment, times: Array, measured: Signals, motion: Motion
 ) -> Motion:
-    """Return a motion with the joints as sensors measured them; the same without sensors.
+    """Return the motion with the measured joints; without sensors, the motion itself.
 
     Args:
         experiment: Experiment that was run.
         times: Time of every step, shape (k,) [s].
-        measured: What sensors said at every step, by name.
+        measured: Measurements of the sensors at every step, by name.
         motion: The motion of the true arm.
     """
     if not measured:

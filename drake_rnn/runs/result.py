@@ -30,7 +30,7 @@ from .verdict import Verdict, verdicts_of
 Status = Literal["complete", "failed", "interrupted"]
 
 
-# What files that are cut short or are none of ours raise.
+# Errors that reading damaged or foreign files raises.
 _UNREADABLE = (OSError, EOFError, ValueError, KeyError, BadZipFile, zlib.error)
 
 
@@ -38,8 +38,7 @@ _UNREADABLE = (OSError, EOFError, ValueError, KeyError, BadZipFile, zlib.error)
 class Result:
     """Series and metrics of a run.
 
-    A notebook shows it as a table of its metrics, with what the rooms above make of it: the
-    overview figure and the playback.
+    A notebook shows it as a table of its metrics, the overview figure and the playback.
 
     Attributes:
         experiment: Experiment that was run.
@@ -51,7 +50,7 @@ class Result:
         warnings: Warnings about the run.
         graphviz: Diagram that was simulated, as Graphviz text.
         status: Whether the run came to its end.
-        failure: Why it did not; empty if it did.
+        failure: Why the run ended early; empty if it did not.
         timings: What the run cost on this machine: ``wall_time_s`` of run and evaluation,
             ``real_time_factor``, simulated time over wall time of the run, and, if a clock samples
             the law, ``control_step_us``, the median time of one of its steps alone. They differ
@@ -221,10 +220,10 @@ class Result:
 
 
 def _require_whole(time: Array, series: dict[str, Array], metrics: Any) -> None:
-    """Refuse what no run has written.
+    """Refuse arrays or metrics that no run has written.
 
     Raises:
-        ValueError: If it is so.
+        ValueError: If an array or a metric is not one of a run.
     """
     if not isinstance(metrics, dict) or not all(
         isinstance(value, (int, float)) for value in metrics.values()

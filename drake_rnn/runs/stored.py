@@ -18,24 +18,24 @@ from ..inputs.fields import Array
 #: last step alone.
 Series = Literal["full", "thin", "none"]
 
-# Samples that are stored where few are wanted.
+# Number of samples of thin series.
 _FEW = 2000
 
-# Samples that room is made for at first, however many there will be.
+# Largest number of samples to reserve room for at first.
 _MOST_ROOM = 2**20
 
 
 def stored_period(experiment: Experiment, series: Series) -> float:
     """Return the time between two stored samples [s]; infinite if the last step alone is stored.
 
-    Thin samples are some of the full ones: their period is a multiple of the document's.
+    The period of thin samples is a multiple of the document's ``log_period``.
 
     Args:
         experiment: The experiment.
         series: What of the series is stored.
 
     Raises:
-        InvalidInputError: If that is none of the things it may be.
+        InvalidInputError: If ``series`` is none of these.
     """
     if series not in get_args(Series):
         raise InvalidInputError(f"series: may be {', '.join(get_args(Series))}, not {series!r}")
@@ -47,9 +47,9 @@ def stored_period(experiment: Experiment, series: Series) -> float:
 
 
 def thinned(experiment: Experiment, period: float) -> Experiment:
-    """Return an experiment that stores samples at a period, if that is finite.
+    """Return an experiment whose ``log_period`` is the given period, if that is finite.
 
-    So its document says what the series are, in figures and in the folder of the result.
+    Figures and the folder of the result then tell the actual period of the series.
     """
     document = experiment.document
     if period in (document.log_period, inf):
@@ -85,8 +85,8 @@ class StoredSeries:
         Args:
             time: Time of each step, shape (k,) [s].
             series: Values at every step, each with k rows, by name.
-            changes: What belongs to the way from each step to the next, each with k - 1 rows. The
-                largest magnitude since the last sample is stored as ``*_peak`` beside the value.
+            changes: Values between consecutive steps, each with k - 1 rows. The largest magnitude
+                since the last sample is stored as ``*_peak``, in addition to the value.
             last: Whether this part ends the run.
         """
         at = self._samples.choose(time, last=last)
@@ -118,10 +118,10 @@ class StoredSeries:
 
 
 class _Column:
-    """The samples of one series, in a single array: parts to be joined would take twice the memory.
+    """The samples of one series in a single array, since joining parts would double the memory.
 
     Args:
-        room: Number of samples to make room for. Memory that is not written to is not taken.
+        room: Number of samples to reserve room for; the system assigns memory when it is written.
         like: Samples of the same shape and kind.
     """
 
@@ -162,7 +162,7 @@ class _Samples:
         kept = np.diff(number, prepend=self._number) != 0
         if kept.any():
             self._time = time[kept][-1]
-        # A last step that is only a rounding error past a kept one is not kept again.
+        # A last step only a rounding error after a stored one is not stored again.
         if last and time.size and (self._time == -inf or time[-1] - self._time > self._least):
             kept[-1] = True
         if time.size:

@@ -1,4 +1,4 @@
-"""Files that are whole or not there, whatever happens to the process that writes them."""
+"""Files that are written completely or not at all, even if the writing process is killed."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from typing import TextIO
 
 @contextmanager
 def written_whole(file: Path) -> Iterator[TextIO]:
-    """Let a text be written beside its place, and put it there in one step.
+    """Open a text file for writing that replaces another one in a single step at the end.
 
     Args:
-        file: The place; what is there stays until the block has ended.
+        file: The file to replace; it stays until the block has ended.
 
     Raises:
         OSError: If it cannot be written.

@@ -15,7 +15,7 @@ class DriftMetrics:
     """How far the arm is from where it was."""
 
     def __init__(self) -> None:
-        # When the last lap is expected to begin, and the joints then; NaN until it does.
+        # Time at which the last lap begins, and the joints then; NaN until that time.
         self._lap: tuple[AnyArray, AnyArray] | None = None
         self._lap_drift: AnyArray = np.nan
         self._start: AnyArray | None = None
@@ -46,7 +46,7 @@ class DriftMetrics:
             self._lap = np.where(now[..., 0], start, known_start), np.where(now, q[step], known_q)
         self._lap_drift = np.nan
         if motion.until is None or time[-1] >= motion.until - 1e-9:
-            # A run that is cut short ends with another lap, whose start is no longer known.
+            # A run that is cut short has another last lap, whose start is no longer known.
             same = abs(self._lap[0] - began) < 1e-9
             self._lap_drift = np.where(same, abs(q[-1] - self._lap[1]).max(axis=-1), np.nan)
 

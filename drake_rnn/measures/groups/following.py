@@ -1,4 +1,4 @@
-"""Where an arm is farthest from what its motors are told."""
+"""The largest distance of an arm from the command to its motors."""
 
 from __future__ import annotations
 

@@ -7,8 +7,8 @@ from typing import Protocol
 from ...arrays.namespace import AnyArray
 from ..motion import Motion
 
-#: Metrics by name, each of shape (...): nothing for one run, or the number of robots. They are not
-#: finite where one does not apply, or where its event did not occur.
+#: Metrics by name: a number for one run, shape (robots,) for robots side by side. A metric that does
+#: not apply, or whose event did not occur, is not finite.
 Found = dict[str, AnyArray]
 
 
@@ -16,7 +16,7 @@ class Group(Protocol):
     """Metrics that must remember more of earlier steps than a `Gathering` does."""
 
     def add(self, motion: Motion) -> None:
-        """Add the next part of the run, of one step or more; it does not outlast the call."""
+        """Add the next part of the run, of at least one step; its arrays are reused afterwards."""
 
     def found(self) -> Found:
         """Return the metrics of all parts so far, by name."""

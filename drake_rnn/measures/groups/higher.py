@@ -17,15 +17,15 @@ from .bounds import Bound
 from .group import Found
 
 _HIGHER = tuple(DERIVATIVE_UNITS)[2:]
-#: Time between the velocities that these derivatives are differences of [s].
+#: Time between the velocities whose differences give these derivatives [s].
 DIFFERENCE = 0.01
 
 
 def difference_time(tick: float | None) -> float:
-    """Return the time between the velocities that higher derivatives are differences of [s].
+    """Return the time between the velocities whose differences give higher derivatives [s].
 
-    It is 10 ms, or the next multiple of the tick: between two ticks of 4 ms each velocity would be
-    taken 2 ms too late or not, and the differences would be of no motion.
+    It is 10 ms, or the next multiple of the tick. With a tick of 4 ms and differences over 10 ms,
+    every second velocity would be read 2 ms late, and the differences would be wrong.
 
     Args:
         tick: Time for which velocities are held [s]; None if they are not.
@@ -50,7 +50,7 @@ class HigherMetrics:
         self._bounds = {name: Bound(name, against.limits[name]) for name in _HIGHER}
         self._jerk: State = Largest.start
         self._square: State = RootMean.start
-        # When the run began and how long it is, how many velocities were taken, and the last ones.
+        # Begin and length of the run, number of the velocities taken, and the last of them.
         self._begin, self._length = 0.0, 0.0
         self._difference = DIFFERENCE
         self._count = 0
@@ -73,7 +73,7 @@ class HigherMetrics:
         for order, name in enumerate(_HIGHER, start=2):
             if name != "jerk" and self._bounds[name].bound is None:
                 continue
-            # A difference that the kept velocities alone make was taken before.
+            # Differences of kept velocities alone were taken with the part before.
             part = velocities[max(0, kept - order) :]
             if len(part) > order:
                 values = np.abs(np.diff(part, n=order, axis=0)) / self._difference**order
@@ -89,8 +89,8 @@ class HigherMetrics:
             self._square = RootMean.added(self._square, mean, time)
 
     def _steps(self, time: Array) -> Array:
-        """Return, for each further 10 ms, the step that ends there, or the first one after it."""
-        # Each time is computed as np.arange does it, which does not add up rounding errors.
+        """Return the step at, or first after, each further multiple of 10 ms."""
+        # Times are computed as np.arange computes them, so that rounding errors do not add up.
         step = (self._begin + self._difference) - self._begin
         most = int((time[-1] - self._begin) / step) + 2
         times = self._begin + np.arange(self._count, max(most, self._count)) * step

@@ -7,8 +7,8 @@ from typing import Protocol
 from ...arrays.namespace import AnyArray
 from ..motion import Motion
 
-#: Metrics by name: a number for one run, shape (robots,) for robots side by side. A metric that does
-#: not apply, or whose event did not occur, is not finite.
+#: Metrics by name: a number for one run, shape (robots,) for robots side by side. A metric that
+#: does not apply, or whose event did not occur, is not finite.
 Found = dict[str, AnyArray]
 
 

@@ -40,7 +40,7 @@ def _marked(name, *more):
     return pytest.param(name, *more, marks=() if name in QUICK else rest)
 
 
-@pytest.fixture(params=map(_marked, LAWS))
+@pytest.fixture(params=[_marked(name) for name in LAWS])
 def law(request):
     """The name of a law."""
     return request.param
@@ -153,7 +153,7 @@ def _number(law, path):
     return law
 
 
-@pytest.mark.parametrize("name", map(_marked, GAINS))
+@pytest.mark.parametrize("name", [_marked(name) for name in GAINS])
 def test_gains_of_their_own_are_those_of_numpy(name):
     law, rng = LAWS[name], np.random.default_rng(12)
     gains = {}

@@ -90,7 +90,7 @@ def test_the_page_has_a_row_for_every_claim():
     assert sorted(page_rows()) == sorted(claim.id for _, claim in ALL)
 
 
-#: Papers whose runs, some five minutes long together, are looked at by tests of their own too.
+#: Papers whose runs are five minutes of the arm's time together, at up to 10 kHz.
 SLOW = ("motion_force", "simultaneous_learning")
 
 

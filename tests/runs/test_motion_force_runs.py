@@ -32,6 +32,7 @@ NIGHTLY = [
     "contact_panda_light",
     "contact_soft_pad",
 ]
+SIX_SECONDS = {"duration": 6, "window": [2, 6]}
 
 
 def run(name, **changes):
@@ -166,7 +167,7 @@ class TestKinematic:
 class TestContact:
     def test_the_force_is_held_along_the_path(self):
         """The first 6 s of the circle."""
-        found = metrics("contact_circle", duration=6, window=[2, 6])
+        found = shared_run("contact_circle", SIX_SECONDS).metrics
         assert found["force_error_rms_N"] < 0.0049
         assert found["force_error_max_N"] < 0.006
         assert found["lateral_error_max_m"] < 2.1e-5
@@ -176,7 +177,7 @@ class TestContact:
 
     def test_the_sensor_at_the_tools_weld_says_what_the_contact_does(self):
         """Within 1e-6 N, the tool's weight off; its sign wrong would be 2 m g, 1.96 N."""
-        result = run("contact_circle", duration=4)
+        result = shared_run("contact_circle", SIX_SECONDS)
         settled = result.time > 2.0
         true, measured = (
             result.series[name][settled] for name in ("normal_force", "normal_force_measured")
@@ -283,8 +284,8 @@ class TestContact:
     @pytest.mark.long
     def test_a_wrong_normal_costs_force(self):
         """5 degrees off: moving along the wrong plane presses and lifts the tip."""
-        right = metrics("contact_circle", duration=6, window=[2, 6])
-        wrong = metrics("contact_wrong_normal", duration=6, window=[2, 6])
+        right = shared_run("contact_circle", SIX_SECONDS).metrics
+        wrong = metrics("contact_wrong_normal", **SIX_SECONDS)
         assert wrong["force_error_rms_N"] > 5 * right["force_error_rms_N"]
         assert wrong["force_error_max_N"] < 1.4
         assert wrong["contact_lost_fraction"] == 0.0

@@ -119,7 +119,7 @@ def assert_it_is_faster(got):
 def test_gains_for_precision_hold_every_bound_and_join_the_path():
     """The feedback must be bounded: with it as fast as it likes, the arm cycles for ever."""
     short = {"duration": 6, "window": [4, 6], "accept": {}}
-    got = metrics("slc_nephroid_known_precise", **short)
+    got = shared_run("slc_nephroid_known_precise", short).metrics
     assert got["position_error_max_m"] <= 1.5e-5
     assert got["settling_time_s"] <= 2.3
     assert broken(got, 1e-9) == {}
@@ -132,7 +132,7 @@ def test_gains_for_precision_hold_every_bound_and_join_the_path():
 def test_the_error_is_in_inverse_proportion_to_kappa_and_to_rate(changes):
     """Half of either doubles it; 10 %: at such rates the sample of 1 ms has a part in it."""
     short = {"duration": 6, "window": [4, 6], "accept": {}}
-    whole = metrics("slc_nephroid_known_precise", **short)["position_error_max_m"]
+    whole = shared_run("slc_nephroid_known_precise", short).metrics["position_error_max_m"]
     half = metrics("slc_nephroid_known_precise", **short, **changes)["position_error_max_m"]
     assert half == pytest.approx(2.0 * whole, rel=0.1)
 
@@ -280,6 +280,7 @@ def test_without_excitation_it_does_not_learn():
     assert got["jacobian_error_median"] > 0.3
 
 
+@pytest.mark.long
 def test_it_starts_from_nothing_if_it_is_excited():
     got = metrics("slc_nephroid", **{"law.J_hat_initial": "zero", "duration": 3})
     assert got["settling_time_s"] <= 2.6

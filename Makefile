@@ -4,17 +4,24 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 WORKERS ?= 2
 MUTANTS ?= 160
+PYTEST = MPLBACKEND=Agg $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
-.PHONY: demo test long bench mutants tables cross claims docs check clean
+# Each process of the tests would compile every file again.
+unexport PYTHONDONTWRITEBYTECODE
+
+.PHONY: demo test long nightly bench mutants tables cross claims docs check clean
 
 demo: $(VENV)/installed
 	$(BIN)/drake-rnn run slc_nephroid_warm_up --out out
 
 test: $(VENV)/installed-dev
-	MPLBACKEND=Agg $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal -m "not long"
+	$(PYTEST) -m "not long and not nightly"
 
 long: $(VENV)/installed-dev
-	MPLBACKEND=Agg $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal -m long
+	$(PYTEST) -m "long and not nightly"
+
+nightly: $(VENV)/installed-dev
+	$(PYTEST) -m nightly
 
 bench: $(VENV)/installed-dev
 	$(BIN)/python benchmarks/bench.py

@@ -2,6 +2,8 @@
 
 import os
 import signal
+from copy import deepcopy
+from functools import lru_cache
 
 import pytest
 from hypothesis import settings
@@ -9,6 +11,7 @@ from hypothesis import settings
 import shared_runs
 from browsing import chromium
 from drake_rnn.campaigns import perform
+from drake_rnn.inputs import documents
 from drake_rnn.runs import simulation
 
 # The same examples in each run, and none refused for the machine being busy.
@@ -33,6 +36,19 @@ def surroundings(tmp_path_factory):
     yield
     os.environ.clear()
     os.environ.update(before)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def a_file_is_parsed_once():
+    """The same text gives the same contents, of which each test has a copy of its own.
+
+    A fifth of the time in which an experiment is made goes into parsing its document and those of
+    its arm, and nearly all of the time in which experiments are listed.
+    """
+    parse = lru_cache(maxsize=1000)(documents.parse_yaml)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(documents, "parse_yaml", lambda *given: deepcopy(parse(*given)))
+        yield
 
 
 @pytest.fixture

@@ -1,6 +1,7 @@
 """The rooms of the package and what may lead from one to another."""
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import grimp
@@ -12,17 +13,21 @@ from drake_rnn import LAWS
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "drake_rnn"
-# Through the links to diagrams/ and models/ as well.
-FILES = [
-    file for room in (PACKAGE, *PACKAGE.iterdir()) if room.is_dir() for file in room.rglob("*.py")
-]
-TREES = {str(file.relative_to(ROOT)): ast.parse(file.read_text()) for file in FILES}
+
+
+@cache
+def trees():
+    """Syntax trees by the name of their file, also through the links to diagrams/ and models/."""
+    files = [*PACKAGE.glob("*.py")]
+    for room in filter(Path.is_dir, PACKAGE.iterdir()):
+        files += room.rglob("*.py")
+    return {str(file.relative_to(ROOT)): ast.parse(file.read_text()) for file in files}
 
 
 def walk(kind):
     return [
         (name, node)
-        for name, tree in TREES.items()
+        for name, tree in trees().items()
         for node in ast.walk(tree)
         if isinstance(node, kind)
     ]
@@ -76,7 +81,7 @@ def test_only_laws_and_claims_about_them_know_single_laws():
     public = {"drake_rnn/__init__.py"}
     outside = {
         name: tree
-        for name, tree in TREES.items()
+        for name, tree in trees().items()
         if "/laws/" not in name and "/claims/" not in name and name not in public
     }
     named = [

@@ -313,7 +313,7 @@ def test_killed_with_9_it_goes_on_and_the_table_is_the_same(file, tmp_path, undi
     assert table == (undisturbed / "table.csv").read_bytes()
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_killed_at_ten_moments_the_table_is_the_same(tmp_path):
     """The process itself and its workers, at random, by fixed seeds."""
     campaign = {**LINE, "samples": 30}

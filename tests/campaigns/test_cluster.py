@@ -54,6 +54,7 @@ SMALL = {
 }
 
 
+@pytest.mark.long
 def test_a_cluster_makes_the_same_table_also_when_a_worker_is_killed(
     cluster, tmp_path, undisturbed
 ):
@@ -72,6 +73,7 @@ def test_a_cluster_makes_the_same_table_also_when_a_worker_is_killed(
     assert (tmp_path / "table.csv").read_bytes() == undisturbed
 
 
+@pytest.mark.long
 def test_a_run_that_kills_its_workers_is_named(cluster, tmp_path):
     vary = {"law.fate": ["live", "kill", "live"], "seed": [1, 2, 3]}
     campaign = {**LINE, "vary": vary, "together": [list(vary)]}

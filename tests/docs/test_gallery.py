@@ -77,7 +77,8 @@ def test_the_pictures_that_the_readme_opens_with(opening):
     assert (ROOT / "docs" / opening["file"]).stat().st_size < 1.5e6
 
 
-@pytest.mark.long
+# `make docs` makes them as well, which CI does for every commit.
+@pytest.mark.nightly
 def test_live_playbacks_are_made_and_runs_are_kept(tmp_path):
     runs, folder = tmp_path / "runs", tmp_path / "playbacks"
     options = ["--only", QUICK, "--runs", runs, "--jobs", "1"]

@@ -31,7 +31,8 @@ def test_a_notebook_imports_only_what_is_public(page):
         assert_public(code, OTHERS)
 
 
-@pytest.mark.long
+# `make docs` runs them as well, which CI does for every commit.
+@pytest.mark.nightly
 @pytest.mark.usefixtures("laws")
 @pytest.mark.parametrize("page", NOTEBOOKS)
 def test_a_notebook_runs_and_its_runs_keep_their_bounds(page, monkeypatch):

@@ -52,7 +52,19 @@ def test_a_snippet_imports_only_what_is_public(page, line, code):
     assert_public(code, OTHERS)
 
 
-@pytest.mark.parametrize(("page", "line", "code"), blocks("python"))
+#: Pages whose snippets compile derivatives.
+SLOW = ("docs/tuning.md",)
+
+
+@pytest.mark.parametrize(
+    ("page", "line", "code"),
+    [
+        pytest.param(*block.values, id=block.id, marks=pytest.mark.long)
+        if block.values[0] in SLOW
+        else block
+        for block in blocks("python")
+    ],
+)
 @pytest.mark.usefixtures("registries")
 def test_a_snippet_runs(page, line, code, monkeypatch):
     monkeypatch.chdir(ROOT)

@@ -89,7 +89,9 @@ def test_the_same_run_gives_the_same_film_and_other_settings_another(run, tmp_pa
 
 @needs_browser
 @pytest.mark.long
-@pytest.mark.parametrize("after", [0.0, 1.0, 4.0])
+@pytest.mark.parametrize(
+    "after", [1.0, *(pytest.param(after, marks=pytest.mark.nightly) for after in (0.0, 4.0))]
+)
 def test_interrupted_at_any_time_it_leaves_no_file_and_no_process(run, tmp_path, after):
     folder, scratch = run.save(tmp_path / "run"), tmp_path / "scratch"
     scratch.mkdir()

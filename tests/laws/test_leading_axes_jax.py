@@ -15,16 +15,32 @@ jax = require_jax()
 jnp = jax.numpy
 
 COUNT = 5
-#: Compiled at each `make test`; the others take a minute.
+#: Compiled at each `make test`; of each kind of law those with most in them are long tests.
 QUICK = ("slc_known", "naljdf_all")
+LONG = (
+    "adaptive_pose_learned",
+    "adaptive_jerk",
+    "adaptive_terms",
+    "slc_warm_up",
+    "slc_per_joint",
+    "galjdf",
+    "moaljdf",
+    "pseudoinverse_pose",
+    "recursive_filters",
+    "motion_force_return",
+    "motion_force_contact",
+    "msa",
+    "nsa_pose",
+)
 
 
-def _some(names):
-    """Return the names, those of long tests marked."""
-    return [n if n in QUICK else pytest.param(n, marks=pytest.mark.long) for n in names]
+def _marked(name, *more):
+    """Return the parameters of a test of a law, with the mark of that law."""
+    rest = pytest.mark.long if name in LONG else pytest.mark.nightly
+    return pytest.param(name, *more, marks=() if name in QUICK else rest)
 
 
-@pytest.fixture(params=_some(LAWS))
+@pytest.fixture(params=[_marked(name) for name in LAWS])
 def law(request):
     """The name of a law."""
     return request.param
@@ -111,7 +127,7 @@ SLOPES = [
 
 @pytest.mark.parametrize(
     ("name", "path", "t"),
-    [s if s[0] in QUICK else pytest.param(*s, marks=pytest.mark.long) for s in SLOPES],
+    [_marked(*slope) for slope in SLOPES],
 )
 def test_derivatives_with_respect_to_gains_are_those_of_differences(name, path, t):
     """Central differences, 1e-4 of a gain: rounding is 1e-12 of the state, curvature 1e-8."""
@@ -137,7 +153,7 @@ def _number(law, path):
     return law
 
 
-@pytest.mark.parametrize("name", _some(GAINS))
+@pytest.mark.parametrize("name", [_marked(name) for name in GAINS])
 def test_gains_of_their_own_are_those_of_numpy(name):
     law, rng = LAWS[name], np.random.default_rng(12)
     gains = {}

@@ -205,7 +205,16 @@ def _run(mutant: Mutant | None, tests: list[str], answer) -> None:
     if mutant is not None:
         sys.meta_path.insert(0, _InPlaceOf(mutant))
     failure = _FirstFailure()
-    options = ["-x", "-q", "-m", "not long", "-p", "no:cacheprovider", "-p", "no:xdist"]
+    options = [
+        "-x",
+        "-q",
+        "-m",
+        "not long and not nightly",
+        "-p",
+        "no:cacheprovider",
+        "-p",
+        "no:xdist",
+    ]
     code = pytest.main([*options, *tests], plugins=[failure])
     if code not in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED):
         failure.found = failure.found or "importing"

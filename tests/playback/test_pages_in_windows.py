@@ -39,8 +39,9 @@ RUNS = {
 }
 # Times that are those of a frame and of a sample as well [s].
 TIMES = (0.0, 0.75, 1.5, 2.25)
-QUICK = "slc_nephroid_warm_up"
-EACH = [name if name == QUICK else pytest.param(name, marks=pytest.mark.long) for name in RUNS]
+# Without and with a force; of the others nothing is drawn in a way of its own.
+MARKS = {"slc_nephroid_warm_up": (), "contact_circle": pytest.mark.long}
+EACH = [pytest.param(name, marks=MARKS.get(name, pytest.mark.nightly)) for name in RUNS]
 PREFIXES = {"": 1.0, "m": 1e-3, "µ": 1e-6, "n": 1e-9}
 LIGHTEST = 12.0
 

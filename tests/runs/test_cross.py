@@ -24,8 +24,15 @@ THINNED = {
 }
 
 
+#: A law of velocities, one of accelerations, one behind a filter, and one that presses.
+LONG = ("slc, known J", "naljdf", "pseudoinverse, filtered", "motion-force, known J")
+
+
 @pytest.mark.long
-@pytest.mark.parametrize("variant", THINNED)
+@pytest.mark.parametrize(
+    "variant",
+    [pytest.param(name, marks=() if name in LONG else pytest.mark.nightly) for name in THINNED],
+)
 def test_mass_adds_little_to_the_error_of_any_law(variant):
     """0.3 mm, at up to 0.13 m/s; ideal arms keep what their laws say, but for injected noise."""
     cells = []

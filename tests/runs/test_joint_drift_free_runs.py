@@ -48,20 +48,22 @@ NALJDF = {
 ERRORS = ("position_error_max_m", "velocity_error_max_m_s", "joint_drift_mean_rad")
 
 
+def weighing(weight):
+    """Return a lambda as a parameter: the experiment's own is quick, the others' tests are long."""
+    return pytest.param(weight, marks=() if weight == 3 else pytest.mark.long)
+
+
 def run(name, **changes):
     return simulate(load_experiment(name, changes)) if changes else shared_run(name)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def clover():
-    """Runs of the UR5's clover, each once, by scheme and lambda."""
-    made = {}
+    """Runs of the UR5's clover, by scheme and lambda."""
 
     def get(scheme, weight):
-        if (scheme, weight) not in made:
-            changes = {"law.scheme": scheme, "law.return_weight": weight, "accept": None}
-            made[scheme, weight] = run("naljdf_clover", **changes)
-        return made[scheme, weight]
+        changes = {"law.scheme": scheme, "law.return_weight": weight, "accept": None}
+        return shared_run("naljdf_clover", changes)
 
     return get
 
@@ -81,14 +83,14 @@ def test_it_comes_to_what_its_document_expects(name):
     assert (result.warnings == []) == (name not in CUT)
 
 
-@pytest.mark.parametrize("weight", GALJDF)
+@pytest.mark.parametrize("weight", [weighing(weight) for weight in GALJDF])
 def test_galjdf(clover, weight):
     """Two per cent: what the sampled step differs from the differential equation by."""
     found = clover("galjdf", weight).metrics
     assert [found[name] for name in ERRORS] == pytest.approx(GALJDF[weight], rel=0.02)
 
 
-@pytest.mark.parametrize("weight", NALJDF)
+@pytest.mark.parametrize("weight", [weighing(weight) for weight in NALJDF])
 def test_naljdf(clover, weight):
     """Upper bounds: its omega settles in a sample, which only makes it better."""
     found = clover("naljdf", weight).metrics
@@ -96,6 +98,7 @@ def test_naljdf(clover, weight):
         assert found[name] <= 1.02 * bound
 
 
+@pytest.mark.long
 class TestTrends:
     """What the paper is about: joint return costs GALJDF accuracy, and NALJDF none."""
 
@@ -172,6 +175,7 @@ def test_theorem_1_predicts_the_velocity_error(clover):
     assert np.linalg.norm(error - sigma) < 0.02 * np.linalg.norm(error)
 
 
+@pytest.mark.long
 class TestTheorem2:
     """All errors vanish, it claims. They do, but a position error takes minutes at rho 1e5."""
 
@@ -198,11 +202,13 @@ class TestTheorem2:
         assert self.errors(**{"law.composite_gain": 20})[-1] < 1.6e-9
 
 
+@pytest.mark.long
 def test_the_composite_error_cures_galjdf():
     changes = {"law.return_weight": 10, "law.composite_gain": 20, "accept": None}
     assert run("galjdf_clover", **changes).metrics["position_error_max_m"] <= 2e-5
 
 
+@pytest.mark.long
 def test_faster_roots_return_the_joints():
     """The slow root of the null space is -beta gamma / (beta + gamma): half a turn of a lap."""
     changes = {"law.return_weight": 1, "law.return_beta": 4, "law.return_gamma": 4, "accept": None}
@@ -273,10 +279,10 @@ class TestWrongMasses:
         assert light < 0.4 * right
 
 
+@pytest.mark.long
 class TestPens:
     """The paper's physical experiment, with motors, encoders and a pen."""
 
-    @pytest.mark.long
     def test_naljdf_draws_well_and_galjdf_visibly_off(self):
         """A pen's line is half a millimetre wide."""
         pens = [run(f"{scheme}_pen") for scheme in ("naljdf", "galjdf")]
@@ -308,7 +314,7 @@ class TestReference:
         ("name", "bound"),
         [
             ("naljdf_clover", 5e-8),
-            ("galjdf_clover", 5e-8),
+            pytest.param("galjdf_clover", 5e-8, marks=pytest.mark.long),
             pytest.param("moaljdf_parallelogram", 1.5e-5, marks=pytest.mark.long),
         ],
     )
@@ -397,6 +403,7 @@ def test_naljdf_beats_galjdf_a_thousandfold_on_the_iiwa():
     assert errors[0] > 1000 * errors[1]
 
 
+@pytest.mark.long
 def test_the_printed_gain_does_not_give_table_1():
     """At rho 1e5 the errors are a tenth of the printed ones; at 2166 and a fitted path, near."""
     printed = 1.70e-3  # GALJDF, lambda 3

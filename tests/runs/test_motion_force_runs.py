@@ -16,22 +16,28 @@ QUICK = ["motion_force_tricuspid", "motion_force_cat"]
 LONG = [
     "motion_force_tricuspid_w",
     "motion_force_tricuspid_learned",
-    "motion_force_tricuspid_literal",
     "contact_approach",
     "contact_cat",
-    "contact_circle",
-    "contact_circle_1N",
-    "contact_circle_20N",
     "contact_deltoid_fast",
     "contact_edge",
     "contact_inclined",
     "contact_open_loop",
+]
+# Another force, pad or arm; of the circle with 5 N, the first 6 s are looked at below.
+NIGHTLY = [
+    "motion_force_tricuspid_literal",
+    "contact_circle",
+    "contact_circle_1N",
+    "contact_circle_20N",
     "contact_panda_light",
     "contact_soft_pad",
 ]
+SIX_SECONDS = {"duration": 6, "window": [2, 6]}
 
 
 def run(name, **changes):
+    if not changes:
+        return shared_run(name)
     return simulate(load_experiment(name, {k.replace("__", "."): v for k, v in changes.items()}))
 
 
@@ -40,7 +46,12 @@ def metrics(name, **changes):
 
 
 @pytest.mark.parametrize(
-    "name", [*QUICK, *(pytest.param(name, marks=pytest.mark.long) for name in LONG)]
+    "name",
+    [
+        *QUICK,
+        *(pytest.param(name, marks=pytest.mark.long) for name in LONG),
+        *(pytest.param(name, marks=pytest.mark.nightly) for name in NIGHTLY),
+    ],
 )
 def test_it_comes_to_what_its_document_expects(name):
     result = shared_run(name)
@@ -156,7 +167,7 @@ class TestKinematic:
 class TestContact:
     def test_the_force_is_held_along_the_path(self):
         """The first 6 s of the circle."""
-        found = metrics("contact_circle", duration=6, window=[2, 6])
+        found = shared_run("contact_circle", SIX_SECONDS).metrics
         assert found["force_error_rms_N"] < 0.0049
         assert found["force_error_max_N"] < 0.006
         assert found["lateral_error_max_m"] < 2.1e-5
@@ -166,7 +177,7 @@ class TestContact:
 
     def test_the_sensor_at_the_tools_weld_says_what_the_contact_does(self):
         """Within 1e-6 N, the tool's weight off; its sign wrong would be 2 m g, 1.96 N."""
-        result = run("contact_circle", duration=4)
+        result = shared_run("contact_circle", SIX_SECONDS)
         settled = result.time > 2.0
         true, measured = (
             result.series[name][settled] for name in ("normal_force", "normal_force_measured")
@@ -207,10 +218,10 @@ class TestContact:
         [
             (1.0, 0.0),
             (20.0, 5e-3),
-            pytest.param(5.0, 0.0, marks=pytest.mark.long),
-            pytest.param(20.0, 0.0, marks=pytest.mark.long),
-            pytest.param(1.0, 5e-3, marks=pytest.mark.long),
-            pytest.param(5.0, 5e-3, marks=pytest.mark.long),
+            pytest.param(5.0, 0.0, marks=pytest.mark.nightly),
+            pytest.param(20.0, 0.0, marks=pytest.mark.nightly),
+            pytest.param(1.0, 5e-3, marks=pytest.mark.nightly),
+            pytest.param(5.0, 5e-3, marks=pytest.mark.nightly),
         ],
     )
     def test_start_up_with_a_learned_stiffness_does_not_overshoot(self, force, gap):
@@ -273,8 +284,8 @@ class TestContact:
     @pytest.mark.long
     def test_a_wrong_normal_costs_force(self):
         """5 degrees off: moving along the wrong plane presses and lifts the tip."""
-        right = metrics("contact_circle", duration=6, window=[2, 6])
-        wrong = metrics("contact_wrong_normal", duration=6, window=[2, 6])
+        right = shared_run("contact_circle", SIX_SECONDS).metrics
+        wrong = metrics("contact_wrong_normal", **SIX_SECONDS)
         assert wrong["force_error_rms_N"] > 5 * right["force_error_rms_N"]
         assert wrong["force_error_max_N"] < 1.4
         assert wrong["contact_lost_fraction"] == 0.0

@@ -130,7 +130,7 @@ def test_printed_with_one_or_two_levels_it_follows_within_its_bounds(shape, n, e
     [
         ("circle", 3, 0.2),
         *(
-            pytest.param(*case, marks=pytest.mark.long)
+            pytest.param(*case, marks=pytest.mark.nightly)
             for case in (("square", 3, 0.2), ("circle", 4, 0.5), ("square", 4, 0.5))
         ),
     ],

@@ -152,7 +152,7 @@ def test_tuning_lowers_the_error_and_keeps_bounds():
     assert again.gains == tuned.gains
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_law_that_learns_is_tuned():
     """Its value is Drake's to 1e-6: learning in the warm-up multiplies rounding."""
     pytest.importorskip("jax")

@@ -167,6 +167,11 @@ class Adaptive(Law):
         return {} if self.measurement.delay else {"kappa": self._gain}
 
     @property
+    def sampled_gains(self) -> Mapping[str, float]:
+        """None: `sampled` checks kappa itself, which may take back all of an error in a sample."""
+        return {}
+
+    @property
     def _gain(self) -> float:
         """Gain of the feedback, the one given or the one that suits the measurement [1/s]."""
         if self.kappa is not None:

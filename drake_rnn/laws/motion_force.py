@@ -102,7 +102,6 @@ from .parts.kept_limits import kept_with_lag
 from .parts.learning import gradient, rank_one_update
 from .parts.online_stiffness import OnlineStiffness
 from .parts.primal_dual import PrimalDual, substeps
-from .parts.sampling_rate import check_sampling_rate
 from .parts.surface_task import SurfaceTask
 
 # Fewer than of other networks: each takes four evaluations of longer equations.
@@ -271,19 +270,21 @@ class MotionForce(SampledLaw, ContinuousLaw):
                 )
         return super().continuous()
 
-    def sampled(self, period: float) -> SampledReading:
-        """Return the law itself.
-
-        Raises:
-            InvalidInputError: If the feedback would overshoot at this period, or the network
-                would take too many substeps.
-        """
-        gains = {
+    @property
+    def sampled_gains(self) -> Mapping[str, float]:
+        """See `Law.sampled_gains`."""
+        return {
             "gain": self.gain,
             "orientation_gain": self.orientation_gain,
             "return_gain": self.return_gain,
         }
-        check_sampling_rate(period, gains)
+
+    def sampled(self, period: float) -> SampledReading:
+        """Return the law itself.
+
+        Raises:
+            InvalidInputError: If the network would take too many substeps.
+        """
         scale, told = 1.0, f"time_constant: {self.time_constant:g} s"
         if self.form == "literal":
             scale = max(1.0, self._task.stiffness)

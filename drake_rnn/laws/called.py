@@ -80,12 +80,13 @@ def _check_period(period: Any) -> None:
 
 
 def _check_gains(law: Any, period: float) -> None:
-    for name, gain in law.sampled_gains.items():
-        if gain * period >= 1.0:
-            raise InvalidInputError(
-                f"period: must be below {1.0 / gain:g} s with law.{name} at {gain:g} /s, not "
-                f"{period:g}; or give law.{name} below {1.0 / period:g} /s"
-            )
+    gains = law.sampled_gains
+    name = max(gains, key=lambda name: gains[name], default="")
+    if name and gains[name] * period >= 1.0:
+        raise InvalidInputError(
+            f"period: must be below {1.0 / gains[name]:g} s with law.{name} at {gains[name]:g} /s, "
+            f"not {period:g}; or give law.{name} below {1.0 / period:g} /s"
+        )
 
 
 def _is_sound(law: Any, t: object, x: object, u: object) -> bool:

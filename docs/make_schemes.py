@@ -2,13 +2,14 @@
 
 Made from classes, documents and the schemes' own pages: the rows of experiments, the traits, the
 keys of laws, the sections of the reference and the list of schemes. What a row says that no class
-knows, a name or a measured cost, stays as it is on the page.
+knows, such as a name, a measured cost or how to choose a key, stays as it is on the page.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
@@ -29,6 +30,8 @@ _EXPERIMENTS_HEAD = "| experiment | arm | what to expect | paper |"
 _TRAITS_HEAD = "| scheme, and an experiment with it | sees |"
 _KEYS_HEAD = "| kind | keys (default) |"
 _INDEX_HEAD = "Schemes: problem and equations"
+# Defaults that are sections, or that no document gives.
+_ELSEWHERE = {"secondary": "see below", "measurement": "follows from `sensing`"}
 # Signals that show the arm's structure.
 _STRUCTURE = ("J", "Jdot_v", "J_omega", "M")
 
@@ -44,6 +47,7 @@ def pages() -> dict[str, str]:
             rf"(?<=\n)({_INDEX_HEAD}.*?\n\n)(?:- .*\n)*", rf"\1{_scheme_list()}", text[INDEX]
         ),
         REFERENCE: _reference((ROOT / REFERENCE).read_text()),
+        **{f"docs/schemes/{page}": _gains(page) for page in sorted(set(map(page_of, LAWS)))},
     }
 
 
@@ -131,6 +135,45 @@ def _keys_row(kind: str) -> str:
         )
         told.append(f"`{key.name}`" + f" ({'; '.join(parts)})" * (len(parts) > 0))
     return f"| [`{kind}`](schemes/{page_of(kind)}#gains) | {', '.join(told)} |"
+
+
+def _gains(page: str) -> str:
+    """Return a page with a row for each key of each law that it describes."""
+    text = (ROOT / "docs" / "schemes" / page).read_text()
+    for kind in filter(lambda kind: page_of(kind) == page, LAWS):
+        text = _remade(text, f"| key of `{kind}` |", partial(_gain_rows, kind))
+    return text
+
+
+def _gain_rows(kind: str, above: str, rows: list[str]) -> Iterator[str]:
+    """Yield the rows of a law's keys: in the order of the page, and after these any others."""
+    written = {row.split("`")[1]: [cell.strip() for cell in split_row(row)] for row in rows}
+    keys: dict[str, tuple[str | None, str]] = {}
+    sections = sections_of(LAWS[kind])
+    for key in keys_of(LAWS[kind], ("kind", *(set(ORIGINS) - {"measurement"}))):
+        keys[key.name] = (_ELSEWHERE.get(key.name, key.default), key.meaning)
+        for part in keys_of(sections[key.name]) if key.name in sections else ():
+            keys[f"{key.name}.{part.name}"] = part.default, part.meaning
+    for name in sorted(keys, key=lambda name: [*written, name].index(name)):
+        default, meaning = keys[name]
+        cell, default = f"`{name}`", "must be given" if default is None else default
+        if name in written:
+            cell, before, meaning = written[name]
+            default = before if _number(before) == _number(default) else default
+        yield f"| {cell} | {default} | {meaning} |"
+
+
+def split_row(row: str) -> list[str]:
+    """Return the cells of a row of a table."""
+    return re.split(r"(?<!\\)\|", row)[1:-1]
+
+
+def _number(cell: str) -> float | str:
+    """Return the number that a cell writes, in whatever way; or its words."""
+    try:
+        return float(cell)
+    except ValueError:
+        return cell
 
 
 def sections_of(law: type[Law]) -> dict[str, type]:

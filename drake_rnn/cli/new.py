@@ -15,6 +15,7 @@ from rich.markup import escape
 
 from ..errors import InvalidInputError
 from .console import errors, out
+from .shipping import write_shipped
 
 _TEMPLATES = files("drake_rnn.cli") / "templates"
 
@@ -61,6 +62,26 @@ def write_start(own: Own, name: str, folder: Path) -> list[Path]:
     return list(written)
 
 
+def ship(name: str, root: Path) -> list[Path]:
+    """Write what a law of this package needs into its sources.
+
+    Args:
+        name: Name of its module, which is its kind.
+        root: Root of the sources.
+
+    Returns:
+        The files, new ones first.
+
+    Raises:
+        InvalidInputError: If the name is none, or taken; or if the sources are not there.
+    """
+    _require_name(name)
+    folder = _TEMPLATES / "shipped_law"
+    return write_shipped(
+        name, root, {file.name: file.read_text(encoding="utf-8") for file in folder.iterdir()}
+    )
+
+
 def _require_name(name: str) -> None:
     if not re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", name) or keyword.iskeyword(name):
         raise InvalidInputError(
@@ -71,9 +92,21 @@ def _require_name(name: str) -> None:
 def new(
     what: Annotated[Own, typer.Argument(help="What it is to be.")],
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the module, e.g. my_law.")],
+    shipped: Annotated[
+        bool,
+        typer.Option(
+            "--shipped", help="A law of drake_rnn itself, whose sources are the current folder."
+        ),
+    ] = False,
 ) -> None:
     """Write a module of your own, a document that names it and a test, to the current folder."""
     with errors():
-        for file in write_start(what, name, Path()):
+        if shipped and what is not Own.LAW:
+            raise InvalidInputError(f"--shipped: is for a law, not for {what.value}")
+        written = ship(name, Path()) if shipped else write_start(what, name, Path())
+        for file in written:
             out.print(escape(f"written  {file}"), soft_wrap=True)
-    out.print(f"next     drake-rnn run {name}.yaml; pytest test_{name}.py", soft_wrap=True)
+    then = f"drake-rnn run {name}.yaml; pytest test_{name}.py"
+    if shipped:
+        then = f"fill in what says FILL IN; python docs/make_schemes.py; drake-rnn run {name}"
+    out.print(f"next     {then}", soft_wrap=True)

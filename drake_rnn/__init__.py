@@ -52,8 +52,8 @@ from .laws import (
 )
 from .laws.parts.contact_loss import ContactLoss
 from .laws.parts.measurement import Measurement
-from .laws.parts.online_stiffness import OnlineStiffness
 from .laws.parts.secondary import Secondary
+from .laws.parts.stiffness import OnlineStiffness
 from .laws.parts.warm_up import WarmUp
 from .many import Many, run_many, why_not
 from .measures import METRICS

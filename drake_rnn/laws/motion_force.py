@@ -94,15 +94,13 @@ from ..robot.rotation import rotation_error
 from .law import Circumstances, ContinuousLaw, ContinuousReading, SampledLaw, SampledReading
 from .layout import Layout, Signals
 from .parts.bounded_multipliers import not_outward, within
-from .parts.constraint_rows import printed_orientation_rows, surface_split
 from .parts.contact_loss import LOST, ContactLoss
-from .parts.few_substeps import check_substeps
-from .parts.fixed_stiffness import FixedStiffness
 from .parts.kept_limits import kept_with_lag
 from .parts.learning import gradient, rank_one_update
-from .parts.online_stiffness import OnlineStiffness
 from .parts.primal_dual import PrimalDual, substeps
-from .parts.surface_task import SurfaceTask
+from .parts.stable_steps import check_substeps
+from .parts.stiffness import FixedStiffness, OnlineStiffness
+from .parts.surface_task import SurfaceTask, printed_orientation_rows, surface_split
 
 # Fewer than of other networks: each takes four evaluations of longer equations.
 _MOST_SUBSTEPS = 1000

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
-from drake_rnn import LAWS, Experiment, Law, load_experiment, shipped_experiments
+from drake_rnn import LAWS, Experiment, Law, load_experiment
 from drake_rnn.experiment import read_document
 from drake_rnn.experiment.law import ORIGINS
 from drake_rnn.inputs.explained import keys_of
@@ -64,13 +64,11 @@ def _remade(text: str, head: str, rows_of: Callable[[str, list[str]], Iterator[s
 def _experiment_rows(above: str, rows: list[str]) -> Iterator[str]:
     """Yield the rows of the folder that the text above names last, one for each document."""
     folder = re.findall(r"^`(\w+)/`", above, re.M)[-1]
-    for name in shipped_experiments():
-        document = read_document(name)
-        if document["law"]["kind"] == folder:
-            arm = document["arm"]
-            arm = arm if isinstance(arm, str) else arm["model"]
-            expect = document["expect"] + " (full dynamics)" * (document.get("level") == "dynamic")
-            yield f"| [{name}]({folder}/{name}.yaml) | {arm} | {expect} | {document['paper']} |"
+    for file in sorted((ROOT / EXPERIMENTS).parent.glob(f"{folder}/*.yaml")):
+        name, document = file.stem, read_document(file.stem)
+        arm = document["arm"] if isinstance(document["arm"], str) else document["arm"]["model"]
+        expect = document["expect"] + " (full dynamics)" * (document.get("level") == "dynamic")
+        yield f"| [{name}]({folder}/{name}.yaml) | {arm} | {expect} | {document['paper']} |"
 
 
 def _traits_row(row: str) -> str:

@@ -16,7 +16,7 @@ CHOOSING = "docs/choosing.md"
 TRAITS = re.findall(r"<br>`(\w+)` \|", text_of(CHOOSING))
 #: What makes the pages, and what it knows of them.
 MADE = runpy.run_path(str(ROOT / "docs" / "make_schemes.py"))
-page_of = MADE["page_of"]
+page_of, EXPERIMENTS = MADE["page_of"], MADE["EXPERIMENTS"]
 CLAIMS = {claim.id for scheme in SCHEMES for claim in read_claims(scheme).claims}
 #: Where each scheme page's section of changes begins from.
 _BASE = re.compile(r"changes of\s+`drake-rnn run (\w+)`")
@@ -26,17 +26,24 @@ WRONG = ["key", "too small", "too large"]
 _CLAIM = re.compile(r"(?:slc|jdf|mf|rec|sa)-\w[\w.]*")
 
 
+def only(page, what, found):
+    """Return the one that a page has of something; what it lacks is said."""
+    assert len(found) == 1, f"{page}: write {what} once, not {len(found)} times"
+    return found[0]
+
+
 def gain_table(kind):
     """Return page and rows of the table of a law's keys."""
     page = f"docs/schemes/{page_of(kind)}"
-    (rows,) = [rows for head, rows in tables(page) if head[0] == f"key of `{kind}`"]
-    return page, rows
+    found = [rows for head, rows in tables(page) if head[0] == f"key of `{kind}`"]
+    return page, only(page, f"the table | key of `{kind}` |", found)
 
 
 @pytest.mark.parametrize("page", PAGES)
 def test_every_change_that_goes_wrong_can_be_run(page):
-    (base,) = _BASE.findall(prose(page))
-    ((_, rows),) = [table for table in tables(page) if table[0] == WRONG]
+    base = only(page, "changes of `drake-rnn run EXPERIMENT`", _BASE.findall(prose(page)))
+    wrong = [rows for head, rows in tables(page) if head == WRONG]
+    rows = only(page, f"| {' | '.join(WRONG)} |", wrong)
     gains = [found for head, found in tables(page) if head[0].startswith("key of")]
     keys = {spans(row[0])[0] for found in gains for row in found}
     assert all(len(row) == 3 and spans(row[0])[0] in keys for row in rows)
@@ -95,7 +102,8 @@ def test_every_symbol_is_a_signal_or_a_key_and_has_its_shape(kind):
     keys = {spans(row[0])[0] for row in rows} | {"period", "limits", "home"}
     known = shapes_of(kind)
     keys |= {f"limits.{name}" for name in ("velocity", "acceleration")}
-    (symbols,) = [rows for head, rows in tables(page) if head[1:4] == ["here", "unit", "shape"]]
+    found = [rows for head, rows in tables(page) if head[1:4] == ["here", "unit", "shape"]]
+    symbols = only(page, "| symbol | here | unit | shape | meaning |", found)
     for _, here, _, shape, meaning in symbols:
         assert meaning
         names = spans(here)
@@ -169,3 +177,7 @@ def test_every_law_has_its_traits_and_every_page_is_reached_from_choosing():
         )
     for page in PAGES:
         assert page.removeprefix("docs/") in text_of(CHOOSING), f"{CHOOSING}: name {page}"
+    for kind in LAWS:
+        assert f"\n`{kind}/`" in text_of(EXPERIMENTS), (
+            f"{EXPERIMENTS}: write a section that begins `{kind}/`. and ends with the table's head"
+        )

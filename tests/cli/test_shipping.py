@@ -201,17 +201,20 @@ assert many.status == ("complete",) * 3
 one = simulate(experiments[1]).metrics
 assert abs(many.row(1)["position_error_max_m"] - one["position_error_max_m"]) < 1e-9
 assert one["limit_ratio_1_max"] <= 1.0 + 1e-9
-rows = sweep(experiments[0], {"law.rate": [300.0, 500.0]}).rows
+rows = sweep(experiments[0], {"law.rate": [300.0, 500.0]})
 assert len(rows) == 2
 moved = simulate(load_experiment("gradient_network", {**short, "level": "dynamic"}))
-assert moved.metrics["position_error_max_m"] < 0.02
-tuned = tune(experiments[0], ["law.rate"], steps=2)
-print("all runs made", tuned is not None)
+assert moved.metrics["position_error_max_m"] < 1e-3
+least = "position_error_rms_m"
+tuned = tune(experiments[0], ["law.rate"], least, steps=5)
+assert tuned.after.metrics[least] < tuned.before.metrics[least]
+print("all runs made")
 """
 
 
 @pytest.mark.long
 def test_a_law_of_thirty_lines_is_a_law_like_the_others(tmp_path):
+    pytest.importorskip("jax")
     tree = tmp_path / "tree"
     left_out = shutil.ignore_patterns(".*", "__pycache__", "out", "build", "dist", "*.egg-info")
     shutil.copytree(ROOT, tree, symlinks=True, ignore=left_out)
@@ -239,8 +242,6 @@ def test_a_law_of_thirty_lines_is_a_law_like_the_others(tmp_path):
     page.write_text(
         re.sub(r".*`damping`.*", "| $r$ | `rate` | 1/(s m^2) | | rate |", page.read_text())
     )
-    document = tree / f"diagrams/experiments/{name}/{name}.yaml"
-    document.write_text(document.read_text().replace("1e-4", "2e-2"))
     for file in (*(file.format(name, name) for file in MADE), *ENTERED):
         text = (tree / file).read_text()
         (tree / file).write_text(re.sub(r"FILL IN[^|\n]*", "filled in.", text))

@@ -40,9 +40,8 @@ def write_start(own: Own, name: str, folder: Path) -> list[Path]:
         The files.
 
     Raises:
-        InvalidInputError: If the name is none, or taken; or if a file exists or cannot be written.
+        InvalidInputError: If the name is taken, or a file exists or cannot be written.
     """
-    _require_name(name)
     title = "".join(word.capitalize() for word in name.split("_"))
     written = {}
     for template in sorted((_TEMPLATES / own.value).iterdir(), key=lambda each: each.name):
@@ -60,26 +59,6 @@ def write_start(own: Own, name: str, folder: Path) -> list[Path]:
     except OSError as error:
         raise InvalidInputError(f"{folder}: {error.strerror}") from None
     return list(written)
-
-
-def ship(name: str, root: Path) -> list[Path]:
-    """Write what a law of this package needs into its sources.
-
-    Args:
-        name: Name of its module, which is its kind.
-        root: Root of the sources.
-
-    Returns:
-        The files, new ones first.
-
-    Raises:
-        InvalidInputError: If the name is none, or taken; or if the sources are not there.
-    """
-    _require_name(name)
-    folder = _TEMPLATES / "shipped_law"
-    return write_shipped(
-        name, root, {file.name: file.read_text(encoding="utf-8") for file in folder.iterdir()}
-    )
 
 
 def _require_name(name: str) -> None:
@@ -103,7 +82,8 @@ def new(
     with errors():
         if shipped and what is not Own.LAW:
             raise InvalidInputError(f"--shipped: is for a law, not for {what.value}")
-        written = ship(name, Path()) if shipped else write_start(what, name, Path())
+        _require_name(name)
+        written = write_shipped(name, Path()) if shipped else write_start(what, name, Path())
         for file in written:
             out.print(escape(f"written  {file}"), soft_wrap=True)
     then = f"drake-rnn run {name}.yaml; pytest test_{name}.py"

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+from importlib.resources import files
 from pathlib import Path
 from typing import NamedTuple
 
 from ..errors import InvalidInputError
 
+_TEMPLATES = files("drake_rnn.cli") / "templates" / "shipped_law"
 #: Files of a law, by template.
 _FILES = {
     "law.py.txt": "drake_rnn/laws/my_law.py",
@@ -68,13 +70,12 @@ _ENTRIES = (
 )
 
 
-def write_shipped(name: str, root: Path, templates: dict[str, str]) -> list[Path]:
+def write_shipped(name: str, root: Path) -> list[Path]:
     """Write a law with experiment, test and page, and enter it where all laws are entered.
 
     Args:
         name: Name of its module, which is its kind.
         root: Root of the sources of this package.
-        templates: Texts of the law's files, by name of the template.
 
     Returns:
         The files, new ones first.
@@ -97,7 +98,10 @@ def write_shipped(name: str, root: Path, templates: dict[str, str]) -> list[Path
 
     if re.search(rf'^    "{title}",$', (root / _PACKAGE).read_text(encoding="utf-8"), re.M):
         raise InvalidInputError(f"name: drake_rnn has {title} already; take another")
-    written = {root / named(file): named(templates[each]) for each, file in _FILES.items()}
+    written = {
+        root / named(file): named((_TEMPLATES / each).read_text(encoding="utf-8"))
+        for each, file in _FILES.items()
+    }
     for file in written:
         if file.exists():
             raise InvalidInputError(f"{file}: is there already, and is not overwritten")

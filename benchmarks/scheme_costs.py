@@ -7,37 +7,24 @@ All of a row are measured in turn, several times; the smallest of each counts.
 from __future__ import annotations
 
 import argparse
+import re
+from pathlib import Path
 from typing import Any
 
 from bench import law_step, tick, unit
 from drake_rnn import load_experiment
 
-#: Experiments, one for each scheme of docs/choosing.md, and what is changed of them.
-EXPERIMENTS: dict[str, dict[str, Any]] = {
-    "adaptive_jerk": {},
-    "adaptive_nephroid_known": {},
-    "adaptive_nephroid": {},
-    "adaptive_pose": {},
-    "slc_nephroid_known": {},
-    "slc_nephroid_warm_up": {},
-    "slc_nephroid": {},
-    "man_clover": {},
-    "galjdf_clover": {},
-    "naljdf_clover": {},
-    "naljdf_nephroid": {},
-    "moaljdf_parallelogram": {},
+ROOT = Path(__file__).parents[1]
+
+#: Experiments, one for each scheme of the table of traits.
+EXPERIMENTS = re.findall(r"<br>`(\w+)` \|", (ROOT / "docs" / "choosing.md").read_text())
+#: What is changed of some.
+CHANGES: dict[str, dict[str, Any]] = {
     # Made for Drake's integrators; sampled, a step is one of 1 ms.
     "state_adjustment": {"integrator": None, "period": 1e-3},
     "modified_state_adjustment": {"integrator": None, "period": 1e-3},
-    "null_space_adjustment": {},
-    "recursive_circle_printed": {},
-    "recursive_circle": {},
-    "stretched_circle": {},
     # Longer than its filter is late.
     "chain_circle": {"duration": 6.0},
-    "horizon_circle": {},
-    "motion_force_tricuspid": {},
-    "motion_force_tricuspid_learned": {},
 }
 _STEPS = 1500
 
@@ -45,13 +32,13 @@ _STEPS = 1500
 def main() -> None:
     """Print a row for each experiment."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("names", nargs="*", default=list(EXPERIMENTS), help="Experiments.")
+    parser.add_argument("names", nargs="*", default=EXPERIMENTS, help="Experiments.")
     parser.add_argument("--rounds", type=int, default=3)
     options = parser.parse_args()
     print("| experiment | law | whole step | unit [us] |")
     print("|---|---|---|---|")
     for name in options.names:
-        changes = {"window": None, "accept": None, **EXPERIMENTS.get(name, {})}
+        changes = {"window": None, "accept": None, **CHANGES.get(name, {})}
         period = load_experiment(name, changes).document.period
         assert period is not None
         experiment = load_experiment(name, {"duration": _STEPS * period, **changes})

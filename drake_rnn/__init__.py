@@ -60,8 +60,8 @@ from .laws import (
 )
 from .laws.parts.contact_loss import ContactLoss
 from .laws.parts.measurement import Measurement
-from .laws.parts.online_stiffness import OnlineStiffness
 from .laws.parts.secondary import Secondary
+from .laws.parts.stiffness import OnlineStiffness
 from .laws.parts.warm_up import WarmUp
 from .measures import METRICS
 from .paths import (

@@ -15,6 +15,7 @@ from rich.markup import escape
 
 from ..errors import InvalidInputError
 from .console import errors, out
+from .shipping import write_shipped
 
 _TEMPLATES = files("drake_rnn.cli") / "templates"
 
@@ -39,9 +40,8 @@ def write_start(own: Own, name: str, folder: Path) -> list[Path]:
         The files.
 
     Raises:
-        InvalidInputError: If the name is none, or taken; or if a file exists or cannot be written.
+        InvalidInputError: If the name is taken, or a file exists or cannot be written.
     """
-    _require_name(name)
     title = "".join(word.capitalize() for word in name.split("_"))
     written = {}
     for template in sorted((_TEMPLATES / own.value).iterdir(), key=lambda each: each.name):
@@ -71,9 +71,22 @@ def _require_name(name: str) -> None:
 def new(
     what: Annotated[Own, typer.Argument(help="What it is to be.")],
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the module, e.g. my_law.")],
+    shipped: Annotated[
+        bool,
+        typer.Option(
+            "--shipped", help="A law of drake_rnn itself, whose sources are the current folder."
+        ),
+    ] = False,
 ) -> None:
     """Write a module of your own, a document that names it and a test, to the current folder."""
     with errors():
-        for file in write_start(what, name, Path()):
+        if shipped and what is not Own.LAW:
+            raise InvalidInputError(f"--shipped: is for a law, not for {what.value}")
+        _require_name(name)
+        written = write_shipped(name, Path()) if shipped else write_start(what, name, Path())
+        for file in written:
             out.print(escape(f"written  {file}"), soft_wrap=True)
-    out.print(f"next     drake-rnn run {name}.yaml; pytest test_{name}.py", soft_wrap=True)
+    then = f"drake-rnn run {name}.yaml; pytest test_{name}.py"
+    if shipped:
+        then = f"fill in what says FILL IN; python docs/make_schemes.py; drake-rnn run {name}"
+    out.print(f"next     {then}", soft_wrap=True)

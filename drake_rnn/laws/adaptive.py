@@ -24,7 +24,7 @@ mu            softness                price of the task's error against v - g [m
 W             lever                   1 for positions, lever^2 for rotations
 g             secondary               velocities preferred among those that do the task
 J             J or J_hat              Jacobian, at the middle of the sample if it is known
-C, R, q_n     covariance, variance,   of the learned rows; see `drake_rnn.laws.parts.kalman`
+C, R, q_n     covariance, variance,   of the learned rows; see `laws.parts.learned_jacobian`
               wander
 ============  ======================  =================================================
 
@@ -76,9 +76,8 @@ from .parts.late import Late
 from .parts.learned_jacobian import LearnedJacobian
 from .parts.measurement import EXACT, LEVER, REACH, Measurement, feedback_gain, suited
 from .parts.near_singular import softened
-from .parts.pulled_posture import posture_doubts
 from .parts.reached_limits import reached_limits
-from .parts.secondary import Secondary, manipulability_gradient, pushed_back
+from .parts.secondary import Secondary, manipulability_gradient, posture_doubts, pushed_back
 
 _ROUNDING = 1e-9
 _TARGET = "law.secondary.target"
@@ -165,6 +164,11 @@ class Adaptive(Law):
     def loop_gains(self) -> Mapping[str, float]:
         # Measurements that are known to be late are made up for.
         return {} if self.measurement.delay else {"kappa": self._gain}
+
+    @property
+    def sampled_gains(self) -> Mapping[str, float]:
+        """None: `sampled` checks kappa itself, which may take back all of an error in a sample."""
+        return {}
 
     @property
     def _gain(self) -> float:

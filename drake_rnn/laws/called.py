@@ -24,11 +24,16 @@ from ..inputs.complaints import short
 CHECKED = ("step", "derivatives")
 # Methods without checks, by those with; what a user puts around these is not among them.
 _WITHOUT_CHECKS: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
-_FLOAT = np.dtype(float)
+#: The type of numbers that a law computes with.
+FLOAT = np.dtype(float)
 
 
 def check_calls(cls: type) -> None:
-    """Let the methods that a class itself defines check what they are given."""
+    """Let the methods that a class itself defines check what they are given.
+
+    And let `Law.sampled` refuse a period that is not below the inverse of each ``sampled_gains``:
+    from there on a feedback takes away all of an error in a sample, and with twice as much swings.
+    """
     own = vars(cls)
     for name in CHECKED:
         if isinstance(method := own.get(name), FunctionType):
@@ -62,29 +67,46 @@ def _for_a_period(method: Any) -> Any:
     @wraps(method)
     def sampled(self: Any, period: Any) -> Any:
         _check_period(period)
-        return method(self, period)
+        reading = method(self, period)
+        _check_gains(self, period)
+        return reading
 
     return sampled
 
 
 def _check_period(period: Any) -> None:
-    if not _is_number(period) or period <= 0.0:
+    if not is_number(period) or period <= 0.0:
         raise InvalidInputError(f"period: must be a positive time [s], not {short(period)}")
+
+
+def _check_gains(law: Any, period: float) -> None:
+    gains = law.sampled_gains
+    name = max(gains, key=lambda name: gains[name], default="")
+    if name and gains[name] * period >= 1.0:
+        raise InvalidInputError(
+            f"period: must be below {1.0 / gains[name]:g} s with law.{name} at {gains[name]:g} /s, "
+            f"not {period:g}; or give law.{name} below {1.0 / period:g} /s"
+        )
 
 
 def _is_sound(law: Any, t: object, x: object, u: object) -> bool:
     """Return whether all is what it mostly is; where this denies, `_check` decides."""
-    if not (type(t) is float and isfinite(t) and _is_array(x, (law.state.size,))):
+    if not (type(t) is float and isfinite(t) and is_sound(x, (law.state.size,))):
         return False
     if type(u) is not dict:
         return False
-    return all(_is_array(u.get(name), shape) for name, (_, shape) in law.inputs.parts.items())
+    return all(is_sound(u.get(name), shape) for name, (_, shape) in law.inputs.parts.items())
 
 
-def _is_array(value: Any, shape: tuple[int, ...]) -> bool:
+def is_sound(value: Any, shape: tuple[int, ...]) -> bool:
+    """Return whether a value is an array of floats of this shape, and finite.
+
+    This is run at every sample and may, for a rare value, be wrong about what is sound: where it
+    denies, the checks that raise decide.
+    """
     return (
         type(value) is np.ndarray
-        and value.dtype is _FLOAT
+        and value.dtype is FLOAT
         and value.shape == shape
         # For a few entries faster than NumPy.
         and isfinite(sum(value.ravel().tolist()))
@@ -93,7 +115,7 @@ def _is_array(value: Any, shape: tuple[int, ...]) -> bool:
 
 def _check(law: Any, t: object, x: object, u: object) -> None:
     """Raise an InvalidInputError unless time, state and signals are those of the law."""
-    if not (_is_number(t) or (law.takes_many and is_foreign(t))):
+    if not (is_number(t) or (law.takes_many and is_foreign(t))):
         raise InvalidInputError(f"t: must be a finite time [s], not {short(t)}")
     if isinstance(x, np.ndarray) and x.shape[1:] and x.shape[-1] == law.state.size:
         require_many(law)
@@ -142,5 +164,6 @@ def _require(name: str, value: Any, shape: tuple[int, ...], *, of_many: bool) ->
     return robots
 
 
-def _is_number(value: Any) -> bool:
+def is_number(value: Any) -> bool:
+    """Return whether a value is a finite number."""
     return isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)

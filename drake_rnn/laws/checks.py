@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Set
-from math import isfinite
-from numbers import Integral, Real
-from types import MethodType
+from collections.abc import Callable, Iterator, Mapping
+from numbers import Integral
+from types import MethodType, NoneType
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -13,6 +13,8 @@ from ..errors import InvalidInputError
 from ..inputs.complaints import require_type, short
 from ..inputs.fields import Array
 from ..inputs.own_code import naming
+from ..robot.limits import LIMIT_UNITS
+from .called import FLOAT, is_number
 from .law import Circumstances, ContinuousReading, JointPreview, Law, Reading, SampledReading
 from .layout import Layout, Signals
 
@@ -31,7 +33,107 @@ RECORDED = frozenset(
     }
 )
 
-_FLOAT = np.dtype(float)
+_R = TypeVar("_R", bound=Reading)
+
+
+def _of_state(state: Layout, reading: Reading) -> Iterator[str]:
+    if "v" not in state:
+        parts = ", ".join(state.parts) or "no parts"
+        yield f": must have the part v, the joint velocities that it commands; it has {parts}"
+    elif len(shape := state.parts["v"][1]) != 1:
+        yield f": its part v must have the shape (joints,), not {shape}"
+    yield from (_TAKEN.format(part) for part in state.parts if part in RECORDED)
+
+
+def _of_inputs(inputs: Layout, reading: Reading) -> Iterator[str]:
+    (joints,) = reading.state.parts["v"][1]
+    for part in inputs.parts.keys() & {"J", "J_omega"}:
+        (_, shape) = inputs.parts[part]
+        if shape[1:] != (joints,):
+            yield (
+                f": {part} must have one column for each of {joints} joints, shape "
+                f"(rows, {joints}), not {shape}"
+            )
+
+
+def _of_observables(observables: Layout, reading: Reading) -> Iterator[str]:
+    taken = RECORDED | reading.state.parts.keys()
+    return (_TAKEN.format(part) for part in observables.parts if part in taken)
+
+
+def _of_gains(gains: Mapping[str, Any], law: Reading) -> Iterator[str]:
+    said = "[{!r}]: must be a number of at least 0, not {}".format
+    return (said(k, short(g)) for k, g in gains.items() if not (is_number(g) and g >= 0.0))
+
+
+def _of_preview(preview: JointPreview | None, law: Reading) -> Iterator[str]:
+    if preview is None:
+        return
+    if not (is_number(preview.interval) and preview.interval > 0.0):
+        yield f".interval: must be a positive time [s], not {short(preview.interval)}"
+    if not (isinstance(preview.count, Integral) and preview.count >= 1):
+        yield f".count: must be a whole number of at least 1, not {short(preview.count)}"
+
+
+def _of_keeps(names: tuple[object, ...], law: Reading) -> Iterator[str]:
+    said = f": may name {', '.join(LIMIT_UNITS)}, not {{}}".format
+    return (said(short(name)) for name in names if name not in LIMIT_UNITS)
+
+
+_TAKEN = ": {!r} is the name of another recorded signal"
+
+
+class _Member(NamedTuple):
+    """What laws declare, checked when a controller or an experiment is made of one.
+
+    Attributes:
+        of: Whether every `Reading` declares it, or a `Law` alone.
+        name: Name of the member.
+        read: Returns its value, given the law.
+        kinds: Classes that the value may be of.
+        flaws: Returns what else is wrong with it, given value and law: ends of messages that begin
+            with the member.
+    """
+
+    of: type
+    name: str
+    read: Callable[[Any], Any]
+    kinds: tuple[type, ...]
+    flaws: Callable[[Any, Reading], Iterator[str]] = lambda value, law: iter(())
+
+
+#: Later members may rely on earlier ones.
+_DECLARED = (
+    _Member(Reading, "state", lambda law: law.state, (Layout,), _of_state),
+    _Member(Reading, "inputs", lambda law: law.inputs, (Layout,), _of_inputs),
+    _Member(Reading, "observables", lambda law: law.observables, (Layout,), _of_observables),
+    _Member(Reading, "takes_many", lambda law: law.takes_many, (bool,)),
+    _Member(Reading, "integration_scheme", lambda law: law.integration_scheme, (str,)),
+    _Member(Law, "loop_gains", lambda law: law.loop_gains, (Mapping,), _of_gains),
+    _Member(Law, "sampled_gains", lambda law: law.sampled_gains, (Mapping,), _of_gains),
+    _Member(
+        Law, "joint_preview", lambda law: law.joint_preview, (JointPreview, NoneType), _of_preview
+    ),
+    _Member(Law, "keeps", lambda law: law.keeps, (tuple,), _of_keeps),
+    _Member(Law, "stays_on_path", lambda law: law.stays_on_path, (bool,)),
+    _Member(Law, "levels_are_derivatives", lambda law: law.levels_are_derivatives, (bool,)),
+    _Member(Law, "limits_remedy", lambda law: law.limits_remedy, (str,)),
+)
+
+
+def check_declared(reading: Reading) -> None:
+    """Raise an InvalidInputError if what a law or a reading declares is not what it may be."""
+    for member in _DECLARED:
+        if not isinstance(reading, member.of):
+            continue
+        place = f"{_class(reading)}.{member.name}"
+        with naming(place):
+            value = member.read(reading)
+            if isinstance(value, MethodType):
+                raise InvalidInputError(f"{place}: is a method; decorate it with @property")
+            require_type(place, value, *member.kinds)
+            for complaint in member.flaws(value, reading):
+                raise InvalidInputError(f"{place}{complaint}")
 
 
 def sampled_reading(law: Law, period: float) -> SampledReading:
@@ -44,12 +146,7 @@ def sampled_reading(law: Law, period: float) -> SampledReading:
     Raises:
         InvalidInputError: If the law cannot be sampled at this period, or declares what is wrong.
     """
-    check_declared(law)
-    with naming(f"{_class(law)}.sampled"):
-        reading = law.sampled(period)
-    require_type(f"{_class(law)}.sampled()", reading, SampledReading)
-    check_layouts(reading)
-    return reading
+    return _reading(law, "sampled", lambda: law.sampled(period), SampledReading)
 
 
 def continuous_reading(law: Law) -> ContinuousReading:
@@ -61,95 +158,17 @@ def continuous_reading(law: Law) -> ContinuousReading:
     Raises:
         InvalidInputError: If the law is not a differential equation, or declares what is wrong.
     """
+    return _reading(law, "continuous", law.continuous, ContinuousReading)
+
+
+def _reading(law: Law, part: str, read: Callable[[], _R], kind: type) -> _R:
     check_declared(law)
-    with naming(f"{_class(law)}.continuous"):
-        reading = law.continuous()
-    require_type(f"{_class(law)}.continuous()", reading, ContinuousReading)
-    check_layouts(reading)
+    with naming(f"{_class(law)}.{part}"):
+        reading = read()
+    require_type(f"{_class(law)}.{part}()", reading, kind)
+    if reading is not law:
+        check_declared(reading)
     return reading
-
-
-def check_declared(law: Law) -> None:
-    """Raise an InvalidInputError if what a law declares is of another kind than it must be."""
-    name = _class(law)
-    check_layouts(law)
-    with naming(f"{name}.loop_gains"):
-        gains = law.loop_gains
-    require_type(f"{name}.loop_gains", gains, Mapping)
-    for key, gain in gains.items():
-        if isinstance(gain, bool) or not (isinstance(gain, Real) and 0 <= gain < np.inf):
-            raise InvalidInputError(
-                f"{name}.loop_gains[{key!r}]: must be a number of at least 0, not {short(gain)}"
-            )
-    with naming(f"{name}.joint_preview"):
-        preview = law.joint_preview
-    if preview is not None:
-        require_type(f"{name}.joint_preview", preview, JointPreview)
-        _check_preview(f"{name}.joint_preview", preview)
-    for part, value in (
-        ("stays_on_path", law.stays_on_path),
-        ("levels_are_derivatives", law.levels_are_derivatives),
-    ):
-        require_type(f"{name}.{part}", value, bool)
-    with naming(f"{name}.limits_remedy"):
-        require_type(f"{name}.limits_remedy", law.limits_remedy, str)
-
-
-def _check_preview(place: str, preview: JointPreview) -> None:
-    if not (isinstance(preview.interval, Real) and 0 < preview.interval < np.inf):
-        raise InvalidInputError(
-            f"{place}.interval: must be a positive time [s], not {short(preview.interval)}"
-        )
-    if not (isinstance(preview.count, Integral) and preview.count >= 1):
-        raise InvalidInputError(
-            f"{place}.count: must be a whole number of at least 1, not {short(preview.count)}"
-        )
-
-
-def check_layouts(reading: Reading) -> None:
-    """Raise an InvalidInputError if the layouts of a law or reading cannot be run or recorded."""
-    name = _class(reading)
-    with naming(f"{name}.state"):
-        state = reading.state
-    with naming(f"{name}.inputs"):
-        inputs = reading.inputs
-    with naming(f"{name}.observables"):
-        observables = reading.observables
-    for part, layout in (("state", state), ("inputs", inputs), ("observables", observables)):
-        if isinstance(layout, MethodType):
-            raise InvalidInputError(f"{name}.{part}: is a method; decorate it with @property")
-        require_type(f"{name}.{part}", layout, Layout)
-    joints = _joints(f"{name}.state", state)
-    _require_free(f"{name}.state", state, RECORDED)
-    _require_free(f"{name}.observables", observables, RECORDED | state.parts.keys())
-    for part in inputs.parts.keys() & {"J", "J_omega"}:
-        (_, shape) = inputs.parts[part]
-        if len(shape) != 2 or shape[1] != joints:
-            raise InvalidInputError(
-                f"{name}.inputs: {part} must have one column for each of {joints} joints, shape "
-                f"(rows, {joints}), not {shape}"
-            )
-    with naming(f"{name}.integration_scheme"):
-        require_type(f"{name}.integration_scheme", reading.integration_scheme, str)
-
-
-def _joints(place: str, state: Layout) -> int:
-    """Return the number of joints that a state commands."""
-    if "v" not in state:
-        parts = ", ".join(state.parts) or "no parts"
-        raise InvalidInputError(
-            f"{place}: must have the part v, the joint velocities that it commands; it has {parts}"
-        )
-    (_, shape) = state.parts["v"]
-    if len(shape) != 1:
-        raise InvalidInputError(f"{place}: its part v must have the shape (joints,), not {shape}")
-    return shape[0]
-
-
-def _require_free(place: str, layout: Layout, taken: Set[str]) -> None:
-    for part in layout.parts:
-        if part in taken:
-            raise InvalidInputError(f"{place}: {part!r} is the name of another recorded signal")
 
 
 def doubts_of(law: Law, circumstances: Circumstances) -> list[str]:
@@ -162,8 +181,7 @@ def doubts_of(law: Law, circumstances: Circumstances) -> list[str]:
     Raises:
         InvalidInputError: If the law cannot run in these circumstances, or returns something else.
     """
-    with naming(f"{_class(law)}.doubts"):
-        return _texts(f"{_class(law)}.doubts", law.doubts(circumstances))
+    return _texts(f"{_class(law)}.doubts", lambda: law.doubts(circumstances))
 
 
 def caveats_of(reading: Reading, metrics: Mapping[str, float]) -> list[str]:
@@ -176,29 +194,15 @@ def caveats_of(reading: Reading, metrics: Mapping[str, float]) -> list[str]:
     Raises:
         InvalidInputError: If it returns something else.
     """
-    with naming(f"{_class(reading)}.caveats"):
-        return _texts(f"{_class(reading)}.caveats", reading.caveats(metrics))
+    return _texts(f"{_class(reading)}.caveats", lambda: reading.caveats(metrics))
 
 
-def _texts(place: str, value: object) -> list[str]:
+def _texts(place: str, tell: Callable[[], object]) -> list[str]:
+    with naming(place):
+        value = tell()
     if isinstance(value, list) and all(isinstance(text, str) for text in value):
         return value
     raise InvalidInputError(f"{place}: must return a list of texts, not {short(value)}")
-
-
-def is_sound(value: Array, shape: tuple[int, ...]) -> bool:
-    """Return whether a vector that a law has returned is an array of this shape, and finite.
-
-    This is run at every sample and may, for a rare value, be wrong about what is sound: where it
-    denies, `flaw` and `is_finite` decide.
-    """
-    return (
-        type(value) is np.ndarray
-        and value.dtype is _FLOAT
-        and value.shape == shape
-        # For a few entries faster than NumPy.
-        and isfinite(sum(value.tolist()))
-    )
 
 
 def flaw(value: object, shape: tuple[int, ...]) -> str:
@@ -213,7 +217,7 @@ def flaw(value: object, shape: tuple[int, ...]) -> str:
         return f"{wanted}, not {'None' if value is None else 'a ' + type(value).__name__}"
     if value.shape != shape:
         return f"{wanted}, not {value.shape}"
-    if value.dtype != _FLOAT:
+    if value.dtype != FLOAT:
         return f"{wanted}, not of {value.dtype}"
     return "" if type(value) is np.ndarray else f"{wanted}, not a {type(value).__name__}"
 
@@ -240,7 +244,9 @@ def observables_of(reading: Reading, t: float | Array, x: Array, u: Signals) -> 
     with naming(f"{place}{many}"):
         told = reading.diagnostics(t, x, u)
     if not isinstance(told, Mapping):
-        raise InvalidInputError(f"{place}: must return a mapping of names to arrays{_not(told)}")
+        raise InvalidInputError(
+            f"{place}: must return a mapping of names to arrays, not {short(told)}"
+        )
     declared = reading.observables.parts
     if told.keys() != declared.keys():
         raise InvalidInputError(
@@ -250,16 +256,14 @@ def observables_of(reading: Reading, t: float | Array, x: Array, u: Signals) -> 
     for name, (_, shape) in declared.items():
         value = told[name]
         if not isinstance(value, np.ndarray) or value.dtype.kind not in "biuf":
-            raise InvalidInputError(f"{place}: {name} must be an array of numbers{_not(value)}")
+            raise InvalidInputError(
+                f"{place}: {name} must be an array of numbers, not {short(value)}"
+            )
         if value.shape != lead + shape:
             raise InvalidInputError(
                 f"{place}: {name} must have the shape {lead + shape}{many}, not {value.shape}"
             )
     return told
-
-
-def _not(value: object) -> str:
-    return f", not {short(value)}"
 
 
 def _class(law: object) -> str:

@@ -41,6 +41,7 @@ class Reading(ABC):
 
     #: Whether `step`, `derivatives`, `commanded_velocity` and `diagnostics` take leading axes of
     #: robots, as the top of this file says. Else they take one robot at a time.
+    #: Tried with two robots before a run.
     takes_many = False
 
     def __init_subclass__(cls, **options: object) -> None:
@@ -207,6 +208,15 @@ class Law(Reading):
         return {}
 
     @property
+    def sampled_gains(self) -> Mapping[str, float]:
+        """Gains that the sampling period limits, by field [1/s]; by default the loop gains.
+
+        A period must be below the inverse of each: a feedback of more takes away all of an error,
+        or more, in one sample. `sampled` refuses any other.
+        """
+        return self.loop_gains
+
+    @property
     def joint_preview(self) -> JointPreview | None:
         """Future joint positions that the law needs as an input; None by default."""
         return None
@@ -218,7 +228,8 @@ class Law(Reading):
             period: Sampling period [s].
 
         Raises:
-            InvalidInputError: If the law cannot be sampled, or not at this period.
+            InvalidInputError: If the law cannot be sampled, or not at this period; e.g. one of its
+                `sampled_gains` is too high for it.
         """
         raise InvalidInputError(
             f"period: {type(self).__name__} cannot be sampled; give an integrator instead"

@@ -94,16 +94,13 @@ from ..robot.rotation import rotation_error
 from .law import Circumstances, ContinuousLaw, ContinuousReading, SampledLaw, SampledReading
 from .layout import Layout, Signals
 from .parts.bounded_multipliers import not_outward, within
-from .parts.constraint_rows import printed_orientation_rows, surface_split
 from .parts.contact_loss import LOST, ContactLoss
-from .parts.few_substeps import check_substeps
-from .parts.fixed_stiffness import FixedStiffness
 from .parts.kept_limits import kept_with_lag
 from .parts.learning import gradient, rank_one_update
-from .parts.online_stiffness import OnlineStiffness
 from .parts.primal_dual import PrimalDual, substeps
-from .parts.sampling_rate import check_sampling_rate
-from .parts.surface_task import SurfaceTask
+from .parts.stable_steps import check_substeps
+from .parts.stiffness import FixedStiffness, OnlineStiffness
+from .parts.surface_task import SurfaceTask, printed_orientation_rows, surface_split
 
 # Fewer than of other networks: each takes four evaluations of longer equations.
 _MOST_SUBSTEPS = 1000
@@ -271,19 +268,21 @@ class MotionForce(SampledLaw, ContinuousLaw):
                 )
         return super().continuous()
 
-    def sampled(self, period: float) -> SampledReading:
-        """Return the law itself.
-
-        Raises:
-            InvalidInputError: If the feedback would overshoot at this period, or the network
-                would take too many substeps.
-        """
-        gains = {
+    @property
+    def sampled_gains(self) -> Mapping[str, float]:
+        """See `Law.sampled_gains`."""
+        return {
             "gain": self.gain,
             "orientation_gain": self.orientation_gain,
             "return_gain": self.return_gain,
         }
-        check_sampling_rate(period, gains)
+
+    def sampled(self, period: float) -> SampledReading:
+        """Return the law itself.
+
+        Raises:
+            InvalidInputError: If the network would take too many substeps.
+        """
         scale, told = 1.0, f"time_constant: {self.time_constant:g} s"
         if self.form == "literal":
             scale = max(1.0, self._task.stiffness)

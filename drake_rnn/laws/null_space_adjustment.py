@@ -15,6 +15,7 @@ the whole motion is slowed down.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
 from typing import Any, Literal
 
@@ -48,9 +49,9 @@ class NullSpaceAdjustment(PostureLaw):
     takes_many = True
 
     @property
-    def rates(self) -> dict[str, float]:
-        """See `PostureLaw.rates`."""
-        return {**super().rates, "feedback": self.feedback}
+    def sampled_gains(self) -> Mapping[str, float]:
+        """See `Law.sampled_gains`."""
+        return {**super().sampled_gains, "feedback": self.feedback}
 
     @property
     def keeps(self) -> tuple[str, ...]:

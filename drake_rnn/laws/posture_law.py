@@ -1,12 +1,12 @@
 """The base class of laws that move to a target posture while the end effector stays in place."""
 
 # No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
+from collections.abc import Mapping
 from typing import Literal
 
 from ..inputs.fields import Gain, Vector, validated
 from ..robot.limits import JointLimits
-from .law import SampledLaw, SampledReading
-from .parts.sampling_rate import check_sampling_rate
+from .law import SampledLaw
 
 
 @validated
@@ -37,15 +37,6 @@ class PostureLaw(SampledLaw):
             raise ValueError(f"target: {self.limits.complaint(self.target)}")
 
     @property
-    def rates(self) -> dict[str, float]:
-        """Rates by key [1/s]; the sampling period must be below the inverse of each."""
+    def sampled_gains(self) -> Mapping[str, float]:
+        """See `Law.sampled_gains`."""
         return {"rate": self.rate, "limit_stiffness": self.limit_stiffness}
-
-    def sampled(self, period: float) -> SampledReading:
-        """Return the law itself.
-
-        Raises:
-            InvalidInputError: If the law would overshoot at this period.
-        """
-        check_sampling_rate(period, self.rates)
-        return super().sampled(period)

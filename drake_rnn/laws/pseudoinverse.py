@@ -19,10 +19,9 @@ from ..arrays.algebra import joined
 from ..inputs.fields import Array, Flag, GainOrZero, Weight, validated
 from ..robot.limits import JointLimits
 from ..robot.rotation import rotation_error
-from .law import SampledLaw, SampledReading
+from .law import SampledLaw
 from .layout import Layout, Signals
 from .parts.damped_inverse import damped_joint_velocity
-from .parts.sampling_rate import check_sampling_rate
 
 
 @validated
@@ -67,15 +66,6 @@ class Pseudoinverse(SampledLaw):
     @property
     def loop_gains(self) -> Mapping[str, float]:
         return {"feedback": self.feedback}
-
-    def sampled(self, period: float) -> SampledReading:
-        """Return the law itself.
-
-        Raises:
-            InvalidInputError: If the feedback would overshoot at this period.
-        """
-        check_sampling_rate(period, self.loop_gains)
-        return super().sampled(period)
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
         desired = u["p_WE_desired"]

@@ -89,10 +89,9 @@ from .law import Circumstances, ContinuousLaw, SampledLaw, SampledReading
 from .layout import Layout, Signals
 from .parts.bounded_multipliers import not_outward, within
 from .parts.braking import Braking
-from .parts.few_substeps import check_substeps
 from .parts.kept_limits import kept_with_lag
 from .parts.learning import gradient, rank_one_update
-from .parts.stable_steps import stable_steps
+from .parts.stable_steps import check_substeps, stable_steps
 from .parts.warm_up import WarmUp
 
 # Distance from the path that counts as none [m].

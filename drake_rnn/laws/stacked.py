@@ -12,6 +12,7 @@ from ..inputs.complaints import short
 from ..inputs.dataclass_fields import fields_of, unchecked
 from .called import require_many
 from .law import Reading
+from .trial import try_two
 
 _R = TypeVar("_R", bound=Reading)
 
@@ -28,11 +29,12 @@ def stacked(readings: Sequence[_R]) -> _R:
 
     Raises:
         InvalidInputError: If there are none, they differ in more than numbers, or are of a law
-            that runs one robot at a time.
+            that runs one robot at a time; or if two robots do not get what one gets.
     """
     if not len(readings):
         raise InvalidInputError("laws: must be given")
     require_many(readings[0])
+    try_two(readings[0])
     return _stacked("", list(readings))
 
 

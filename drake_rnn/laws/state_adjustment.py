@@ -55,10 +55,9 @@ from ..arrays.substeps import Parts, in_steps
 from ..inputs.fields import Array, Time, TimeConstant, validated
 from .law import ContinuousLaw, SampledReading
 from .layout import Layout, Signals
-from .parts.few_substeps import check_substeps
 from .parts.kept_limits import kept_with_lag
 from .parts.rise import column, sine_rise, smooth_rise
-from .parts.stable_steps import stable_steps
+from .parts.stable_steps import check_substeps, stable_steps
 from .posture_law import PostureLaw
 
 

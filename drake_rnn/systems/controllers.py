@@ -14,12 +14,11 @@ from ..errors import InvalidInputError, SimulationError
 from ..inputs.complaints import nearest, require_type, short
 from ..inputs.fields import Array
 from ..inputs.own_code import described
-from ..laws.called import unchecked
+from ..laws.called import is_sound, unchecked
 from ..laws.checks import (
     continuous_reading,
     flaw,
     is_finite,
-    is_sound,
     observables_of,
     sampled_reading,
 )

@@ -126,13 +126,13 @@ def test_behind_a_filter_arms_move_as_in_the_diagram(name, changes):
     compare(experiment)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", REST)
 def test_those_of_every_other_shipped_experiment_as_well(name):
     check(name, load_experiment(name).path_delay + 0.5)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["slc_nephroid_known", "slc_nephroid_warm_up", "naljdf_table1"])
 def test_whole_runs_agree(name):
     check(name, None)

@@ -44,13 +44,24 @@ def test_value_and_derivatives_of_a_run():
 #: has few digits, and where a law changes its course a quotient mixes both sides.
 CASES = [
     ("slc_nephroid", 0.3, {"law.kappa": 1e-6, "law.rho": 1e-6}, RMS),
+    ("naljdf_table1", 1.0, {"law.position_gain": 1e-5}, "position_error_max_m"),
+    ("motion_force_cat", 0.5, {"law.gain": 1e-5}, "force_error_rms_N"),
+    ("slc_nephroid_known", 0.3, {"law.kappa": 1e-3}, "singular_value_min"),
+    ("slc_nephroid_known", 0.3, {"law.kappa": 1e-3}, "joint_limit_margin_min_rad"),
+]
+#: Other metrics and laws, whose runs take longer to compile.
+FURTHER = [
     ("slc_nephroid_warm_up", 2.5, {"law.kappa": 1e-3, "law.rho": 1e-6}, RMS),
     ("slc_nephroid_known", 3.0, {"law.kappa": 1e-3}, "joint_drift_max_rad"),
     ("slc_nephroid_known", 3.0, {"law.kappa": 1e-5}, "velocity_error_max_m_s"),
-    ("naljdf_table1", 1.0, {"law.position_gain": 1e-5}, "position_error_max_m"),
     ("null_space_adjustment", 1.0, {"law.ramp_time": 1e-4}, "joint_error_max_rad"),
-    ("motion_force_cat", 0.5, {"law.gain": 1e-5}, "force_error_rms_N"),
 ]
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(("name", "duration", "keys", "metric"), FURTHER)
+def test_further_derivatives_are_those_of_differences(name, duration, keys, metric):
+    test_derivatives_are_those_of_differences(name, duration, keys, metric)
 
 
 @pytest.mark.long
@@ -65,13 +76,20 @@ def test_derivatives_are_those_of_differences(name, duration, keys, metric):
         assert slope == pytest.approx(slope_by_differences(slopes, key, 1e-4), rel=keys[key])
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "name",
-    ["slc_nephroid", "slc_nephroid_printed", "slc_nephroid_warm_up", "naljdf_table1",
-     "galjdf_table1", "motion_force_cat", "pinv_waypoints", "modified_state_adjustment",
-     "null_space_adjustment", "recursive_circle"],
+    ["slc_nephroid_printed", "slc_nephroid_warm_up", "galjdf_table1", "pinv_waypoints",
+     "modified_state_adjustment", "null_space_adjustment"],
 )  # fmt: skip
+def test_further_compiled_runs_are_those_of_numpy(name):
+    test_compiled_runs_are_those_of_numpy(name)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "name", ["slc_nephroid", "naljdf_table1", "motion_force_cat", "recursive_circle"]
+)
 def test_compiled_runs_are_those_of_numpy(name):
     """All metrics that can be taken; 1e-7 of a metric that is itself rounding in part."""
     # As shipped, Drake integrates it.

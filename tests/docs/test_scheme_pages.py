@@ -1,29 +1,22 @@
 """The pages of the schemes and the page of choosing one say what the code says."""
 
 import re
+import runpy
 
 import pytest
-from doc_pages import ROOT, prose, spans, tables, text_of
+from doc_pages import ROOT, fenced, prose, spans, tables, text_of
 
-from drake_rnn import LAWS, ContactLoss, OnlineStiffness, Secondary, WarmUp, load_experiment
+from drake_rnn import LAWS, load_experiment, shipped_experiments
 from drake_rnn.claims import SCHEMES, read_claims
-from drake_rnn.experiment import parse_change
-from drake_rnn.experiment.law import ORIGINS
-from drake_rnn.inputs.explained import keys_of
-from drake_rnn.laws.law import Reading
-from drake_rnn.robot.limits import LIMIT_UNITS
+from drake_rnn.experiment import parse_change, read_document
 
 PAGES = sorted(str(file.relative_to(ROOT)) for file in (ROOT / "docs" / "schemes").glob("*.md"))
 CHOOSING = "docs/choosing.md"
-#: Keys of a law that are sections with keys of their own.
-SECTIONS = {
-    "contact_loss": ContactLoss,
-    "secondary": Secondary,
-    "stiffness": OnlineStiffness,
-    "warm_up": WarmUp,
-}
-#: What the cell of a default says where the default is a section, or none that a document gives.
-ELSEWHERE = {"secondary": "see below", "measurement": "follows from `sensing`"}
+#: Experiments of the table of traits.
+TRAITS = re.findall(r"<br>`(\w+)` \|", text_of(CHOOSING))
+#: What makes the pages, and what it knows of them.
+MADE = runpy.run_path(str(ROOT / "docs" / "make_schemes.py"))
+page_of, EXPERIMENTS = MADE["page_of"], MADE["EXPERIMENTS"]
 CLAIMS = {claim.id for scheme in SCHEMES for claim in read_claims(scheme).claims}
 #: Where each scheme page's section of changes begins from.
 _BASE = re.compile(r"changes of\s+`drake-rnn run (\w+)`")
@@ -33,56 +26,24 @@ WRONG = ["key", "too small", "too large"]
 _CLAIM = re.compile(r"(?:slc|jdf|mf|rec|sa)-\w[\w.]*")
 
 
-def gain_table(kind):
-    """Return page and rows of the table of a law's keys; there is one."""
-    found = [
-        (page, rows)
-        for page in PAGES
-        for head, rows in tables(page)
-        if head[0] == f"key of `{kind}`"
-    ]
-    assert len(found) == 1, f"{kind} has {len(found)} tables of its keys in docs/schemes/"
+def only(page, what, found):
+    """Return the one that a page has of something; what it lacks is said."""
+    assert len(found) == 1, f"{page}: write {what} once, not {len(found)} times"
     return found[0]
 
 
-def expected_keys(kind):
-    """Return default, as text, by key of a law, with those of its sections; None if needed."""
-    found = {}
-    for key in keys_of(LAWS[kind], ("kind", *(set(ORIGINS) - {"measurement"}))):
-        found[key.name] = ELSEWHERE.get(key.name, key.default)
-        if key.name in SECTIONS:
-            inner = keys_of(SECTIONS[key.name])
-            found |= {f"{key.name}.{part.name}": part.default for part in inner}
-    return found
-
-
-def same_default(cell, default):
-    """Return whether a cell names a default: the word, or the same number."""
-    if default is None:
-        return cell == "must be given"
-    try:
-        return float(cell) == float(default)
-    except ValueError:
-        return cell == default
-
-
-@pytest.mark.parametrize("kind", LAWS)
-def test_every_key_of_every_law_is_on_its_page_with_its_default(kind):
-    page, rows = gain_table(kind)
-    assert LAWS[kind].__module__.rpartition(".")[2] in text_of(page)
-    written = {spans(row[0])[0]: row[1] for row in rows}
-    expected = expected_keys(kind)
-    assert list(written) == list(dict.fromkeys(written))
-    assert written.keys() == expected.keys()
-    wrong = {k: (written[k], d) for k, d in expected.items() if not same_default(written[k], d)}
-    assert not wrong, f"{page}: default written and true: {wrong}"
-    assert all(len(row) == 3 and row[2] for row in rows)
+def gain_table(kind):
+    """Return page and rows of the table of a law's keys."""
+    page = f"docs/schemes/{page_of(kind)}"
+    found = [rows for head, rows in tables(page) if head[0] == f"key of `{kind}`"]
+    return page, only(page, f"the table | key of `{kind}` |", found)
 
 
 @pytest.mark.parametrize("page", PAGES)
 def test_every_change_that_goes_wrong_can_be_run(page):
-    (base,) = _BASE.findall(prose(page))
-    ((_, rows),) = [table for table in tables(page) if table[0] == WRONG]
+    base = only(page, "changes of `drake-rnn run EXPERIMENT`", _BASE.findall(prose(page)))
+    wrong = [rows for head, rows in tables(page) if head == WRONG]
+    rows = only(page, f"| {' | '.join(WRONG)} |", wrong)
     gains = [found for head, found in tables(page) if head[0].startswith("key of")]
     keys = {spans(row[0])[0] for found in gains for row in found}
     assert all(len(row) == 3 and spans(row[0])[0] in keys for row in rows)
@@ -101,7 +62,6 @@ def test_a_page_has_its_parts(page):
     assert any(title.startswith("What it does not") or "do not do" in title for title in titles)
     assert titles[-1] in ("Paper", "Sources")
     assert "```math\n" in text_of(page)
-    assert f"(schemes/{page.rpartition('/')[2]})" in text_of("docs/README.md")
 
 
 @pytest.mark.parametrize("page", [*PAGES, CHOOSING])
@@ -114,43 +74,36 @@ def test_every_claim_that_is_named_exists(page):
 
 
 def shapes_of(kind):
-    """Return the shapes of state and inputs by name, of all shipped experiments of a law."""
-    found, sizes = {}, {}
-    for name in LAW_EXPERIMENTS[kind]:
-        law = load_experiment(name).law
-        readings = [law] if isinstance(law, Reading) and "v" in law.state.parts else []
-        for reading in readings:
-            for layout in (reading.state, reading.inputs):
-                for part, (_, shape) in layout.parts.items():
-                    found.setdefault(part, set()).add((shape, law.limits.size, task_size(law)))
-        sizes[name] = law.limits.size
+    """Return the shapes of state and inputs by name, of experiments with a law."""
+    found = {}
+    for law in (load_experiment(name).law for name in experiments_of(kind)):
+        for layout in (law.state, law.inputs):
+            for part, (_, shape) in layout.parts.items():
+                found.setdefault(part, set()).add(
+                    (shape, law.limits.size, getattr(law, "task_size", 3))
+                )
     return found
 
 
-def task_size(law):
-    return getattr(law, "task_size", 3)
-
-
-#: Experiments with one example of each choice that changes a law's signals.
-LAW_EXPERIMENTS = {
-    "adaptive": ["adaptive_jerk", "adaptive_nephroid", "adaptive_pose"],
-    "joint_drift_free": ["naljdf_clover", "moaljdf_parallelogram"],
-    "motion_force": ["motion_force_tricuspid", "motion_force_tricuspid_learned"],
-    "null_space_adjustment": ["null_space_adjustment"],
-    "pseudoinverse": ["stretched_circle", "pinv_waypoints"],
-    "receding_horizon": ["horizon_circle"],
-    "recursive": ["recursive_circle_printed", "rnn_circle"],
-    "simultaneous_learning": ["slc_nephroid_known", "slc_nephroid"],
-    "state_adjustment": ["state_adjustment"],
-}
+def experiments_of(kind):
+    """Return a law's experiments in the table of traits and in the commands of its page."""
+    commands = "".join(block for _, block in fenced(gain_table(kind)[0], "sh"))
+    return [
+        name
+        for name in shipped_experiments()
+        if (name in TRAITS or re.search(rf"\b{name}\b", commands))
+        and read_document(name)["law"]["kind"] == kind
+    ]
 
 
 @pytest.mark.parametrize("kind", LAWS)
 def test_every_symbol_is_a_signal_or_a_key_and_has_its_shape(kind):
-    page, _ = gain_table(kind)
-    known, keys = shapes_of(kind), set(expected_keys(kind)) | {"period", "limits", "home"}
+    page, rows = gain_table(kind)
+    keys = {spans(row[0])[0] for row in rows} | {"period", "limits", "home"}
+    known = shapes_of(kind)
     keys |= {f"limits.{name}" for name in ("velocity", "acceleration")}
-    (symbols,) = [rows for head, rows in tables(page) if head[1:4] == ["here", "unit", "shape"]]
+    found = [rows for head, rows in tables(page) if head[1:4] == ["here", "unit", "shape"]]
+    symbols = only(page, "| symbol | here | unit | shape | meaning |", found)
     for _, here, _, shape, meaning in symbols:
         assert meaning
         names = spans(here)
@@ -178,55 +131,53 @@ def fits(text, shape, joints, rows):
     return True
 
 
-# Choosing.
+# What is made.
 
 
-def traits():
-    """Return the rows of the table of traits, by the name of their experiment."""
-    ((head, rows),) = [table for table in tables(CHOOSING) if "keeps" in table[0]]
-    return {spans(row[0])[-1]: dict(zip(head, row, strict=True)) for row in rows}
+def test_every_key_is_explained():
+    for kind in LAWS:
+        page, rows = gain_table(kind)
+        for row in rows:
+            assert len(row) == 3
+            assert row[2], f"{page}: write in its row what {row[0]} does"
 
 
-def span_of(kept):
-    """Return names of limits as the page has them: none, one, or the first and the last."""
-    order = list(LIMIT_UNITS)
-    places = [order.index(name) for name in kept]
-    assert places == list(range(places[0], places[0] + len(places))) if places else True
-    return " to ".join(dict.fromkeys((kept[0], kept[-1]))) if kept else "none"
+def test_nothing_is_left_to_be_filled_in():
+    """`drake-rnn new law NAME --shipped` leaves its mark where a law's own words go."""
+    left = [
+        f"{file.relative_to(ROOT)}:{number}: {line.strip()}"
+        for pattern in (
+            "drake_rnn/laws/*.py",
+            "tests/laws/*.py",
+            "docs/schemes/*.md",
+            CHOOSING,
+            "diagrams/experiments/*/*.yaml",
+            "diagrams/experiments/README.md",
+            "CHANGELOG.md",
+        )
+        for file in ROOT.glob(pattern)
+        for number, line in enumerate(file.read_text().splitlines(), 1)
+        if "FILL IN" in line
+    ]
+    assert not left, "\n".join(left)
 
 
-@pytest.mark.parametrize("name", traits())
-def test_the_traits_of_a_scheme_are_those_of_its_law(name):
-    row, experiment = traits()[name], load_experiment(name)
-    law, document = experiment.law, experiment.document
-    # Noise on top of the law's command is not the law's, a filter behind it is.
-    kept = law.keeps if document.filter is None else experiment.kept_limits
-    assert row["keeps"] == span_of(kept)
-    sees = [signal for signal in ("J", "Jdot_v", "J_omega", "M") if signal in law.inputs.parts]
-    if law.joint_preview is not None:
-        sees.append("J by its reference")
-    assert row["sees"] == (", ".join(sees) or "none")
-    sizes = LAWS[law.kind].__dataclass_fields__.get("task_size")
-    turns = "R_WE" in law.inputs.parts or (sizes is not None and "6" in str(sizes.type))
-    presses = "normal_force" in law.inputs.parts
-    assert row["task"] == ("pose, force" if presses else "position, pose" if turns else "position")
-    assert row["noise"] == ("yes" if document.dither is not None else "no")
-    assert row["joints back"] == pulled_to(law)
+def test_what_pages_say_of_the_schemes_is_made_of_them():
+    for page, made in MADE["pages"]().items():
+        assert text_of(page) == made, f"{page}: run python docs/make_schemes.py"
 
 
-def pulled_to(law):
-    """Return where a law pulls the joints that its task leaves free, in the words of the page."""
-    if hasattr(law, "target"):
-        return "to the target"
-    weights = [getattr(law, "return_gain", 0.0)]
-    if law.kind == "adaptive":
-        weights.append(law.secondary.posture)
-    if law.kind == "joint_drift_free" and law.scheme != "man":
-        weights.append(law.return_weight)
-    return "yes" if max(weights) > 0.0 else "no"
-
-
-def test_every_law_has_its_traits_and_every_scheme_page_is_reached_from_choosing():
-    assert {load_experiment(name).law.kind for name in traits()} == set(LAWS)
+def test_every_law_has_its_traits_and_every_page_is_reached_from_choosing():
+    traced = {load_experiment(name).law.kind for name in TRAITS}
+    for kind in set(LAWS) - traced:
+        pytest.fail(
+            f"{CHOOSING}: write a row of the traits, | [NAME](schemes/{page_of(kind)})<br>"
+            f"`EXPERIMENT` | | | | | | COST |, with an experiment in diagrams/experiments/{kind}/; "
+            "then run python docs/make_schemes.py"
+        )
     for page in PAGES:
-        assert page.removeprefix("docs/") in text_of(CHOOSING)
+        assert page.removeprefix("docs/") in text_of(CHOOSING), f"{CHOOSING}: name {page}"
+    for kind in LAWS:
+        assert f"\n`{kind}/`" in text_of(EXPERIMENTS), (
+            f"{EXPERIMENTS}: write a section that begins `{kind}/`. and ends with the table's head"
+        )

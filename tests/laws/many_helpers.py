@@ -3,7 +3,9 @@
 from contextlib import suppress
 
 import numpy as np
+from law_defaults import numbers_of, with_defaults
 
+from drake_rnn import LAWS as SHIPPED
 from drake_rnn import (
     Adaptive,
     ContactLoss,
@@ -113,6 +115,8 @@ LAWS = {
     "nsa": NullSpaceAdjustment(target=HOME, limits=LIMITS),
     "nsa_pose": NullSpaceAdjustment(target=HOME, limits=LIMITS, task_size=6, feedback=2.0),
 }
+# A law that no case above shows: with its defaults.
+LAWS |= with_defaults(LIMITS, HOME, {type(law) for law in LAWS.values()}, many=True)
 #: Gains that may differ from robot to robot, by law.
 GAINS = {
     "adaptive": ("kappa", "braking", "feedback_limit", "home", "limits.acceleration"),
@@ -156,6 +160,8 @@ GAINS = {
         "contact_loss.retreat_speed",
     ),
 }
+# Of a law that no case above shows, all.
+GAINS |= {kind: numbers_of(LAWS[kind]) for kind in SHIPPED.keys() & LAWS.keys() - GAINS.keys()}
 
 
 def readings(law):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from law_defaults import with_defaults
 
 from drake_rnn import (
     Adaptive,
@@ -82,6 +83,9 @@ LAWS = {
     ),
     "horizon": (RecedingHorizon(limits=LIMITS, horizon=40), 1e-2),
 }
+# A law that no case above shows: with its defaults.
+_OTHERS = with_defaults(LIMITS, np.zeros(N), {type(law) for law, _ in LAWS.values()})
+LAWS |= {kind: (law, 1e-3) for kind, law in _OTHERS.items()}
 #: What the laws break here that a reader might think they keep.
 BROKEN = {
     "slc_printed": "position",

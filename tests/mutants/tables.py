@@ -28,13 +28,21 @@ def modules() -> list[str]:
 def tests_of() -> dict[str, list[str]]:
     """Return the test files of each module, as paths in the folder of tests.
 
+    By default it is the file of the module's own name in the folder of its room.
+
     Raises:
         ValueError: If a module in the rooms has none, or one that is listed is not there.
     """
     table = YAML(typ="safe").load(HERE / "tests_of.yaml")
+    for module in modules():
+        room, name = module.split("/")[0], Path(module).stem
+        own = f"{room}/test_{name}.py"
+        if module not in table and (HERE.parent / own).exists():
+            table[module] = [own]
     if differ := {*modules()} ^ {*table}:
         raise ValueError(
-            f"tests_of.yaml: not the modules in the rooms: {', '.join(sorted(differ))}"
+            f"tests_of.yaml: write a line for each module in the rooms without a test file of its "
+            f"name, and for no other file: {', '.join(sorted(differ))}"
         )
     return table
 

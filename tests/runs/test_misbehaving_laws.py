@@ -268,9 +268,45 @@ AT_THE_START = {
         having(loop_gains={"gain": -1.0}),
         r"Mine\.loop_gains\['gain'\]: must be a number of at least 0, not -1",
     ),
+    "loop_gains: too high for the period": (
+        having(loop_gains={"slow": 9.0, "gain": 20_000.0}),
+        r"^period: must be below 5e-05 s with law\.gain at 20000 /s, not 0\.001; or give law\.gain "
+        r"below 1000 /s$",
+    ),
+    "sampled_gains: too high for the period": (
+        having(sampled_gains={"stiffness": 1000.0}),
+        r"^period: must be below 0\.001 s with law\.stiffness at 1000 /s",
+    ),
+    "sampled_gains: infinite": (
+        having(sampled_gains={"gain": np.inf}),
+        r"Mine\.sampled_gains\['gain'\]: must be a number of at least 0, not inf",
+    ),
+    "keeps: a text": (having(keeps="velocity"), r"Mine\.keeps: must be of class tuple, not 'vel"),
+    "keeps: no limit": (
+        having(keeps=("speed",)),
+        r"Mine\.keeps: may name position, velocity, .*crackle, not 'speed'",
+    ),
+    "takes_many: a text": (named(takes_many="yes"), r"Mine\.takes_many: must be of class bool"),
+    "takes_many: one after all": (
+        named(takes_many=True),
+        rf"^Mine\.step: with takes_many it must .*; of two, with x \(2, {N}\), p_WE \(2, 3\), "
+        rf"p_WE_desired \(2, 3\), J \(2, 3, {N}\): raised ValueError: .*{AT_START}",
+    ),
+    "takes_many: for all together": (
+        named(takes_many=True, step=give(np.zeros(N))),
+        rf"^Mine\.step: with takes_many .*: must return .*shape \(2, {N}\), not \({N},\){AT_START}",
+    ),
+    "takes_many: one moves the other": (
+        named(takes_many=True, step=lambda self, t, x, u, period: x + x.size / N),
+        r"^Mine\.step: with takes_many .*: must return for each \[1\.0, .*, as for one, not \[\[2",
+    ),
+    "takes_many: a command of one": (
+        named(takes_many=True, commanded_velocity=lambda self, t, x: x.ravel()),
+        rf"^Mine\.commanded_velocity: with takes_many .*shape \(2, {N}\), not \({2 * N},\)",
+    ),
     "joint_preview: a number": (
         having(joint_preview=3),
-        r"Mine\.joint_preview: must be of class JointPreview, not 3",
+        r"Mine\.joint_preview: must be of class JointPreview or None, not 3",
     ),
     "joint_preview: no time": (
         having(joint_preview=JointPreview(0.0, 3)),

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...inputs.fields import Array
 from ..layout import Signals
-from .newest import pushed
+from .late import pushed
 
 # Samples of J that are kept, of however late a measurement.
 _LONGEST = 10

@@ -1,11 +1,27 @@
-"""Limits as a law with a period meets them: those that it cannot reach bound nothing."""
+"""Limits as a law with a period meets them: a trace inside, and those alone that it can reach."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from ...arrays.algebra import functions_of
+from ...inputs.dataclass_fields import unchecked
 from ...robot.limits import JointLimits
-from .inner_limits import inner_limits
+
+# A joint stops this far before its limit [rad].
+_SLACK = 1e-12
+
+
+def inner_limits(limits: JointLimits) -> JointLimits:
+    """Return limits whose position limits are a trace inside of those given.
+
+    Args:
+        limits: Limits of the joints, of one robot or of many.
+    """
+    lower, upper = limits.position_lower, limits.position_upper
+    slack = functions_of(lower, upper).minimum(_SLACK, (upper - lower) / 4.0)
+    return unchecked(limits, position_lower=lower + slack, position_upper=upper - slack)
+
 
 # Stands for the infinite acceleration of a joint without limits [rad/s^2].
 _UNBOUNDED = 1e9

@@ -1,4 +1,4 @@
-"""How many Euler or Heun steps keep a primal-dual network stable for a period."""
+"""How many Euler or Heun steps keep a network stable for a period, and whether they can be made."""
 
 from __future__ import annotations
 
@@ -9,7 +9,26 @@ import numpy as np
 
 from ...arrays.algebra import larger, square_sum
 from ...arrays.substeps import rounded_up
+from ...errors import InvalidInputError
 from ...inputs.fields import Array
+
+#: Steps that a sample may take; at some 10 us each, a tenth of a second.
+MOST_SUBSTEPS = 10_000
+
+
+def check_substeps(count: float, told: str, most: int = MOST_SUBSTEPS) -> None:
+    """Raise an InvalidInputError if a network is too fast for the sampling period.
+
+    Args:
+        count: Number of stable steps in a period.
+        told: What it follows from, for the message: key and value.
+        most: Number of steps that are allowed.
+    """
+    if count > most:
+        raise InvalidInputError(
+            f"law.{told}: the network would need about {count:.3g} substeps per period; it may "
+            f"take at most {most}"
+        )
 
 
 def stable_steps(turns: Any, J: Array) -> Any:

@@ -1,4 +1,4 @@
-r"""Learning the stiffness of a contact from the force and the depth of the tip.
+r"""The stiffness of a contact: given, or learned from the force and the depth of the tip.
 
 A ball pressed into a plane is not a linear spring: its force F grows as d^p with the depth d,
 where p is 2 for Drake's hydroelastic contact and 3/2 for Hertz's. F^(1/p) is then proportional to
@@ -11,6 +11,7 @@ is how much too deep the tip is, however far F is from F_d. With p = 1, s is a s
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
@@ -145,3 +146,36 @@ def _power(force: Any, exponent: Any) -> Any:
     where = functions_of(force).where
     # No derivative of a root at 0.
     return where(force > 0.0, where(force > 0.0, force, 1.0) ** exponent, 0.0)
+
+
+@dataclass(frozen=True)
+class FixedStiffness:
+    """A linear spring: force is proportional to depth.
+
+    Args:
+        value: Stiffness [N/m].
+    """
+
+    value: Any
+
+    #: Size of the state: nothing is stored.
+    size = 0
+
+    def start(self) -> Array:
+        """Return the initial state, shape (0,)."""
+        return np.zeros(0)
+
+    def update(self, state: Array, force: Any, desired: Any, depth: Any) -> Array:
+        """Return the state unchanged, because nothing is learned."""
+        return state
+
+    def retreat_speed(self, state: Array, force: Any, desired: Any, gain: Any) -> Any:
+        """Return the speed out of the surface that corrects the force error [m/s].
+
+        Args:
+            state: State, shape (..., 0).
+            force: Measured force [N].
+            desired: Desired force [N].
+            gain: Gain of the feedback [1/s].
+        """
+        return gain * (force - desired) / self.value

@@ -17,7 +17,7 @@ from scipy.integrate import solve_ivp
 
 from drake_rnn import Experiment, Law, Layout, SampledLaw, load_experiment
 from drake_rnn.laws.called import unchecked
-from drake_rnn.runs.simulation import add_recorder, build_simulator
+from drake_rnn.runs.simulation import build_simulator, recorded_simulator
 
 #: Largest cost of a tick, in units, by experiment.
 TARGETS = {
@@ -78,9 +78,11 @@ def tick(experiment: Experiment, *, recorded: bool, idle: bool = False) -> float
     """Return the cost of one sample of the diagram [us]."""
     duration, period = experiment.document.duration, experiment.document.period
     law = Idle(experiment.law, period) if idle else None
-    simulator, loop = build_simulator(experiment, law)
     if recorded:
-        add_recorder(simulator, loop)
+        simulator, _, recorder = recorded_simulator(experiment, law)
+        recorder.watch(simulator)
+    else:
+        simulator, _ = build_simulator(experiment, law)
     simulator.Initialize()
     began = time.perf_counter()
     simulator.AdvanceTo(duration)

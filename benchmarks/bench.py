@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from pathlib import Path
 
 import numpy as np
 from pydrake.multibody.tree import JacobianWrtVariable
@@ -15,6 +16,7 @@ from rich.console import Console
 from rich.table import Table
 from scipy.integrate import solve_ivp
 
+import beside
 from drake_rnn import Experiment, Law, Layout, SampledLaw, load_experiment
 from drake_rnn.laws.called import unchecked
 from drake_rnn.runs.simulation import build_simulator, recorded_simulator
@@ -145,7 +147,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=9)
     parser.add_argument("--ticks", type=int, default=4000)
+    parser.add_argument(
+        "--beside",
+        type=Path,
+        metavar="FOLDER",
+        help="only compare ticks and whole runs with those of another checkout",
+    )
     arguments = parser.parse_args()
+    if arguments.beside is not None:
+        periods = {name: load_experiment(name).document.period for name in TARGETS}
+        durations = {name: arguments.ticks * period for name, period in periods.items()}
+        print("\n".join(beside.table(arguments.beside, durations, arguments.rounds)))
+        print(f"Ratios should be at most {beside.AT_MOST}.")
+        return
     table = Table(title="cost of one tick, in units of p_WE and J (us in brackets)")
     columns = ("p and J", "law", "ports", "Drake's loop", "recorder", "whole", "targets")
     for column in ("experiment", "period", *columns, "real_time_factor"):

@@ -1,6 +1,6 @@
 """Measure the cost of one tick of the whole diagram, in units of the arm's bare p_WE and J.
 
-Absolute times vary by a factor of two between machines and from moment to moment. All figures of
+CPU times still vary by a factor of two between machines and from moment to moment. All figures of
 a row are measured in turn in the same run; the smallest of each counts, as the least disturbed.
 """
 
@@ -65,7 +65,7 @@ def unit(experiment: Experiment, repeats: int = 5000) -> float:
     context = plant.CreateDefaultContext()
     frame, world, origin = plant.GetFrameByName(arm.frame), plant.world_frame(), np.zeros(3)
     q = experiment.start.copy()
-    began = time.perf_counter()
+    began = time.process_time()
     for _ in range(repeats):
         q[0] += 1e-6
         plant.SetPositions(context, q)
@@ -73,7 +73,7 @@ def unit(experiment: Experiment, repeats: int = 5000) -> float:
         plant.CalcJacobianTranslationalVelocity(
             context, JacobianWrtVariable.kV, frame, origin, world, world
         )
-    return (time.perf_counter() - began) / repeats * 1e6
+    return (time.process_time() - began) / repeats * 1e6
 
 
 def tick(experiment: Experiment, *, recorded: bool, idle: bool = False) -> float:
@@ -86,9 +86,9 @@ def tick(experiment: Experiment, *, recorded: bool, idle: bool = False) -> float
     else:
         simulator, _ = build_simulator(experiment, law)
     simulator.Initialize()
-    began = time.perf_counter()
+    began = time.process_time()
     simulator.AdvanceTo(duration)
-    return (time.perf_counter() - began) / (duration / period) * 1e6
+    return (time.process_time() - began) / (duration / period) * 1e6
 
 
 def law_step(experiment: Experiment, repeats: int = 3000) -> float:
@@ -100,14 +100,14 @@ def law_step(experiment: Experiment, repeats: int = 3000) -> float:
     context = loop.controller.GetMyContextFromRoot(simulator.get_context())
     u, x = loop.controller.signals(context), loop.controller.state(context)
     step = unchecked(loop.controller.reading.step)
-    began = time.perf_counter()
+    began = time.process_time()
     for _ in range(repeats):
         step(0.0, x, u, period)
-    return (time.perf_counter() - began) / repeats * 1e6
+    return (time.process_time() - began) / repeats * 1e6
 
 
 def radau_ratio(name: str = "naljdf_clover") -> float:
-    """Return the wall time of scipy's Radau for the same run, divided by that of the diagram."""
+    """Return the CPU time of scipy's Radau for the same run, divided by that of the diagram."""
     experiment = load_experiment(name)
     document, law, path = experiment.document, experiment.law, experiment.path
     kinematics, start = experiment.arm.kinematics(), path.start_point(experiment.p_WE_start)
@@ -123,9 +123,9 @@ def radau_ratio(name: str = "naljdf_clover") -> float:
         return np.concatenate((v, law.derivatives(t, x, u)))
 
     y = np.concatenate((experiment.start, law.initial_state(np.random.default_rng(0), {})))
-    began = time.perf_counter()
+    began = time.process_time()
     solve_ivp(rates, (0.0, document.duration), y, "Radau", rtol=1e-6, atol=1e-9)
-    taken = time.perf_counter() - began
+    taken = time.process_time() - began
     whole = tick(experiment, recorded=True) * document.duration / document.period
     return taken / (whole * 1e-6)
 

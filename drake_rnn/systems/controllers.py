@@ -267,6 +267,7 @@ class SampledController(Controller):
         self._write(context.get_mutable_discrete_state(), x)
 
     def _write(self, state: DiscreteValues, x: Array) -> None:
+        """Write the state and what is kept of it."""
         state.set_value(0, x)
         if self._held is not None:
             state.set_value(1, x[self._held])

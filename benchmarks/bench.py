@@ -1,6 +1,6 @@
 """Measure the cost of one tick of the whole diagram, in units of the arm's bare p_WE and J.
 
-Absolute times vary by a factor of two between machines and from moment to moment. All figures of
+CPU times still vary by a factor of two between machines and from moment to moment. All figures of
 a row are measured in turn in the same run; the smallest of each counts, as the least disturbed.
 """
 
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from pathlib import Path
 
 import numpy as np
 from pydrake.multibody.tree import JacobianWrtVariable
@@ -15,9 +16,10 @@ from rich.console import Console
 from rich.table import Table
 from scipy.integrate import solve_ivp
 
+import beside
 from drake_rnn import Experiment, Law, Layout, SampledLaw, load_experiment
 from drake_rnn.laws.called import unchecked
-from drake_rnn.runs.simulation import add_recorder, build_simulator
+from drake_rnn.runs.simulation import build_simulator, recorded_simulator
 
 #: Largest cost of a tick, in units, by experiment.
 TARGETS = {
@@ -63,7 +65,7 @@ def unit(experiment: Experiment, repeats: int = 5000) -> float:
     context = plant.CreateDefaultContext()
     frame, world, origin = plant.GetFrameByName(arm.frame), plant.world_frame(), np.zeros(3)
     q = experiment.start.copy()
-    began = time.perf_counter()
+    began = time.process_time()
     for _ in range(repeats):
         q[0] += 1e-6
         plant.SetPositions(context, q)
@@ -71,20 +73,22 @@ def unit(experiment: Experiment, repeats: int = 5000) -> float:
         plant.CalcJacobianTranslationalVelocity(
             context, JacobianWrtVariable.kV, frame, origin, world, world
         )
-    return (time.perf_counter() - began) / repeats * 1e6
+    return (time.process_time() - began) / repeats * 1e6
 
 
 def tick(experiment: Experiment, *, recorded: bool, idle: bool = False) -> float:
     """Return the cost of one sample of the diagram [us]."""
     duration, period = experiment.document.duration, experiment.document.period
     law = Idle(experiment.law, period) if idle else None
-    simulator, loop = build_simulator(experiment, law)
     if recorded:
-        add_recorder(simulator, loop)
+        simulator, _, recorder = recorded_simulator(experiment, law)
+        recorder.watch(simulator)
+    else:
+        simulator, _ = build_simulator(experiment, law)
     simulator.Initialize()
-    began = time.perf_counter()
+    began = time.process_time()
     simulator.AdvanceTo(duration)
-    return (time.perf_counter() - began) / (duration / period) * 1e6
+    return (time.process_time() - began) / (duration / period) * 1e6
 
 
 def law_step(experiment: Experiment, repeats: int = 3000) -> float:
@@ -96,14 +100,14 @@ def law_step(experiment: Experiment, repeats: int = 3000) -> float:
     context = loop.controller.GetMyContextFromRoot(simulator.get_context())
     u, x = loop.controller.signals(context), loop.controller.state(context)
     step = unchecked(loop.controller.reading.step)
-    began = time.perf_counter()
+    began = time.process_time()
     for _ in range(repeats):
         step(0.0, x, u, period)
-    return (time.perf_counter() - began) / repeats * 1e6
+    return (time.process_time() - began) / repeats * 1e6
 
 
 def radau_ratio(name: str = "naljdf_clover") -> float:
-    """Return the wall time of scipy's Radau for the same run, divided by that of the diagram."""
+    """Return the CPU time of scipy's Radau for the same run, divided by that of the diagram."""
     experiment = load_experiment(name)
     document, law, path = experiment.document, experiment.law, experiment.path
     kinematics, start = experiment.arm.kinematics(), path.start_point(experiment.p_WE_start)
@@ -119,9 +123,9 @@ def radau_ratio(name: str = "naljdf_clover") -> float:
         return np.concatenate((v, law.derivatives(t, x, u)))
 
     y = np.concatenate((experiment.start, law.initial_state(np.random.default_rng(0), {})))
-    began = time.perf_counter()
+    began = time.process_time()
     solve_ivp(rates, (0.0, document.duration), y, "Radau", rtol=1e-6, atol=1e-9)
-    taken = time.perf_counter() - began
+    taken = time.process_time() - began
     whole = tick(experiment, recorded=True) * document.duration / document.period
     return taken / (whole * 1e-6)
 
@@ -143,7 +147,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=9)
     parser.add_argument("--ticks", type=int, default=4000)
+    parser.add_argument(
+        "--beside",
+        type=Path,
+        metavar="FOLDER",
+        help="only compare ticks and whole runs with those of another checkout",
+    )
     arguments = parser.parse_args()
+    if arguments.beside is not None:
+        periods = {name: load_experiment(name).document.period for name in TARGETS}
+        durations = {name: arguments.ticks * period for name, period in periods.items()}
+        print("\n".join(beside.table(arguments.beside, durations, arguments.rounds)))
+        print(f"Ratios should be at most {beside.AT_MOST}.")
+        return
     table = Table(title="cost of one tick, in units of p_WE and J (us in brackets)")
     columns = ("p and J", "law", "ports", "Drake's loop", "recorder", "whole", "targets")
     for column in ("experiment", "period", *columns, "real_time_factor"):

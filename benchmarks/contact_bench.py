@@ -18,8 +18,7 @@ from rich.console import Console
 from rich.table import Table
 
 from drake_rnn import Experiment, load_experiment, shipped_experiments
-from drake_rnn.measures import Recorder
-from drake_rnn.runs.simulation import add_recorder, build_simulator
+from drake_rnn.runs.simulation import build_simulator, recorded_simulator
 from drake_rnn.systems.plant import add_plant, motors_of
 
 #: Largest ratio of the wall time of everything to that of the bare plant.
@@ -29,9 +28,11 @@ DURATION = 2.0
 
 def whole(experiment: Experiment, *, recorded: bool) -> float:
     """Return the wall time of the experiment's diagram [s]."""
-    simulator, loop = build_simulator(experiment)
     if recorded:
-        add_recorder(simulator, loop)
+        simulator, _, recorder = recorded_simulator(experiment)
+        recorder.watch(simulator)
+    else:
+        simulator, _ = build_simulator(experiment)
     simulator.Initialize()
     began = time.perf_counter()
     simulator.AdvanceTo(experiment.document.duration)
@@ -40,20 +41,16 @@ def whole(experiment: Experiment, *, recorded: bool) -> float:
 
 def commands(experiment: Experiment) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return times [s] and the motors' commands: desired state and torque, one row per time."""
-    simulator, loop = build_simulator(experiment)
-    ports = {
-        "q": loop.joint_command.get_output_port(),
-        "v": loop.controller.GetOutputPort("commanded_velocity"),
-        "position": loop.arm.GetOutputPort("position"),
-    }
-    recorder = Recorder(simulator.get_context(), ports)
-    simulator.set_monitor(recorder)
+    simulator, loop, recorder = recorded_simulator(experiment)
+    recorder.watch(simulator)
     simulator.AdvanceTo(experiment.document.duration)
-    kinematics = experiment.arm.kinematics()
-    torque = np.array([-kinematics.gravity(q) for q in recorder.steps.series("position")])
-    state = np.hstack((recorder.steps.series("q"), recorder.steps.series("v")))
-    once = np.flatnonzero(np.diff(recorder.steps.time, prepend=-1.0) > 1e-9)
-    return recorder.steps.time[once], state[once], torque[once]
+    kinematics, steps = experiment.arm.kinematics(), recorder.steps
+    torque = np.array([-kinematics.gravity(q) for q in steps.series("position")])
+    states = zip(steps.time, steps.series("state"), strict=True)
+    v = [loop.controller.reading.commanded_velocity(t, x) for t, x in states]
+    state = np.hstack((steps.series("position_commanded"), v))
+    once = np.flatnonzero(np.diff(steps.time, prepend=-1.0) > 1e-9)
+    return steps.time[once], state[once], torque[once]
 
 
 def bare(

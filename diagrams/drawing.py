@@ -13,14 +13,13 @@ from html import escape
 from typing import NamedTuple
 
 from pydrake.systems.framework import Diagram, InputPort, OutputPort, System
-from pydrake.systems.primitives import Adder, Integrator
+from pydrake.systems.primitives import Adder, Integrator, VectorLogSink
 
 from .. import colours
 from ..systems import (
     Body,
     ContactReference,
     Controller,
-    DelayedPathSource,
     Dither,
     Dynamics,
     ForceSensor,
@@ -60,7 +59,7 @@ _OTHER = _Kind("other", "box", "#FFFFFF", "#5F666E")
 _KINDS: tuple[tuple[tuple[type, ...], _Kind], ...] = (
     ((Controller,), _LAW),
     ((Body,), _BODY),
-    ((PathSource, DelayedPathSource, JointReference), _REFERENCE),
+    ((PathSource, JointReference), _REFERENCE),
     ((ContactReference, NormalForce, ForceSensor, ForceWatch), _FORCE),
     ((Kinematics, Dynamics), _MODEL),
     ((MovingAverage, Adder, Integrator), _COMMAND),
@@ -79,12 +78,13 @@ def wiring_graph(diagram: Diagram) -> str:
     """Return a drawing of the systems of a diagram and of what flows between them.
 
     Args:
-        diagram: Any diagram, e.g. that of `build_diagram` or one made with `AddLoop`.
+        diagram: Any diagram, e.g. that of `build_diagram` or one made with `AddLoop`. Logs
+            are not drawn.
 
     Returns:
         Text in the language of Graphviz: ``dot -Tsvg`` makes a picture of it.
     """
-    systems = diagram.GetSystems()
+    systems = [each for each in diagram.GetSystems() if not isinstance(each, VectorLogSink)]
     names = {system: f"s{number}" for number, system in enumerate(systems)}
     kinds = {system: _kind(system) for system in systems}
     lines = [_node(names[system], system, kinds[system]) for system in systems]
@@ -137,6 +137,8 @@ def _flows(diagram: Diagram) -> Mapping[tuple[System, System], list[tuple[str, s
     """Return the names of output and input port of each connection, by the systems joined."""
     found: dict[tuple[System, System], list[tuple[str, str]]] = defaultdict(list)
     for (target, into), (source, out) in diagram.connection_map().items():
+        if isinstance(target, VectorLogSink):
+            continue
         given: OutputPort = source.get_output_port(out)
         taken: InputPort = target.get_input_port(into)
         found[source, target].append((given.get_name(), taken.get_name()))

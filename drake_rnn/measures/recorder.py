@@ -6,7 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.systems.framework import Context, OutputPort
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, DiagramBuilder, OutputPort, TriggerType
+from pydrake.systems.primitives import LogVectorOutput
 
 from ..inputs.fields import Array
 from ..laws.layout import Layout
@@ -49,69 +51,67 @@ Take = Callable[[Steps], int]
 class Recorder:
     """Recorder of a diagram's output ports at every accepted step.
 
-    It is the simulator's monitor, which adds no events and therefore does not change the steps.
-    Values at time t are those just before the updates at t: velocities are those of the step that
-    ended there.
+    Drake's own logs record each step when it is published, which does not change the steps. Values
+    at time t are those just before the updates at t: velocities are those of the step that ended
+    there.
 
     Args:
-        root: Context of the simulated diagram.
-        ports: Output ports to record, by name.
-        take: Called with the steps of each part; without it, all steps are kept.
-        part: Number of steps of a part.
+        builder: Builder of the diagram, which the logs are added to.
+        ports: Output ports in ``builder`` to record, by name.
     """
 
-    def __init__(
-        self,
-        root: Context,
-        ports: Mapping[str, OutputPort],
-        take: Take | None = None,
-        part: int = PART,
-    ) -> None:
+    def __init__(self, builder: DiagramBuilder, ports: Mapping[str, OutputPort]) -> None:
         self._layout = Layout(**{name: (port.size(),) for name, port in ports.items()})
-        self._sources = [
-            (port.Eval, port.get_system().GetMyContextFromRoot(root), self._layout.parts[name][0])
-            for name, port in ports.items()
-        ]
-        self._take, self._part = take, part
+        each_step = {TriggerType.kPerStep}
+        self._sinks = [LogVectorOutput(port, builder, each_step) for port in ports.values()]
+
+    def watch(self, simulator: Simulator, take: Take | None = None, part: int = PART) -> None:
+        """Begin to record a simulator of the diagram, as its monitor.
+
+        Args:
+            simulator: Simulator of the diagram, not yet initialized.
+            take: Called with the steps of each part; without it, all steps are kept.
+            part: Number of steps of a part.
+        """
+        root = simulator.get_mutable_context()
+        self._logs = [sink.FindMutableLog(root) for sink in self._sinks]
+        self._take, self._due = take, part
         self._origin: float | None = None
-        self._times = np.empty(min(1024, part))
-        self._rows = np.empty((self._times.size, self._layout.size))
         self._count = 0
+        simulator.set_monitor(self)
 
     def __call__(self, context: Context) -> None:
-        """Record the ports at the present time."""
-        if self._count == self._times.size:
+        """Count a step that has been logged; if a part is due, evaluate the steps before it first."""
+        if self._count == self._due:
             self._make_room()
-        count = self._count
-        self._times[count] = context.get_time()
-        row = self._rows[count]
-        for read, place, at in self._sources:
-            row[at] = read(place)
-        self._count = count + 1
+        self._count += 1
 
     @property
     def steps(self) -> Steps:
         """The steps not taken yet; they begin with the last step of the part taken before."""
-        count = self._count
-        return Steps(self._times[:count], self._rows[:count], self._layout, self._origin)
+        # A port that raises an error ends the run, after some ports have been logged once more.
+        count = min(log.num_samples() for log in self._logs)
+        rows = np.hstack([log.data().T[:count] for log in self._logs])
+        times = self._logs[0].sample_times()[:count]
+        return Steps(times, rows, self._layout, self._origin)
 
     def _make_room(self) -> None:
         # An interrupt in this block could make steps count twice or not at all.
         with signals_held():
-            taken = 0
-            if self._take is not None and self._count >= self._part:
-                taken = self._take(self.steps)
+            steps = self.steps
+            taken = 0 if self._take is None else self._take(steps.until(self._count - 1))
             if taken:
-                self._drop(taken)
+                self._drop(steps, taken)
             else:
-                self._times = np.concatenate((self._times, np.empty_like(self._times)))
-                self._rows = np.concatenate((self._rows, np.empty_like(self._rows)))
+                self._due *= 2
 
-    def _drop(self, first: int) -> None:
+    def _drop(self, steps: Steps, first: int) -> None:
         """Drop the steps before the one with this number."""
+        times = steps.time.tolist()
         if self._origin is None:
-            self._origin = float(self._times[0])
-        kept = self._count - first
-        self._times[:kept] = self._times[first : self._count]
-        self._rows[:kept] = self._rows[first : self._count]
-        self._count = kept
+            self._origin = times[0]
+        for log, name in zip(self._logs, self._layout.parts, strict=True):
+            log.Clear()
+            for time, value in zip(times[first:], steps.series(name)[first:], strict=True):
+                log.AddData(time, value)
+        self._count -= first

@@ -24,12 +24,11 @@ from ..experiment import (
 from ..inputs.complaints import require_type, short
 from ..laws import Law
 from ..laws.called import unchecked
-from ..measures import PART, Recorder, Take
+from ..measures import PART, Recorder
 from ..systems import (
     Body,
     ContinuousController,
     Controller,
-    DelayedPathSource,
     JointReference,
     MovingAverage,
     PathSource,
@@ -116,11 +115,11 @@ def simulate(
         check_effort(experiment, period)
     started = time.perf_counter()
     found = forecasts(experiment)
-    simulator, loop = build_simulator(experiment)
+    simulator, loop, recorder = recorded_simulator(experiment)
     root = simulator.get_mutable_context()
     _start(loop, root)
     evaluation = Evaluation(experiment, loop, period)
-    recorder = add_recorder(simulator, loop, evaluation.take)
+    recorder.watch(simulator, evaluation.take, PART)
     if progress is not None:
         simulator.set_monitor(_with_progress(recorder, progress))
 
@@ -175,29 +174,35 @@ def build_diagram(experiment: Experiment, law: Law | None = None) -> tuple[Diagr
     Raises:
         InvalidInputError: If the parts of the diagram do not fit together.
     """
+    builder = DiagramBuilder()
+    loop = _add_experiment(builder, experiment, law)
+    return _built(builder, experiment), loop
+
+
+def _built(builder: DiagramBuilder, experiment: Experiment) -> Diagram:
+    diagram = builder.Build()
+    diagram.set_name(experiment.name or "experiment")
+    return diagram
+
+
+def _add_experiment(builder: DiagramBuilder, experiment: Experiment, law: Law | None) -> Loop:
     require_type("experiment", experiment, Experiment)
     document = experiment.document
-    law = experiment.law if law is None else law
-    builder = DiagramBuilder()
-    controller = _controller(law, document)
+    controller = _controller(experiment.law if law is None else law, document)
     source = _add_path(builder, experiment, controller)
-    filter = _filter(experiment)
-    loop = AddLoop(
+    return AddLoop(
         builder,
         _body(experiment),
         controller,
         source,
         task=document.task,
         dither=document.dither,
-        filter=filter,
+        filter=_filter(experiment),
         feedback=experiment.feedback,
         sensing=document.sensing,
         signals=_add_previews(builder, experiment, controller),
         seed=document.seed,
     )
-    diagram = builder.Build()
-    diagram.set_name(experiment.name or "experiment")
-    return diagram, loop
 
 
 def _controller(law: Law, document: ExperimentDocument) -> Controller:
@@ -248,7 +253,7 @@ def _add_previews(
         signals["position_preview"] = ahead.GetOutputPort("position_preview")
     delayed = document.filter is not None and document.filter.delay_desired
     if delayed and "p_WE_desired" in controller.reading.inputs:
-        past = DelayedPathSource(experiment.path_delay, desired, None, document.task)
+        past = PathSource(desired, task=document.task, delay=experiment.path_delay)
         builder.AddNamedSystem("delayed_path", past)
         for name in ("p_WE_desired", "R_WE_desired"):
             if name in controller.reading.inputs:
@@ -259,19 +264,27 @@ def _add_previews(
 def build_simulator(experiment: Experiment, law: Law | None = None) -> tuple[Simulator, Loop]:
     """Return a simulator of the experiment's diagram, not yet initialized, and its loop."""
     diagram, loop = build_diagram(experiment, law)
+    return _simulator(diagram, experiment, loop), loop
+
+
+def recorded_simulator(
+    experiment: Experiment, law: Law | None = None
+) -> tuple[Simulator, Loop, Recorder]:
+    """Return what `build_simulator` does, and a recorder in the diagram that does not watch yet."""
+    builder = DiagramBuilder()
+    loop = _add_experiment(builder, experiment, law)
+    recorder = Recorder(builder, _recorded(loop))
+    return _simulator(_built(builder, experiment), experiment, loop), loop, recorder
+
+
+def _simulator(diagram: Diagram, experiment: Experiment, loop: Loop) -> Simulator:
     simulator = Simulator(diagram)
     ApplySimulatorConfig(simulator_config(experiment, loop), simulator)
-    return simulator, loop
+    return simulator
 
 
-def add_recorder(simulator: Simulator, loop: Loop, take: Take | None = None) -> Recorder:
-    """Set a recorder of the loop as the simulator's monitor and return it.
-
-    Args:
-        simulator: Simulator of the diagram.
-        loop: Systems of the loop.
-        take: What is done with steps when there are many; without it, all are kept.
-    """
+def _recorded(loop: Loop) -> dict[str, OutputPort]:
+    """Return the output ports that are recorded, by name."""
     ports = {
         "position": loop.arm.GetOutputPort("position"),
         "velocity": loop.arm.GetOutputPort("velocity"),
@@ -283,10 +296,7 @@ def add_recorder(simulator: Simulator, loop: Loop, take: Take | None = None) -> 
     if loop.virtual_arm is not None:
         for name in ("position", "velocity"):
             ports[f"virtual_{name}"] = loop.virtual_arm.GetOutputPort(name)
-    ports |= {f"measured_{name}": port for name, port in loop.measured.items()}
-    recorder = Recorder(simulator.get_context(), ports, take, PART)
-    simulator.set_monitor(recorder)
-    return recorder
+    return ports | {f"measured_{name}": port for name, port in loop.measured.items()}
 
 
 def simulator_config(experiment: Experiment, loop: Loop) -> SimulatorConfig:

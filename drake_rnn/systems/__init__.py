@@ -5,7 +5,6 @@ from .contact import Contact
 from .contact_force import ContactForce
 from .contact_reference import ContactReference, ForceProfile
 from .controllers import ContinuousController, Controller, SampledController
-from .delayed_path_source import DelayedPathSource
 from .dither import Dither, DitherSettings
 from .dynamics import Dynamics
 from .force_sensor import ForceSensor, SensorSettings
@@ -35,7 +34,6 @@ __all__ = [
     "ContactReference",
     "ContinuousController",
     "Controller",
-    "DelayedPathSource",
     "Dither",
     "DitherSettings",
     "Dynamics",

@@ -60,13 +60,11 @@ class Controller(LeafSystem):
         shapes = {name: shape for name, (_, shape) in self._input_ports.items()}
         self._matrices = [(name, shape) for name, shape in shapes.items() if len(shape) > 1]
 
-    def _declare_outputs(self, state: Any) -> None:
-        """Declare the output ports, given the dependency ticket of the declared state."""
-        reading = self.reading
-        n = reading.state.parts["v"][1][0]
+    def _declare_command(self, state: Any) -> None:
+        """Declare the port of a command that is computed, given the state's dependency ticket."""
+        reading, at_rest = self.reading, np.zeros(self._command_shape)
         # A held command is a part of the state, which has been checked.
         command = reading.commanded_velocity if reading.holds_command else self._checked_command
-        at_rest = np.zeros(n)
 
         def calc_command(context: Context, output: Any) -> None:
             x = self._state(context)
@@ -75,15 +73,18 @@ class Controller(LeafSystem):
             output.set_value(at_rest if rest else command(context.get_time(), x))
 
         at_present = {state} if reading.holds_command else {state, self.time_ticket()}
-        self.DeclareVectorOutputPort("commanded_velocity", n, calc_command, at_present)
-        for name, (at, _) in reading.state.parts.items():
+        self.DeclareVectorOutputPort("commanded_velocity", at_rest.size, calc_command, at_present)
+
+    def _declare_parts(self, state: Any) -> None:
+        """Declare the ports of observables and of the state's parts, given the state's ticket."""
+        for name, (at, _) in self.reading.state.parts.items():
             self.DeclareVectorOutputPort(
                 name,
                 at.stop - at.start,
                 lambda context, output, at=at: output.set_value(self._state(context)[at]),
                 {state},
             )
-        for name, (at, _) in reading.observables.parts.items():
+        for name, (at, _) in self.reading.observables.parts.items():
             self.DeclareVectorOutputPort(
                 name,
                 at.stop - at.start,
@@ -245,23 +246,37 @@ class SampledController(Controller):
         self.period = period
         self._step: Any = unchecked(reading.step)
         state = self.DeclareDiscreteState(np.full(reading.state.size, np.nan))
-        self.DeclareStateOutputPort("state", state)
-        self._declare_outputs(self.xd_ticket())
+        self._read_state: Any = self.DeclareStateOutputPort("state", state).Eval
+        self._held: slice | None = reading.state.parts["v"][0] if reading.holds_command else None
+        if self._held is None:
+            self._declare_command(self.xd_ticket())
+        else:
+            # A held command is kept beside the state that it is a part of, so that Drake hands it
+            # on without a call of Python. Until the state is initialized the arm is at rest.
+            command = self.DeclareDiscreteState(np.zeros(self._command_shape))
+            self.DeclareStateOutputPort("commanded_velocity", command)
+        self._declare_parts(self.xd_ticket())
         self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
     def _state(self, context: Context) -> Array:
-        return context.get_discrete_state_vector().value()
+        return self._read_state(context)
 
     def _write_state(self, context: Context, x: Array) -> None:
-        context.SetDiscreteState(x)
+        self._write(context.get_mutable_discrete_state(), x)
+
+    def _write(self, state: DiscreteValues, x: Array) -> None:
+        """Write the state and what is kept of it."""
+        state.set_value(0, x)
+        if self._held is not None:
+            state.set_value(1, x[self._held])
 
     def _initialize(self, context: Context, state: DiscreteValues) -> None:
-        state.set_value(self.try_law(context))
+        self._write(state, self.try_law(context))
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
         # A copy, so that a law that modifies its arguments cannot change the context.
-        x = context.get_discrete_state_vector().CopyToVector()
+        x = self._read_state(context)
         t, u = context.get_time(), self.signals(context)
         try:
             x = self._step(t, x, u, self.period)
@@ -271,7 +286,7 @@ class SampledController(Controller):
             raise self._error("step", f" raised {described(error)}", t) from error
         if not is_sound(x, self._state_shape):
             self._require_sound("step", "", x, context)
-        state.set_value(x)
+        self._write(state, x)
 
 
 class ContinuousController(Controller):
@@ -296,7 +311,8 @@ class ContinuousController(Controller):
         self._derivatives = unchecked(reading.derivatives)
         state = self.DeclareContinuousState(BasicVector(np.full(reading.state.size, np.nan)))
         self.DeclareStateOutputPort("state", state)
-        self._declare_outputs(self.xc_ticket())
+        self._declare_command(self.xc_ticket())
+        self._declare_parts(self.xc_ticket())
         self.DeclareInitializationUnrestrictedUpdateEvent(self._initialize)
 
     def _state(self, context: Context) -> Array:

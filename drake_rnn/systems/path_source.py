@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from numbers import Real
 from typing import Any
 
@@ -44,10 +45,11 @@ class PathSource(LeafSystem):
         preview: Time ahead [s] of the outputs ``p_preview``, ``v_preview``, ``a_preview`` and,
             with an orientation, ``R_preview``, ``w_preview`` and ``alpha_preview``; None for no
             such outputs.
+        delay: Delay of all outputs [s]; until then they rest at the path's start.
 
     Raises:
-        InvalidInputError: If ``preview`` is negative, infinite or not a number, or the path cannot
-            be placed, see `Path.placed`.
+        InvalidInputError: If ``preview`` or ``delay`` is negative, infinite or not a number, or the
+            path cannot be placed, see `Path.placed`.
     """
 
     def __init__(
@@ -57,63 +59,64 @@ class PathSource(LeafSystem):
         task: str = "xyz",
         R_WE: Array | None = None,
         preview: float | None = None,
+        delay: float = 0.0,
     ) -> None:
         super().__init__()
-        if preview is not None and not (isinstance(preview, Real) and 0.0 <= preview < np.inf):
+        if preview is not None and not _is_time(preview):
             raise InvalidInputError(f"preview: must be a time of 0 or more, not {preview!r}")
-        self.preview = preview
+        if not _is_time(delay):
+            raise InvalidInputError(f"delay: must be a time of 0 or more, not {delay!r}")
+        self.preview, self.delay = preview, delay
         self.placed = _placed(path, p_WE, R_WE)
         self._axes = list(named_task(task).axes)
-        self._declare(_POSITION, 0.0)
-        if preview is not None:
-            self._declare(_POSITION_AHEAD, preview)
+        names, ahead = _POSITION, _POSITION_AHEAD
+        at_time = {self.time_ticket()}
+        self._declare(names, ahead, [len(self._axes)] * 3, self._position_at, at_time)
         if self.placed.oriented:
-            self._declare_orientation(_ORIENTATION, 0.0)
-            if preview is not None:
-                self._declare_orientation(_ORIENTATION_AHEAD, preview)
+            # An orientation that does not vary is computed once.
+            tickets = at_time if self.placed.turns else {self.nothing_ticket()}
+            names, ahead = _ORIENTATION, _ORIENTATION_AHEAD
+            self._declare(names, ahead, [9, 3, 3], self._orientation_at, tickets)
 
-    def _declare(self, names: tuple[str, ...], ahead: float) -> None:
-        """Declare the outputs of the position and its derivatives, ``ahead`` [s] from now."""
-        sizes, tickets = [len(self._axes)] * 3, {self.time_ticket()}
-        for name, size, port in zip(names, sizes, _ports(self._position_at, ahead), strict=True):
-            self.DeclareVectorOutputPort(name, size, port, tickets)
-
-    def _declare_orientation(self, names: tuple[str, ...], ahead: float) -> None:
-        """Declare the outputs of the orientation and its derivatives, ``ahead`` [s] from now."""
-        # An orientation that does not vary is computed once.
-        tickets = {self.time_ticket() if self.placed.turns else self.nothing_ticket()}
-        ports = _ports(self._orientation_at, ahead)
-        for name, size, port in zip(names, (9, 3, 3), ports, strict=True):
-            self.DeclareVectorOutputPort(name, size, port, tickets)
+    def _declare(
+        self,
+        names: tuple[str, ...],
+        names_ahead: tuple[str, ...],
+        sizes: list[int],
+        motion: Callable[[float], list[Array]],
+        tickets: set[Any],
+    ) -> None:
+        """Declare the outputs of a motion and its derivatives, now and, if asked for, ahead."""
+        # The ports of one time share an evaluation, and what was ahead at a sample is now at the
+        # next one, but where the two times differ by rounding.
+        known = lru_cache(maxsize=2)(motion)
+        moments = [(names, 0.0)]
+        if self.preview is not None:
+            moments.append((names_ahead, self.preview))
+        for each, ahead in moments:
+            for order, (name, size) in enumerate(zip(each, sizes, strict=True)):
+                self.DeclareVectorOutputPort(name, size, _port(known, ahead, order), tickets)
 
     def _position_at(self, t: float) -> list[Array]:
-        values = self.placed.position(self._path_time(t))
+        values = self.placed.position(t - self.delay)
         return [*values] if len(self._axes) == 3 else [value[self._axes] for value in values]
 
     def _orientation_at(self, t: float) -> list[Array]:
-        R, w, alpha = self.placed.orientation(self._path_time(t))
+        R, w, alpha = self.placed.orientation(t - self.delay)
         return [R.ravel(), w, alpha]
 
-    def _path_time(self, t: float) -> float:
-        """Return the path's own time at time ``t`` of the signals [s]."""
-        return t
+
+def _port(motion: Callable[[float], list[Array]], ahead: float, order: int) -> Port:
+    """Return what computes the output of one order of a motion, ``ahead`` [s] from now."""
+
+    def calc(context: Context, output: Any) -> None:
+        output.set_value(motion(context.get_time() + ahead)[order])
+
+    return calc
 
 
-def _ports(motion: Callable[[float], list[Array]], ahead: float) -> list[Port]:
-    """Return what computes the outputs of a motion at ``ahead`` [s] from now."""
-    # The three ports evaluate the path once per time.
-    memo: list[Any] = [np.nan, []]
-
-    def port(order: int) -> Port:
-        def calc(context: Context, output: Any) -> None:
-            t = context.get_time() + ahead
-            if memo[0] != t:
-                memo[:] = t, motion(t)
-            output.set_value(memo[1][order])
-
-        return calc
-
-    return [port(order) for order in range(3)]
+def _is_time(value: Any) -> bool:
+    return isinstance(value, Real) and 0.0 <= float(value) < np.inf
 
 
 def _placed(path: Any, p_WE: Array | None, R_WE: Array | None) -> PlacedPath:

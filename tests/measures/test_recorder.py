@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import Integrator, Sine, ZeroOrderHold
 
 from drake_rnn import load_experiment, simulate
@@ -18,15 +18,12 @@ def run(watched=True, duration=4.0, accuracy=1e-6):
     hold = builder.AddSystem(ZeroOrderHold(0.3, 2))
     builder.Connect(sine.get_output_port(0), integral.get_input_port())
     builder.Connect(integral.get_output_port(), hold.get_input_port())
+    ports = {"integral": integral.get_output_port(), "held": hold.get_output_port()}
+    recorder = Recorder(builder, ports) if watched else None
     simulator = Simulator(builder.Build())
     simulator.get_mutable_integrator().set_target_accuracy(accuracy)
-    root = simulator.get_mutable_context()
-    recorder = Recorder(
-        root,
-        {"integral": integral.get_output_port(), "held": hold.get_output_port()},
-    )
-    if watched:
-        simulator.set_monitor(recorder)
+    if recorder is not None:
+        recorder.watch(simulator)
     simulator.Initialize()
     simulator.AdvanceTo(duration)
     return simulator, recorder
@@ -68,6 +65,39 @@ def test_many_steps_are_kept():
     simulator, recorder = run(accuracy=1e-13, duration=20.0)
     assert recorder.steps.time.size == simulator.get_num_steps_taken() + 1 > 1024
     assert np.isfinite(recorder.steps.series("integral")).all()
+
+
+class Failing(LeafSystem):
+    """A source that has no value any more after a while."""
+
+    def __init__(self):
+        super().__init__()
+        self.DeclareVectorOutputPort("y", 1, self._calc, {self.time_ticket()})
+
+    def _calc(self, context, output):
+        if context.get_time() > 0.25:
+            raise ValueError("broken")
+        output.set_value([context.get_time()])
+
+
+def test_steps_before_one_that_cannot_be_recorded_are_kept_whole():
+    """The port before the one that fails has been logged once more by then."""
+    builder = DiagramBuilder()
+    hold = builder.AddSystem(ZeroOrderHold(0.1, 1))
+    failing = builder.AddSystem(Failing())
+    builder.ExportInput(hold.get_input_port())
+    ports = {"held": hold.get_output_port(), "failing": failing.get_output_port()}
+    recorder = Recorder(builder, ports)
+    diagram = builder.Build()
+    simulator = Simulator(diagram)
+    diagram.get_input_port().FixValue(simulator.get_mutable_context(), [1.0])
+    recorder.watch(simulator)
+    with pytest.raises(ValueError, match="broken"):
+        simulator.AdvanceTo(1.0)
+    steps = recorder.steps
+    np.testing.assert_allclose(steps.time, [0.0, 0.1, 0.2], atol=1e-12)
+    np.testing.assert_array_equal(steps.series("held")[:, 0], [0.0, 1.0, 1.0])
+    np.testing.assert_array_equal(steps.series("failing")[:, 0], steps.time)
 
 
 def test_metrics_do_not_depend_on_what_is_stored():

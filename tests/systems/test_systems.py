@@ -116,6 +116,33 @@ def test_a_preview_is_what_will_be_desired_that_much_later(task):
             assert (ahead.Eval(now) != desired.Eval(now)).any()
 
 
+def test_samples_that_see_ahead_are_the_path_at_their_own_times():
+    """Also where one sample's time ahead is the next one's now, but for rounding."""
+    path = Nephroid(size=0.04, period=8.0, plane="xy")
+    source = PathSource(path, np.zeros(3), preview=1e-3)
+    context = source.CreateDefaultContext()
+    for k in range(20):
+        context.SetTime(k * 1e-3)
+        for name, t in (("p_WE_desired", k * 1e-3), ("p_preview", k * 1e-3 + 1e-3)):
+            said = source.GetOutputPort(name).Eval(context)
+            np.testing.assert_array_equal(said, path.evaluate(t)[0])
+
+
+def test_a_delayed_path_rests_until_it_begins_late():
+    path = Nephroid(size=0.04, period=8.0)
+    source = PathSource(path, np.zeros(3), delay=0.5)
+    context = source.CreateDefaultContext()
+    for t, p in ((0.4, np.zeros(3)), (1.75, path.evaluate(1.25)[0])):
+        context.SetTime(t)
+        np.testing.assert_array_equal(source.GetOutputPort("p_WE_desired").Eval(context), p)
+
+
+@pytest.mark.parametrize("delay", [-0.1, float("nan"), float("inf"), "0.1"])
+def test_a_delay_that_is_no_time_is_refused(delay):
+    with pytest.raises(InvalidInputError, match="delay: must be a time of 0 or more, not"):
+        PathSource(Nephroid(size=0.04, period=8.0), np.zeros(3), delay=delay)
+
+
 def test_who_does_not_see_ahead_is_offered_no_preview():
     source = PathSource(Nephroid(size=0.04, period=8.0), np.zeros(3))
     assert not any(source.HasOutputPort(f"{letter}_preview") for letter in "pva")

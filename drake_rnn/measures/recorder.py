@@ -81,7 +81,7 @@ class Recorder:
         simulator.set_monitor(self)
 
     def __call__(self, context: Context) -> None:
-        """Count a step that has been logged; if a part is due, evaluate the steps before it first."""
+        """Count a step that was logged; if a part is due, evaluate the steps before it first."""
         if self._count == self._due:
             self._make_room()
         self._count += 1

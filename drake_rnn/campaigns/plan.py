@@ -13,14 +13,16 @@ import numpy as np
 from ..errors import InvalidInputError
 from ..experiment import (
     Arms,
-    Checked,
     Described,
-    QuickCheck,
+    ExperimentDocument,
+    Sections,
     load_experiment,
     read_document,
+    read_sections,
     require_none_lost,
 )
 from ..inputs.complaints import plain
+from ..inputs.documents import construct
 from ..many.why_not import why_not_arm, why_not_law
 from ..runs.effort import effort_of, require_effort
 from .document import CampaignDocument
@@ -88,17 +90,17 @@ def plan_campaign(
             raise InvalidInputError(f"--set: {key!r} varies in this campaign; it cannot be both")
     require_none_lost([*(changes or {}), *campaign.vary], "--set")
     base = shared_document(campaign.experiment, {**campaign.changes, **(changes or {})})
-    check, choice, rows, time = QuickCheck(), _Choice(campaign.method), [], 0.0
+    arms, rows, time = Arms(), [], 0.0
     for number, values in enumerate(row_values(campaign)):
         try:
             if number == 0:
                 load_experiment(base, values)
             contents = read_document(base, values)
-            checked = check.check(contents)
-            effort = effort_of(checked.document)
+            parts = read_sections(construct(ExperimentDocument, contents, ""), arms)
+            effort = effort_of(parts.document)
             if not anyway:
-                require_effort(effort, checked.document.duration)
-            method = choice.of(checked)
+                require_effort(effort, parts.document.duration)
+            method = _chosen(campaign.method, parts, arms)
         except InvalidInputError as error:
             raise InvalidInputError(f"{error} (row {number})") from None
         order = order_of(contents, anyway=anyway, method=method)
@@ -107,31 +109,20 @@ def plan_campaign(
     return Plan(campaign, base, rows, time)
 
 
-class _Choice:
-    """Chooses what carries a run out, by its document alone.
+def _chosen(asked: str, parts: Sections, arms: Arms) -> Method:
+    """Return what carries out a run, chosen by its document alone.
 
-    Args:
-        asked: What the campaign asks for.
+    Raises:
+        InvalidInputError: If a batch is asked for and cannot carry it out.
     """
-
-    def __init__(self, asked: str) -> None:
-        self._asked = asked
-        self._arms = Arms()
-
-    def of(self, checked: Checked) -> Method:
-        """Return what carries out the run of a document.
-
-        Raises:
-            InvalidInputError: If a batch is asked for and cannot.
-        """
-        if self._asked == "simulate":
-            return "simulate"
-        reason = why_not_law(checked.document, checked.law) or self._arms.shared(
-            "why not", _joints_of(checked.document.arm), lambda: why_not_arm(checked.arm)
-        )
-        if reason is not None and self._asked == "batch":
-            raise InvalidInputError(f"method: may not be batch here; {reason}")
-        return "batch" if reason is None else "simulate"
+    if asked == "simulate":
+        return "simulate"
+    reason = why_not_law(parts.document, parts.law) or arms.shared(
+        "why not", _joints_of(parts.document.arm), lambda: why_not_arm(parts.arm)
+    )
+    if reason is not None and asked == "batch":
+        raise InvalidInputError(f"method: may not be batch here; {reason}")
+    return "batch" if reason is None else "simulate"
 
 
 def _joints_of(arm: str | Mapping[str, Any]) -> Any:

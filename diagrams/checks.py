@@ -71,7 +71,7 @@ def check_parts(
     body.check_loop(controller.period, feedback, sensed=sensing is not None)
     check_sensing(sensing, controller.law)
     body.check_task(task)
-    body.check_period(controller.period)
+    body.check_plant(body.settings, controller.period)
     check_filter(filter is not None, feedback, dither)
     _require_same_period(controller, filter)
 

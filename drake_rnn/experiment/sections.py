@@ -19,7 +19,7 @@ from ..laws import LAWS, Law, PostureLaw
 from ..paths import Path
 from ..robot.arm import Arm
 from ..robot.limits import JointLimits
-from ..systems import BODIES, Feedback, PlantSettings, start_posture
+from ..systems import BODIES, Feedback, start_posture
 from .arms import Arms
 from .document import ExperimentDocument
 from .law import make_law
@@ -93,10 +93,7 @@ def _level(document: ExperimentDocument) -> Feedback:
     body, sensed = BODIES[document.level], document.sensing is not None
     feedback = body.chosen_feedback(document.feedback, sensed=sensed)
     body.check_loop(document.period, feedback, sensed=sensed)
-    if body.has_motors:
-        (document.plant or PlantSettings()).check_period(document.period)
-    elif document.plant is not None:
-        raise InvalidInputError("plant: only at level: dynamic")
+    body.check_plant(document.plant, document.period)
     return feedback
 
 

@@ -2,7 +2,7 @@
 
 # No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -21,17 +21,12 @@ Motion = tuple[Array, Array, Array]
 #: world frame W, and the task frame E as it is when the path begins.
 BASE, TOOL = "base", "tool"
 
-
 # Two times [s] and two places [m] that only rounding sets apart.
 _INSTANT, _SAME = 1e-9, 1e-6
 
 
-class PlacedPath(ABC):
-    """A path in the world frame W: the desired motion of the end effector E as functions of time.
-
-    `Path.placed` returns one. Before t = 0 the point rests where the path begins, after its end
-    where it ends.
-    """
+class Passage(ABC):
+    """How a path is passed in time, whether it has been placed or not."""
 
     @property
     @abstractmethod
@@ -39,22 +34,59 @@ class PlacedPath(ABC):
         """Time at which the path ends [s]; infinite for one without an end."""
 
     @property
-    @abstractmethod
     def traversal(self) -> float:
         """Time after which all of the path has been passed once, finite [s].
 
         It is one lap of a closed curve, and the duration of an open one.
         """
+        return self.duration
 
     @property
-    @abstractmethod
     def closed(self) -> bool:
         """Whether the path ends where it began."""
+        return False
 
     @property
-    @abstractmethod
     def turns(self) -> bool:
         """Whether the path carries an orientation of its own, which may vary."""
+        return False
+
+    def knots(self, until: float) -> Array:
+        """Return the times in [0, until] at which a derivative may jump or the point rests [s].
+
+        Raises:
+            InvalidInputError: If ``until`` and the duration are both infinite.
+        """
+        until = min(until, self.duration)
+        if not np.isfinite(until):
+            raise InvalidInputError(f"until: must be finite, not {until}")
+        times = np.unique(np.concatenate([np.atleast_1d(part) for part in self._breaks(until)]))
+        return times[times <= until]
+
+    def _breaks(self, until: float) -> list[Array | float]:
+        """Return times that hold all of `knots` up to ``until`` [s], and perhaps later ones."""
+        return [0.0, self.duration]
+
+    @abstractmethod
+    def sample(self, count: int) -> Array:
+        """Return points that show the path passed once, shape (count, 3) [m].
+
+        Raises:
+            InvalidInputError: If ``count`` is not a whole number of at least 1.
+        """
+
+    def _sampled(self, motion: Callable[[float], Motion], count: int) -> Array:
+        """Return the points of a motion at equal steps of time, see `sample`."""
+        require_count(count)
+        return np.array([motion(t)[0] for t in np.linspace(0.0, self.traversal, count).tolist()])
+
+
+class PlacedPath(Passage):
+    """A path in the world frame W: the desired motion of the end effector E as functions of time.
+
+    `Path.placed` returns one. Before t = 0 the point rests where the path begins, after its end
+    where it ends.
+    """
 
     @property
     @abstractmethod
@@ -88,14 +120,6 @@ class PlacedPath(ABC):
             InvalidInputError: If it is not known, see `oriented`, or ``t`` is not finite.
         """
 
-    @abstractmethod
-    def knots(self, until: float) -> Array:
-        """Return the times in [0, until] at which a derivative may jump or the point rests [s].
-
-        Raises:
-            InvalidInputError: If ``until`` and the duration are both infinite.
-        """
-
     def last_lap(self, until: float) -> float | None:
         """Return when the point last was where it is at a time, or at the path's end before [s].
 
@@ -117,14 +141,8 @@ class PlacedPath(ABC):
         return None
 
     def sample(self, count: int) -> Array:
-        """Return positions that show the path passed once, shape (count, 3) [m].
-
-        Raises:
-            InvalidInputError: If ``count`` is not a whole number of at least 1.
-        """
-        require_count(count)
-        times = np.linspace(0.0, self.traversal, count).tolist()
-        return np.array([self.position(t)[0] for t in times])
+        """See `Passage.sample`; points are positions in W."""
+        return self._sampled(self.position, count)
 
 
 @validated

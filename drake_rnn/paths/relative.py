@@ -11,15 +11,15 @@ from pydrake.math import RigidTransform
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Point, validated, zeros
-from .checks import require_count, require_pose, require_start, require_times, require_values
-from .path import BASE, TOOL, Motion, Path, PlacedPath
+from .checks import require_pose, require_start, require_times, require_values
+from .path import BASE, TOOL, Motion, Passage, Path, PlacedPath
 
 # Number of times at which a path is tried when it is placed.
 _CHECKED = 5
 
 
 @validated
-class RelativePath(Path):
+class RelativePath(Path, Passage):
     """A path given by its motion from its first pose, along the axes of a frame F.
 
     Args:
@@ -30,26 +30,6 @@ class RelativePath(Path):
 
     offset: Point = Field(default_factory=zeros)
     frame: str = BASE
-
-    @property
-    @abstractmethod
-    def duration(self) -> float:
-        """Time at which the path ends [s]; infinite for one without an end."""
-
-    @property
-    def traversal(self) -> float:
-        """Time after which all of the path has been passed once, finite [s]."""
-        return self.duration
-
-    @property
-    def closed(self) -> bool:
-        """Whether the path ends where it began."""
-        return False
-
-    @property
-    def turns(self) -> bool:
-        """Whether the path carries an orientation of its own, which may vary."""
-        return False
 
     @property
     def frames(self) -> frozenset[str]:
@@ -98,27 +78,9 @@ class RelativePath(Path):
         """
         return self
 
-    def knots(self, until: float) -> Array:
-        """Return the times in [0, until] at which a derivative may jump or the point rests [s].
-
-        Raises:
-            InvalidInputError: If ``until`` and the duration are both infinite.
-        """
-        until = min(until, self.duration)
-        if not np.isfinite(until):
-            raise InvalidInputError(f"until: must be finite, not {until}")
-        times = np.unique([0.0, self.duration])
-        return times[times <= until]
-
     def sample(self, count: int) -> Array:
-        """Return displacements that show the path passed once, shape (count, 3) [m].
-
-        Raises:
-            InvalidInputError: If ``count`` is not a whole number of at least 1.
-        """
-        require_count(count)
-        times = np.linspace(0.0, self.traversal, count).tolist()
-        return np.array([self.evaluate(t)[0] for t in times])
+        """See `Passage.sample`; points are displacements from the first one, in F."""
+        return self._sampled(self.evaluate, count)
 
     def require_motion(self) -> None:
         """Raise an InvalidInputError if this is no motion that a point can follow."""

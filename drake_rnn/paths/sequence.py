@@ -196,14 +196,10 @@ class _PlacedSequence(PlacedPath):
             return piece.path.orientation(t - piece.begin)
         return piece.path.orientation(piece.end - piece.begin)[0], np.zeros(3), np.zeros(3)
 
-    def knots(self, until: float) -> Array:
-        until = min(until, self.duration)
-        if not np.isfinite(until):
-            raise InvalidInputError(f"until: must be finite, not {until}")
-        times = [
-            piece.begin + piece.path.knots(min(until, piece.end) - piece.begin)
-            for piece in self.pieces
-            if piece.begin <= until
+    def _breaks(self, until: float) -> list[Array | float]:
+        begun = [piece for piece in self.pieces if piece.begin <= until]
+        ends = [piece.end for piece in begun]
+        return [
+            *ends,
+            *(one.begin + one.path.knots(min(until, one.end) - one.begin) for one in begun),
         ]
-        ends = [piece.end for piece in self.pieces if piece.end <= until]
-        return np.unique(np.concatenate([*times, ends]))

@@ -12,7 +12,7 @@ from ..errors import InvalidInputError
 from ..inputs.complaints import nearest, require_type, short
 from ..inputs.dataclass_fields import field_names
 from ..laws import Law
-from ..robot.task import TASKS
+from ..robot.task import TASKS, tasks_suiting
 from ..systems.body import Body, Feedback
 from ..systems.controllers import Controller
 from ..systems.dither import DitherSettings
@@ -202,20 +202,13 @@ def _require_task(
     controller: Controller, kinematics: Kinematics, task: str, offered: Mapping[str, OutputPort]
 ) -> None:
     """Raise an InvalidInputError if the law is made for another task than the kinematics."""
-    inputs = controller.reading.inputs.parts
-    names = [name for name in inputs if offered[name].get_system() is kinematics]
-
-    def fits(offering: Kinematics) -> bool:
-        return all(
-            offering.GetOutputPort(name).size() == controller.GetInputPort(name).size()
-            for name in names
-        )
-
-    if fits(kinematics):
+    inputs = controller.reading.inputs.parts.items()
+    able = tasks_suiting(
+        {name: shape for name, (_, shape) in inputs if offered[name].get_system() is kinematics}
+    )
+    # Where the law fits no task, connecting the ports will name the one of the wrong size.
+    if task in able or not able:
         return
-    able = [name for name in TASKS if fits(Kinematics(kinematics.arm, name))]
-    if not able:
-        return  # fits no task: connecting the ports will name the one of the wrong size
     law = type(controller.law)
     takes_size = "task_size" in field_names(law)
     hint = f"; or give the law task_size={TASKS[task].size}" if takes_size else ""

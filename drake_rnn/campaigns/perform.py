@@ -45,12 +45,8 @@ def require_stamp(order: Order) -> None:
 def _timed(order: Order) -> Outcome:
     require_stamp(order)
     began = perf_counter()
-    outcome = _outcome(order)
+    outcome, _ = attempt(order, "full" if order.learning else "none")
     return replace(outcome, wall_time_s=perf_counter() - began)
-
-
-def _outcome(order: Order) -> Outcome:
-    return attempt(order, "full" if order.learning else "none")[0]
 
 
 def attempt(order: Order, series: Series) -> tuple[Outcome, Result | None]:

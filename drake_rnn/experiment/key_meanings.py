@@ -19,7 +19,7 @@ from ..laws import LAWS
 from ..measures import METRICS
 from ..paths import PATHS
 from ..robot.arm_description import ArmDescription
-from ..robot.limits import LIMIT_UNITS
+from ..robot.limits import FIELD_UNITS
 from .document import ExperimentDocument
 
 _KINDS: dict[str, Kinds[Any]] = {"law": LAWS, "path": PATHS, "environment": ENVIRONMENTS}
@@ -47,8 +47,7 @@ def section_meanings(name: str, value: Any) -> dict[str, str]:
     if name == "accept":
         return {metric.name: f"{metric.meaning} [{metric.unit}]" for metric in METRICS}
     if name == "limits":
-        sides = {f"position_{side}": LIMIT_UNITS["position"] for side in ("lower", "upper")}
-        return {limit: f"[{unit}]" for limit, unit in (LIMIT_UNITS | sides).items()}
+        return {limit: f"[{unit}]" for limit, unit in FIELD_UNITS.items()}
     if name == "arm":
         return _meanings(ArmDescription)
     if name in _KINDS:

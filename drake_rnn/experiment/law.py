@@ -15,7 +15,7 @@ from ..laws import Law
 from ..laws.checks import check_declared, continuous_reading, sampled_reading
 from ..laws.parts.measurement import LEVER, REACH, Measurement
 from ..robot.limits import JointLimits
-from ..robot.task import TASKS
+from ..robot.task import TASKS, tasks_suiting
 from .document import ExperimentDocument
 
 #: Where those fields of a law come from that a document must not give.
@@ -93,13 +93,6 @@ def _require_size(task: str, kind: Any) -> None:
 def _require_rows(task: str, law: Law) -> None:
     """Raise an InvalidInputError if the task does not fit the sizes of the law's inputs."""
     parts = {**law.state.parts, **law.inputs.parts}
-    rows = {name: shape[0] for name, (_, shape) in parts.items()}
-
-    def suits(name: str) -> bool:
-        known = TASKS[name]
-        expected = {"p_WE": len(known.axes), "J": known.size, "J_hat": known.size}
-        return all(rows.get(part, size) == size for part, size in expected.items())
-
-    if not suits(task):
-        able = ", ".join(filter(suits, TASKS))
-        raise InvalidInputError(f"task: may be {able} for this law, not {task}")
+    able = tasks_suiting({name: shape for name, (_, shape) in parts.items()})
+    if task not in able:
+        raise InvalidInputError(f"task: may be {', '.join(able)} for this law, not {task}")

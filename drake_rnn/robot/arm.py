@@ -13,13 +13,7 @@ from typing import Any
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import (
-    BodyIndex,
-    FrameIndex,
-    Joint,
-    ModelInstanceIndex,
-    PrismaticJoint,
-)
+from pydrake.multibody.tree import BodyIndex, Joint, ModelInstanceIndex, PrismaticJoint
 
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest, require_type
@@ -30,10 +24,11 @@ from .arm_description import ArmDescription
 from .drake_log import quiet_drake
 from .held_joints import poses_where_held, weld_joints
 from .kinematics import ArmKinematics
-from .limits import DERIVATIVE_UNITS, JointLimits
+from .limits import FIELD_UNITS, JointLimits
 from .limits_file import LimitsFile, read_limits
 from .link_error_settings import LinkErrorSettings
 from .model import Model, displaced, moving_joints, read_model
+from .structure import joints_to, nearest_frame
 
 
 class Arm:
@@ -95,10 +90,9 @@ class Arm:
         return f"<Arm {self.name}: {self.n} joints, task frame {self.frame}{tool}>"
 
     def _repr_html_(self) -> str:
-        units = dict.fromkeys(("position_lower", "position_upper"), "rad") | DERIVATIVE_UNITS
         bounds = {
             f"{name} [{unit}]": bound
-            for name, unit in units.items()
+            for name, unit in FIELD_UNITS.items()
             if (bound := self.limits.bounds[name]) is not None
         }
         rows = [
@@ -274,10 +268,8 @@ class Arm:
 
     def _require_frame(self, plant: MultibodyPlant, name: str, key: str) -> None:
         if not plant.HasFrameNamed(name):
-            frames = [plant.get_frame(FrameIndex(i)) for i in range(plant.num_frames())]
-            names = sorted({frame.name() for frame in frames} - {""})
             raise InvalidInputError(
-                f"arm.{key}: no frame {name!r} in {self.model.name}; " + nearest(name, names)
+                f"arm.{key}: no frame {name!r} in {self.model.name}; {nearest_frame(plant, name)}"
             )
 
     def _controlled_joints(self, plant: MultibodyPlant) -> tuple[str, ...]:
@@ -285,7 +277,11 @@ class Arm:
         movable = {joint.name(): joint for joint in joints if joint.num_positions()}
         self._require_movable(list(movable))
         chosen = self.description.joints
-        joints_used = self._chain(plant) if chosen is None else list(chosen)
+        joints_used = list(chosen or ())
+        if chosen is None:
+            chain = joints_to(plant, plant.GetFrameByName(self.frame).body())
+            moving = [joint.name() for joint in chain if joint.num_positions()]
+            joints_used = [name for name in moving if name not in self.description.lock]
         if len(set(joints_used)) < len(joints_used):
             twice = next(name for name in joints_used if joints_used.count(name) > 1)
             raise InvalidInputError(f"arm.joints: {twice!r} is given twice")
@@ -332,20 +328,6 @@ class Arm:
                 raise InvalidInputError(
                     f"arm.lock.{name}: may be {lower:g} to {upper:g}, not {value:g}"
                 )
-
-    def _chain(self, plant: MultibodyPlant) -> list[str]:
-        """Return the names of the unlocked movable joints from the base to the task frame."""
-        holders = {
-            joint.child_body().index(): joint
-            for joint in map(plant.get_joint, plant.GetJointIndices())
-        }
-        names: list[str] = []
-        body = plant.GetFrameByName(self.frame).body()
-        while (joint := holders.get(body.index())) is not None:
-            if joint.num_positions() and joint.name() not in self.description.lock:
-                names.insert(0, joint.name())
-            body = joint.parent_body()
-        return names
 
     def _read_limits(self, plant: MultibodyPlant) -> LimitsFile | None:
         if self.description.limits is None:

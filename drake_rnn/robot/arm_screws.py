@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Joint, PrismaticJoint, RevoluteJoint
 
 from ..errors import InvalidInputError
@@ -11,6 +10,7 @@ from ..inputs.complaints import require_type
 from ..inputs.fields import Array
 from .arm import Arm
 from .screws import Screws
+from .structure import joints_to
 
 # Sines of pi leave such traces in the frames of a model; of numbers of the size of 1.
 _ROUNDING = 1e-15
@@ -32,7 +32,7 @@ def screws_of(arm: Arm) -> Screws:
     context = plant.CreateDefaultContext()
     plant.SetPositions(context, np.zeros(plant.num_positions()))
     E = plant.GetFrameByName(arm.frame)
-    joints = _joints_to(plant, E.body().index())
+    joints = [joint for joint in joints_to(plant, E.body()) if joint.num_positions()]
     if not joints:
         raise InvalidInputError(f"arm.frame: no joint moves {arm.frame!r}")
     axes, points, frames = [], [np.zeros(3)], []
@@ -53,19 +53,6 @@ def screws_of(arm: Arm) -> Screws:
         columns=tuple(arm.joints.index(joint.name()) for joint in joints),
         n=arm.n,
     )
-
-
-def _joints_to(plant: MultibodyPlant, body: int) -> list[Joint]:
-    """Return the movable joints from the base to a body."""
-    holders = {
-        joint.child_body().index(): joint for joint in map(plant.get_joint, plant.GetJointIndices())
-    }
-    joints: list[Joint] = []
-    while (joint := holders.get(body)) is not None:
-        if joint.num_positions():
-            joints.insert(0, joint)
-        body = joint.parent_body().index()
-    return joints
 
 
 def _axis(joint: Joint) -> Array:

@@ -25,6 +25,9 @@ DERIVATIVE_UNITS = {
     "crackle": "rad/s^5",
 }
 
+#: The fields of `JointLimits` and their units for a joint that turns.
+FIELD_UNITS = {"position_lower": "rad", "position_upper": "rad", **DERIVATIVE_UNITS}
+
 #: All limits by name and their units; ``position`` stands for its lower and its upper limit.
 LIMIT_UNITS = {"position": "rad", **DERIVATIVE_UNITS}
 

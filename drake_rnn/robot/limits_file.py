@@ -26,12 +26,12 @@ from ..errors import InvalidInputError
 from ..inputs.complaints import nearest
 from ..inputs.documents import construct, read_yaml
 from ..inputs.fields import Array, Bounds, validated
-from .limits import DERIVATIVE_UNITS, JointLimits
+from .limits import FIELD_UNITS, JointLimits
 
 _UNPUBLISHED = "unpublished"
 _POSITION = ("position_lower", "position_upper")
 #: Limits that a file may state, and their units for a revolute joint.
-LIMIT_UNITS = {**dict.fromkeys(_POSITION, "rad"), **DERIVATIVE_UNITS, "effort": "N m"}
+LIMIT_UNITS = {**FIELD_UNITS, "effort": "N m"}
 # Strict: neither true nor "4" is a number.
 _Number = Annotated[float, Field(strict=True)]
 # Other ways to write the same unit, and those of a prismatic joint.
@@ -119,7 +119,7 @@ class LimitsFile:
             InvalidInputError: If a list has another size, or the limits contradict each other.
         """
         merged: dict[str, Any] = {}
-        for name in (*_POSITION, *DERIVATIVE_UNITS):
+        for name in FIELD_UNITS:
             published = self.values(name, joints)
             known = stated.bounds[name]
             if np.isnan(published).all():

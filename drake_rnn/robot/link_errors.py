@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import InvalidInputError
 from ..inputs.complaints import require_type
 from ..inputs.fields import Array
-from .rotations import product, rotation_by, times
+from .rotation import product, rotation_by, times
 from .screws import Screws
 
 

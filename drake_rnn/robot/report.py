@@ -10,7 +10,7 @@ import numpy as np
 from ..inputs.complaints import require_type
 from ..inputs.fields import Array
 from .arm import Arm
-from .postures import conditioning, proposed_home, random_postures
+from .postures import conditioning, proposed_home, random_postures, structural_rank
 
 # A home posture closer than this to a limit [rad], or with a singular value of the Jacobian this
 # small relative to the largest one, makes a poor start.
@@ -131,8 +131,7 @@ def _home_doubts(arm: Arm, reach: float) -> list[str]:
     if names := _names(arm, room < _NEAR):
         found.append(f"home: less than {_NEAR:g} rad from the limits of {names}")
     kinematics = arm.kinematics()
-    drawn = [conditioning(kinematics, q, reach) for q in random_postures(arm, 50)]
-    rank = max(int((values > 1e-6).sum()) for values in drawn)
+    rank = structural_rank(kinematics, random_postures(arm, 50), reach)
     smallest = float(conditioning(kinematics, arm.home, reach)[rank - 1])
     if smallest < _SINGULAR:
         found.append(

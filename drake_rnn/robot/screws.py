@@ -13,7 +13,7 @@ from ..arrays.namespace import AnyArray, robots_last
 from ..errors import InvalidInputError
 from ..inputs.complaints import require_type
 from .moved_screws import Home, Link, MovedScrews
-from .rotations import frame_about, product, times
+from .rotation import frame_about, product, times
 from .triples import Matrix, Triple, constant, constant_matrix
 
 # How many axes of an array are the arm's; those before them are robots.

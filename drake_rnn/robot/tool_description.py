@@ -29,7 +29,6 @@ from pydrake.multibody.tree import (
 )
 
 from ..errors import InvalidInputError
-from ..inputs.complaints import nearest
 from ..inputs.fields import (
     Angles,
     Array,
@@ -43,6 +42,7 @@ from ..inputs.fields import (
     validated,
     zeros,
 )
+from .structure import nearest_frame
 
 # Colours of the drawn parts.
 _BLACK = (0.18, 0.18, 0.2, 1.0)
@@ -176,11 +176,9 @@ class ToolDescription:
                 )
         mount = str(self.mount)
         if not plant.HasFrameNamed(mount, instance):
-            frames = (plant.get_frame(index) for index in plant.GetFrameIndices(instance))
-            names = sorted({frame.name() for frame in frames} - {""})
             raise InvalidInputError(
                 f"arm.tool: no frame {mount!r} in {model} that could carry it; "
-                + nearest(mount, names)
+                + nearest_frame(plant, mount, instance)
             )
         return plant.GetFrameByName(mount, instance)
 

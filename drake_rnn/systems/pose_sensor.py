@@ -7,7 +7,7 @@ from pydrake.systems.framework import Context
 
 from ..inputs.fields import Array
 from ..robot.kinematics import ArmKinematics
-from ..robot.rotations import rotation_by
+from ..robot.rotation import rotation_by
 from ..robot.task import named_task
 from .lateness import LateSensor
 from .sensing_settings import SensingSettings

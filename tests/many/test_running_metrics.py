@@ -6,7 +6,7 @@ import pytest
 from drake_rnn.many.joint_metrics import least_eigenvalue
 from drake_rnn.many.rotation import angle_between
 from drake_rnn.many.running import Largest, Mean, Median, Settling, Smallest
-from drake_rnn.robot.rotations import rotation_by
+from drake_rnn.robot.rotation import rotation_by
 
 RNG = np.random.default_rng(0)
 

@@ -1,4 +1,4 @@
-"""The rows of a campaign: which values each has, and what is to be run for it."""
+"""The rows of a campaign: the values of each row, and the run that they ask for."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ class PlannedRow:
     """A row of a campaign.
 
     Attributes:
-        number: Its number, from 0.
+        number: Number of the row, from 0.
         values: Values of the varied keys.
-        order: What is to be run for it; rows of the same values have the same.
+        order: Order of the row's run; rows with the same values share one order.
     """
 
     number: int
@@ -48,13 +48,13 @@ class PlannedRow:
 
 @dataclass(frozen=True)
 class Plan:
-    """What a campaign will run.
+    """The runs of a campaign.
 
     Attributes:
-        campaign: Its document.
+        campaign: Document of the campaign.
         experiment: Contents of the experiment's document, with the changes that all rows share.
-        rows: Its rows.
-        time: Time that they may take one after another, within a factor of a few [s].
+        rows: The rows.
+        time: Estimated time of all runs one after another, within a factor of a few [s].
     """
 
     campaign: CampaignDocument
@@ -63,31 +63,33 @@ class Plan:
     time: float
 
 
-#: What loading, checking and evaluating a run takes, however short it is [s], by its method.
+#: Time to load, check and evaluate a run of any length [s], by its method.
 _EACH = {"simulate": 0.1, "batch": 0.01}
-#: What a step of a run costs in a batch [s].
+#: Time of a step of a run in a batch [s].
 _STEP = 3e-6
 
 
 def plan_campaign(
     campaign: CampaignDocument, changes: Mapping[str, Any] | None = None, *, anyway: bool = False
 ) -> Plan:
-    """Return what a campaign will run, with the document of each row checked.
+    """Return the runs of a campaign, with the document of each row checked.
 
-    The first row is checked as a whole; of the others, each section by itself. What only shows when
-    a run is made, such as a path out of reach, becomes a row.
+    The first row is checked as a whole; in the other rows, each section is checked by itself. A
+    fault that shows only when the run starts, such as a path out of reach, becomes a row.
 
     Args:
         campaign: The campaign.
-        changes: Further changes of its experiment, by dotted key.
-        anyway: Whether a run may take as many steps as it likes.
+        changes: Further changes of the experiment, by dotted key.
+        anyway: Whether a run may take any number of steps.
 
     Raises:
-        InvalidInputError: If a row is no valid experiment, or a run would take very many steps.
+        InvalidInputError: If a row is no valid experiment, or a run would take too many steps.
     """
     for key in changes or {}:
         if key in campaign.vary:
-            raise InvalidInputError(f"--set: {key!r} varies in this campaign; it cannot be both")
+            raise InvalidInputError(
+                f"--set: {key!r} varies in this campaign; it is either set or varied"
+            )
     require_none_lost([*(changes or {}), *campaign.vary], "--set")
     base = shared_document(campaign.experiment, {**campaign.changes, **(changes or {})})
     arms, rows, time = Arms(), [], 0.0
@@ -126,7 +128,7 @@ def _chosen(asked: str, parts: Sections, arms: Arms) -> Method:
 
 
 def _joints_of(arm: str | Mapping[str, Any]) -> Any:
-    """Return what a document says of the kind of an arm's joints."""
+    """Return what a document says about an arm, without the errors of its links."""
     if isinstance(arm, str):
         return arm
     return {key: value for key, value in arm.items() if key != "link_errors"}
@@ -150,13 +152,13 @@ def order_of(
 
     Args:
         contents: Contents of the document.
-        anyway: Whether it may take as many steps as it likes.
+        anyway: Whether the run may take any number of steps.
         learning: Whether the error of a learned Jacobian is wanted over time.
-        method: What is to carry it out.
+        method: How to carry out the run.
     """
     document: dict[str, Any] = plain(contents)
     around = surroundings(document)
-    # Without the limit on its steps a run that was refused is another one.
+    # A run that is refused for its many steps is kept apart from the same run made anyway.
     said = f"row 2 {method}{' learning' * learning}{' anyway' * anyway}"
     key = row_key(document, around, said)
     return Order(key, document, stamp(), around, anyway, learning, method)

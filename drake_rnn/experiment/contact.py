@@ -16,9 +16,9 @@ from ..robot.tool import beyond_tool
 from ..systems import BODIES, Contact
 from .sections import Sections
 
-# How far a path may leave a surface along the normal, where only the force is controlled [m].
+# Largest extent of a path along the normal, where only the force is controlled [m].
 _OFF = 1e-3
-# Speed along the normal, of joints that move at 1 rad/s, below which an arm cannot press [m/s].
+# Speed of the tool along the normal, with joints at 1 rad/s, below which it cannot press [m/s].
 _STUCK = 1e-3
 
 

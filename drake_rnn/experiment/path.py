@@ -27,11 +27,11 @@ def path_of(
     given: Path | Trajectory | None,
     modules: Modules,
 ) -> tuple[Path, list[str]]:
-    """Return the path of an experiment, the same for all that describe the same one, and warnings.
+    """Return the path of an experiment, shared by documents that describe the same, and warnings.
 
     Args:
         document: Document of the experiment.
-        arms: What documents share.
+        arms: Parts that documents share.
         seeks_posture: Whether its law seeks a posture while the end effector stays.
         given: Path that was made in Python, in place of one that the document describes.
         modules: Modules that may be imported for the path.
@@ -91,13 +91,13 @@ def _doubts(path: Path, duration: float) -> list[str]:
 def _made(
     section: Mapping[str, Any], key: str, modules: Modules, known: dict[str, type[Path]]
 ) -> Path:
-    """Return the path that a section describes; in one of parts, each part is such a section.
+    """Return the path that a section describes; each part of a sequence is such a section too.
 
     Args:
         section: The section.
-        key: Its key in the document.
+        key: Key of the section in the document.
         modules: Modules that may be imported.
-        known: Classes found so far, by kind: to look for one takes milliseconds, and a sequence
+        known: Classes found so far, by kind: finding a class takes milliseconds, and a sequence
             may have thousands of parts.
     """
     name = section.get("kind")

@@ -76,7 +76,7 @@ def read_sections(
     arm, known = arms.shared(
         "arm", [document.arm, document.limits], lambda: _limited_arm(document, arms)
     )
-    # To look through what installed packages offer takes longer than all the rest.
+    # Searching the installed packages for a law takes longer than everything else here.
     kind = arms.shared(
         "kind", document.law.get("kind"), lambda: LAWS.named_by(document.law, modules)
     )

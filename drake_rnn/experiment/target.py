@@ -16,8 +16,8 @@ from .document import ExperimentDocument
 from .sections import Sections
 
 # Largest displacement [m] and rotation [rad] of the end effector in a target posture, and largest
-# distance of a joint from where the self-motion towards the target ends [rad]. Beyond them the law
-# would trade one error for the other.
+# distance of a joint from where the self-motion towards the target ends [rad]. With a larger miss
+# the law would trade one error for the other.
 _MISS, _TURN, _SHORT = 1e-4, 1e-3, 0.01
 
 

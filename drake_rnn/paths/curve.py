@@ -21,7 +21,7 @@ Triple = tuple[float, float, float]
 
 TURN = 2.0 * math.pi
 _RAMP = 0.2
-_INSTANT = 1e-12  # share of a segment; this close to its end counts as the start of the next one
+_INSTANT = 1e-12  # share of a segment; a time this close to its end belongs to the next segment
 
 
 @validated

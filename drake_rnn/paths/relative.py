@@ -67,14 +67,15 @@ class RelativePath(Path, Passage):
     def start_orientation(self, R_FE: Array | None) -> Array | None:
         """Return the path's first orientation, shape (3, 3), for an arm that starts with ``R_FE``.
 
-        None if it is that of an arm whose orientation is not known.
+        None if the arm's orientation is not known.
         """
         return R_FE
 
     def begun_at(self, p_FE: Array) -> "RelativePath":
         """Return the path for an arm that starts at ``p_FE``, shape (3,) [m].
 
-        It is the path itself, except for one whose displacement depends on where it begins.
+        By default that is the path itself; a path whose displacement depends on where it begins
+        overrides this method.
         """
         return self
 
@@ -83,7 +84,7 @@ class RelativePath(Path, Passage):
         return self._sampled(self.evaluate, count)
 
     def require_motion(self) -> None:
-        """Raise an InvalidInputError if this is no motion that a point can follow."""
+        """Raise an InvalidInputError unless this is a motion that a point can follow."""
         name = type(self).__name__
         require_times(name, self.duration, self.traversal)
         times = [-1.0, *np.linspace(0.0, self.traversal, _CHECKED).tolist(), 2.0 * self.traversal]
@@ -150,8 +151,8 @@ class _Placed(PlacedPath):
 
     Attributes:
         path: The path.
-        start: Its first point, shape (3,) [m].
-        R_WE: Its first orientation, shape (3, 3); None if that is not known.
+        start: First point, shape (3,) [m].
+        R_WE: First orientation, shape (3, 3); None if it is not known.
     """
 
     path: RelativePath
@@ -200,8 +201,8 @@ class _Placed(PlacedPath):
 def displacement_of(placed: PlacedPath) -> tuple[RelativePath, Array] | None:
     """Return the path whose displacement a placed path adds to its first point, and that point.
 
-    So many that begin elsewhere can share what is computed for one. None for a path along the axes
-    of another frame, and for one that is not given by its motion from its first pose.
+    Paths that differ only in their first point can share the computed displacement. None for a path
+    along the axes of another frame, and for one that is not a `RelativePath`.
 
     Args:
         placed: The placed path.

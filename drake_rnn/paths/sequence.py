@@ -46,7 +46,7 @@ class Part:
 
 
 def _parts(value: Any) -> Any:
-    """Return parts, in which a path stands for a part of its own duration."""
+    """Return parts; a path alone becomes a part that lasts as long as the path."""
     if not isinstance(value, (list, tuple)) or not value:
         raise ValueError("must be a list of one part or more")
     entries = [as_path(entry) for entry in value]
@@ -121,7 +121,7 @@ class _Piece:
 
     Attributes:
         begin, end: These times [s]; the end may be infinite.
-        path: The path; its own time begins with the piece.
+        path: The path, whose time begins at 0 when the piece begins.
     """
 
     begin: float
@@ -150,7 +150,7 @@ def _bridged(
 
 @dataclass(frozen=True, eq=False)
 class _PlacedSequence(PlacedPath):
-    """Pieces in the world frame, each of which begins when the one before ends."""
+    """Pieces in the world frame; each begins when the piece before it ends."""
 
     pieces: tuple[_Piece, ...]
 

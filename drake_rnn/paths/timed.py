@@ -27,7 +27,7 @@ _CLOSED = 1e-6
 
 @validated
 class TimedPath(RelativePath):
-    """A path that follows trajectories of Drake's, whose times are those of the run.
+    """A path that follows Drake trajectories, in the time of the run.
 
     Before they begin the point rests where they begin, and after their end where they end.
 

@@ -127,7 +127,10 @@ def test_the_command_of_a_row_sets_its_values_bit_for_bit():
         ({"vary": {"seed": [1]}, "samples": 3}, "samples: must be left out, as nothing is drawn"),
         ({"vary": {"law.damping": UNIFORM}}, "samples: must be given, as law.damping is drawn"),
         ({"vary": {}}, "vary: must name what varies"),
-        ({"vary": {"duration": [1]}}, "vary.duration: is also in changes; it cannot be both"),
+        (
+            {"vary": {"duration": [1]}},
+            "vary.duration: is also in changes; it is either varied or changed",
+        ),
         ({"vary": {"seed": [1]}, "vayr": 3}, "vayr: no such key; nearest: vary"),
         ({"vary": {"seed": [1]}, "metrics": ["error"]}, "metrics: no metric 'error'"),
         ({"vary": {"seed": [1]}, "together": [["x"]]}, "together: 'x' must be a key of vary"),

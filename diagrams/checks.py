@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from numbers import Integral
 from types import NoneType
 
 from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 
 from ..errors import InvalidInputError
-from ..inputs.complaints import nearest, require_type, short
+from ..inputs.complaints import nearest, require_type
 from ..inputs.dataclass_fields import field_names
 from ..laws import Law
 from ..robot.task import TASKS, tasks_suiting
@@ -21,6 +20,7 @@ from ..systems.kinematics import Kinematics
 from ..systems.moving_average import MovingAverage
 from ..systems.path_source import PathSource
 from ..systems.sensing_settings import SensingSettings
+from ..systems.white_noise import require_seed
 from .wiring import Ports
 
 
@@ -40,8 +40,7 @@ def check_arguments(
         _require_added(f"signals.{name}", port.get_system(), builder)
     if reference is not None:
         _require_added("reference", reference, builder)
-    if isinstance(seed, bool) or not isinstance(seed, Integral) or seed < 0:
-        raise InvalidInputError(f"seed: must be a whole number of at least 0, not {short(seed)}")
+    require_seed(seed)
     require_type("prefix", prefix, str)
 
 

@@ -4,6 +4,7 @@
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 from pydantic import Field
@@ -159,21 +160,10 @@ class _Placed(PlacedPath):
     start: Array
     R_WE: Array | None
 
-    @property
-    def duration(self) -> float:
-        return self.path.duration
-
-    @property
-    def traversal(self) -> float:
-        return self.path.traversal
-
-    @property
-    def closed(self) -> bool:
-        return self.path.closed
-
-    @property
-    def turns(self) -> bool:
-        return self.path.turns
+    duration = property(attrgetter("path.duration"))
+    traversal = property(attrgetter("path.traversal"))
+    closed = property(attrgetter("path.closed"))
+    turns = property(attrgetter("path.turns"))
 
     @property
     def oriented(self) -> bool:

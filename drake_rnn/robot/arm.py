@@ -225,6 +225,23 @@ class Arm:
         plant.Finalize()
         return plant
 
+    def each(self, key: str, value: float | Array) -> Array:
+        """Return a number for each joint, shape (n,), from one for all joints or one per joint.
+
+        Args:
+            key: Key of the value in a document, for the message.
+            value: The number or numbers.
+
+        Raises:
+            InvalidInputError: If there are not as many numbers as joints.
+        """
+        given = np.asarray(value, dtype=float)
+        if given.ndim and given.size != self.n:
+            raise InvalidInputError(
+                f"{key}: must have {self.n} entries, one per joint of {self.name}, not {given.size}"
+            )
+        return np.broadcast_to(given, self.n)
+
     def posture(self, plant: MultibodyPlant, q: Array) -> Array:
         """Return all positions of ``plant``, shape (nq,), with the controlled joints at ``q``.
 

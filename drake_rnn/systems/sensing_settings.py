@@ -79,7 +79,7 @@ class SensingSettings:
         Raises:
             InvalidInputError: If there are not as many numbers as joints.
         """
-        return _each("position_noise", self.position_noise, arm)
+        return arm.each("sensing.position_noise", self.position_noise)
 
     def step_of(self, arm: Arm) -> Array | None:
         """Return the step of each joint's measured position, shape (n,); None without steps.
@@ -89,7 +89,8 @@ class SensingSettings:
                 as many numbers as joints.
         """
         if self.encoder_bits is None:
-            return None if self.resolution is None else _each("resolution", self.resolution, arm)
+            given = self.resolution
+            return None if given is None else arm.each("sensing.resolution", given)
         for name, unit in zip(arm.joints, arm.units, strict=True):
             if unit != "rad":
                 raise InvalidInputError(
@@ -97,13 +98,3 @@ class SensingSettings:
                     "sensing.resolution, one number for each joint"
                 )
         return np.full(arm.n, 2.0 * math.pi / 2.0**self.encoder_bits)
-
-
-def _each(key: str, value: float | Array, arm: Arm) -> Array:
-    given = np.asarray(value, dtype=float)
-    if given.ndim == 1 and given.size != arm.n:
-        raise InvalidInputError(
-            f"sensing.{key}: must have {arm.n} entries, one per joint of {arm.name}, not "
-            f"{given.size}"
-        )
-    return np.broadcast_to(given, arm.n)

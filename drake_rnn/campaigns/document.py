@@ -11,10 +11,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from ..diagrams import CAMPAIGNS
-from ..errors import InvalidInputError
 from ..experiment import require_none_lost
 from ..inputs.complaints import nearest, require_type
-from ..inputs.documents import construct, read_yaml
+from ..inputs.documents import construct, read_named
 from ..inputs.fields import Count, Seed, validated
 from ..measures import METRIC_NAMES
 from .variation import Axis, Distribution, variation_of
@@ -170,17 +169,8 @@ def read_campaign(
 
 
 def _read(name: str) -> dict[str, Any]:
-    if name in shipped_campaigns():
-        file = CAMPAIGNS / f"{name}.yaml"
-    elif Path(name).suffix in {".yaml", ".yml"}:
-        file = Path(name)
-    else:
-        raise InvalidInputError(
-            f"campaign: no campaign {name!r}; {nearest(name, shipped_campaigns())}, or a .yaml file"
-        )
-    contents = read_yaml(file)
-    if not isinstance(contents, dict):
-        raise InvalidInputError(f"{file}: must be a mapping of keys to values")
+    shipped = {file.stem: file for file in CAMPAIGNS.glob("*.yaml")}
+    contents, file = read_named(name, shipped, "campaign")
     experiment = contents.get("experiment")
     if isinstance(experiment, str) and (file.parent / experiment).is_file():
         # Relative to the campaign, as files in an experiment are relative to it.

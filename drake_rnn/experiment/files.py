@@ -12,7 +12,7 @@ from ..diagrams import EXPERIMENTS
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest, require_type
 from ..inputs.dataclass_fields import field_names, fields_of
-from ..inputs.documents import read_yaml
+from ..inputs.documents import read_named
 from ..robot.limits_file import limits_beside
 from ..robot.load_arm import shipped_arms
 from .arms import Arms
@@ -30,7 +30,12 @@ def shipped_experiments() -> list[str]:
     All can be run except ``state_adjustment_printed``: its target, as printed in the paper, cannot
     be reached.
     """
-    return sorted(file.stem for file in EXPERIMENTS.glob("*/*.yaml"))
+    return sorted(_shipped())
+
+
+def _shipped() -> dict[str, File]:
+    """Return the files of the shipped experiments by name."""
+    return {file.stem: file for file in EXPERIMENTS.glob("*/*.yaml")}
 
 
 def load_experiment(
@@ -119,19 +124,7 @@ def _contents(experiment: Described) -> tuple[dict[str, Any], str]:
 
 def _read(name: str) -> tuple[dict[str, Any], str]:
     """Return the contents of a shipped document or of a YAML file, and the file's name."""
-    if name in shipped_experiments():
-        (file,) = EXPERIMENTS.glob(f"*/{name}.yaml")
-    elif File(name).suffix in {".yaml", ".yml"}:
-        file = File(name)
-    else:
-        raise InvalidInputError(
-            f"experiment: no experiment {name!r}; "
-            + nearest(name, shipped_experiments())
-            + ", or a .yaml file"
-        )
-    document = read_yaml(file)
-    if not isinstance(document, dict):
-        raise InvalidInputError(f"{file}: must be a mapping of keys to values")
+    document, file = read_named(name, _shipped(), "experiment")
     # Names of models and CSV files are relative to the document's folder.
     _resolve_files(document, file.parent)
     return document, file.stem

@@ -48,7 +48,7 @@ class Arm:
         units: Units of their positions: ``rad``, or ``m`` for one that slides.
         limits: Limits of the controlled joints.
         home: Home posture, shape (n,) [rad], or None.
-        warnings: What the model's file needed to be read, and what Drake warns of.
+        warnings: Changes that the model's file needed, and warnings of Drake.
 
     Raises:
         InvalidInputError: If the file, a frame or a joint does not exist, or sizes differ.
@@ -166,10 +166,10 @@ class Arm:
         """Return the same arm with links that differ from the model's.
 
         Args:
-            errors: The errors, in place of those that it has; None for none.
+            errors: The errors, which replace the arm's present ones; None for none.
 
         Raises:
-            InvalidInputError: If the model is no URDF.
+            InvalidInputError: If the model is not in URDF.
         """
         require_type("errors", errors, LinkErrorSettings, type(None))
         arm = copy(self)
@@ -260,7 +260,7 @@ class Arm:
         return ArmKinematics(self.plant(), self.frame, self.joints, scale)
 
     def believed_dynamics(self) -> ArmKinematics:
-        """Return the arm's dynamics as a law is told of them, with masses that may be wrong."""
+        """Return the dynamics that a law is given, whose masses may differ from the arm's."""
         believed = self.description.believed_mass_scale
         scale = self.description.mass_scale if believed is None else believed
         return ArmKinematics(self.plant(), self.frame, self.joints, scale)
@@ -354,7 +354,7 @@ class Arm:
         return read_limits(Path(self.description.limits), movable, self.joints)
 
     def _known_limits(self, plant: MultibodyPlant) -> JointLimits:
-        """Return the limits of the file of limits, and of the model where that states none."""
+        """Return the limits of the limits file, and the model's where the file states none."""
         stated = self._stated_limits(plant)
         if self._published is None:
             return stated

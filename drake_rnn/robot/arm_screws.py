@@ -12,20 +12,21 @@ from .arm import Arm
 from .screws import Screws
 from .structure import joints_to
 
-# Sines of pi leave such traces in the frames of a model; of numbers of the size of 1.
+# Rounding errors that sines of pi leave in the frames of a model, whose entries are about 1.
 _ROUNDING = 1e-15
 
 
 def screws_of(arm: Arm) -> Screws:
     """Return the joints and the task frame of an arm where all joints are at zero.
 
-    Tool and base are part of it, and joints that are held, where they stand.
+    Tool, base and held joints are included as fixed parts.
 
     Args:
         arm: The arm, of revolute and prismatic joints.
 
     Raises:
-        InvalidInputError: If ``arm`` is no `Arm`, no joint moves E, or one of another kind does.
+        InvalidInputError: If ``arm`` is not an `Arm`, no joint moves E, or a joint of another kind
+            does.
     """
     require_type("arm", arm, Arm)
     plant = arm.plant()
@@ -68,6 +69,6 @@ def _axis(joint: Joint) -> Array:
 
 
 def _rounded(values: Array) -> Array:
-    """Return values with 0, 1 and -1 in place of what differs from them by rounding alone."""
+    """Return values, with those that differ from 0, 1 or -1 only by rounding set to it."""
     near = np.round(np.clip(values, -1.0, 1.0))
     return np.where(np.abs(values - near) < _ROUNDING, near, values)

@@ -1,4 +1,4 @@
-"""What an arm is, as far as its model says: limits, reach, inertia, weight, and what is missing."""
+"""A report on an arm from its model: limits, reach, inertia, weight, and missing data."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class ArmReport:
         weight_torque: Largest torque that gravity exerts on each joint, shape (n,) [Nm].
         weight_at_home: Torques that gravity exerts in the home posture, shape (n,) [Nm].
         postures: Number of random postures.
-        warnings: What is missing or may go wrong, each in a sentence.
+        warnings: Missing data and likely problems, each in one sentence.
     """
 
     arm: Arm
@@ -63,7 +63,7 @@ class ArmReport:
 
 
 def arm_report(arm: Arm, postures: int = 1000, seed: int = 0) -> ArmReport:
-    """Return figures of an arm, and what is missing.
+    """Return figures of an arm, and warnings about missing data.
 
     Args:
         arm: The arm.

@@ -61,8 +61,8 @@ _FINEST = 0.02
 class ToolDescription:
     """A compliant ball at the end of a shaft: a rigid body, welded to a frame of an arm.
 
-    The tool's frame T has its origin where the shaft begins; the shaft is T's z axis. The ball is
-    all that makes contact. At its centre is a frame with T's axes, named ``tip``.
+    The tool's frame T has its origin where the shaft begins; the shaft is T's z axis. Only the
+    ball makes contact. At its centre is a frame with T's axes, named ``tip``.
 
     Args:
         mount: Frame of the arm's model that carries the tool. By default the arm's ``frame``, and

@@ -18,8 +18,8 @@ from ..robot.task import TASKS, named_task
 from .contact import Contact
 from .plant_settings import PlantSettings
 
-#: Arm that a law sees: ``commanded``, the one that the filtered command moves; ``measured``, the
-#: true one; ``unfiltered``, a virtual one that the law's unfiltered command moves.
+#: Arm that a law sees: ``commanded``, the arm that the filtered command moves; ``measured``, the
+#: true arm; ``unfiltered``, a virtual arm that the law's unfiltered command moves.
 Feedback = Literal["commanded", "measured", "unfiltered"]
 
 
@@ -90,7 +90,7 @@ class Body(Diagram):
         return None
 
     def remedy(self, joint: int, off: float) -> str:
-        """Return what to change where a joint is far from its command.
+        """Return a remedy for a joint that is far from its command, as a part of a sentence.
 
         Args:
             joint: Index of the joint.
@@ -124,10 +124,11 @@ class Body(Diagram):
 
     @classmethod
     def chosen_feedback(cls, feedback: Feedback | None, *, sensed: bool) -> Feedback:
-        """Return the arm that a law sees: the one asked for, or by default the measured one.
+        """Return the arm that a law sees.
 
         Args:
-            feedback: Arm that is asked for; None for the default.
+            feedback: Requested arm; None for the default, which is the measured arm if sensors
+                measure the joints.
             sensed: Whether sensors measure the joints.
         """
         if feedback is not None:

@@ -16,8 +16,8 @@ class JointSensor(LateSensor):
     """Measurement of a body's joints, once every period of the controller that reads it.
 
     Inputs are ``position_true`` and ``velocity_true``, outputs ``position`` and ``velocity``, all
-    of shape (n,) [rad, rad/s]. What they say at a time is told by `LateSensor`. Noise acts before
-    the steps of the encoder. The robot's own velocity is as late as the positions are.
+    of shape (n,) [rad, rad/s]. `LateSensor` explains their times. The noise is added before the
+    encoder rounds to its steps. The robot's own velocity has the same delay as the positions.
 
     Args:
         settings: Imperfections of the measurement.

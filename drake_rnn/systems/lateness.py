@@ -1,4 +1,4 @@
-"""Time in whole samples: delays, which sample a time belongs to, and sensors that are late."""
+"""Time in whole samples: delays, the sample at a time, and sensors with a delay."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ def sample_number(time: float, period: float) -> int:
 
 
 class LateSensor(LeafSystem):
-    """Base class of sensors that measure once every period and may be late by whole samples.
+    """Base class of sensors that measure once every period, with a delay of whole samples.
 
-    At the time of a sample the outputs are those of that sample, or of the one before by the delay;
-    between two samples they are what the next one would say. Before the first sample the arm is
-    taken to have stood at its start.
+    At the time of a sample the outputs are the measurements of that sample, or of the sample that
+    lies the delay before; between two samples they are what the next sample would measure. Before
+    the first sample the arm is assumed to have rested at its start.
 
     Args:
         settings: Imperfections of the measurement.

@@ -1,4 +1,4 @@
-r"""Gains of motors that follow from the inertia that they have to move.
+r"""Gains of motors, computed from the inertia that the motors move.
 
 With the diagonal matrix R of the joints' largest inertias (`largest_inertia`) they are
 
@@ -40,7 +40,7 @@ class MotorGains(NamedTuple):
 
 
 def motor_gains(arm: Arm, settings: PlantSettings) -> MotorGains:
-    """Return the gains of an arm's motors: those given, and the others from its inertia.
+    """Return the gains of an arm's motors; those not given follow from its inertia.
 
     Args:
         arm: The arm.

@@ -17,8 +17,8 @@ from .white_noise import WhiteNoise
 class PoseSensor(LateSensor):
     """Measurement of the task frame E from outside, once every period of the controller.
 
-    Input is ``position_true``, shape (n,) [rad]: the pose is that of the true joints, whatever
-    sensors say of them. Outputs, along the m position axes of the task, are ``p_WE``, shape (m,)
+    Input is ``position_true``, shape (n,) [rad]: the pose is that of the true joints, not of
+    the measured ones. Outputs, along the m position axes of the task, are ``p_WE``, shape (m,)
     [m], and, with ``secant_samples``, their difference quotient ``v_WE``, shape (m,) [m/s]; and
     ``R_WE``, the orientation, shape (3, 3), flattened. The measured one is exp(e) R_WE with a small
     rotation vector e in W.

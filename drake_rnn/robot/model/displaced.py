@@ -1,4 +1,4 @@
-"""A robot's model with its joints a little elsewhere."""
+"""A robot's model with displaced joints."""
 
 from __future__ import annotations
 

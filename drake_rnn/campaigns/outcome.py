@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
+
+from ..inputs.complaints import plain
+from ..inputs.dataclass_fields import field_names, fields_of
 
 #: How a run is carried out: by simulating its diagram, or in a batch of runs side by side.
 Method = Literal["simulate", "batch"]
@@ -67,17 +70,8 @@ class Outcome:
 
     def contents(self) -> dict[str, Any]:
         """Return the outcome as plain data that JSON can hold, bit for bit."""
-        return {
-            "status": self.status,
-            "failure": self.failure,
-            "until_s": self.until_s,
-            "metrics": self.metrics,
-            "kept": self.kept,
-            "accepted": list(self.accepted),
-            "learning": [list(values) for values in self.learning],
-            "wall_time_s": self.wall_time_s,
-            "method": self.method,
-        }
+        contents: dict[str, Any] = plain(fields_of(self))
+        return contents
 
     @classmethod
     def of(cls, contents: Any) -> Outcome:
@@ -86,8 +80,8 @@ class Outcome:
         Raises:
             ValueError: If the contents are not those of an outcome.
         """
-        names = {each.name for each in fields(cls)}
-        if not isinstance(contents, dict) or not names <= contents.keys():
+        names = field_names(cls)
+        if not isinstance(contents, dict) or not contents.keys() >= {*names}:
             raise ValueError("no outcome of a run")
         if contents["status"] not in get_args(Ended):
             raise ValueError(f"no status of a run: {contents['status']!r}")

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from numbers import Integral
 from types import NoneType
 
 from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 
 from ..errors import InvalidInputError
-from ..inputs.complaints import nearest, require_type, short
+from ..inputs.complaints import nearest, require_type
 from ..inputs.dataclass_fields import field_names
 from ..laws import Law
-from ..robot.task import TASKS
+from ..robot.task import TASKS, tasks_suiting
 from ..systems.body import Body, Feedback
 from ..systems.controllers import Controller
 from ..systems.dither import DitherSettings
@@ -21,6 +20,7 @@ from ..systems.kinematics import Kinematics
 from ..systems.moving_average import MovingAverage
 from ..systems.path_source import PathSource
 from ..systems.sensing_settings import SensingSettings
+from ..systems.white_noise import require_seed
 from .wiring import Ports
 
 
@@ -40,8 +40,7 @@ def check_arguments(
         _require_added(f"signals.{name}", port.get_system(), builder)
     if reference is not None:
         _require_added("reference", reference, builder)
-    if isinstance(seed, bool) or not isinstance(seed, Integral) or seed < 0:
-        raise InvalidInputError(f"seed: must be a whole number of at least 0, not {short(seed)}")
+    require_seed(seed)
     require_type("prefix", prefix, str)
 
 
@@ -71,7 +70,7 @@ def check_parts(
     body.check_loop(controller.period, feedback, sensed=sensing is not None)
     check_sensing(sensing, controller.law)
     body.check_task(task)
-    body.check_period(controller.period)
+    body.check_plant(body.settings, controller.period)
     check_filter(filter is not None, feedback, dither)
     _require_same_period(controller, filter)
 
@@ -202,20 +201,13 @@ def _require_task(
     controller: Controller, kinematics: Kinematics, task: str, offered: Mapping[str, OutputPort]
 ) -> None:
     """Raise an InvalidInputError if the law is made for another task than the kinematics."""
-    inputs = controller.reading.inputs.parts
-    names = [name for name in inputs if offered[name].get_system() is kinematics]
-
-    def fits(offering: Kinematics) -> bool:
-        return all(
-            offering.GetOutputPort(name).size() == controller.GetInputPort(name).size()
-            for name in names
-        )
-
-    if fits(kinematics):
+    inputs = controller.reading.inputs.parts.items()
+    able = tasks_suiting(
+        {name: shape for name, (_, shape) in inputs if offered[name].get_system() is kinematics}
+    )
+    # Where the law fits no task, connecting the ports will name the one of the wrong size.
+    if task in able or not able:
         return
-    able = [name for name in TASKS if fits(Kinematics(kinematics.arm, name))]
-    if not able:
-        return  # fits no task: connecting the ports will name the one of the wrong size
     law = type(controller.law)
     takes_size = "task_size" in field_names(law)
     hint = f"; or give the law task_size={TASKS[task].size}" if takes_size else ""

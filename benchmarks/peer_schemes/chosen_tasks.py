@@ -9,7 +9,7 @@ from pydrake.math import RotationMatrix
 from pydrake.trajectories import PiecewisePolynomial
 
 from drake_rnn import Experiment, TrajectoryPath, load_experiment
-from drake_rnn.robot.rotations import rotation_by
+from drake_rnn.robot.rotation import rotation_by
 from peer_schemes.ours import Ours
 from peer_schemes.tasks import Task
 

@@ -8,8 +8,7 @@ from math import sqrt
 import numpy as np
 
 from drake_rnn import Array, Experiment, Path
-from drake_rnn.robot.rotation import rotation_error
-from drake_rnn.robot.rotations import rotation_by
+from drake_rnn.robot.rotation import rotation_by, rotation_error
 
 
 @dataclass(frozen=True)

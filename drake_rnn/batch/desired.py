@@ -13,7 +13,7 @@ from ..experiment import Experiment
 from ..inputs.fields import Array
 from ..paths import Motion
 from ..paths.relative import displacement_of
-from ..robot.rotations import product
+from ..robot.rotation import product
 from .grouping import contents
 
 #: Values at a time, of each function that robots share, shape (..., functions).

@@ -16,7 +16,7 @@ from ..laws import SampledReading
 from ..laws.stacked import stacked
 from ..laws.trial import started
 from ..measures import Yardsticks
-from ..robot.rotations import angle_between
+from ..robot.rotation import angle_between
 from .desired import Tables
 from .filtering import filters_of
 from .grouping import Robot, arm_of_all

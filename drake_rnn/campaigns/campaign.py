@@ -1,4 +1,4 @@
-"""Campaigns: many runs of one experiment, kept as they end, and what they say together."""
+"""Campaigns: many runs of one experiment, each kept when it ends, and their summary."""
 
 from __future__ import annotations
 
@@ -28,26 +28,26 @@ from .table import Line, lines_of, metrics_in, write_table
 from .tasks import tasks_of
 from .workers import Executor, LostWorkersError, Processes, ThisProcess, Workers
 
-#: Called with the number of runs that have ended, the number of all, and the outcome that is new;
-#: at first with those that were kept from before, and None.
+#: Called with the number of runs that have ended, the number of all runs, and the newest outcome;
+#: the first call counts the runs kept from before, and its outcome is None.
 Progress = Callable[[int, int, Outcome | None], None]
-#: What a campaign ended by.
+#: How a campaign ended.
 Ending = Literal["complete", "interrupted", "lost"]
 
 
 @dataclass(frozen=True)
 class CampaignResult:
-    """What a campaign has come to.
+    """Result of a campaign.
 
     Attributes:
-        plan: What was to be run.
-        folder: Where everything is: ``table.csv``, ``campaign.json``, and the files that it was
+        plan: The runs that were planned.
+        folder: Folder with ``table.csv``, ``campaign.json`` and the files that the campaign was
             run from.
         lines: Rows that have ended, in their order.
-        summary: What they say together.
-        ending: Whether it came to its end; ``lost`` if the workers are there no more.
-        reason: Why it did not; empty if it did.
-        kept: Number of runs that had ended before.
+        summary: Summary of these rows.
+        ending: Whether all rows have ended; ``lost`` if the workers were lost before that.
+        reason: Why not all rows have ended; empty if they have.
+        kept: Number of runs that were kept from an earlier call.
     """
 
     plan: Plan
@@ -75,28 +75,28 @@ def run_campaign(
     done: Progress | None = None,
     again: bool = False,
 ) -> CampaignResult:
-    """Run the rows of a campaign that have not been run, and return all.
+    """Run the rows of a campaign that have not been run, and return all rows.
 
-    Each row is kept in the folder when it ends. Called again, also after this process was killed,
-    it goes on with what is missing; the table is the same to the last bit. A run that fails, that
-    is refused or that kills its worker is a row.
+    Each row is kept in the folder when it ends. A second call, also after this process was killed,
+    runs only the missing rows, and the table is the same to the last bit. A run that fails, is
+    refused or kills its worker is a row too.
 
     Args:
-        campaign: A shipped name, a YAML file, a document, or what `plan_campaign` has returned.
+        campaign: A shipped name, a YAML file, a document, or a plan from `plan_campaign`.
         folder: Folder for rows and results.
-        jobs: Number of processes; 0 for this process itself, which knows classes that were
-            registered here, and which a run may kill.
-        executor: Where to run instead: anything with ``submit``, such as an executor of
-            `concurrent.futures` or a client of Dask. It is not shut down.
-        perform: What carries out a list of orders, in any process; by default each by its method,
-            as the campaign's document says.
-        batch: Number of rows that are handed to it at a time; by default as is best for it.
+        jobs: Number of processes; 0 runs everything in this process, which knows the classes
+            registered in it, but ends if a run crashes it.
+        executor: Executor to use in place of processes: anything with ``submit``, such as an
+            executor of `concurrent.futures` or a Dask client. The executor is not shut down.
+        perform: Function that carries out a list of orders, in any process; by default each order
+            by the method that the campaign's document names.
+        batch: Number of rows handed to ``perform`` at a time; chosen by the orders by default.
         done: Called when a run has ended.
-        again: Whether rows that killed their worker are tried again.
+        again: Whether to retry rows whose worker crashed.
 
     Raises:
         InvalidInputError: If a row is no valid experiment, the folder cannot be written to, or
-            another process is at it.
+            another process is running this campaign.
     """
     require_type("jobs", jobs, int)
     plan = campaign if isinstance(campaign, Plan) else plan_campaign(read_campaign(campaign))
@@ -117,12 +117,12 @@ def run_campaign(
 
 
 def kept_rows(store: RowStore, orders: list[Order], again: bool = False) -> dict[str, Outcome]:
-    """Return the outcomes that were kept from before, by the keys of their orders.
+    """Return the outcomes kept from earlier calls, by the keys of their orders.
 
     Args:
-        store: Where they are kept.
+        store: Store of the outcomes.
         orders: The orders.
-        again: Whether those that killed their worker are left out, to be tried again.
+        again: Whether to leave out rows whose worker crashed, so that they are retried.
     """
     found = {order.key: store.get(order.key) for order in orders}
     return {
@@ -146,7 +146,7 @@ def _carry_out(
     how: tuple[Perform, int | None],
     done: Progress | None,
 ) -> tuple[Ending, str]:
-    """Carry out what is missing, add it to ``outcomes``, and return how that ended and why."""
+    """Carry out the missing orders, add their outcomes, and return how that ended and why."""
     orders = unique_orders(plan.rows)
     missing = [order for order in orders if order.key not in outcomes]
     if done is not None:
@@ -169,14 +169,14 @@ def _carry_out(
 
 
 def _describe(plan: Plan, folder: Path) -> None:
-    """Write what the campaign is run from, so that the folder says what is in it."""
+    """Write the documents of campaign and experiment, so that the folder documents itself."""
     header = "".join(f"# {package} {number}\n" for package, number in versions().items())
     campaign = {
         name: fields_of(value) or value for name, value in fields_of(plan.campaign).items() if value
     }
     try:
         (folder / "experiment.yaml").write_text(header + to_yaml(plan.experiment))
-        # Its changes are in there already.
+        # The experiment's file already includes the changes.
         contents = {**campaign, "experiment": "experiment.yaml"}
         contents.pop("changes", None)
         (folder / "campaign.yaml").write_text(header + to_yaml(contents))

@@ -14,35 +14,35 @@ from typing import Any
 from ..errors import InvalidInputError
 from .workers import Handle, Workers
 
-#: Time for which a scheduler is waited for [s].
+#: Longest time to wait for a scheduler [s].
 _PATIENCE = 10.0
-#: Tasks that are handed over for each thread of the cluster: one that runs, and one to go on with.
+#: Tasks handed over for each thread of the cluster: one that runs, and the one to run next.
 _AHEAD = 2
 #: Time after which the threads of the cluster are counted again [s].
 _COUNT_AGAIN = 2.0
 
 
 def cluster_at(address: str) -> DaskWorkers:
-    """Return the workers of the cluster whose scheduler has an address.
+    """Return the workers of the cluster whose scheduler listens at an address.
 
     Args:
         address: The address, e.g. ``tcp://10.0.0.1:8786``.
 
     Raises:
-        InvalidInputError: If Dask is not installed, or nobody answers.
+        InvalidInputError: If Dask is not installed, or no scheduler answers.
     """
     distributed = _dask()
     if not re.fullmatch(r"([a-z]+://)?\S+:\d+", str(address)):
         raise InvalidInputError(
             f"--scheduler: must be an address such as tcp://10.0.0.1:8786, not {address!r}"
         )
-    # It tells at length of what is told here in a sentence.
+    # Dask logs at length what the message below says in one sentence.
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     try:
         client = distributed.Client(address, timeout=_PATIENCE, set_as_default=False)
     except (OSError, TimeoutError, ValueError, TypeError) as error:
         told = " ".join(str(error).split()) or type(error).__name__
-        raise InvalidInputError(f"--scheduler: nobody answers at {address}: {told}") from None
+        raise InvalidInputError(f"--scheduler: no scheduler answers at {address}: {told}") from None
     return DaskWorkers(client, owned=True)
 
 
@@ -51,10 +51,10 @@ class DaskWorkers(Workers):
 
     Args:
         client: A client of the cluster, ``dask.distributed.Client``.
-        owned: Whether the client is closed in the end.
+        owned: Whether to close the client when the campaign ends.
     """
 
-    # The scheduler itself has tried several workers before it gives a task up.
+    # The scheduler itself tries several workers before it gives up a task.
     attempts = 2
 
     def __init__(self, client: Any, owned: bool = False) -> None:
@@ -74,26 +74,26 @@ class DaskWorkers(Workers):
     def slots(self) -> int:
         """Number of tasks that are handed over at a time; workers may come and go."""
         if monotonic() - self._counted > _COUNT_AGAIN and not self.lost():
-            # A scheduler that is lost meanwhile is noticed by what is on its way.
+            # If the scheduler is lost meanwhile, the running tasks report it.
             with suppress(OSError, TimeoutError):
                 self._threads = sum(self._client.nthreads().values())
             self._counted = monotonic()
         return _AHEAD * max(self._threads, 1)
 
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Handle:
-        """Return a handle of what comes of a task."""
-        # Not pure: an order that is tried again must be carried out again.
+        """Submit a task, and return a handle of its result."""
+        # Not pure: Dask must carry out a retried order again.
         handle: Handle = self._client.submit(task, *arguments, pure=False)
         return handle
 
     def lost(self) -> str:
-        """Return why no more can come of tasks; empty as long as it can."""
+        """Return why no further results can arrive; empty while they can."""
         if self._client.status == "running":
             return ""
         return f"the scheduler at {self._address} is lost"
 
     def stop(self) -> None:
-        """Leave the cluster, if this has joined it."""
+        """Close the client, if this object owns it."""
         if self._owned:
             self._client.close(timeout=_PATIENCE)
 
@@ -121,7 +121,7 @@ def workers_of(executor: Any, slots: int | None = None) -> Workers:
 
 
 def _dask() -> Any:
-    """Return Dask's package ``distributed``, which few need and few have."""
+    """Return Dask's package ``distributed``, an optional dependency."""
     try:
         return import_module("distributed")
     except ModuleNotFoundError:

@@ -1,4 +1,4 @@
-"""The document of a campaign: what is run, what varies, and what is to be known of it."""
+"""The document of a campaign: the experiment, what varies in it, and what the summary shows."""
 
 from __future__ import annotations
 
@@ -11,22 +11,21 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from ..diagrams import CAMPAIGNS
-from ..errors import InvalidInputError
 from ..experiment import require_none_lost
 from ..inputs.complaints import nearest, require_type
-from ..inputs.documents import construct, read_yaml
+from ..inputs.documents import construct, read_named
 from ..inputs.fields import Count, Seed, validated
 from ..measures import METRIC_NAMES
 from .variation import Axis, Distribution, variation_of
 
 _Share = Annotated[float, Field(strict=True, gt=0, lt=1)]
-#: Rows of a campaign; each is a file while it is run.
+#: Largest number of rows of a campaign; each row is a file while the campaign runs.
 MOST_ROWS = 1_000_000
 
 
 @validated
 class StatisticsSettings:
-    """What a campaign's summary says.
+    """Settings of a campaign's summary.
 
     Args:
         quantiles: Quantiles of each metric.
@@ -47,17 +46,18 @@ class CampaignDocument:
         name: Name of the campaign; by default the file's name.
         expect: Expected outcome, in one sentence.
         experiment: Experiment that is run: a shipped name, a YAML file or a document.
-        changes: Changes of it by dotted key, the same in each run.
+        changes: Changes of the experiment by dotted key, the same in each run.
         vary: What varies, by dotted key: a list of values, or a ``kind`` and its fields. Lists and
             ranges are run in all combinations; distributions are drawn from.
-        together: Groups of keys whose lists or ranges are walked together, not combined.
+        together: Groups of keys whose lists or ranges advance together instead of being combined.
         samples: Number of draws of all distributions, for each combination.
-        seed: Seed of what is drawn.
+        seed: Seed of the draws.
         metrics: Metrics of the table and the summary; by default all in the table, and in the
             summary those that vary.
-        statistics: What the summary says.
-        method: What carries runs out: ``auto``, a batch of runs side by side where that can do it,
-            and else `simulate`; ``batch``, refused where it cannot; or ``simulate``.
+        statistics: Settings of the summary.
+        method: How runs are carried out: ``auto``, in a batch of runs side by side where a batch
+            can run them, otherwise by `simulate`; ``batch``, refused where it cannot; or
+            ``simulate``.
     """
 
     name: str = ""
@@ -84,7 +84,7 @@ class CampaignDocument:
             raise ValueError("vary: must name what varies")
         for key in self.vary:
             if key in self.changes:
-                raise ValueError(f"vary.{key}: is also in changes; it cannot be both")
+                raise ValueError(f"vary.{key}: is also in changes; it is either varied or changed")
         require_none_lost([*self.changes, *self.vary], "vary")
         self._check_samples()
         self._check_together()
@@ -169,17 +169,8 @@ def read_campaign(
 
 
 def _read(name: str) -> dict[str, Any]:
-    if name in shipped_campaigns():
-        file = CAMPAIGNS / f"{name}.yaml"
-    elif Path(name).suffix in {".yaml", ".yml"}:
-        file = Path(name)
-    else:
-        raise InvalidInputError(
-            f"campaign: no campaign {name!r}; {nearest(name, shipped_campaigns())}, or a .yaml file"
-        )
-    contents = read_yaml(file)
-    if not isinstance(contents, dict):
-        raise InvalidInputError(f"{file}: must be a mapping of keys to values")
+    shipped = {file.stem: file for file in CAMPAIGNS.glob("*.yaml")}
+    contents, file = read_named(name, shipped, "campaign")
     experiment = contents.get("experiment")
     if isinstance(experiment, str) and (file.parent / experiment).is_file():
         # Relative to the campaign, as files in an experiment are relative to it.

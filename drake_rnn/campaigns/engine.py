@@ -1,4 +1,4 @@
-"""The engine of sweeps and campaigns: orders in, outcomes out as they come, whatever happens."""
+"""The engine of sweeps and campaigns: orders go in, and outcomes come out as runs end."""
 
 from __future__ import annotations
 
@@ -12,30 +12,30 @@ from .outcome import Order, Outcome
 from .perform import Perform
 from .workers import Handle, LostWorkersError, Workers
 
-#: What is done with an outcome when it is there.
+#: Called with each order and its outcome, when the outcome arrives.
 Take = Callable[[Order, Outcome], None]
 
-# Time after which it is looked whether the workers are still there [s].
+# Time between two checks of whether the workers are still alive [s].
 _LOOK = 0.5
 
 
 def carry_out(
     tasks: Sequence[Sequence[Order]], perform: Perform, workers: Workers, take: Take
 ) -> bool:
-    """Carry out orders; return whether all were, or False if the user has interrupted it.
+    """Carry out orders; return whether all were carried out, False if the user interrupted.
 
-    A task whose worker dies is halved, and its parts are tried again when all others are done, one
-    at a time with nothing beside them, so that they cost no other run its worker. After a few
-    deaths, the last one of them alone, an order's outcome is that it killed its worker.
+    A task whose worker crashes is halved. The halves are retried when all other tasks have ended,
+    one at a time, so that they cannot crash the worker of another run. After a few crashes, the
+    last of them alone in its worker, an order's outcome is that it killed its worker.
 
     Args:
         tasks: The orders, each once, in lists that are handed over as a whole.
-        perform: What carries out a task, a function that can be sent to the workers.
-        workers: Where it is carried out.
-        take: Called with each order and its outcome, in the order in which they come.
+        perform: Function that carries out a task, and that can be sent to the workers.
+        workers: Workers that carry out the tasks.
+        take: Called with each order and its outcome, in the order in which outcomes arrive.
 
     Raises:
-        LostWorkersError: If the workers are there no more. What has come is taken.
+        LostWorkersError: If the workers are lost. Outcomes that have arrived are taken first.
         DrakeRnnError: If a worker refuses to work.
     """
     engine = _Engine(perform, workers, take)
@@ -62,7 +62,7 @@ class _Engine:
         self._deaths: dict[str, int] = {}
 
     def run(self, tasks: Sequence[Sequence[Order]]) -> None:
-        """Carry out tasks, and then what has lost its worker."""
+        """Carry out tasks, and then the orders whose worker crashed."""
         waiting = deque(tasks)
         while waiting or self._running or self._suspects:
             while waiting and len(self._running) < self._workers.slots:
@@ -72,7 +72,7 @@ class _Engine:
             self._wait()
 
     def cancel(self) -> None:
-        """Take back what has not begun, as far as that can be done."""
+        """Cancel the tasks that have not begun, as far as the executor can."""
         for handle in self._running:
             handle.cancel()
 
@@ -85,7 +85,7 @@ class _Engine:
         handle.add_done_callback(self._done.put)
 
     def _wait(self) -> None:
-        """Take what has come, once there is something."""
+        """Wait for the next outcomes, and take them."""
         try:
             handle = self._done.get(timeout=_LOOK)
         except Empty:
@@ -96,21 +96,21 @@ class _Engine:
         try:
             outcomes = handle.result()
         except self._workers.deaths as error:
-            self._mourn(task, error)
+            self._count_crash(task, error)
             return
         except self._workers.losses as error:
             reason = self._workers.lost() or f"the workers are lost: {described(error)}"
             raise LostWorkersError(reason) from error
         except DrakeRnnError:
             raise
-        # What runs raise are outcomes: a task cannot be sent, or not be read where it arrives.
+        # Errors of runs are outcomes, so this task could not be sent or read.
         except Exception as error:
             raise LostWorkersError(f"a worker cannot do its task: {described(error)}") from error
         for order, outcome in zip(task, outcomes, strict=True):
             self._take(order, outcome)
 
-    def _mourn(self, task: Sequence[Order], error: BaseException) -> None:
-        """Note that a task has lost its worker."""
+    def _count_crash(self, task: Sequence[Order], error: BaseException) -> None:
+        """Count a crash of a task's worker, and decide whether to retry its orders."""
         for order in task:
             self._deaths[order.key] = self._deaths.get(order.key, 0) + 1
         if len(task) > 1:

@@ -1,4 +1,4 @@
-"""What the numbers of a run depend on, as a text that differs wherever they may differ."""
+"""Digests of all that the numbers of a run depend on: equal digests mean equal numbers."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from typing import Any
 from ..inputs.complaints import plain
 from ..runs.result import versions
 
-#: Rooms and files of this package that no number of a run depends on.
+#: Subpackages and files on which no number of a run depends.
 _AFTERWARDS = {"cli", "claims", "figures", "film", "playback", "campaigns", "report"}
 _ONLY_SEEN = {"colours.py"}
-#: Keys of an experiment's document that no number of a run depends on.
+#: Keys of an experiment's document on which no number of a run depends.
 _WORDS = {"name", "paper", "expect", "over"}
 
 
@@ -24,7 +24,7 @@ _WORDS = {"name", "paper", "expect", "over"}
 def stamp() -> str:
     """Return the versions of the packages, with a digest of this package's own files.
 
-    So a change of the code is noticed before its version is.
+    The digest reveals a change of the code even if its version stays the same.
     """
     package = Path(__file__).parents[1]
     digest = sha256()
@@ -44,7 +44,7 @@ def stamp() -> str:
 def surroundings(document: Mapping[str, Any]) -> str:
     """Return a digest of the versions, and of the files and modules that a document names.
 
-    What such a file includes, and what such a module imports, is not looked at.
+    Files that such a file includes, and modules that such a module imports, do not count.
 
     Args:
         document: Contents of an experiment's document.
@@ -54,12 +54,12 @@ def surroundings(document: Mapping[str, Any]) -> str:
 
 
 def row_key(document: Mapping[str, Any], around: str, what: str) -> str:
-    """Return the name under which the row of a run is kept; it stands for all the run depends on.
+    """Return the name under which a row is kept, a digest of all that its run depends on.
 
     Args:
         document: Contents of the experiment's document.
-        around: Its `surroundings`.
-        what: What is kept of the run.
+        around: The document's `surroundings`.
+        what: Kind of outcome that is kept.
     """
     told = {key: value for key, value in document.items() if key not in _WORDS}
     return _hashed([plain(told), around, what])
@@ -70,18 +70,18 @@ def _hashed(contents: Any) -> str:
 
 
 def forget_files() -> None:
-    """Forget digests of files, which may have changed since."""
+    """Forget the digests of files, because the files may have changed."""
     _digest.cache_clear()
     _file_of.cache_clear()
 
 
 def _files(value: Any) -> Iterator[str]:
-    """Yield the files, and the files of the modules, that texts of a document name."""
+    """Yield the files that texts of a document name, and the files of modules that they name."""
     if isinstance(value, Mapping):
         for entry in value.values():
             yield from _files(entry)
     elif isinstance(value, (list, tuple)):
-        # Lists of numbers may be long, and their entries are alike.
+        # A list of numbers names no files, and it may be long.
         if value and not isinstance(value[0], (int, float)):
             for entry in value:
                 yield from _files(entry)
@@ -91,7 +91,7 @@ def _files(value: Any) -> Iterator[str]:
 
 @cache
 def _file_of(text: str) -> str:
-    """Return the file that a text names, itself or as ``module:Class``; empty if none."""
+    """Return the file that a text names, or whose module it names; empty for other texts."""
     if ":" in text and text.partition(":")[0].replace(".", "").isidentifier():
         try:
             spec = find_spec(text.partition(":")[0])
@@ -101,7 +101,7 @@ def _file_of(text: str) -> str:
     try:
         return text if Path(text).is_file() else ""
     except OSError:
-        # Too long for the name of a file.
+        # The text is too long for a file name.
         return ""
 
 

@@ -1,28 +1,31 @@
-"""What came of a run: an order that any process can be handed, and its outcome as plain data."""
+"""Orders of runs, which any process can carry out, and their outcomes, both as plain data."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
-#: What carries a run out: a simulation of its diagram, or a batch of runs side by side.
+from ..inputs.complaints import plain
+from ..inputs.dataclass_fields import field_names, fields_of
+
+#: How a run is carried out: by simulating its diagram, or in a batch of runs side by side.
 Method = Literal["simulate", "batch"]
-#: How a run ended: at its end; before it; not begun, as its input is bad; or with its process.
+#: How a run ended: at its full duration; before it; refused for bad input; or with a crash.
 Ended = Literal["complete", "failed", "refused", "killed its worker"]
 
 
 @dataclass(frozen=True)
 class Order:
-    """A run that is asked for, as plain data.
+    """A run to carry out, as plain data.
 
     Attributes:
-        key: Name under which its outcome is kept, see `row_key`.
+        key: Name under which the outcome is kept, see `row_key`.
         document: Contents of the experiment's document.
-        stamp: Versions that it is to be run with.
-        around: Digest of them and of the files that the document names.
-        anyway: Whether it may take as many steps as it likes.
+        stamp: Versions of the packages that the run needs.
+        around: Digest of these versions and of the files that the document names.
+        anyway: Whether the run may take any number of steps.
         learning: Whether the error of a learned Jacobian is wanted over time.
-        method: What is to carry it out; its key tells it too.
+        method: How to carry out the run; the key depends on the method too.
     """
 
     key: str
@@ -36,18 +39,18 @@ class Order:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a run.
+    """Outcome of a run.
 
     Attributes:
-        status: How it ended.
-        failure: Why it did not come to its end; empty if it did.
-        until_s: Simulated time that it came to [s].
-        metrics: Metrics, up to that time, by name.
+        status: How the run ended.
+        failure: Why the run did not complete; empty if it did.
+        until_s: Simulated time that the run reached [s].
+        metrics: Metrics up to that time, by name.
         kept: Whether each metric that is expected to keep a bound keeps it, by name.
-        accepted: Those of them whose bounds stand in the document, under ``accept``.
+        accepted: Metrics whose bounds stand in the document, under ``accept``.
         learning: Times [s] and Frobenius norms of J - J_hat; empty unless asked for and learned.
-        wall_time_s: What the run took on its machine, loading included [s]; of a batch, its part.
-        method: What has carried it out: a run that a batch refuses is simulated.
+        wall_time_s: Wall time of the run, loading included [s]; in a batch, its share.
+        method: How the run was carried out: a run that a batch refuses is simulated.
     """
 
     status: Ended
@@ -62,32 +65,23 @@ class Outcome:
 
     @property
     def not_met(self) -> tuple[str, ...]:
-        """Metrics that do not keep the bounds that they are expected to keep."""
+        """Metrics outside the bounds that they are expected to keep."""
         return tuple(name for name, met in self.kept.items() if not met)
 
     def contents(self) -> dict[str, Any]:
         """Return the outcome as plain data that JSON can hold, bit for bit."""
-        return {
-            "status": self.status,
-            "failure": self.failure,
-            "until_s": self.until_s,
-            "metrics": self.metrics,
-            "kept": self.kept,
-            "accepted": list(self.accepted),
-            "learning": [list(values) for values in self.learning],
-            "wall_time_s": self.wall_time_s,
-            "method": self.method,
-        }
+        contents: dict[str, Any] = plain(fields_of(self))
+        return contents
 
     @classmethod
     def of(cls, contents: Any) -> Outcome:
-        """Return the outcome of its `contents`.
+        """Return the outcome with these `contents`.
 
         Raises:
-            ValueError: If they are no outcome.
+            ValueError: If the contents are not those of an outcome.
         """
-        names = {each.name for each in fields(cls)}
-        if not isinstance(contents, dict) or not names <= contents.keys():
+        names = field_names(cls)
+        if not isinstance(contents, dict) or not contents.keys() >= {*names}:
             raise ValueError("no outcome of a run")
         if contents["status"] not in get_args(Ended):
             raise ValueError(f"no status of a run: {contents['status']!r}")

@@ -1,4 +1,4 @@
-"""Carrying out of orders, in whatever process they are handed to."""
+"""Functions that carry out orders, in any process."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from ..runs.stored import Series
 from .fingerprint import stamp
 from .outcome import Order, Outcome
 
-#: What carries out a task, a list of orders, in any process that it is sent to. What it says of a
-#: run must depend on its order alone, not on the others of the task.
+#: Function that carries out a task, which is a list of orders, in any process. The outcome of an
+#: order must not depend on the other orders of the task.
 Perform = Callable[[Sequence[Order]], list[Outcome]]
 
 
@@ -28,7 +28,7 @@ def simulate_each(orders: Sequence[Order]) -> list[Outcome]:
 
     Raises:
         InvalidInputError: If this process has other versions than the orders ask for.
-        KeyboardInterrupt: If a run is interrupted; it has no outcome then.
+        KeyboardInterrupt: If a run is interrupted; that run has no outcome.
     """
     return [_timed(order) for order in orders]
 
@@ -45,20 +45,16 @@ def require_stamp(order: Order) -> None:
 def _timed(order: Order) -> Outcome:
     require_stamp(order)
     began = perf_counter()
-    outcome = _outcome(order)
+    outcome, _ = attempt(order, "full" if order.learning else "none")
     return replace(outcome, wall_time_s=perf_counter() - began)
 
 
-def _outcome(order: Order) -> Outcome:
-    return attempt(order, "full" if order.learning else "none")[0]
-
-
 def attempt(order: Order, series: Series) -> tuple[Outcome, Result | None]:
-    """Simulate an order; return its outcome and its result, as far as it came.
+    """Simulate an order; return its outcome and, as far as the run came, its result.
 
     Args:
         order: The order.
-        series: What of the series is stored.
+        series: Which series to store.
 
     Raises:
         KeyboardInterrupt: If the run is interrupted.
@@ -78,13 +74,13 @@ def attempt(order: Order, series: Series) -> tuple[Outcome, Result | None]:
         return Outcome("refused", str(error)), None
     except DrakeRnnError as error:
         return Outcome("failed", str(error)), None
-    # A fault in somebody's own code is that run's alone.
+    # An error in a user's own code affects that run only.
     except Exception as error:
         return Outcome("failed", described(error)), None
 
 
 class _Known(local):
-    """What a thread keeps between two tasks.
+    """Arms that a thread keeps between two tasks.
 
     Attributes:
         around: Digest of the files that the arms were read from.
@@ -99,7 +95,7 @@ _KNOWN = _Known()
 
 
 def arms_of(order: Order) -> Arms:
-    """Return the arms of this thread, which are read once for the files as they are."""
+    """Return the arms of this thread, loaded anew only if the order's files have changed."""
     if _KNOWN.around != order.around:
         _KNOWN.around, _KNOWN.arms = order.around, Arms()
     return _KNOWN.arms

@@ -1,4 +1,4 @@
-"""The rows of a campaign: which values each has, and what is to be run for it."""
+"""The rows of a campaign: the values of each row, and the run that they ask for."""
 
 from __future__ import annotations
 
@@ -14,14 +14,16 @@ from ..batch.why_not import why_not_arm, why_not_law
 from ..errors import InvalidInputError
 from ..experiment import (
     Arms,
-    Checked,
     Described,
-    QuickCheck,
+    ExperimentDocument,
+    Sections,
     load_experiment,
     read_document,
+    read_sections,
     require_none_lost,
 )
 from ..inputs.complaints import plain
+from ..inputs.documents import construct
 from ..runs.effort import effort_of, require_effort
 from .document import CampaignDocument
 from .fingerprint import forget_files, row_key, stamp, surroundings
@@ -34,9 +36,9 @@ class PlannedRow:
     """A row of a campaign.
 
     Attributes:
-        number: Its number, from 0.
+        number: Number of the row, from 0.
         values: Values of the varied keys.
-        order: What is to be run for it; rows of the same values have the same.
+        order: Order of the row's run; rows with the same values share one order.
     """
 
     number: int
@@ -46,13 +48,13 @@ class PlannedRow:
 
 @dataclass(frozen=True)
 class Plan:
-    """What a campaign will run.
+    """The runs of a campaign.
 
     Attributes:
-        campaign: Its document.
+        campaign: Document of the campaign.
         experiment: Contents of the experiment's document, with the changes that all rows share.
-        rows: Its rows.
-        time: Time that they may take one after another, within a factor of a few [s].
+        rows: The rows.
+        time: Estimated time of all runs one after another, within a factor of a few [s].
     """
 
     campaign: CampaignDocument
@@ -61,44 +63,46 @@ class Plan:
     time: float
 
 
-#: What loading, checking and evaluating a run takes, however short it is [s], by its method.
+#: Time to load, check and evaluate a run of any length [s], by its method.
 _EACH = {"simulate": 0.1, "batch": 0.01}
-#: What a step of a run costs in a batch [s].
+#: Time of a step of a run in a batch [s].
 _STEP = 3e-6
 
 
 def plan_campaign(
     campaign: CampaignDocument, changes: Mapping[str, Any] | None = None, *, anyway: bool = False
 ) -> Plan:
-    """Return what a campaign will run, with the document of each row checked.
+    """Return the runs of a campaign, with the document of each row checked.
 
-    The first row is checked as a whole; of the others, each section by itself. What only shows when
-    a run is made, such as a path out of reach, becomes a row.
+    The first row is checked as a whole; in the other rows, each section is checked by itself. A
+    fault that shows only when the run starts, such as a path out of reach, becomes a row.
 
     Args:
         campaign: The campaign.
-        changes: Further changes of its experiment, by dotted key.
-        anyway: Whether a run may take as many steps as it likes.
+        changes: Further changes of the experiment, by dotted key.
+        anyway: Whether a run may take any number of steps.
 
     Raises:
-        InvalidInputError: If a row is no valid experiment, or a run would take very many steps.
+        InvalidInputError: If a row is no valid experiment, or a run would take too many steps.
     """
     for key in changes or {}:
         if key in campaign.vary:
-            raise InvalidInputError(f"--set: {key!r} varies in this campaign; it cannot be both")
+            raise InvalidInputError(
+                f"--set: {key!r} varies in this campaign; it is either set or varied"
+            )
     require_none_lost([*(changes or {}), *campaign.vary], "--set")
     base = shared_document(campaign.experiment, {**campaign.changes, **(changes or {})})
-    check, choice, rows, time = QuickCheck(), _Choice(campaign.method), [], 0.0
+    arms, rows, time = Arms(), [], 0.0
     for number, values in enumerate(row_values(campaign)):
         try:
             if number == 0:
                 load_experiment(base, values)
             contents = read_document(base, values)
-            checked = check.check(contents)
-            effort = effort_of(checked.document)
+            parts = read_sections(construct(ExperimentDocument, contents, ""), arms)
+            effort = effort_of(parts.document)
             if not anyway:
-                require_effort(effort, checked.document.duration)
-            method = choice.of(checked)
+                require_effort(effort, parts.document.duration)
+            method = _chosen(campaign.method, parts, arms)
         except InvalidInputError as error:
             raise InvalidInputError(f"{error} (row {number})") from None
         order = order_of(contents, anyway=anyway, method=method)
@@ -107,35 +111,24 @@ def plan_campaign(
     return Plan(campaign, base, rows, time)
 
 
-class _Choice:
-    """Chooses what carries a run out, by its document alone.
+def _chosen(asked: str, parts: Sections, arms: Arms) -> Method:
+    """Return what carries out a run, chosen by its document alone.
 
-    Args:
-        asked: What the campaign asks for.
+    Raises:
+        InvalidInputError: If a batch is asked for and cannot carry it out.
     """
-
-    def __init__(self, asked: str) -> None:
-        self._asked = asked
-        self._arms = Arms()
-
-    def of(self, checked: Checked) -> Method:
-        """Return what carries out the run of a document.
-
-        Raises:
-            InvalidInputError: If a batch is asked for and cannot.
-        """
-        if self._asked == "simulate":
-            return "simulate"
-        reason = why_not_law(checked.document, checked.law) or self._arms.shared(
-            "why not", _joints_of(checked.document.arm), lambda: why_not_arm(checked.arm)
-        )
-        if reason is not None and self._asked == "batch":
-            raise InvalidInputError(f"method: may not be batch here; {reason}")
-        return "batch" if reason is None else "simulate"
+    if asked == "simulate":
+        return "simulate"
+    reason = why_not_law(parts.document, parts.law) or arms.shared(
+        "why not", _joints_of(parts.document.arm), lambda: why_not_arm(parts.arm)
+    )
+    if reason is not None and asked == "batch":
+        raise InvalidInputError(f"method: may not be batch here; {reason}")
+    return "batch" if reason is None else "simulate"
 
 
 def _joints_of(arm: str | Mapping[str, Any]) -> Any:
-    """Return what a document says of the kind of an arm's joints."""
+    """Return what a document says about an arm, without the errors of its links."""
     if isinstance(arm, str):
         return arm
     return {key: value for key, value in arm.items() if key != "link_errors"}
@@ -159,13 +152,13 @@ def order_of(
 
     Args:
         contents: Contents of the document.
-        anyway: Whether it may take as many steps as it likes.
+        anyway: Whether the run may take any number of steps.
         learning: Whether the error of a learned Jacobian is wanted over time.
-        method: What is to carry it out.
+        method: How to carry out the run.
     """
     document: dict[str, Any] = plain(contents)
     around = surroundings(document)
-    # Without the limit on its steps a run that was refused is another one.
+    # A run that is refused for its many steps is kept apart from the same run made anyway.
     said = f"row 2 {method}{' learning' * learning}{' anyway' * anyway}"
     key = row_key(document, around, said)
     return Order(key, document, stamp(), around, anyway, learning, method)

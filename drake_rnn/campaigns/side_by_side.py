@@ -1,4 +1,4 @@
-"""Carrying out of orders many at a time, where a batch of runs can do it."""
+"""Carrying out many orders at a time, in a batch of runs side by side."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ T = TypeVar("T")
 def run_each(orders: Sequence[Order]) -> list[Outcome]:
     """Return the outcomes of orders, each carried out by its method.
 
-    Those for a batch run side by side, after the same checks as before a single run. What is
-    refused there, or fails at its start, is handed to `simulate`, which says what is wrong with it;
-    so is what a batch does not take. The outcome of an order does not depend on the others.
+    Orders for a batch run side by side, after the same checks as before a single run. An order that
+    is refused there, fails at its start or does not fit a batch is handed to `simulate`, which
+    reports what is wrong. The outcome of an order does not depend on the other orders.
 
     Raises:
         InvalidInputError: If this process has other versions than the orders ask for.
-        KeyboardInterrupt: If it is interrupted; runs that were on their way have no outcome then.
+        KeyboardInterrupt: If it is interrupted; runs that have not ended have no outcome.
     """
     for order in orders:
         require_stamp(order)
@@ -67,12 +67,12 @@ def _existing(pairs: Iterable[tuple[str, T | None]]) -> dict[str, T]:
 
 
 def _by_halves(action: Callable[[list[S]], Iterable[T]], items: list[S]) -> list[T | None]:
-    """Return what an action makes of each item; None of one that stops it, found by halves."""
+    """Return the action's result for each item; None for an item that fails, found by halving."""
     if not items:
         return []
     try:
         return list(action(items))
-    # Whatever it is, `simulate` tells of it.
+    # `simulate` will report the error, of whatever kind.
     except Exception:
         if len(items) == 1:
             return [None]
@@ -101,7 +101,7 @@ def _in_reach(experiment: Experiment) -> bool:
 def _run(robots: Sequence[Robot]) -> Iterator[Outcome | None]:
     many = run_robots(robots)
     for number, robot in enumerate(robots):
-        # A law that fails at its start is refused before a run.
+        # `simulate` refuses a law that fails at its start.
         unbegun = many.status[number] == "failed" and many.until[number] <= 0.0
         yield None if unbegun else _told(many, number, robot)
 
@@ -123,7 +123,7 @@ def _told(many: Many, number: int, robot: Robot) -> Outcome:
 
 
 def _fault(robot: Robot, metrics: dict[str, float]) -> str:
-    """Return what is wrong with what a law says of its run; empty if nothing is."""
+    """Return the error of a law's caveats about its run; empty if there is none."""
     try:
         caveats_of(robot.reading, metrics)
     except InvalidInputError as error:

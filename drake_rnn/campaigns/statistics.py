@@ -13,7 +13,7 @@ from ..inputs.fields import Array
 
 
 class Interval(NamedTuple):
-    """An estimate, with bounds that cover the true value with the confidence that was asked for.
+    """An estimate with a confidence interval.
 
     Attributes:
         value: The estimate.
@@ -53,9 +53,9 @@ def quantile(values: Array, probability: float, confidence: float = 0.95) -> Int
     """Return a quantile with an interval between two order statistics.
 
     The number of values below the true quantile is binomial whatever their distribution, so the
-    interval covers it with at least the confidence, for any number of values. Source: H. A. David
-    and H. N. Nagaraja, "Order Statistics", 2003, section 7.1. A tail of too few values has no
-    bound.
+    interval covers the true quantile with at least the confidence, for any number of values. With
+    too few values in a tail the interval has no bound there. Source: H. A. David and H. N.
+    Nagaraja, "Order Statistics", 2003, section 7.1.
 
     Args:
         values: The values, shape (k,), none of them NaN.
@@ -90,14 +90,14 @@ def _binomial(trials: int, p: float) -> Array:
 
 
 def rank_correlation(x: Array, y: Array) -> float:
-    """Return Spearman's rank correlation; NaN if one of both does not vary, or of fewer than 3.
+    """Return Spearman's rank correlation; NaN for fewer than 3 pairs, or if x or y is constant.
 
     Source: C. Spearman, "The proof and measurement of association between two things", American
-    Journal of Psychology, 1904: the correlation of ranks, ties with the mean of theirs.
+    Journal of Psychology, 1904: the correlation of ranks, where equal values have their mean rank.
 
     Args:
         x: Values, shape (k,).
-        y: Values beside them, shape (k,); pairs with a NaN are left out.
+        y: Values paired with ``x``, shape (k,); pairs with a NaN are left out.
     """
     both = np.isfinite(x) & np.isfinite(y)
     if both.sum() < _FEWEST:
@@ -108,12 +108,12 @@ def rank_correlation(x: Array, y: Array) -> float:
     return float(a @ b) / size if size > 0 else math.nan
 
 
-#: Any two values are in perfect order.
+#: Fewest pairs of a correlation: two pairs always correlate perfectly.
 _FEWEST = 3
 
 
 def _ranks(values: Array) -> Array:
-    """Return ranks from 1; equal values have the mean of theirs."""
+    """Return ranks from 1; equal values have the mean of their ranks."""
     _, place, counts = np.unique(values, return_inverse=True, return_counts=True)
     ends = np.cumsum(counts)
     return np.asarray((ends - (counts - 1) / 2)[place], dtype=float)
@@ -126,7 +126,7 @@ def chance_correlation(count: int, confidence: float = 0.95) -> float:
 
     Args:
         count: Number of pairs.
-        confidence: Probability of not exceeding it.
+        confidence: Probability that the correlation stays below this magnitude.
     """
     if count < _FEWEST:
         return 1.0

@@ -1,4 +1,4 @@
-"""Rows of a campaign on disk: a file each, whole or not there."""
+"""Rows of a campaign on disk: one file for each row, written whole or not at all."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from .outcome import Order, Outcome
 class RowStore:
     """A folder with the outcome of each run that has ended.
 
-    Whatever happens to this process, a file is whole or not there. Its name stands for all that its
-    numbers depend on.
+    Even if this process is killed, each file is complete or absent. The name of a file is a digest
+    of all that its numbers depend on.
 
     Args:
         folder: The folder, which is created if missing.
@@ -35,7 +35,7 @@ class RowStore:
             raise InvalidInputError(f"rows {folder}: {error.strerror}") from None
 
     def get(self, key: str) -> Outcome | None:
-        """Return the outcome that is kept under a key; None if there is none, or half of one."""
+        """Return the outcome kept under a key; None if it is missing or damaged."""
         try:
             return Outcome.of(json.loads(self._file(key).read_text()))
         except (OSError, ValueError, KeyError, TypeError):
@@ -70,12 +70,12 @@ class RowStore:
 
     @contextmanager
     def claimed(self) -> Iterator[None]:
-        """Let no other process work at the same rows.
+        """Keep other processes from working at the same rows within a with-block.
 
-        The system takes the claim back when this process ends, however it ends.
+        The operating system releases the lock when this process ends, however it ends.
 
         Raises:
-            InvalidInputError: If another one does.
+            InvalidInputError: If another process holds the lock.
         """
         with (self.folder / ".claim").open("w") as claim:
             try:
@@ -88,5 +88,5 @@ class RowStore:
             yield
 
     def _file(self, key: str) -> Path:
-        # Folders of many thousand files are slow.
+        # A folder with many thousand files is slow.
         return self.folder / key[:2] / f"{key}.json"

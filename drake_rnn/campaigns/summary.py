@@ -1,4 +1,4 @@
-"""What a campaign's rows say together."""
+"""The summary of a campaign's rows."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ class Worst:
 
     Attributes:
         row: Number of the row.
-        value: Its metric.
-        command: Command that repeats it.
+        value: Value of the metric.
+        command: Command that repeats the row's run.
     """
 
     row: int
@@ -35,17 +35,17 @@ class Worst:
 
 @dataclass(frozen=True)
 class MetricSummary:
-    """A metric over the rows that came to their end.
+    """A metric over the rows that completed.
 
     Attributes:
         name: Name of the metric.
         count: Number of rows that have it.
-        mean: Its mean.
-        least: Its smallest value.
-        largest: Its largest value.
+        mean: Mean value.
+        least: Smallest value.
+        largest: Largest value.
         quantiles: Quantiles with their intervals, by probability.
-        worst: Its worst rows, the worst first.
-        correlations: Rank correlation with each varied number, by its name.
+        worst: Rows with the worst values, the worst first.
+        correlations: Rank correlation with each varied number, by name.
     """
 
     name: str
@@ -60,21 +60,21 @@ class MetricSummary:
 
 @dataclass(frozen=True)
 class Summary:
-    """What a campaign's rows say together.
+    """Summary of a campaign's rows.
 
     Attributes:
         name: Name of the campaign.
-        rows: Number of rows that were asked for.
-        statuses: Number of rows of each status; those that were not run have none.
-        methods: Number of rows that each method has carried out.
-        shares: Share of all rows that have ended which keep what they are expected to keep: all
-            bounds, those of ``accept``, those of the limits, and each by its metric. A row that has
-            not come to its end keeps none.
+        rows: Number of planned rows.
+        statuses: Number of rows of each status; rows that have not been run have none.
+        methods: Number of rows carried out by each method.
+        shares: Share of the ended rows that keep the bounds expected of them: all bounds, those of
+            ``accept``, those of the limits, and each metric's bound. A row that did not complete
+            keeps none.
         metrics: The metrics.
-        unlike: Rows that did not come to their end: row, status, reason and the command that
-            repeats it.
-        chance: Magnitude that a rank correlation hardly exceeds by chance.
-        confidence: Probability with which intervals cover the true value.
+        unlike: Rows that did not complete: number, status, reason and the command that repeats the
+            run.
+        chance: Magnitude that a rank correlation rarely exceeds by chance.
+        confidence: Confidence of the intervals.
     """
 
     name: str
@@ -89,7 +89,7 @@ class Summary:
 
     @property
     def complete(self) -> int:
-        """Number of rows that came to their end."""
+        """Number of rows that completed."""
         return self.statuses.get("complete", 0)
 
     @property
@@ -101,13 +101,13 @@ class Summary:
 def summarize(
     campaign: CampaignDocument, rows: int, lines: Sequence[Line], experiment: Path
 ) -> Summary:
-    """Return what the rows of a campaign say together.
+    """Return the summary of a campaign's rows.
 
     Args:
         campaign: Document of the campaign.
-        rows: Number of rows that were asked for.
+        rows: Number of planned rows.
         lines: Rows that have ended.
-        experiment: File of the experiment, for the commands that repeat a row.
+        experiment: File of the experiment, which the commands that repeat a row name.
     """
     settings, complete = campaign.statistics, _complete(lines)
     numbers = {name: x for name, x in varied_numbers(complete).items() if np.ptp(x) > 0}
@@ -137,12 +137,12 @@ def summarize(
 
 
 def smaller_is_worse(metric: str) -> bool:
-    """Return whether the worst value of a metric is its smallest, as of a margin."""
+    """Return whether the smallest value of a metric is the worst, as for a margin."""
     return "_min" in metric
 
 
 def repeat_command(values: Mapping[str, Any], experiment: Path) -> str:
-    """Return the command that runs one row alone, to the same numbers bit for bit.
+    """Return the command that runs one row alone, with bit-identical numbers.
 
     Args:
         values: Values of the varied keys.
@@ -157,7 +157,7 @@ def _complete(lines: Sequence[Line]) -> list[Line]:
 
 
 def _shares(lines: Sequence[Line], confidence: float) -> dict[str, Interval]:
-    """Return the shares of the rows that keep bounds, by what the bounds are of."""
+    """Return the shares of the rows that keep each group of bounds."""
     accepted = dict.fromkeys(name for line in lines for name in line.outcome.accepted)
     expected = dict.fromkeys(name for line in lines for name in line.outcome.kept)
     limits = [name for name in expected if name not in accepted]
@@ -174,15 +174,15 @@ def _shares(lines: Sequence[Line], confidence: float) -> dict[str, Interval]:
 
 
 def _keeps(line: Line, names: Sequence[str]) -> bool:
-    # A bound that a row is not expected to keep, as its limits are others, does not count.
+    # A bound counts only in rows that are expected to keep it; rows may differ in their limits.
     kept = line.outcome.kept
     return line.outcome.status == "complete" and all(kept.get(name, True) for name in names)
 
 
 def _telling(lines: Sequence[Line]) -> list[str]:
-    """Return the metrics that a summary shows unless it is told which: those that vary.
+    """Return the metrics that a summary shows by default.
 
-    Among them those that are expected to keep a bound, and those that a sweep shows.
+    They vary over the rows, and either have a bound to keep or are shown in a sweep.
     """
     wanted = {name for line in lines for name in line.outcome.kept} | set(shown_in("sweep"))
     chosen = []

@@ -1,4 +1,4 @@
-"""Sweeps: runs of one experiment at many values."""
+"""Sweeps: runs of one experiment with all combinations of some values."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ from .workers import Processes, ThisProcess
 
 
 class Planned(NamedTuple):
-    """A run of a sweep that is to be made.
+    """A planned run of a sweep.
 
     Attributes:
         values: Values of the swept keys, in their order.
-        order: The run that they stand for.
-        time: Time that it may take, within a factor of a few [s]; 0 if that is not known.
+        order: Order of the run with these values.
+        time: Estimated time of the run, within a factor of a few [s]; 0 if unknown.
     """
 
     values: tuple[Any, ...]
@@ -58,7 +58,7 @@ class Row:
         values: Values of the swept keys, in their order.
         metrics: Metrics of the run, up to its failure if it failed.
         failure: Reason for the failure; None if the run did not fail.
-        not_met: Metrics that do not keep the bounds that they are expected to keep.
+        not_met: Metrics outside the bounds that they are expected to keep.
         learning: Times [s] and Frobenius norms of J - J_hat, shape (k,); None without a J_hat.
     """
 
@@ -74,7 +74,7 @@ class InterruptedSweepError(DrakeRnnError):
 
     Attributes:
         rows: Rows that have ended.
-        missing: Values of the rows that have not.
+        missing: Values of the rows that have not ended.
     """
 
     def __init__(self, rows: list[Row], missing: list[tuple[Any, ...]]) -> None:
@@ -107,8 +107,8 @@ def sweep(
 ) -> list[Row]:
     """Run an experiment at each combination of values.
 
-    Every combination is checked before the first one runs. A run that fails gets a row and does
-    not stop the others.
+    Every combination is checked before the first run. A run that fails gets a row and does not stop
+    the other runs.
 
     Args:
         experiment: A shipped name, a YAML file, a document or an experiment.
@@ -116,14 +116,14 @@ def sweep(
         changes: New values of other keys, the same in each run.
         processes: Number of runs at a time; the results do not depend on it.
         done: Called with each row when it is ready, in order.
-        anyway: Whether a run may take as many steps as it likes.
-        keep: Folder in which each row is kept as soon as it has ended, until all have; rows that
-            are there already are not run again.
+        anyway: Whether a run may take any number of steps.
+        keep: Folder that keeps each ended row until all rows have ended; rows that the folder
+            already holds are not run again.
 
     Raises:
         InvalidInputError: If a combination is not a valid experiment, a path is out of reach, a key
             is both swept and changed, or other processes do not know the classes that it names.
-        InterruptedSweepError: If it is interrupted from the keyboard; it has the rows so far.
+        InterruptedSweepError: If the user interrupts the sweep; the error holds the rows so far.
     """
     orders = planned(experiment, over, changes, anyway=anyway)
     return run_planned(orders, processes, done, keep)
@@ -168,7 +168,7 @@ def planned(
     _check_axes(over)
     changes = changes or {}
     if both := sorted(over.keys() & changes.keys()):
-        raise InvalidInputError(f"--over: {both[0]!r} is also set; it cannot be both")
+        raise InvalidInputError(f"--over: {both[0]!r} is also set; it is either swept or set")
     require_none_lost([*changes, *over], "--over")
     base = shared_document(experiment, changes)
     arms, followed = Arms(), set[str]()
@@ -176,7 +176,7 @@ def planned(
     for values in product(*over.values()):
         changed = dict(zip(over, values, strict=True))
         loaded = load_experiment(base, changed, arms=arms)
-        # To follow a path takes most of the time, and most combinations share it.
+        # Following a path takes most of the time, and most combinations share one path.
         path = _path_text(loaded)
         check_experiment(loaded, anyway, in_reach=path in followed)
         followed.add(path)
@@ -200,7 +200,7 @@ def _check_axes(over: Mapping[str, Sequence[Any]]) -> None:
             raise InvalidInputError(f"over.{key}: has the value {twice[0]} twice")
 
 
-#: Keys of a document that decide whether its path is in reach, with what its law holds.
+#: Keys that decide whether a path is in reach, besides whether the law holds the orientation.
 _REACH = ("arm", "task", "path", "level", "environment", "force", "start", "duration")
 
 
@@ -211,12 +211,12 @@ def _path_text(experiment: Experiment) -> str:
 
 
 class _Rows:
-    """The rows of a sweep as they end, in whatever order.
+    """The rows of a sweep, collected as they end, in any order.
 
     Args:
         orders: Values and order of each.
-        store: Where rows are kept; None if nowhere.
-        apart: Whether they are run in other processes.
+        store: Store of the rows; None to keep none.
+        apart: Whether the runs are made in other processes.
         done: Called with each row when it is ready, in order.
     """
 
@@ -243,7 +243,7 @@ class _Rows:
     def take(self, order: Order, outcome: Outcome) -> None:
         """Take the outcome of an order."""
         if outcome.status == "refused" and self._apart:
-            # Every combination was checked before, so the other process lacks something.
+            # This process has checked every combination, so the other one lacks a class.
             raise InvalidInputError(
                 f"{outcome.failure}; only this process knows it: name it so for the others, or run "
                 "the sweep in one process"

@@ -1,4 +1,4 @@
-"""The table of a campaign: a line for each row, in their order, the same to the last bit."""
+"""The table of a campaign: one line for each row, in order, reproducible to the last bit."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class Line:
     """A row of a campaign that has ended.
 
     Attributes:
-        number: Its number, from 0.
+        number: Number of the row, from 0.
         values: Values of the varied keys.
-        outcome: What came of it.
+        outcome: Outcome of the row's run.
     """
 
     number: int
@@ -71,7 +71,7 @@ def varied_numbers(lines: Sequence[Line]) -> dict[str, Array]:
 
 
 def metric_column(lines: Sequence[Line], name: str) -> Array:
-    """Return a metric of all lines, shape (k,); NaN where a line has not come to its end."""
+    """Return a metric of all lines, shape (k,); NaN for a run that did not complete."""
     nan = float("nan")
     return _array(
         [
@@ -86,7 +86,7 @@ def write_table(
 ) -> None:
     """Write a CSV file: row, varied keys, status, method, time, metrics, bounds not kept.
 
-    Numbers read back bit for bit; values that are no single numbers or texts are JSON.
+    Numbers read back bit for bit; lists and mappings are written as JSON.
 
     Raises:
         InvalidInputError: If the file cannot be written.

@@ -1,4 +1,4 @@
-"""How orders are cut into tasks, each of which a worker is handed as a whole."""
+"""How orders are divided into tasks; a worker receives a task as a whole."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from typing import Any
 
 from .outcome import Order
 
-# Rows of a batch: beyond these it gets no cheaper, and below it is not worth being one.
+# Rows of a batch: larger batches are no cheaper per row, and smaller ones save nothing.
 _MOST, _FEWEST = 1000, 100
-# Robot-steps of a batch, so that rows are kept, and progress seen, every half a minute or so.
+# Robot-steps of a batch, so that rows are kept and progress is shown about every half minute.
 _STEPS = 2e7
 
 
 def tasks_of(orders: Sequence[Order], slots: int, batch: int | None = None) -> list[list[Order]]:
-    """Return orders as tasks: each alone that is simulated, and batches of the others.
+    """Return orders as tasks: one task for each simulated order, and batches of the others.
 
     Args:
         orders: The orders.
         slots: Number of tasks that are carried out at a time.
-        batch: Number of orders in a task, whatever they are; by default as is best.
+        batch: Number of orders in every task; by default it follows from the orders.
     """
     if batch is not None:
         return _cut(list(orders), batch)
-    # Robots run side by side with those of their kind: a batch of many kinds is many small ones.
+    # Only robots of one kind run side by side, so batches are made of orders of one kind.
     together = sorted((order for order in orders if order.method == "batch"), key=_kind)
     size = 1
     if together:
@@ -40,7 +40,7 @@ def _cut(orders: list[Order], size: int) -> list[list[Order]]:
 
 
 def _kind(order: Order) -> str:
-    """Return what a batch asks of robots that run side by side, as far as a document tells it."""
+    """Return a text that is equal for orders whose robots may run side by side."""
     keys = ("arm", "task", "period", "duration", "law", "dither", "filter", "feedback")
     known = {key: order.document.get(key) for key in keys}
     return json.dumps(_without_numbers(known) | {"period": known["period"]}, sort_keys=True)

@@ -1,4 +1,4 @@
-"""What the values of a varied key may be: all of some values, or draws from a distribution."""
+"""How a key varies: over all values of a list or range, or drawn from a distribution."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ..inputs.fields import Array, Count, Finite, FiniteEach, Positive, validate
 
 
 class Axis(ABC):
-    """Values that are all run, in combination with those of the other keys."""
+    """Values that are all run, in combination with the values of the other keys."""
 
     @abstractmethod
     def listed(self) -> list[Any]:
@@ -25,7 +25,7 @@ class Axis(ABC):
     @property
     @abstractmethod
     def size(self) -> int:
-        """Number of values, which need not be listed for it."""
+        """Number of values, known without listing them."""
 
 
 class Distribution(ABC):
@@ -36,7 +36,7 @@ class Distribution(ABC):
         """Return one value as plain data.
 
         Args:
-            rng: Where its randomness comes from; used for this value alone.
+            rng: Random generator of this value alone.
         """
 
 
@@ -71,8 +71,8 @@ class Range(Axis):
     Args:
         low: First value.
         high: Last value.
-        count: Number of values. Whole numbers come of whole ``low`` and ``high`` if their distance
-            is one.
+        count: Number of values. The values are whole numbers if ``low``, ``high`` and the distance
+            between two values are.
         spacing: ``linear`` for equal distances, ``log`` for equal ratios.
     """
 
@@ -166,7 +166,7 @@ class Normal(Distribution):
 
 @validated
 class Integers(Distribution):
-    """A whole number, each between two bounds as likely as the others.
+    """A whole number between two bounds, all equally likely.
 
     Args:
         low, high: The bounds, both included.
@@ -190,7 +190,7 @@ class Choice(Distribution):
 
     Args:
         values: The values.
-        weights: How likely each is, relative to the others; equally by default.
+        weights: Relative probabilities of the values; equal by default.
     """
 
     values: list[Any]
@@ -213,7 +213,7 @@ class Choice(Distribution):
         return self.values[int(np.searchsorted(ends, rng.uniform(0.0, ends[-1]), "right"))]
 
 
-#: What a varied key may take its values from, by ``kind``.
+#: Classes of variations, by ``kind``.
 VARIATIONS: dict[str, type[Axis] | type[Distribution]] = {
     "values": Values,
     "range": Range,
@@ -226,11 +226,11 @@ VARIATIONS: dict[str, type[Axis] | type[Distribution]] = {
 
 
 def variation_of(section: Any, place: str) -> Axis | Distribution:
-    """Return what a section of ``vary`` describes: a list of values, or a mapping with a ``kind``.
+    """Return the variation that a section of ``vary`` describes.
 
     Args:
-        section: The section.
-        place: Its key, for messages.
+        section: The section: a list of values, or a mapping with a ``kind``.
+        place: Key of the section, for messages.
 
     Raises:
         InvalidInputError: If a key is wrong, missing or unknown.

@@ -1,4 +1,4 @@
-"""Where tasks are carried out: this process, processes of this machine, or any executor."""
+"""Workers that carry out tasks: this process, processes of this machine, or any executor."""
 
 from __future__ import annotations
 
@@ -16,40 +16,40 @@ from ..errors import DrakeRnnError
 
 
 class Handle(Protocol):
-    """What comes of a task, as a future of `concurrent.futures`, of Dask or of others."""
+    """The future result of a task, as `concurrent.futures` or Dask return it."""
 
     def result(self) -> Any:
-        """Return what the task has returned, or raise what it has raised."""
+        """Return the result of the task, or raise its error."""
 
     def add_done_callback(self, fn: Callable[[Any], object]) -> Any:
-        """Let a function be called when the task is done, in whatever thread."""
+        """Register a function to call when the task is done, in any thread."""
 
     def cancel(self) -> Any:
-        """Take the task back if it has not begun."""
+        """Cancel the task if it has not begun."""
 
 
 class Executor(Protocol):
-    """What tasks can be submitted to."""
+    """An object to which tasks can be submitted."""
 
     def submit(self, fn: Callable[..., Any], /, *args: Any) -> Any:
-        """Return a `Handle` of what comes of a task."""
+        """Submit a task, and return a `Handle` of its result."""
 
 
 class LostWorkersError(DrakeRnnError):
-    """A cluster or an executor that is there no more, or that cannot carry out tasks."""
+    """A cluster or an executor is lost, or cannot carry out tasks."""
 
 
 class Workers:
-    """An executor, with what must be known of it beyond ``submit``.
+    """An executor, and how it reports crashes and losses.
 
     Args:
         executor: Any executor whose futures have ``result`` and ``add_done_callback``.
         slots: Number of tasks that are handed over at a time.
 
     Attributes:
-        deaths: What the future of a task raises whose worker has died.
-        losses: What a future raises when the executor itself is lost.
-        attempts: Times that a run may lose its worker before it is named as what kills it.
+        deaths: Errors that a future raises if the worker of its task has crashed.
+        losses: Errors that a future raises if the executor itself is lost.
+        attempts: Number of crashes after which a run is said to kill its worker.
     """
 
     deaths: tuple[type[BaseException], ...] = ()
@@ -66,29 +66,29 @@ class Workers:
         return self._slots
 
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Handle:
-        """Return a handle of what comes of a task."""
+        """Submit a task, and return a handle of its result."""
         handle: Handle = self._executor.submit(task, *arguments)
         return handle
 
     def lost(self) -> str:
-        """Return why no more can come of tasks; empty as long as it can."""
+        """Return why no further results can arrive; empty while they can."""
         return ""
 
     def stop(self) -> None:
-        """Stop what is being carried out, as far as that can be done."""
+        """Stop the running tasks, as far as the executor can."""
 
 
 class ThisProcess(Workers):
     """This process itself: a task is done when it is submitted.
 
-    It knows all classes that are known here, but what kills it kills all.
+    All classes known here can be used, but a run that crashes ends the whole campaign.
     """
 
     def __init__(self) -> None:
         super().__init__(self, 1)
 
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Handle:
-        """Return a handle of what has come of a task."""
+        """Carry out a task, and return a handle of its result."""
         future: Future[Any] = Future()
         try:
             future.set_result(task(*arguments))
@@ -100,8 +100,8 @@ class ThisProcess(Workers):
 class Processes(Workers):
     """Processes of this machine, each for one task at a time.
 
-    If one dies, the task that it had is known, and another one takes its place. They end with this
-    process, however it ends.
+    If a process crashes, its task is known and another process takes its place. All of them end
+    with this process, however it ends.
 
     Args:
         jobs: Number of processes.
@@ -116,18 +116,18 @@ class Processes(Workers):
         self._lifelines: list[Connection] = []
 
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Handle:
-        """Return a handle of what comes of a task."""
+        """Submit a task, and return a handle of its result."""
         while self._idle:
             process = self._idle.pop()
             try:
                 return self._handed(process, task, *arguments)
             except BrokenExecutor:
-                # It died while it had nothing to do.
+                # The process ended while it was idle.
                 continue
         return self._handed(self._started(), task, *arguments)
 
     def stop(self) -> None:
-        """Stop all processes at once, whatever they are at."""
+        """Stop all processes at once, also those with a task."""
         for lifeline in self._lifelines:
             lifeline.close()
         self._lifelines, self._idle = [], []
@@ -150,12 +150,12 @@ class Processes(Workers):
         context = get_context("spawn")
         end, lifeline = context.Pipe(duplex=False)
         self._lifelines.append(lifeline)
-        # Pools of one: of a larger one, all tasks are lost with any of its processes.
+        # One process per pool: a larger pool loses all its tasks if one process crashes.
         return ProcessPoolExecutor(1, context, _begin, (end,))
 
 
 def _begin(lifeline: Connection) -> None:
-    # Ctrl-C in a terminal reaches all processes; the first one decides what it means.
+    # Ctrl-C in a terminal reaches all processes; the main process decides what to do.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     Thread(target=_end_with, args=(lifeline,), daemon=True).start()
 

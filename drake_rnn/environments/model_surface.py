@@ -27,7 +27,7 @@ class ModelSurface(ContactModel):
         offset: Offset of the model's origin, in the base frame, shape (3,) [m].
     """
 
-    # Its file may hold any shape.
+    # The file may contain any shape.
     is_plane = False
 
     kind: Literal["model"] = "model"

@@ -37,7 +37,7 @@ class Surface:
             if vector is not None and not np.linalg.norm(vector) > 0.0:
                 raise ValueError(f"{name}: must not be zero")
         if not self.believed_normal_W.dot(self.normal_W) > 0.0:
-            # A law that presses the other way measures no force and keeps moving.
+            # A law that presses in the opposite direction would measure no force and keep moving.
             raise ValueError(
                 "believed_normal: must be less than a right angle from the normal, "
                 f"{self.normal.tolist()}, not {np.asarray(self.believed_normal).tolist()}"

@@ -4,7 +4,7 @@ from .arms import Arms
 from .changes import parse_change, require_none_lost, set_key
 from .document import Acceptance, ExperimentDocument, IntegratorSettings
 from .expected_bounds import expected_bounds
-from .experiment import OUTSIDE, Experiment, make_experiment
+from .experiment import Experiment, make_experiment
 from .files import (
     Described,
     load_experiment,
@@ -12,22 +12,21 @@ from .files import (
     shipped_experiments,
 )
 from .key_meanings import key_meanings, section_meanings, unit_of_key
-from .quick_check import Checked, QuickCheck
 from .reach import MISS, Forecast, Reach, check_reach, follow, forecasts
+from .sections import OUTSIDE, Sections, read_sections
 
 __all__ = [
     "MISS",
     "OUTSIDE",
     "Acceptance",
     "Arms",
-    "Checked",
     "Described",
     "Experiment",
     "ExperimentDocument",
     "Forecast",
     "IntegratorSettings",
-    "QuickCheck",
     "Reach",
+    "Sections",
     "check_reach",
     "expected_bounds",
     "follow",
@@ -37,6 +36,7 @@ __all__ = [
     "make_experiment",
     "parse_change",
     "read_document",
+    "read_sections",
     "require_none_lost",
     "section_meanings",
     "set_key",

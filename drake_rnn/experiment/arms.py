@@ -1,4 +1,4 @@
-"""What several experiments share, so that it is made once: arms, and other parts that are equal."""
+"""Arms and other parts that several experiments share, so that each is made only once."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from ..robot.load_arm import load_arm
 
 T = TypeVar("T")
 
-# Parts of a kind that are kept, for documents that come next: plants are large.
+# Largest number of kept parts of each kind, because plants are large.
 _MOST_KEPT = 100
 
 
 class Arms:
-    """Arms by what a document says of them, each loaded when it is first asked for.
+    """Arms by their descriptions in documents, each loaded when it is first needed.
 
-    An arm never changes after it was made, so experiments may share it, and so do paths, limits and
-    classes of laws. Files that change meanwhile are not read again: keep this for one batch of
-    experiments, and in one thread, as kinematics are shared too.
+    An arm never changes after it was made, so experiments may share it; the same holds for paths,
+    limits and classes of laws. A file that changes later is not read again, and kinematics are
+    shared too: use one object for one batch of experiments, in one thread.
     """
 
     def __init__(self) -> None:
@@ -38,7 +38,7 @@ class Arms:
             InvalidInputError: If there is no such arm, or a key of it is wrong.
         """
         if isinstance(description, Mapping) and description.get("link_errors") is not None:
-            # There may be thousands of them, and to make one of another is quick.
+            # There may be thousands of link errors, and adding them to a loaded arm is quick.
             rest = {key: value for key, value in description.items() if key != "link_errors"}
             errors = construct(LinkErrorSettings, description["link_errors"], "arm.link_errors")
             return self.of(rest).with_link_errors(errors)
@@ -48,12 +48,12 @@ class Arms:
         return self._known[name]
 
     def shared(self, part: str, said: Any, make: Callable[[], T]) -> T:
-        """Return a part of an experiment, made once for all documents that say the same of it.
+        """Return a part of an experiment, made once for all documents that describe the same part.
 
         Args:
-            part: What it is.
-            said: All that it depends on, as plain data.
-            make: What makes it.
+            part: Kind of the part.
+            said: Everything that the part depends on, as plain data.
+            make: Function that makes the part.
         """
         kept, text = self._parts.setdefault(part, {}), _text(said)
         if text not in kept:

@@ -28,8 +28,8 @@ def checked_changes(changes: Mapping[str, Any] | None) -> Mapping[str, Any]:
     """Return changes of a document, an empty mapping for None.
 
     Raises:
-        InvalidInputError: If they are no mapping of dotted keys, or one replaces all that another
-            is in.
+        InvalidInputError: If they are not a mapping of dotted keys, or one change replaces the
+            section that an earlier change is in.
     """
     if changes is None:
         return {}
@@ -45,21 +45,20 @@ def checked_changes(changes: Mapping[str, Any] | None) -> Mapping[str, Any]:
 
 
 def require_none_lost(keys: Sequence[str], place: str = "changes") -> None:
-    """Refuse keys that are set one after the other if one replaces all that another is in.
+    """Refuse keys of which a later one replaces the section that an earlier one is in.
 
     Args:
         keys: Dotted keys, in the order in which they are set.
-        place: What names them, for messages.
+        place: Name of the changes, for messages.
 
     Raises:
-        InvalidInputError: If a key is set, and then what it is in.
+        InvalidInputError: If a key is set, and then a section that contains the key.
     """
     for number, key in enumerate(keys):
         for later in keys[number + 1 :]:
             if key.startswith(f"{later}."):
                 raise InvalidInputError(
-                    f"{place}: {key} is lost, as {later}, which it is in, is set after it; leave "
-                    "one out"
+                    f"{place}: {later} is set after {key} and replaces it; leave one of them out"
                 )
 
 

@@ -10,40 +10,32 @@ from ..inputs.documents import construct, without_kind
 from ..inputs.fields import Array
 from ..inputs.modules import Modules
 from ..inputs.own_code import naming
-from ..laws import Law
 from ..paths import PlacedPath
 from ..robot.arm import Arm
 from ..robot.tool import beyond_tool
 from ..systems import BODIES, Contact
-from .document import ExperimentDocument
+from .sections import Sections
 
-# How far a path may leave a surface along the normal, where only the force is controlled [m].
+# Largest extent of a path along the normal, where only the force is controlled [m].
 _OFF = 1e-3
-# Speed along the normal, of joints that move at 1 rad/s, below which an arm cannot press [m/s].
+# Speed of the tool along the normal, with joints at 1 rad/s, below which it cannot press [m/s].
 _STUCK = 1e-3
 
 
 def make_contact(
-    document: ExperimentDocument,
-    law: Law,
-    desired: PlacedPath,
-    arm: Arm,
-    start: Array,
-    modules: Modules,
+    parts: Sections, desired: PlacedPath, modules: Modules
 ) -> tuple[Contact | None, list[str]]:
     """Return the contact of an experiment, None if it has none, and warnings about it.
 
     Args:
-        document: Document of the experiment.
-        law: Law of the experiment.
+        parts: What the sections of the experiment's document describe.
         desired: Path of the experiment, placed at the start.
-        arm: Arm of the experiment.
-        start: Start posture, shape (n,) [rad].
         modules: Modules that may be imported for the environment.
 
     Raises:
         InvalidInputError: If a key is missing, wrong or must be left out.
     """
+    document, law, arm, start = parts.document, parts.law, parts.arm, parts.start
     section = document.environment
     if section is None:
         if "normal_WE" in law.inputs:

@@ -26,11 +26,11 @@ from ..systems.plant_settings import PlantSettings
 from ..systems.sensing_settings import SensingSettings
 
 _LOG_PERIOD = 0.01
-# Of an integrator; a greater one controls nothing, and a smaller one is lost in rounding.
+# Accuracy of an integrator: a larger one controls no error, a smaller one is below rounding.
 _Accuracy = Annotated[Positive, between(1e-14, 0.1)]
-# Of a controller [s]: none samples an arm more rarely.
+# Sampling period of a controller [s]; no controller of an arm is slower.
 _Period = Annotated[Positive, between(0.0, 1.0)]
-#: Schemes of Drake that make fixed steps, whatever accuracy is asked for.
+#: Schemes of Drake that make fixed steps and ignore the accuracy.
 _WITHOUT_ERROR_CONTROL = ("explicit_euler", "runge_kutta2", "semi_explicit_euler")
 
 

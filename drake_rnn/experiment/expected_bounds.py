@@ -12,14 +12,14 @@ from .experiment import Experiment
 def expected_bounds(experiment: Experiment) -> dict[str, Acceptance]:
     """Return the bounds on metrics: the document's, and those of the limits that the law keeps.
 
-    Limits that neither the law nor a filter behind it keeps by construction are not expected to be
-    kept. Those that are, are bounds on ratios, as joints may differ in their limits.
+    Only limits that the law or a filter behind it keeps by construction are expected to be kept.
+    They become bounds on ratios, because joints may differ in their limits.
     """
     limits, kept = experiment.limits, experiment.kept_limits
     bounds = {}
     if "position" in kept and np.isfinite(limits.position_upper - limits.position_lower).any():
         bounds["joint_limit_margin_min_rad"] = Acceptance(at_least=0.0)
-    # A secant at its bound carries rounding errors.
+    # The difference quotient of a motion at its bound carries rounding errors.
     for order, name in enumerate(DERIVATIVE_UNITS, start=1):
         if name in kept and limits.bounds[name] is not None:
             bounds[f"limit_ratio_{order}_max"] = Acceptance(at_most=1.0 + 1e-9)

@@ -6,34 +6,29 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
 from pydrake.trajectories import Trajectory
 
 from ..diagrams import check_sensing
 from ..errors import InvalidInputError
-from ..inputs.complaints import nearest
-from ..inputs.dataclass_fields import field_names
 from ..inputs.documents import construct
 from ..inputs.fields import Array
 from ..inputs.modules import Modules
-from ..laws import LAWS, Circumstances, Law, PostureLaw
+from ..laws import Circumstances, Law, PostureLaw
 from ..laws.checks import doubts_of
-from ..paths import Path, PlacedPath, as_path
+from ..paths import Path, PlacedPath
 from ..robot.arm import Arm
 from ..robot.kinematics import ArmKinematics
 from ..robot.limits import JointLimits
 from ..robot.task import Task, named_task
-from ..systems import BODIES, Body, Contact, Feedback, PlantSettings, start_posture
+from ..systems import BODIES, Body, Contact, Feedback
+from ..systems.moving_average import averaged_limits
 from .arms import Arms
 from .contact import make_contact
 from .document import ExperimentDocument
-from .filter import FilterDelay, filter_delay, kept_limits, loop_delay_doubts
-from .law import make_law
-from .path import GIVEN, doubts_of_path, path_of
-from .target import reachable_target
-
-#: How far the start may lie outside the position limits for a law that brings it back [rad].
-OUTSIDE = 0.1
+from .filter import FilterDelay, filter_delay
+from .path import GIVEN
+from .sections import read_sections
+from .target import with_reachable_target
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,12 +97,21 @@ class Experiment:
     def kept_limits(self) -> tuple[str, ...]:
         """Names of the limits of the arm that the law or a filter behind it keeps by construction.
 
-        None of an arm that does not move as it is told, because of its motors or of a noise.
+        There are none for an arm that does not move as commanded, because of its motors or of an
+        actuated dither. Behind a filter the arm's positions are means of those of an unfiltered arm
+        that the law sees, if neither a bound on the velocity nor a precompensation changes the
+        command before. A law that sees positions with errors of measurement can keep no limit of
+        the true ones.
         """
-        dither = self.document.dither
+        dither, settings, keeps = self.document.dither, self.document.filter, self.law.keeps
         if self.level.has_motors or (dither is not None and dither.model == "actuated"):
             return ()
-        return kept_limits(self.document, self.feedback, self.limits, self.law)
+        if settings is None:
+            sensed = self.document.sensing is not None
+            return tuple(name for name in keeps if not (sensed and name == "position"))
+        kept = averaged_limits(self.limits)
+        means = self.feedback == "unfiltered" and not settings.precompensate
+        return ("position", *kept) if means and {"position", "velocity"} <= {*keeps} else kept
 
     @property
     def target(self) -> Array | None:
@@ -153,59 +157,29 @@ def make_experiment(
     """
     document = _checked(document, path is not None)
     arms = Arms() if arms is None else arms
-    feedback = _feedback(document)
-    _require_plant(document)
-    arm, known = limited_arm(document, arms)
-    warnings = list(known)
-    kind = arms.shared(
-        "kind", document.law.get("kind"), lambda: LAWS.named_by(document.law, modules)
-    )
-    seeks_posture = issubclass(kind, PostureLaw)
-    start = start_posture(arm, document.start, OUTSIDE if seeks_posture else 0.0)
-    path = _path(document, seeks_posture, as_path(path), modules, arms)
-    law = make_law(document, kind, arm.limits, start)
-    check_sensing(document.sensing, law)
-    delay = filter_delay(document, feedback, arm.limits, law)
-    warnings += doubts_of_path(path, document.duration)
-    warnings += [*_outside(arm, start), *loop_delay_doubts(document, law, delay.loop)]
-    law, changes = _with_reachable_target(document, arm, start, law)
-    warnings += changes
-    kinematics = arms.shared("kinematics", document.arm, arm.kinematics)
-    desired = path.placed_by(kinematics, start)
+    parts = read_sections(document, arms, path, modules)
+    check_sensing(document.sensing, parts.law)
+    delay, late = filter_delay(parts)
+    law, moved = with_reachable_target(parts)
+    start, kinematics = parts.start, arms.shared("kinematics", document.arm, parts.arm.kinematics)
+    desired = parts.path.placed_by(kinematics, start)
     _require_orientation_seen(law, desired)
-    contact, doubts = make_contact(document, law, desired, arm, start, modules)
+    contact, doubts = make_contact(parts, desired, modules)
     found = Experiment(
         document=document,
-        arm=arm,
+        arm=parts.arm,
         law=law,
-        path=path,
+        path=parts.path,
         desired=desired,
         start=start,
         p_WE_start=kinematics.p_WE(start),
         R_WE_start=kinematics.R_WE(start),
         contact=contact,
-        feedback=feedback,
+        feedback=parts.feedback,
         path_delay=delay.path,
     )
     unsure = doubts_of(law, _circumstances(found, delay, kinematics))
-    return replace(found, warnings=(*warnings, *unsure, *doubts))
-
-
-def _path(
-    document: ExperimentDocument,
-    seeks_posture: bool,
-    given: Path | None,
-    modules: Modules,
-    arms: Arms,
-) -> Path:
-    """Return the path of an experiment, the same for all that describe the same one."""
-    if given is not None:
-        return path_of(document, seeks_posture, given, modules)
-    return arms.shared(
-        "path",
-        [document.path, document.on_unreachable, seeks_posture],
-        lambda: path_of(document, seeks_posture, None, modules),
-    )
+    return replace(found, warnings=(*parts.warnings, *late, *moved, *unsure, *doubts))
 
 
 def _circumstances(
@@ -238,33 +212,6 @@ def _checked(
     return replace(document, path=GIVEN) if path_is_given else document
 
 
-def _with_reachable_target(
-    document: ExperimentDocument, arm: Arm, start: Array, law: Law
-) -> tuple[Law, list[str]]:
-    """Return the law with a target posture that can be reached, if it has one, and warnings."""
-    if not isinstance(law, PostureLaw):
-        return law, []
-    target, changes = reachable_target(document, arm, start, law.target)
-    return replace(law, target=target), changes
-
-
-def _feedback(document: ExperimentDocument) -> Feedback:
-    """Return the arm that the law sees, checked against the level."""
-    body = BODIES[document.level]
-    sensed = document.sensing is not None
-    feedback = body.chosen_feedback(document.feedback, sensed=sensed)
-    body.check_loop(document.period, feedback, sensed=sensed)
-    return feedback
-
-
-def _require_plant(document: ExperimentDocument) -> None:
-    """Raise an InvalidInputError if the level has no plant, or the plant is too slow."""
-    if BODIES[document.level].has_motors:
-        (document.plant or PlantSettings()).check_period(document.period)
-    elif document.plant is not None:
-        raise InvalidInputError("plant: only at level: dynamic")
-
-
 def _require_orientation_seen(law: Law, desired: PlacedPath) -> None:
     """Raise an InvalidInputError for an orientation along the path that the law does not see."""
     if desired.turns and "R_WE_desired" not in law.inputs:
@@ -272,73 +219,3 @@ def _require_orientation_seen(law: Law, desired: PlacedPath) -> None:
             "path: carries an orientation, which this law does not see; give task: pose, or a law "
             "with the input R_WE_desired, or leave the orientation out"
         )
-
-
-def _widened(arm: Arm, limits: JointLimits) -> list[str]:
-    """Return a warning if the position limits exceed what the arm itself can do."""
-    if not np.isfinite(limits.position_upper - limits.position_lower).any():
-        return []
-    # Where neither has a limit, infinity is taken from infinity.
-    with np.errstate(invalid="ignore"):
-        beyond = np.maximum(
-            arm.limits.position_lower - limits.position_lower,
-            limits.position_upper - arm.limits.position_upper,
-        )
-    beyond[np.isnan(beyond)] = 0.0
-    worst = int(np.argmax(beyond))
-    if beyond[worst] <= 1e-3:
-        return []
-    return [
-        f"limits: {arm.joints[worst]} may go {beyond[worst]:.3g} {arm.units[worst]} beyond the "
-        f"limits of {arm.name}, {arm.limits.position_lower[worst]:.4g} to "
-        f"{arm.limits.position_upper[worst]:.4g} {arm.units[worst]}"
-    ]
-
-
-def _outside(arm: Arm, start: Array) -> list[str]:
-    return [
-        f"start: {name} is at {q:.6g} {unit}, {excess:.3g} {unit} outside its limits; it is "
-        "brought back"
-        for name, unit, q, excess in zip(
-            arm.joints, arm.units, start, arm.limits.violation(start), strict=True
-        )
-        if excess > 0
-    ]
-
-
-def limited_arm(document: ExperimentDocument, arms: Arms) -> tuple[Arm, tuple[str, ...]]:
-    """Return the arm with the limits of the experiment, and warnings about both.
-
-    Documents that say the same of arm and limits share it.
-
-    Args:
-        document: Document of the experiment.
-        arms: Arms that were loaded before.
-
-    Raises:
-        InvalidInputError: If a key of arm or limits is wrong.
-    """
-
-    def made() -> tuple[Arm, tuple[str, ...]]:
-        published = arms.of(document.arm)
-        limits = _limits(published, document.limits)
-        arm = published.with_limits(limits)
-        return arm, (*arm.warnings, *_widened(published, limits))
-
-    return arms.shared("arm", [document.arm, document.limits], made)
-
-
-def _limits(arm: Arm, bounds: Mapping[str, Any] | str) -> JointLimits:
-    if isinstance(bounds, str):
-        return JointLimits.unlimited(arm.n)
-    names = list(field_names(JointLimits))
-    for name in bounds:
-        if name not in names:
-            raise InvalidInputError(f"limits.{name}: no such key; " + nearest(name, names))
-        entries = bounds[name]
-        if isinstance(entries, (list, np.ndarray)) and len(entries) != arm.n:
-            raise InvalidInputError(
-                f"limits.{name}: must have {arm.n} entries, one per joint of {arm.name}, not "
-                f"{len(entries)}"
-            )
-    return construct(JointLimits, arm.limits.merged(bounds), "limits")

@@ -12,7 +12,7 @@ from ..diagrams import EXPERIMENTS
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest, require_type
 from ..inputs.dataclass_fields import field_names, fields_of
-from ..inputs.documents import read_yaml
+from ..inputs.documents import read_named
 from ..robot.limits_file import limits_beside
 from ..robot.load_arm import shipped_arms
 from .arms import Arms
@@ -30,7 +30,12 @@ def shipped_experiments() -> list[str]:
     All can be run except ``state_adjustment_printed``: its target, as printed in the paper, cannot
     be reached.
     """
-    return sorted(file.stem for file in EXPERIMENTS.glob("*/*.yaml"))
+    return sorted(_shipped())
+
+
+def _shipped() -> dict[str, File]:
+    """Return the files of the shipped experiments by name."""
+    return {file.stem: file for file in EXPERIMENTS.glob("*/*.yaml")}
 
 
 def load_experiment(
@@ -56,7 +61,7 @@ def load_experiment(
     if removed:
         before, _ = _contents(experiment)
         for key in removed:
-            # With another kind, a key of the former one may be removed.
+            # Together with a new kind, keys of the former kind may be removed.
             if not _holds(before, key):
                 _require_known(made, key)
     return made
@@ -72,7 +77,7 @@ def _holds(document: Mapping[str, Any], key: str) -> bool:
 
 
 def _require_known(experiment: Experiment, key: str) -> None:
-    """Raise an InvalidInputError if a key that was removed is none, as if misspelt."""
+    """Raise an InvalidInputError if the document can have no such key, as if misspelt."""
     *folders, last = key.split(".")
     sections: dict[str, Any] = {"law": experiment.law, "path": experiment.path}
     sections = fields_of(experiment.document) | sections
@@ -98,7 +103,7 @@ def read_document(
     if {"period", "integrator"} <= rivals:
         raise InvalidInputError("period: cannot be combined with integrator; change one of them")
     for key, value in changes.items():
-        # A copy: a later key may lead into a value that is the caller's.
+        # A copy, because a later key may change something inside the caller's value.
         set_key(document, key, deepcopy(value))
     _name_limits(document)
     _cut_short(document, changes)
@@ -106,7 +111,7 @@ def read_document(
 
 
 def _contents(experiment: Described) -> tuple[dict[str, Any], str]:
-    """Return a document's contents, which may be changed, and its name if they give none."""
+    """Return a copy of a document's contents, and the name to use if they give none."""
     if isinstance(experiment, Experiment):
         return experiment.document.contents(), ""
     if isinstance(experiment, ExperimentDocument):
@@ -119,19 +124,7 @@ def _contents(experiment: Described) -> tuple[dict[str, Any], str]:
 
 def _read(name: str) -> tuple[dict[str, Any], str]:
     """Return the contents of a shipped document or of a YAML file, and the file's name."""
-    if name in shipped_experiments():
-        (file,) = EXPERIMENTS.glob(f"*/{name}.yaml")
-    elif File(name).suffix in {".yaml", ".yml"}:
-        file = File(name)
-    else:
-        raise InvalidInputError(
-            f"experiment: no experiment {name!r}; "
-            + nearest(name, shipped_experiments())
-            + ", or a .yaml file"
-        )
-    document = read_yaml(file)
-    if not isinstance(document, dict):
-        raise InvalidInputError(f"{file}: must be a mapping of keys to values")
+    document, file = read_named(name, _shipped(), "experiment")
     # Names of models and CSV files are relative to the document's folder.
     _resolve_files(document, file.parent)
     return document, file.stem
@@ -155,7 +148,7 @@ def _resolve_files(document: dict[str, Any], folder: File) -> None:
     files = ((arm, "model"), (arm, "limits"), *paths, (environment, "model"))
     for section, key in (*files, *((packages, key) for key in packages)):
         value = section.get(key)
-        # `is_file`, because a folder may have the name of a shipped arm.
+        # Not `exists`, because a folder may have the name of a shipped arm.
         found = File.is_dir if section is packages else File.is_file
         if isinstance(value, str) and found(folder / value):
             # Absolute, so that the document means the same wherever it is saved.
@@ -174,7 +167,7 @@ def _path_sections(document: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _name_limits(document: dict[str, Any]) -> None:
-    """Name the limits that are found beside a model, so that the document says what was used."""
+    """Name the limits found beside a model, so that the document names all files that it uses."""
     arm = _section(document, "arm")
     model = arm.get("model")
     if not isinstance(model, str) or "limits" in arm or model in shipped_arms():

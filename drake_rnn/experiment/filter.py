@@ -1,4 +1,4 @@
-"""The delays that an experiment's filter causes for its law and its path, and what keeps limits."""
+"""The delays that an experiment's filter causes for its law and its path."""
 
 from __future__ import annotations
 
@@ -7,15 +7,8 @@ from typing import NamedTuple, get_args
 from ..diagrams import check_filter
 from ..errors import InvalidInputError
 from ..laws import Law
-from ..robot.limits import JointLimits
-from ..systems.body import Feedback
-from ..systems.moving_average import (
-    Kept,
-    averaged_limits,
-    averaging_delay,
-    averaging_windows,
-)
-from .document import ExperimentDocument
+from ..systems.moving_average import Kept, averaging_delay, averaging_windows
+from .sections import Sections
 
 
 class FilterDelay(NamedTuple):
@@ -30,14 +23,22 @@ class FilterDelay(NamedTuple):
     loop: float = 0.0
 
 
-def filter_delay(
-    document: ExperimentDocument, feedback: Feedback, limits: JointLimits, law: Law
-) -> FilterDelay:
-    """Return the delays that the experiment's filter causes; zero without a filter.
+def filter_delay(parts: Sections) -> tuple[FilterDelay, list[str]]:
+    """Return the delays that the experiment's filter causes, zero without one, and warnings.
+
+    Args:
+        parts: What the sections of the experiment's document describe.
 
     Raises:
-        InvalidInputError: If the filter does not fit feedback, dither, law or duration.
+        InvalidInputError: If the filter does not fit feedback, dither, law or duration; or if a
+            gain of the law is too high for the delays of filter and sensing.
     """
+    delay = _delay(parts)
+    return delay, _loop_doubts(parts, delay.loop)
+
+
+def _delay(parts: Sections) -> FilterDelay:
+    document, feedback, law = parts.document, parts.feedback, parts.law
     settings = document.filter
     check_filter(settings is not None, feedback, document.dither)
     if settings is None:
@@ -47,7 +48,7 @@ def filter_delay(
             "filter: needs a sampled law; give a period instead of an integrator"
         )
     _require_kept(settings.above, law)
-    windows = averaging_windows(limits, document.period, settings.above)
+    windows = averaging_windows(parts.arm.limits, document.period, settings.above)
     delay = averaging_delay(windows, document.period)
     if delay >= document.duration:
         raise InvalidInputError(
@@ -77,35 +78,9 @@ def _require_kept(above: Kept, law: Law) -> None:
         )
 
 
-def kept_limits(
-    document: ExperimentDocument, feedback: Feedback, limits: JointLimits, law: Law
-) -> tuple[str, ...]:
-    """Return the names of the limits that the law keeps, or the filter behind it.
-
-    Behind a filter the arm's positions are means of those of an unfiltered arm that the law sees,
-    if neither a bound on the velocity nor a precompensation changes the command before. A law that
-    sees positions with errors of measurement can keep no limit of the true ones.
-    """
-    settings = document.filter
-    if settings is None:
-        sensed = document.sensing is not None
-        return tuple(name for name in law.keeps if not (sensed and name == "position"))
-    kept = averaged_limits(limits)
-    means = feedback == "unfiltered" and not settings.precompensate
-    return ("position", *kept) if means and {"position", "velocity"} <= {*law.keeps} else kept
-
-
-def loop_delay_doubts(document: ExperimentDocument, law: Law, delay: float) -> list[str]:
-    """Return warnings about a delay in the law's loop.
-
-    Args:
-        document: Document of the experiment.
-        law: The law.
-        delay: Delay between the law's command and its inputs that the filter causes [s].
-
-    Raises:
-        InvalidInputError: If a gain of the law is too high for the delays of filter and sensing.
-    """
+def _loop_doubts(parts: Sections, delay: float) -> list[str]:
+    """Return a warning about the filter's delay [s] in the law's loop; refuse gains too high."""
+    document, law = parts.document, parts.law
     sensed = 0.0 if document.sensing is None else document.sensing.delay
     late = delay + sensed
     if late == 0.0:

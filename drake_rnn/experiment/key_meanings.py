@@ -1,7 +1,6 @@
-"""What the keys of a document mean, and their units: from the docstrings of the classes they make.
+"""Meanings and units of a document's keys, read from the docstrings of the classes they describe.
 
-This is the one place where units of keys are looked up; they are written where the fields are
-explained.
+Units are written once, where a field is explained, and looked up here.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from ..laws import LAWS
 from ..measures import METRICS
 from ..paths import PATHS
 from ..robot.arm_description import ArmDescription
-from ..robot.limits import LIMIT_UNITS
+from ..robot.limits import FIELD_UNITS
 from .document import ExperimentDocument
 
 _KINDS: dict[str, Kinds[Any]] = {"law": LAWS, "path": PATHS, "environment": ENVIRONMENTS}
@@ -28,16 +27,16 @@ _UNIT = re.compile(r"\[((?:(?:rad|kg|Nm?|mm?|s|Hz|W|1)(?:\^\d)?|[ /()])+)\]")
 
 
 def key_meanings() -> dict[str, str]:
-    """Return what the keys of a document mean, in their order."""
+    """Return the meanings of a document's keys, in order."""
     return _meanings(ExperimentDocument)
 
 
 def section_meanings(name: str, value: Any) -> dict[str, str]:
-    """Return what the keys within a section mean; empty if it has none.
+    """Return the meanings of the keys of a section; empty if it has no keys.
 
     Args:
-        name: The section.
-        value: What the document says there.
+        name: Name of the section.
+        value: The section's contents in the document.
 
     Raises:
         InvalidInputError: If the section names a kind that there is not.
@@ -47,8 +46,7 @@ def section_meanings(name: str, value: Any) -> dict[str, str]:
     if name == "accept":
         return {metric.name: f"{metric.meaning} [{metric.unit}]" for metric in METRICS}
     if name == "limits":
-        sides = {f"position_{side}": LIMIT_UNITS["position"] for side in ("lower", "upper")}
-        return {limit: f"[{unit}]" for limit, unit in (LIMIT_UNITS | sides).items()}
+        return {limit: f"[{unit}]" for limit, unit in FIELD_UNITS.items()}
     if name == "arm":
         return _meanings(ArmDescription)
     if name in _KINDS:
@@ -59,23 +57,23 @@ def section_meanings(name: str, value: Any) -> dict[str, str]:
 
 
 def unit_of_key(document: Mapping[str, Any], key: str) -> str:
-    """Return the unit of a key such as ``law.kappa``; empty if none is told.
+    """Return the unit of a key such as ``law.kappa``; empty if the unit is not documented.
 
     Args:
-        document: The document that has the key, whose kinds of law, path and environment count.
-        key: The dotted key, which may end with the place of an entry, as in ``start[0]``.
+        document: Document with the key; its kinds of law, path and environment decide the meaning.
+        key: The dotted key, perhaps with the index of an entry, as in ``start[0]``.
     """
     section, *inner = re.sub(r"\[\d+\]", "", key).split(".")
     try:
         meaning = _meaning(section, document.get(section, {}), inner)
-    except InvalidInputError:  # of a kind that there is not
+    except InvalidInputError:  # The document names an unknown kind.
         meaning = ""
     found = _UNIT.search(meaning)
     return found[1] if found else ""
 
 
 def _meaning(section: str, value: Any, inner: list[str]) -> str:
-    """Return what a section means, or a key within it at any depth; empty if nothing is told."""
+    """Return the meaning of a section or of a key within it; empty if it is not documented."""
     if not inner:
         return key_meanings().get(section, "")
     if len(inner) == 1:
@@ -91,7 +89,7 @@ def _meaning(section: str, value: Any, inner: list[str]) -> str:
 
 
 def _described(cls: type, field: str) -> type | None:
-    """Return the class of the parts of a field, if it has any."""
+    """Return the class of a field's value, or of its entries; None if it is no dataclass."""
     hint = get_type_hints(cls).get(field)
     classes = [each for each in (hint, *get_args(hint)) if is_dataclass(each)]
     return classes[0] if classes and isinstance(classes[0], type) else None

@@ -15,10 +15,10 @@ from ..laws import Law
 from ..laws.checks import check_declared, continuous_reading, sampled_reading
 from ..laws.parts.measurement import LEVER, REACH, Measurement
 from ..robot.limits import JointLimits
-from ..robot.task import TASKS
+from ..robot.task import TASKS, tasks_suiting
 from .document import ExperimentDocument
 
-#: Where those fields of a law come from that a document must not give.
+#: Sections that determine the fields of a law which a document must not give.
 ORIGINS = {
     "limits": "arm and limits",
     "home": "start",
@@ -65,14 +65,14 @@ def make_law(
 
 
 def _measurement(document: ExperimentDocument) -> Measurement:
-    """Return the quality of what the law sees."""
+    """Return the quality of the measurements that the law sees."""
     sensing = document.sensing
     if sensing is None:
         return Measurement()
     steps = 0.0 if sensing.resolution is None else float(np.max(sensing.resolution))
     if sensing.encoder_bits is not None:
         steps = 2.0 * math.pi / 2.0**sensing.encoder_bits
-    # A number rounded to steps is off by a twelfth of their square, on average.
+    # The mean square error of rounding to steps is a twelfth of the step squared.
     joints = math.hypot(float(np.max(sensing.position_noise)), steps / math.sqrt(12.0))
     turned = LEVER * (sensing.R_WE_noise or 0.0) if document.task == "pose" else 0.0
     error = math.hypot(sensing.p_WE_noise or 0.0, REACH * joints, turned)
@@ -93,13 +93,6 @@ def _require_size(task: str, kind: Any) -> None:
 def _require_rows(task: str, law: Law) -> None:
     """Raise an InvalidInputError if the task does not fit the sizes of the law's inputs."""
     parts = {**law.state.parts, **law.inputs.parts}
-    rows = {name: shape[0] for name, (_, shape) in parts.items()}
-
-    def suits(name: str) -> bool:
-        known = TASKS[name]
-        expected = {"p_WE": len(known.axes), "J": known.size, "J_hat": known.size}
-        return all(rows.get(part, size) == size for part, size in expected.items())
-
-    if not suits(task):
-        able = ", ".join(filter(suits, TASKS))
-        raise InvalidInputError(f"task: may be {able} for this law, not {task}")
+    able = tasks_suiting({name: shape for name, (_, shape) in parts.items()})
+    if task not in able:
+        raise InvalidInputError(f"task: may be {', '.join(able)} for this law, not {task}")

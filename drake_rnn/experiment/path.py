@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from pydrake.trajectories import Trajectory
+
 from ..errors import InvalidInputError
 from ..inputs.complaints import require_type
 from ..inputs.documents import construct, without_kind
 from ..inputs.modules import Modules
-from ..paths import PATHS, Part, Path, Rest, Sequence
+from ..paths import PATHS, Part, Path, Rest, Sequence, as_path
 from ..paths.timed import TimedPath
+from .arms import Arms
 from .document import ExperimentDocument
 
 #: Section of a document in place of a path that was made in Python.
@@ -18,18 +21,24 @@ GIVEN = {"kind": "given"}
 
 
 def path_of(
-    document: ExperimentDocument, seeks_posture: bool, given: Path | None, modules: Modules
-) -> Path:
-    """Return the path of an experiment.
+    document: ExperimentDocument,
+    arms: Arms,
+    seeks_posture: bool,
+    given: Path | Trajectory | None,
+    modules: Modules,
+) -> tuple[Path, list[str]]:
+    """Return the path of an experiment, shared by documents that describe the same, and warnings.
 
     Args:
         document: Document of the experiment.
+        arms: Parts that documents share.
         seeks_posture: Whether its law seeks a posture while the end effector stays.
         given: Path that was made in Python, in place of one that the document describes.
         modules: Modules that may be imported for the path.
 
     Raises:
-        InvalidInputError: If a key is wrong, or the path must be given or left out.
+        InvalidInputError: If a key is wrong; if the path must be given or left out; or if its times
+            begin after the run's end.
     """
     if seeks_posture:
         if document.path is not None:
@@ -41,35 +50,33 @@ def path_of(
                 "on_unreachable: follow is only for a path; the target posture of this law may be "
                 "refused or projected"
             )
-        return Rest()
+        return Rest(), []
     if document.on_unreachable == "project":
         raise InvalidInputError(
             "on_unreachable: project is only for a law that seeks a target posture; a path may be "
             "refused or followed"
         )
     if given is not None:
-        require_type("path", given, Path)
-        return given
-    if document.path is None:
+        path = as_path(given)
+        require_type("path", path, Path)
+    else:
+        path = _described(document.path, arms, modules)
+    return path, _doubts(path, document.duration)
+
+
+def _described(section: Mapping[str, Any] | None, arms: Arms, modules: Modules) -> Path:
+    if section is None:
         raise InvalidInputError("path: must be given")
-    if document.path == GIVEN:
+    if section == GIVEN:
         raise InvalidInputError(
             "path: was made in Python, which a document does not hold; give it again, as the "
             "argument path"
         )
-    return _made(document.path, "path", modules, {})
+    return arms.shared("path", section, lambda: _made(section, "path", modules, {}))
 
 
-def doubts_of_path(path: Path, duration: float) -> list[str]:
-    """Return a warning about a path that ends after the run.
-
-    Args:
-        path: The path.
-        duration: Duration of the run [s].
-
-    Raises:
-        InvalidInputError: If its times begin after the run's end.
-    """
+def _doubts(path: Path, duration: float) -> list[str]:
+    """Return a warning about a path that ends after the run; refuse one that begins after it."""
     if not isinstance(path, TimedPath):
         return []
     if path.begins >= duration:
@@ -84,13 +91,13 @@ def doubts_of_path(path: Path, duration: float) -> list[str]:
 def _made(
     section: Mapping[str, Any], key: str, modules: Modules, known: dict[str, type[Path]]
 ) -> Path:
-    """Return the path that a section describes; in one of parts, each part is such a section.
+    """Return the path that a section describes; each part of a sequence is such a section too.
 
     Args:
         section: The section.
-        key: Its key in the document.
+        key: Key of the section in the document.
         modules: Modules that may be imported.
-        known: Classes found so far, by kind: to look for one takes milliseconds, and a sequence
+        known: Classes found so far, by kind: finding a class takes milliseconds, and a sequence
             may have thousands of parts.
     """
     name = section.get("kind")

@@ -54,7 +54,7 @@ def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
 
     Args:
         experiment: The experiment.
-        samples: Number of points; more on a path that is long.
+        samples: Number of points; a long path gets more.
     """
     rows, desired_motion = list(experiment.task.axes), experiment.desired
     kinematics = experiment.arm.kinematics()
@@ -64,7 +64,7 @@ def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
     if experiment.contact is not None:
         shift = experiment.contact.surface.gap * experiment.contact.surface.normal_W
     times = reach_times(experiment, samples)
-    # Of a path that is lost, a few points show where it is farthest.
+    # Once the path is lost, a few points suffice to find the largest miss.
     stride = math.ceil(times.size / samples)
     q = experiment.start.copy()
     time: list[float] = []
@@ -80,7 +80,7 @@ def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
         if experiment.holds_orientation:
             R, w, _ = desired_motion.orientation(t)
             aim = _Aim(kinematics, rows, R)
-        # Once the path is lost, only the distance matters: fewer iterations suffice.
+        # Once the path is lost, only the distance matters, so fewer iterations suffice.
         q = _descend(aim, q, target, 20) if lost else _towards(aim, q, target)
         J = aim.J(q)
         position.append(q)
@@ -106,7 +106,7 @@ def reach_times(experiment: Experiment, samples: int = _SAMPLES) -> Array:
 
     Args:
         experiment: The experiment.
-        samples: Number of times; more on a path that is long.
+        samples: Number of times; a long path gets more.
     """
     end = min(experiment.desired.traversal, experiment.document.duration)
     position = experiment.desired.position
@@ -123,7 +123,7 @@ class Forecast(NamedTuple):
 
     Attributes:
         text: The warning.
-        limit: Limit that the path asks to exceed; None if it is about something else.
+        limit: Limit that the path asks the arm to exceed; None for any other warning.
     """
 
     text: str

@@ -2,29 +2,44 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
+from ..laws import Law, PostureLaw
 from ..robot.arm import Arm
 from ..robot.self_motion import SelfMotion
 from ..robot.task import TASKS
 from .document import ExperimentDocument
+from .sections import Sections
 
 # Largest displacement [m] and rotation [rad] of the end effector in a target posture, and largest
-# distance of a joint from where the self-motion towards the target ends [rad]. Beyond them the law
-# would trade one error for the other.
+# distance of a joint from where the self-motion towards the target ends [rad]. With a larger miss
+# the law would trade one error for the other.
 _MISS, _TURN, _SHORT = 1e-4, 1e-3, 0.01
 
 
-def reachable_target(
-    document: ExperimentDocument, arm: Arm, start: Array, target: Array
-) -> tuple[Array, list[str]]:
-    """Return the target posture to seek, shape (n,) [rad], and warnings about it.
+def with_reachable_target(parts: Sections) -> tuple[Law, list[str]]:
+    """Return the law with a target posture that can be reached, if it has one, and warnings.
+
+    Args:
+        parts: What the sections of the experiment's document describe.
 
     Raises:
         InvalidInputError: If no self-motion leads to it and ``on_unreachable`` is ``refuse``.
     """
+    if not isinstance(parts.law, PostureLaw):
+        return parts.law, []
+    target, changes = _reachable(parts.document, parts.arm, parts.start, parts.law.target)
+    return replace(parts.law, target=target), changes
+
+
+def _reachable(
+    document: ExperimentDocument, arm: Arm, start: Array, target: Array
+) -> tuple[Array, list[str]]:
+    """Return the target posture to seek, shape (n,) [rad], and warnings about it."""
     motion = SelfMotion(arm, start, document.task)
     if motion.free_dimensions == 0:
         raise InvalidInputError(

@@ -15,7 +15,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
 from ..errors import InvalidInputError
-from .complaints import plain, sentence
+from .complaints import nearest, plain, sentence
 from .own_code import naming
 
 T = TypeVar("T")
@@ -83,6 +83,28 @@ def read_yaml(file: Path) -> Any:
     except UnicodeDecodeError:
         raise InvalidInputError(f"{file}: not a text file") from None
     return parse_yaml(text, str(file))
+
+
+def read_named(name: str, shipped: Mapping[str, Path], section: str) -> tuple[dict[str, Any], Path]:
+    """Return the contents of a shipped document or of a YAML file, and the file.
+
+    Args:
+        name: Name of a shipped document, or of a ``.yaml`` or ``.yml`` file.
+        shipped: Files of the shipped documents by name.
+        section: Kind of document, for messages.
+
+    Raises:
+        InvalidInputError: If there is no such document, or the file is not a YAML mapping.
+    """
+    file = shipped.get(name, Path(name))
+    if file.suffix not in {".yaml", ".yml"}:
+        raise InvalidInputError(
+            f"{section}: no {section} {name!r}; {nearest(name, list(shipped))}, or a .yaml file"
+        )
+    document = read_yaml(file)
+    if not isinstance(document, dict):
+        raise InvalidInputError(f"{file}: must be a mapping of keys to values")
+    return document, file
 
 
 def to_yaml(document: Mapping[str, Any]) -> str:

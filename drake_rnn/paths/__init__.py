@@ -41,7 +41,7 @@ from ..inputs.kinds import Kinds
 from .cat import Cat
 from .curve import Curve
 from .line import Line
-from .path import BASE, TOOL, Motion, Path, PlacedPath
+from .path import BASE, TOOL, Motion, Passage, Path, PlacedPath
 from .planar import Planar
 from .points import Points, Spline, ThroughPoints
 from .polygons import Parallelogram, Square
@@ -90,6 +90,7 @@ __all__ = [
     "Nephroid",
     "Parallelogram",
     "Part",
+    "Passage",
     "Path",
     "PlacedPath",
     "Planar",

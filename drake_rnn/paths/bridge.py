@@ -1,4 +1,4 @@
-"""How one path leads to the next: where they meet, and a move between them where they do not."""
+"""Transitions from one path to the next: whether they meet, and a move between them if not."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class State:
         return self.position[0], None if self.orientation is None else self.orientation[0]
 
     def gaps(self, other: State) -> list[tuple[float, str]]:
-        """Return in what another state differs visibly: the differences and their units."""
+        """Return the differences from another state that exceed rounding, with their units."""
         (p, v, _), (p_other, v_other, _) = self.position, other.position
         gaps = [
             (float(np.linalg.norm(p_other - p)), "m"),

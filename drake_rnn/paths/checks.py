@@ -1,4 +1,4 @@
-"""Checks of what a path says about itself, so that a wrong one is refused by name."""
+"""Checks of what a path returns, so that a wrong path is refused by name."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def require_values(
 
 
 def _fault(returned: Any, shapes: Sequence[tuple[int, ...]]) -> str:
-    """Return what is wrong with returned arrays; an empty text if nothing is."""
+    """Return what is wrong with returned arrays; empty if they are right."""
     if not isinstance(returned, (tuple, list)) or len(returned) != len(shapes):
         return short(returned)
     for value, shape in zip(returned, shapes, strict=True):

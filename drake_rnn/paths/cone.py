@@ -5,8 +5,8 @@ With the cone's axis n and an axis u(0) at a right angle to it,
 .. math::
     C(\varphi) = \exp(\theta [u(\varphi)]_\times), \quad u(\varphi) = \exp(\varphi [n]_\times) u(0),
 
-turns about u, which itself turns about n. A path counts orientations from its first, so it is
-C(phi) C(0)^T that it is turned by. The angular velocity is phi' (n - C n).
+turns about u, which itself turns about n. A path gives its rotation from the first orientation,
+which is C(phi) C(0)^T. The angular velocity is phi' (n - C n).
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ Triple = tuple[float, float, float]
 
 TURN = 2.0 * math.pi
 _RAMP = 0.2
-_INSTANT = 1e-12  # share of a segment; this close to its end counts as the start of the next one
+_INSTANT = 1e-12  # share of a segment; a time this close to its end belongs to the next segment
 
 
 @validated
@@ -166,18 +166,11 @@ class Curve(RelativePath):
             np.array((wx * square + ux * gain, wy * square + uy * gain, wz * square + uz * gain)),
         )
 
-    def knots(self, until: float) -> Array:
-        """Return the times in [0, until] at which a derivative may jump or the point rests [s].
+    def _breaks(self, until: float) -> list[Array | float]:
+        """Return the starts and ends of segments, laps and pauses, and the times of ``bends``.
 
-        These are the start, the end of the last lap, the ends of segments (except on a smooth
-        curve with uniform timing), the ends of pauses, and ``bends``.
-
-        Raises:
-            InvalidInputError: If ``until`` and the duration are both infinite.
+        The ends of the laps of a smooth curve with uniform timing are no knots.
         """
-        until = min(until, self.duration)
-        if not math.isfinite(until):
-            raise InvalidInputError(f"until: must be finite, not {until}")
         shares = {time_at(self._law, bend / TURN) for bend in self.bends}
         if self.timing != "uniform" or self.segments > 1:
             shares.add(0.0)
@@ -187,8 +180,7 @@ class Curve(RelativePath):
             for k in range(count)
             for share in shares
         ]
-        times = np.unique([0.0, *inner, *self._lap_ends(count), self.duration])
-        return times[times <= until]
+        return [0.0, *inner, *self._lap_ends(count), self.duration]
 
     def _lap_ends(self, count: int) -> list[float]:
         """Return when the laps that the first ``count`` segments touch end and a pause begins."""

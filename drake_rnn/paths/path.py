@@ -1,8 +1,8 @@
-"""What every path is: a desired motion of the end effector, once it is placed in the world."""
+"""The base classes of paths: desired motions of the end effector, to be placed in the world."""
 
 # No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -17,21 +17,16 @@ from .checks import require_count
 #: Value at a time, and its two derivatives.
 Motion = tuple[Array, Array, Array]
 
-#: Frames that a path may be given in, whatever the model calls its own: the base, which is the
-#: world frame W, and the task frame E as it is when the path begins.
+#: Frames in which any path may be given: the base, which is the world frame W, and the tool, which
+#: is the task frame E when the path begins.
 BASE, TOOL = "base", "tool"
 
-
-# Two times [s] and two places [m] that only rounding sets apart.
+# Largest rounding error between equal times [s] and between equal places [m].
 _INSTANT, _SAME = 1e-9, 1e-6
 
 
-class PlacedPath(ABC):
-    """A path in the world frame W: the desired motion of the end effector E as functions of time.
-
-    `Path.placed` returns one. Before t = 0 the point rests where the path begins, after its end
-    where it ends.
-    """
+class Passage(ABC):
+    """How a path is traversed in time, placed or not."""
 
     @property
     @abstractmethod
@@ -39,22 +34,59 @@ class PlacedPath(ABC):
         """Time at which the path ends [s]; infinite for one without an end."""
 
     @property
-    @abstractmethod
     def traversal(self) -> float:
         """Time after which all of the path has been passed once, finite [s].
 
         It is one lap of a closed curve, and the duration of an open one.
         """
+        return self.duration
 
     @property
-    @abstractmethod
     def closed(self) -> bool:
         """Whether the path ends where it began."""
+        return False
 
     @property
-    @abstractmethod
     def turns(self) -> bool:
         """Whether the path carries an orientation of its own, which may vary."""
+        return False
+
+    def knots(self, until: float) -> Array:
+        """Return the times in [0, until] at which a derivative may jump or the point rests [s].
+
+        Raises:
+            InvalidInputError: If ``until`` and the duration are both infinite.
+        """
+        until = min(until, self.duration)
+        if not np.isfinite(until):
+            raise InvalidInputError(f"until: must be finite, not {until}")
+        times = np.unique(np.concatenate([np.atleast_1d(part) for part in self._breaks(until)]))
+        return times[times <= until]
+
+    def _breaks(self, until: float) -> list[Array | float]:
+        """Return times that hold all of `knots` up to ``until`` [s], and perhaps later ones."""
+        return [0.0, self.duration]
+
+    @abstractmethod
+    def sample(self, count: int) -> Array:
+        """Return points that show the path passed once, shape (count, 3) [m].
+
+        Raises:
+            InvalidInputError: If ``count`` is not a whole number of at least 1.
+        """
+
+    def _sampled(self, motion: Callable[[float], Motion], count: int) -> Array:
+        """Return the points of a motion at equal steps of time, see `sample`."""
+        require_count(count)
+        return np.array([motion(t)[0] for t in np.linspace(0.0, self.traversal, count).tolist()])
+
+
+class PlacedPath(Passage):
+    """A path in the world frame W: the desired motion of the end effector E as functions of time.
+
+    `Path.placed` returns one. Before t = 0 the point rests where the path begins, after its end
+    where it ends.
+    """
 
     @property
     @abstractmethod
@@ -88,19 +120,10 @@ class PlacedPath(ABC):
             InvalidInputError: If it is not known, see `oriented`, or ``t`` is not finite.
         """
 
-    @abstractmethod
-    def knots(self, until: float) -> Array:
-        """Return the times in [0, until] at which a derivative may jump or the point rests [s].
-
-        Raises:
-            InvalidInputError: If ``until`` and the duration are both infinite.
-        """
-
     def last_lap(self, until: float) -> float | None:
-        """Return when the point last was where it is at a time, or at the path's end before [s].
+        """Return the time at which the last complete lap before a time began [s].
 
-        That is the time at which the last whole lap began. None for a path that does not close,
-        or has not by then.
+        None for a path that does not close, or has not closed by then.
 
         Args:
             until: The time [s].
@@ -117,14 +140,8 @@ class PlacedPath(ABC):
         return None
 
     def sample(self, count: int) -> Array:
-        """Return positions that show the path passed once, shape (count, 3) [m].
-
-        Raises:
-            InvalidInputError: If ``count`` is not a whole number of at least 1.
-        """
-        require_count(count)
-        times = np.linspace(0.0, self.traversal, count).tolist()
-        return np.array([self.position(t)[0] for t in times])
+        """See `Passage.sample`; points are positions in W."""
+        return self._sampled(self.position, count)
 
 
 @validated
@@ -133,12 +150,12 @@ class Path(ABC):
 
     @property
     def has_place(self) -> bool:
-        """Whether the path lies where it is given, wherever the arm starts."""
+        """Whether the path has a fixed place, independent of where the arm starts."""
         return False
 
     @property
     def frames(self) -> frozenset[str]:
-        """Names of the model's frames that it is given in, besides the base's and the tool's."""
+        """Names of the model's frames in which the path is given, besides base and tool."""
         return frozenset()
 
     @abstractmethod
@@ -151,15 +168,15 @@ class Path(ABC):
         """Return the path in the world frame, for an arm that starts at a pose.
 
         Args:
-            p_WE: Position of E at the start, shape (3,) [m]; may be left out for a path with a
-                place of its own.
-            R_WE: Orientation of E at the start, shape (3, 3); may be left out where nothing
-                depends on it.
-            frames: Poses X_WF of the frames of the model that the path is given in, by name.
+            p_WE: Position of E at the start, shape (3,) [m]; optional for a path with a fixed
+                place.
+            R_WE: Orientation of E at the start, shape (3, 3); optional for a path that does not
+                depend on it.
+            frames: Poses X_WF of the model's frames in which the path is given, by name.
 
         Raises:
-            InvalidInputError: If what it depends on is left out, or it is no motion that a point
-                can follow.
+            InvalidInputError: If a pose that the path depends on is missing, or the path is not a
+                motion that a point can follow.
         """
 
     def placed_on(self, arm: Arm, q: Array) -> PlacedPath:
@@ -170,7 +187,7 @@ class Path(ABC):
             q: Start posture, shape (n,) [rad].
 
         Raises:
-            InvalidInputError: If the arm has no frame that the path is given in, or as `placed`
+            InvalidInputError: If the arm lacks the frame in which the path is given, or as `placed`
                 does.
         """
         require_type("arm", arm, Arm)

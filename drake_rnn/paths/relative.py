@@ -4,6 +4,7 @@
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 from pydantic import Field
@@ -11,15 +12,15 @@ from pydrake.math import RigidTransform
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Point, validated, zeros
-from .checks import require_count, require_pose, require_start, require_times, require_values
-from .path import BASE, TOOL, Motion, Path, PlacedPath
+from .checks import require_pose, require_start, require_times, require_values
+from .path import BASE, TOOL, Motion, Passage, Path, PlacedPath
 
 # Number of times at which a path is tried when it is placed.
 _CHECKED = 5
 
 
 @validated
-class RelativePath(Path):
+class RelativePath(Path, Passage):
     """A path given by its motion from its first pose, along the axes of a frame F.
 
     Args:
@@ -30,26 +31,6 @@ class RelativePath(Path):
 
     offset: Point = Field(default_factory=zeros)
     frame: str = BASE
-
-    @property
-    @abstractmethod
-    def duration(self) -> float:
-        """Time at which the path ends [s]; infinite for one without an end."""
-
-    @property
-    def traversal(self) -> float:
-        """Time after which all of the path has been passed once, finite [s]."""
-        return self.duration
-
-    @property
-    def closed(self) -> bool:
-        """Whether the path ends where it began."""
-        return False
-
-    @property
-    def turns(self) -> bool:
-        """Whether the path carries an orientation of its own, which may vary."""
-        return False
 
     @property
     def frames(self) -> frozenset[str]:
@@ -87,41 +68,24 @@ class RelativePath(Path):
     def start_orientation(self, R_FE: Array | None) -> Array | None:
         """Return the path's first orientation, shape (3, 3), for an arm that starts with ``R_FE``.
 
-        None if it is that of an arm whose orientation is not known.
+        None if the arm's orientation is not known.
         """
         return R_FE
 
     def begun_at(self, p_FE: Array) -> "RelativePath":
         """Return the path for an arm that starts at ``p_FE``, shape (3,) [m].
 
-        It is the path itself, except for one whose displacement depends on where it begins.
+        By default that is the path itself; a path whose displacement depends on where it begins
+        overrides this method.
         """
         return self
 
-    def knots(self, until: float) -> Array:
-        """Return the times in [0, until] at which a derivative may jump or the point rests [s].
-
-        Raises:
-            InvalidInputError: If ``until`` and the duration are both infinite.
-        """
-        until = min(until, self.duration)
-        if not np.isfinite(until):
-            raise InvalidInputError(f"until: must be finite, not {until}")
-        times = np.unique([0.0, self.duration])
-        return times[times <= until]
-
     def sample(self, count: int) -> Array:
-        """Return displacements that show the path passed once, shape (count, 3) [m].
-
-        Raises:
-            InvalidInputError: If ``count`` is not a whole number of at least 1.
-        """
-        require_count(count)
-        times = np.linspace(0.0, self.traversal, count).tolist()
-        return np.array([self.evaluate(t)[0] for t in times])
+        """See `Passage.sample`; points are displacements from the first one, in F."""
+        return self._sampled(self.evaluate, count)
 
     def require_motion(self) -> None:
-        """Raise an InvalidInputError if this is no motion that a point can follow."""
+        """Raise an InvalidInputError unless this is a motion that a point can follow."""
         name = type(self).__name__
         require_times(name, self.duration, self.traversal)
         times = [-1.0, *np.linspace(0.0, self.traversal, _CHECKED).tolist(), 2.0 * self.traversal]
@@ -188,29 +152,18 @@ class _Placed(PlacedPath):
 
     Attributes:
         path: The path.
-        start: Its first point, shape (3,) [m].
-        R_WE: Its first orientation, shape (3, 3); None if that is not known.
+        start: First point, shape (3,) [m].
+        R_WE: First orientation, shape (3, 3); None if it is not known.
     """
 
     path: RelativePath
     start: Array
     R_WE: Array | None
 
-    @property
-    def duration(self) -> float:
-        return self.path.duration
-
-    @property
-    def traversal(self) -> float:
-        return self.path.traversal
-
-    @property
-    def closed(self) -> bool:
-        return self.path.closed
-
-    @property
-    def turns(self) -> bool:
-        return self.path.turns
+    duration = property(attrgetter("path.duration"))
+    traversal = property(attrgetter("path.traversal"))
+    closed = property(attrgetter("path.closed"))
+    turns = property(attrgetter("path.turns"))
 
     @property
     def oriented(self) -> bool:
@@ -238,8 +191,8 @@ class _Placed(PlacedPath):
 def displacement_of(placed: PlacedPath) -> tuple[RelativePath, Array] | None:
     """Return the path whose displacement a placed path adds to its first point, and that point.
 
-    So many that begin elsewhere can share what is computed for one. None for a path along the axes
-    of another frame, and for one that is not given by its motion from its first pose.
+    Paths that differ only in their first point can share the computed displacement. None for a path
+    along the axes of another frame, and for one that is not a `RelativePath`.
 
     Args:
         placed: The placed path.

@@ -46,7 +46,7 @@ class Part:
 
 
 def _parts(value: Any) -> Any:
-    """Return parts, in which a path stands for a part of its own duration."""
+    """Return parts; a path alone becomes a part that lasts as long as the path."""
     if not isinstance(value, (list, tuple)) or not value:
         raise ValueError("must be a list of one part or more")
     entries = [as_path(entry) for entry in value]
@@ -121,7 +121,7 @@ class _Piece:
 
     Attributes:
         begin, end: These times [s]; the end may be infinite.
-        path: The path; its own time begins with the piece.
+        path: The path, whose time begins at 0 when the piece begins.
     """
 
     begin: float
@@ -150,7 +150,7 @@ def _bridged(
 
 @dataclass(frozen=True, eq=False)
 class _PlacedSequence(PlacedPath):
-    """Pieces in the world frame, each of which begins when the one before ends."""
+    """Pieces in the world frame; each begins when the piece before it ends."""
 
     pieces: tuple[_Piece, ...]
 
@@ -196,14 +196,10 @@ class _PlacedSequence(PlacedPath):
             return piece.path.orientation(t - piece.begin)
         return piece.path.orientation(piece.end - piece.begin)[0], np.zeros(3), np.zeros(3)
 
-    def knots(self, until: float) -> Array:
-        until = min(until, self.duration)
-        if not np.isfinite(until):
-            raise InvalidInputError(f"until: must be finite, not {until}")
-        times = [
-            piece.begin + piece.path.knots(min(until, piece.end) - piece.begin)
-            for piece in self.pieces
-            if piece.begin <= until
+    def _breaks(self, until: float) -> list[Array | float]:
+        begun = [piece for piece in self.pieces if piece.begin <= until]
+        ends = [piece.end for piece in begun]
+        return [
+            *ends,
+            *(one.begin + one.path.knots(min(until, one.end) - one.begin) for one in begun),
         ]
-        ends = [piece.end for piece in self.pieces if piece.end <= until]
-        return np.unique(np.concatenate([*times, ends]))

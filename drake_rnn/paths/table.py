@@ -26,7 +26,7 @@ class Table:
     """Rows of numbers with named columns.
 
     Attributes:
-        rows: Number of each row where it was given, for messages.
+        rows: Number of each row in its source, for messages.
         columns: Columns by name, each of shape (k,).
     """
 
@@ -54,7 +54,7 @@ def listed(value: Any) -> Array:
     """Return points that are given as a list of rows x, y, z, read-only, shape (k, 3) [m].
 
     Raises:
-        ValueError: If it is none; the message names row and column.
+        ValueError: If the value is no such list; the message names row and column.
     """
     rows = value.tolist() if isinstance(value, np.ndarray) else value
     if not isinstance(rows, (list, tuple)):

@@ -27,7 +27,7 @@ _CLOSED = 1e-6
 
 @validated
 class TimedPath(RelativePath):
-    """A path that follows trajectories of Drake's, whose times are those of the run.
+    """A path that follows Drake trajectories, in the time of the run.
 
     Before they begin the point rests where they begin, and after their end where they end.
 
@@ -142,12 +142,9 @@ class TimedPath(RelativePath):
         """See `RelativePath.start_orientation`."""
         return self._first_orientation if self.absolute and self.turns else R_FE
 
-    def knots(self, until: float) -> Array:
-        """See `RelativePath.knots`."""
-        parts = [np.array([0.0, self._begin, self._finish])]
-        parts += [breaks(part) for part in (self._positions, self._quaternions)]
-        times = np.unique(np.concatenate(parts))
-        return times[times <= until]
+    def _breaks(self, until: float) -> list[Array | float]:
+        inner = [breaks(part) for part in (self._positions, self._quaternions)]
+        return [0.0, self._begin, self._finish, *inner]
 
 
 def breaks(trajectory: Any) -> Array:

@@ -13,13 +13,7 @@ from typing import Any
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import (
-    BodyIndex,
-    FrameIndex,
-    Joint,
-    ModelInstanceIndex,
-    PrismaticJoint,
-)
+from pydrake.multibody.tree import BodyIndex, Joint, ModelInstanceIndex, PrismaticJoint
 
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest, require_type
@@ -30,10 +24,11 @@ from .arm_description import ArmDescription
 from .drake_log import quiet_drake
 from .held_joints import poses_where_held, weld_joints
 from .kinematics import ArmKinematics
-from .limits import DERIVATIVE_UNITS, JointLimits
+from .limits import FIELD_UNITS, JointLimits
 from .limits_file import LimitsFile, read_limits
 from .link_error_settings import LinkErrorSettings
 from .model import Model, displaced, moving_joints, read_model
+from .structure import joints_to, nearest_frame
 
 
 class Arm:
@@ -53,7 +48,7 @@ class Arm:
         units: Units of their positions: ``rad``, or ``m`` for one that slides.
         limits: Limits of the controlled joints.
         home: Home posture, shape (n,) [rad], or None.
-        warnings: What the model's file needed to be read, and what Drake warns of.
+        warnings: Changes that the model's file needed, and warnings of Drake.
 
     Raises:
         InvalidInputError: If the file, a frame or a joint does not exist, or sizes differ.
@@ -95,10 +90,9 @@ class Arm:
         return f"<Arm {self.name}: {self.n} joints, task frame {self.frame}{tool}>"
 
     def _repr_html_(self) -> str:
-        units = dict.fromkeys(("position_lower", "position_upper"), "rad") | DERIVATIVE_UNITS
         bounds = {
             f"{name} [{unit}]": bound
-            for name, unit in units.items()
+            for name, unit in FIELD_UNITS.items()
             if (bound := self.limits.bounds[name]) is not None
         }
         rows = [
@@ -172,10 +166,10 @@ class Arm:
         """Return the same arm with links that differ from the model's.
 
         Args:
-            errors: The errors, in place of those that it has; None for none.
+            errors: The errors, which replace the arm's present ones; None for none.
 
         Raises:
-            InvalidInputError: If the model is no URDF.
+            InvalidInputError: If the model is not in URDF.
         """
         require_type("errors", errors, LinkErrorSettings, type(None))
         arm = copy(self)
@@ -231,6 +225,23 @@ class Arm:
         plant.Finalize()
         return plant
 
+    def each(self, key: str, value: float | Array) -> Array:
+        """Return a number for each joint, shape (n,), from one for all joints or one per joint.
+
+        Args:
+            key: Key of the value in a document, for the message.
+            value: The number or numbers.
+
+        Raises:
+            InvalidInputError: If there are not as many numbers as joints.
+        """
+        given = np.asarray(value, dtype=float)
+        if given.ndim and given.size != self.n:
+            raise InvalidInputError(
+                f"{key}: must have {self.n} entries, one per joint of {self.name}, not {given.size}"
+            )
+        return np.broadcast_to(given, self.n)
+
     def posture(self, plant: MultibodyPlant, q: Array) -> Array:
         """Return all positions of ``plant``, shape (nq,), with the controlled joints at ``q``.
 
@@ -249,7 +260,7 @@ class Arm:
         return ArmKinematics(self.plant(), self.frame, self.joints, scale)
 
     def believed_dynamics(self) -> ArmKinematics:
-        """Return the arm's dynamics as a law is told of them, with masses that may be wrong."""
+        """Return the dynamics that a law is given, whose masses may differ from the arm's."""
         believed = self.description.believed_mass_scale
         scale = self.description.mass_scale if believed is None else believed
         return ArmKinematics(self.plant(), self.frame, self.joints, scale)
@@ -274,10 +285,8 @@ class Arm:
 
     def _require_frame(self, plant: MultibodyPlant, name: str, key: str) -> None:
         if not plant.HasFrameNamed(name):
-            frames = [plant.get_frame(FrameIndex(i)) for i in range(plant.num_frames())]
-            names = sorted({frame.name() for frame in frames} - {""})
             raise InvalidInputError(
-                f"arm.{key}: no frame {name!r} in {self.model.name}; " + nearest(name, names)
+                f"arm.{key}: no frame {name!r} in {self.model.name}; {nearest_frame(plant, name)}"
             )
 
     def _controlled_joints(self, plant: MultibodyPlant) -> tuple[str, ...]:
@@ -285,7 +294,11 @@ class Arm:
         movable = {joint.name(): joint for joint in joints if joint.num_positions()}
         self._require_movable(list(movable))
         chosen = self.description.joints
-        joints_used = self._chain(plant) if chosen is None else list(chosen)
+        joints_used = list(chosen or ())
+        if chosen is None:
+            chain = joints_to(plant, plant.GetFrameByName(self.frame).body())
+            moving = [joint.name() for joint in chain if joint.num_positions()]
+            joints_used = [name for name in moving if name not in self.description.lock]
         if len(set(joints_used)) < len(joints_used):
             twice = next(name for name in joints_used if joints_used.count(name) > 1)
             raise InvalidInputError(f"arm.joints: {twice!r} is given twice")
@@ -333,20 +346,6 @@ class Arm:
                     f"arm.lock.{name}: may be {lower:g} to {upper:g}, not {value:g}"
                 )
 
-    def _chain(self, plant: MultibodyPlant) -> list[str]:
-        """Return the names of the unlocked movable joints from the base to the task frame."""
-        holders = {
-            joint.child_body().index(): joint
-            for joint in map(plant.get_joint, plant.GetJointIndices())
-        }
-        names: list[str] = []
-        body = plant.GetFrameByName(self.frame).body()
-        while (joint := holders.get(body.index())) is not None:
-            if joint.num_positions() and joint.name() not in self.description.lock:
-                names.insert(0, joint.name())
-            body = joint.parent_body()
-        return names
-
     def _read_limits(self, plant: MultibodyPlant) -> LimitsFile | None:
         if self.description.limits is None:
             return None
@@ -355,7 +354,7 @@ class Arm:
         return read_limits(Path(self.description.limits), movable, self.joints)
 
     def _known_limits(self, plant: MultibodyPlant) -> JointLimits:
-        """Return the limits of the file of limits, and of the model where that states none."""
+        """Return the limits of the limits file, and the model's where the file states none."""
         stated = self._stated_limits(plant)
         if self._published is None:
             return stated

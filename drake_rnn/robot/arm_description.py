@@ -33,17 +33,17 @@ class ArmDescription:
         tool: Tool to add to the model.
         joints: Names of the controlled joints, base to tip; by default all between base and
             ``frame``.
-        lock: Positions of joints held still, by name [rad or m]; joints that follow one of them
-            stand where they follow it to, and other joints that are not controlled at the model's
-            default.
+        lock: Positions of joints held still, by name [rad or m]. Joints that mimic a held joint are
+            held where they follow it; other joints that are not controlled are held at the
+            model's default.
         packages: Folders of the packages that ``package://`` names in the model refer to.
         home: Home posture, from which the arm starts by default, shape (n,) [rad].
         gravity: Gravitational acceleration in the base frame, shape (3,) [m/s^2].
         mass_scale: Factor on all masses and inertias of the model and the tool.
-        believed_mass_scale: The same factor in the dynamics that a law is told of, for a law that
-            is told wrong masses; by default ``mass_scale``.
-        limits: File of joint limits, see `drake_rnn.robot.limits_file`; what it does not state, the
-            model does.
+        believed_mass_scale: The same factor in the dynamics that a law is given, to give it wrong
+            masses; by default ``mass_scale``.
+        limits: File of joint limits, see `drake_rnn.robot.limits_file`; limits that the file does
+            not state are those of the model.
         link_errors: Errors in the dimensions of the model, a URDF file.
     """
 
@@ -88,6 +88,6 @@ class ArmDescription:
         new = construct(ArmDescription, kept | dict(changes), "arm")
         if "tool" not in changes or self.tool is None or new.frame != self.tool.tip:
             return new
-        # E was the tip of a tool that is there no longer.
+        # E was the tip of the former tool.
         leaves = "frame" not in changes if new.tool is None else new.tool.mount is None
         return replace(new, frame=str(self.tool.mount)) if leaves else new

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Joint, PrismaticJoint, RevoluteJoint
 
 from ..errors import InvalidInputError
@@ -11,28 +10,30 @@ from ..inputs.complaints import require_type
 from ..inputs.fields import Array
 from .arm import Arm
 from .screws import Screws
+from .structure import joints_to
 
-# Sines of pi leave such traces in the frames of a model; of numbers of the size of 1.
+# Rounding errors that sines of pi leave in the frames of a model, whose entries are about 1.
 _ROUNDING = 1e-15
 
 
 def screws_of(arm: Arm) -> Screws:
     """Return the joints and the task frame of an arm where all joints are at zero.
 
-    Tool and base are part of it, and joints that are held, where they stand.
+    Tool, base and held joints are included as fixed parts.
 
     Args:
         arm: The arm, of revolute and prismatic joints.
 
     Raises:
-        InvalidInputError: If ``arm`` is no `Arm`, no joint moves E, or one of another kind does.
+        InvalidInputError: If ``arm`` is not an `Arm`, no joint moves E, or a joint of another kind
+            does.
     """
     require_type("arm", arm, Arm)
     plant = arm.plant()
     context = plant.CreateDefaultContext()
     plant.SetPositions(context, np.zeros(plant.num_positions()))
     E = plant.GetFrameByName(arm.frame)
-    joints = _joints_to(plant, E.body().index())
+    joints = [joint for joint in joints_to(plant, E.body()) if joint.num_positions()]
     if not joints:
         raise InvalidInputError(f"arm.frame: no joint moves {arm.frame!r}")
     axes, points, frames = [], [np.zeros(3)], []
@@ -55,19 +56,6 @@ def screws_of(arm: Arm) -> Screws:
     )
 
 
-def _joints_to(plant: MultibodyPlant, body: int) -> list[Joint]:
-    """Return the movable joints from the base to a body."""
-    holders = {
-        joint.child_body().index(): joint for joint in map(plant.get_joint, plant.GetJointIndices())
-    }
-    joints: list[Joint] = []
-    while (joint := holders.get(body)) is not None:
-        if joint.num_positions():
-            joints.insert(0, joint)
-        body = joint.parent_body().index()
-    return joints
-
-
 def _axis(joint: Joint) -> Array:
     """Return the axis of a joint in its frame on the parent."""
     if isinstance(joint, RevoluteJoint):
@@ -81,6 +69,6 @@ def _axis(joint: Joint) -> Array:
 
 
 def _rounded(values: Array) -> Array:
-    """Return values with 0, 1 and -1 in place of what differs from them by rounding alone."""
+    """Return values, with those that differ from 0, 1 or -1 only by rounding set to it."""
     near = np.round(np.clip(values, -1.0, 1.0))
     return np.where(np.abs(values - near) < _ROUNDING, near, values)

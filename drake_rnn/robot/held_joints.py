@@ -22,8 +22,8 @@ def poses_where_held(
     Args:
         plant: Finalized plant of the whole model.
         controlled: Names of the controlled joints.
-        lock: Positions of some of the other joints [rad or m]. Those that follow one of them stand
-            where they follow it to, and the rest at the model's default.
+        lock: Positions of some of the other joints [rad or m]. Joints that mimic one of these are
+            held where they follow it, the rest at the model's default.
         mimics: Joints that follow others.
     """
     stands = dict(lock)

@@ -8,17 +8,17 @@ from ..inputs.fields import Array
 from .arm import Arm
 from .postures import random_postures
 
-# Number of postures; more of them raise the result by less than 8 %.
+# Number of postures; a larger number raises the result by less than 8 %.
 _POSTURES = 1000
 
 
 def largest_inertia(arm: Arm) -> Array:
     """Return the largest inertia of each joint over the postures of an arm, (n,) [kg m^2].
 
-    It is the largest sum over j of abs(M_ij), where M is the mass matrix, tool included, over the
-    home posture and 1000 `random_postures`, which are always the same.
-    With R the diagonal matrix of these sums, R - M is positive semidefinite at these postures,
-    because it is diagonally dominant.
+    For joint i it is the largest sum over j of abs(M_ij), where M is the mass matrix with the tool,
+    over the home posture and 1000 `random_postures`, which are always the same. With R the diagonal
+    matrix of these sums, R - M is positive semidefinite at these postures, because it is diagonally
+    dominant.
 
     Args:
         arm: The arm.

@@ -42,7 +42,7 @@ def jerk_box(
         limits: The limits.
         period: Time for which a velocity is held [s].
     """
-    # What follows from infinite limits is not a number in places, none of which is chosen.
+    # Infinite limits give some entries that are not numbers; no such entry is selected.
     with np.errstate(invalid="ignore"):
         return _box(q, v, a, limits, period)
 
@@ -59,12 +59,12 @@ def _box(q: Array, v: Array, a: Array, limits: JerkLimits, period: float) -> tup
     near = room < _long_way(v, a, limits, period)
     if xp is not np or near.any():
         c = stop(q, v, a, limits.acceleration, limits.jerk, period).first
-        # Joint by joint, so that others that are near change no bit of one that is not.
+        # Joint by joint, so that a joint near its limit changes no bit of another joint.
         held = _held_back(upwards, c, room[0], v, limits, period)
         upwards = xp.where(near[0], held, upwards)
         held = _held_back(downwards, -c, room[1], -v, limits, period)
         downwards = xp.where(near[1], held, downwards)
-    # Rounding alone can take a bound beyond what the jerk allows.
+    # Without this, rounding could move a bound beyond the jerk limit.
     upper = clipped(upwards, slowest, fastest)
     return xp.minimum(clipped(-downwards, slowest, fastest), upper), upper
 
@@ -94,7 +94,7 @@ def _held_back(
     upper = xp.maximum(upper, c)
     way = differentiable(room)
     over, at_best = (_way(b, v, limits, period) - way for b in (upper, c))
-    # At best the stop ends at the limit; from elsewhere, no bound is better than the stop itself.
+    # If even the stop from now exceeds the limit, the bound is the stop itself.
     gap = xp.where(over > 0.0, over - at_best, 1.0)
     share = xp.where(gap > 0.0, -at_best / xp.where(gap > 0.0, gap, 1.0), 0.0)
     held = c + (upper - c) * xp.clip(share, 0.0, 1.0)

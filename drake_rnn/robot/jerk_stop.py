@@ -11,10 +11,11 @@ returns to zero in whole steps and a rest, gains
     T^{-1}(y) = \frac{y}{p + 1} + \frac p2, \quad
     p = \lfloor \tfrac12 (\sqrt{1 + 8 y} - 1) \rfloor.
 
-The stop changes the acceleration by -d for some periods, holds the largest deceleration for some,
-brakes once in between, and returns to zero by steps of d; or the mirror image of this. What is left
-of it after its first period is the stop from there. So whoever may stop within a limit now may do
-so one period later, and the set of accelerations that allow it is never empty.
+The stop changes the acceleration by -d for some periods, holds the largest deceleration for some
+periods, brakes once in between, and returns to zero by steps of d; or it is the mirror image of
+this. After its first period, the rest of a stop is the stop from there. A joint that can stop
+within its limits now can therefore do so one period later, and the set of accelerations that allow
+it is never empty.
 
 All functions take leading axes of robots, in NumPy or in JAX arrays, and work joint by joint.
 """
@@ -102,14 +103,14 @@ def _phases(x: Array, slow: Array, most: Array) -> tuple[Array, Array, Array]:
 
 
 def _short(x: Array, slow: Array) -> tuple[Array, Array]:
-    """Return the same of a stop that never reaches the largest deceleration."""
+    """Return periods and deceleration of a stop that never reaches the largest deceleration."""
     xp = functions_of(x)
     least = xp.maximum(xp.floor(x), 0.0)
     square = xp.maximum(0.5 * x * x - 0.5 * x + 0.25 - slow, 0.0)
     guess = xp.maximum(xp.floor(x + xp.sqrt(square)), least)
     best, best_y, found = guess, xp.zeros_like(guess), guess < 0.0
-    # The guess is that of a stop in infinitely small steps; sums of whole ones are off by a step or
-    # two, tests find no more. The first that fits is taken.
+    # The guess is exact for infinitely small steps. With whole steps it was off by at most two in
+    # all tests; the nearest count that fits is taken.
     for step in sorted(range(-_OFF, _OFF + 1), key=abs):
         p = guess + step
         left = p * x - 0.5 * p * (p + 1.0) - slow

@@ -8,19 +8,13 @@ from math import isfinite
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import (
-    Body,
-    BodyIndex,
-    Frame,
-    FrameIndex,
-    JacobianWrtVariable,
-    SpatialInertia,
-)
+from pydrake.multibody.tree import BodyIndex, Frame, JacobianWrtVariable, SpatialInertia
 from pydrake.systems.framework import Context
 
 from ..errors import InvalidInputError
-from ..inputs.complaints import nearest, require_type, short
+from ..inputs.complaints import require_type, short
 from ..inputs.fields import Array
+from .structure import joints_to, nearest_frame
 
 _ORIGIN = np.zeros((3, 1))
 
@@ -54,7 +48,7 @@ class ArmKinematics:
         controlled = [plant.GetJointByName(name) for name in joints]
         self._indices = np.array([joint.position_start() for joint in controlled])
         self._velocity_indices = np.array([joint.velocity_start() for joint in controlled])
-        self._bodies = _chain(plant, self._frame)
+        self._bodies = [joint.child_body() for joint in joints_to(plant, self._frame.body())]
         self._is_whole = np.array_equal(self._indices, np.arange(plant.num_positions()))
         self._at_q = b""
         # X_WE and the spatial Jacobian at that posture, computed when first needed.
@@ -127,11 +121,8 @@ class ArmKinematics:
         """
         require_type("frame", frame, str)
         if not self._plant.HasFrameNamed(frame):
-            frames = [self._plant.get_frame(FrameIndex(i)) for i in range(self._plant.num_frames())]
-            names = sorted({known.name() for known in frames} - {""})
-            raise InvalidInputError(
-                f"frame: no frame {frame!r} in the model; {nearest(frame, names)}"
-            )
+            hint = nearest_frame(self._plant, frame)
+            raise InvalidInputError(f"frame: no frame {frame!r} in the model; {hint}")
         self._set(q)
         return self._plant.GetFrameByName(frame).CalcPoseInWorld(self._context)
 
@@ -194,19 +185,6 @@ def _numbers(name: str, values: Array) -> Array:
         return np.asarray(values, dtype=float)
     except (TypeError, ValueError):
         raise InvalidInputError(f"{name}: must be finite numbers, not {short(values)}") from None
-
-
-def _chain(plant: MultibodyPlant, frame: Frame) -> list[Body]:
-    """Return the bodies from the one next to the world to that of ``frame``."""
-    parents = {
-        joint.child_body().index(): joint.parent_body()
-        for joint in map(plant.get_joint, plant.GetJointIndices())
-    }
-    body, chain = frame.body(), []
-    while body.index() in parents:
-        chain.append(body)
-        body = parents[body.index()]
-    return chain[::-1]
 
 
 def _scale_masses(plant: MultibodyPlant, context: Context, scale: float) -> None:

@@ -25,6 +25,9 @@ DERIVATIVE_UNITS = {
     "crackle": "rad/s^5",
 }
 
+#: The fields of `JointLimits` and their units for a joint that turns.
+FIELD_UNITS = {"position_lower": "rad", "position_upper": "rad", **DERIVATIVE_UNITS}
+
 #: All limits by name and their units; ``position`` stands for its lower and its upper limit.
 LIMIT_UNITS = {"position": "rad", **DERIVATIVE_UNITS}
 
@@ -166,8 +169,8 @@ class JointLimits:
     def acceleration_box(self, q: Array, v: Array, period: float) -> tuple[Array, Array]:
         """Return bounds on the accelerations of a period after which all limits can still be kept.
 
-        That is: at the end of the period the velocity is within its limit, and if the joint then
-        brakes as hard as it may, in samples of ``period``, it comes to rest within its position
+        At the end of the period the velocity is within its limit, and if the joint then brakes at
+        its acceleration limit, in samples of ``period``, it comes to rest within its position
         limits. From such a state the box is never empty, so limits once kept are always kept. From
         any other state, the box brings the joint back, to rest at the limit that it violates.
 

@@ -9,7 +9,7 @@ Such a file is a YAML mapping from limits to their ``value``, ``unit`` and ``sou
       source: data sheet of 2024, p. 12
     acceleration: {value: unpublished, source: asked the maker}
 
-A limit that is left out or ``unpublished``, altogether or for a joint, is that of the model file.
+A limit that is left out or ``unpublished``, for all joints or for one, is read from the model file.
 `drake_rnn.load_arm` finds ``my.limits.yaml`` beside ``my.urdf`` by itself.
 """
 
@@ -26,12 +26,12 @@ from ..errors import InvalidInputError
 from ..inputs.complaints import nearest
 from ..inputs.documents import construct, read_yaml
 from ..inputs.fields import Array, Bounds, validated
-from .limits import DERIVATIVE_UNITS, JointLimits
+from .limits import FIELD_UNITS, JointLimits
 
 _UNPUBLISHED = "unpublished"
 _POSITION = ("position_lower", "position_upper")
 #: Limits that a file may state, and their units for a revolute joint.
-LIMIT_UNITS = {**dict.fromkeys(_POSITION, "rad"), **DERIVATIVE_UNITS, "effort": "N m"}
+LIMIT_UNITS = {**FIELD_UNITS, "effort": "N m"}
 # Strict: neither true nor "4" is a number.
 _Number = Annotated[float, Field(strict=True)]
 # Other ways to write the same unit, and those of a prismatic joint.
@@ -46,7 +46,7 @@ class PublishedLimit:
         value: One number for each joint, one for all, or a mapping from joints to numbers;
             ``unpublished`` where there is none.
         unit: Its unit, which must be the SI unit of `LIMIT_UNITS`.
-        source: Where the value is from.
+        source: Source of the value.
     """
 
     value: _Number | dict[str, _Number] | Bounds | str
@@ -68,7 +68,7 @@ class LimitsFile:
     """Contents of a file of limits.
 
     Args:
-        joints: Joints in the order of the lists; None if the file does not name them.
+        joints: Joints in the order of the lists; None if the file does not name the joints.
         entries: The limits by name.
     """
 
@@ -119,13 +119,13 @@ class LimitsFile:
             InvalidInputError: If a list has another size, or the limits contradict each other.
         """
         merged: dict[str, Any] = {}
-        for name in (*_POSITION, *DERIVATIVE_UNITS):
+        for name in FIELD_UNITS:
             published = self.values(name, joints)
             known = stated.bounds[name]
             if np.isnan(published).all():
                 merged[name] = known
                 continue
-            # No limit is known for a joint that neither of them names.
+            # A joint that neither file nor model names has no known limit.
             otherwise = np.full(len(joints), np.inf) if known is None else known
             merged[name] = np.where(np.isnan(published), otherwise, published)
         try:
@@ -171,8 +171,8 @@ def read_limits(file: Path, movable: Sequence[str], joints: Sequence[str]) -> Li
 def limits_beside(model: Path) -> Path | None:
     """Return the file of limits that belongs to a model by its name, None if there is none.
 
-    It is ``my.limits.yaml`` for ``my.urdf``. A mere ``limits.yaml`` may be that of another model in
-    the folder, and has to be named.
+    The file of ``my.urdf`` is ``my.limits.yaml``. A file called only ``limits.yaml`` may belong to
+    another model in the folder, and must be named in the description.
     """
     file = model.parent / f"{model.stem}.limits.yaml"
     return file if model.is_file() and file.is_file() else None

@@ -1,4 +1,4 @@
-"""Errors of an arm's links as a document describes them: drawn from a seed."""
+"""Errors of an arm's links, drawn from a seed, as a document describes them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from ..inputs.fields import NonNegative, Seed, between, validated
 from .link_errors import LinkErrors
 
-# Its stream of random numbers, beside those of runs.
+# Stream of the random numbers, different from the streams of runs.
 _STREAM = 7
 _DEGREE = np.pi / 180.0
 
@@ -18,13 +18,13 @@ _DEGREE = np.pi / 180.0
 class LinkErrorSettings:
     """Errors in the dimensions of an arm, uniform and independent in each coordinate of each joint.
 
-    The arm that moves has them, and whoever is told of its kinematics is told of that arm. Joint
-    frames are displaced in their own axes, with all that comes after them; the task frame stands on
-    the last link as the model says.
+    The arm that moves has these errors, and all kinematics are those of that arm. Each joint frame
+    is displaced in its own axes, together with all links after it; the task frame keeps its place
+    on the last link.
 
     Args:
-        seed: Seed of what is drawn.
-        translation: Largest error of each coordinate of a joint's place [m].
+        seed: Seed of the errors.
+        translation: Largest error of each coordinate of a joint's position [m].
         rotation: Largest error about each axis [rad].
     """
 
@@ -33,9 +33,9 @@ class LinkErrorSettings:
     rotation: Annotated[NonNegative, between(0.0, 0.5)] = 2.0 * _DEGREE
 
     def drawn(self, joints: int) -> LinkErrors:
-        """Return the errors of a number of joints, those of the first ones whatever comes after.
+        """Return the errors of a number of joints and, in a last row of zeros, of the task frame.
 
-        The last row, that of the task frame, is zero.
+        The errors of a joint do not depend on the number of joints.
         """
         drawn = np.random.default_rng([self.seed, _STREAM]).uniform(-1.0, 1.0, (joints, 2, 3))
         rows = np.concatenate((drawn, np.zeros((1, 2, 3))))

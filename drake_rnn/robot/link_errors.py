@@ -1,4 +1,4 @@
-"""Errors in the dimensions of an arm: each robot's links a little other than the model's."""
+"""Errors in the dimensions of an arm: links that differ a little from the model's, per robot."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import InvalidInputError
 from ..inputs.complaints import require_type
 from ..inputs.fields import Array
-from .rotations import product, rotation_by, times
+from .rotation import product, rotation_by, times
 from .screws import Screws
 
 
@@ -103,7 +103,7 @@ def with_link_errors(screws: Screws, errors: LinkErrors) -> Screws:
             f"errors: are for robots of shape {translation.shape[:-2]}, but the arms are of "
             f"{screws.robots}"
         ) from None
-    # How far all that comes next is turned against the arm without errors.
+    # Rotation of the next links relative to the arm without errors.
     R: Array = np.eye(3)
     axes, offsets, frames = [], [], []
     for i in range(k + 1):

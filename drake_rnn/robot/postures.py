@@ -109,6 +109,11 @@ def conditioning(kinematics: ArmKinematics, q: Array, reach: float) -> Array:
     return np.asarray(values / values[0])
 
 
+def structural_rank(kinematics: ArmKinematics, postures: Array, reach: float) -> int:
+    """Return the largest rank of the Jacobian over postures, shape (k, n), see `conditioning`."""
+    return max(int((conditioning(kinematics, q, reach) > 1e-6).sum()) for q in postures)
+
+
 def _range(arm: Arm) -> tuple[Array, Array]:
     lower, upper = arm.limits.position_lower, arm.limits.position_upper
     limited = np.isfinite(lower) & np.isfinite(upper)
@@ -156,7 +161,7 @@ def _merit(arm: Arm, candidates: Array, stands: bool = True) -> Callable[[Array]
     farthest = np.max([_distances(chain) for chain in chains], axis=0)
     counts = farthest > _ALWAYS_CLOSE * reach
     half = (limits.position_upper - limits.position_lower) / 2.0
-    rank = max(int((conditioning(kinematics, q, reach) > 1e-6).sum()) for q in candidates[:50])
+    rank = structural_rank(kinematics, candidates[:50], reach)
 
     def merit(q: Array) -> float:
         chain = kinematics.skeleton(q)

@@ -1,4 +1,4 @@
-"""What an arm is, as far as its model says: limits, reach, inertia, weight, and what is missing."""
+"""A report on an arm from its model: limits, reach, inertia, weight, and missing data."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from ..inputs.complaints import require_type
 from ..inputs.fields import Array
 from .arm import Arm
-from .postures import conditioning, proposed_home, random_postures
+from .postures import conditioning, proposed_home, random_postures, structural_rank
 
 # A home posture closer than this to a limit [rad], or with a singular value of the Jacobian this
 # small relative to the largest one, makes a poor start.
@@ -36,7 +36,7 @@ class ArmReport:
         weight_torque: Largest torque that gravity exerts on each joint, shape (n,) [Nm].
         weight_at_home: Torques that gravity exerts in the home posture, shape (n,) [Nm].
         postures: Number of random postures.
-        warnings: What is missing or may go wrong, each in a sentence.
+        warnings: Missing data and likely problems, each in one sentence.
     """
 
     arm: Arm
@@ -63,7 +63,7 @@ class ArmReport:
 
 
 def arm_report(arm: Arm, postures: int = 1000, seed: int = 0) -> ArmReport:
-    """Return figures of an arm, and what is missing.
+    """Return figures of an arm, and warnings about missing data.
 
     Args:
         arm: The arm.
@@ -131,8 +131,7 @@ def _home_doubts(arm: Arm, reach: float) -> list[str]:
     if names := _names(arm, room < _NEAR):
         found.append(f"home: less than {_NEAR:g} rad from the limits of {names}")
     kinematics = arm.kinematics()
-    drawn = [conditioning(kinematics, q, reach) for q in random_postures(arm, 50)]
-    rank = max(int((values > 1e-6).sum()) for values in drawn)
+    rank = structural_rank(kinematics, random_postures(arm, 50), reach)
     smallest = float(conditioning(kinematics, arm.home, reach)[rank - 1])
     if smallest < _SINGULAR:
         found.append(

@@ -13,7 +13,7 @@ from ..arrays.namespace import AnyArray, robots_last
 from ..errors import InvalidInputError
 from ..inputs.complaints import require_type
 from .moved_screws import Home, Link, MovedScrews
-from .rotations import frame_about, product, times
+from .rotation import frame_about, product, times
 from .triples import Matrix, Triple, constant, constant_matrix
 
 # How many axes of an array are the arm's; those before them are robots.
@@ -38,10 +38,10 @@ class Screws:
         moved.p_WE, moved.J              # shapes (..., 3) and (..., 3, n)
         moved.Jdot_v(v)                  # shape (..., 3)
 
-    Only what is asked for is computed, and the pass through the joints once for each `at`: p_WE is
-    that pass, R_WE, J and J_omega add little, Jdot_v is half as dear again. In NumPy a robot's
-    numbers have the same bits alone as among any others, also beside robots with arms of their
-    own. JAX's compiler adds up as it sees fit.
+    Results are computed when they are requested, and the pass through the joints is made once for
+    each `at`: p_WE takes that pass, R_WE, J and J_omega add little, Jdot_v adds half of it again.
+    In NumPy a robot's numbers have the same bits alone as among any others, also beside robots with
+    arms of their own. JAX's compiler chooses its own order of summation.
 
     In memory, robots lie side by side in results, which are views: elementwise operations on them
     are fastest and keep that order, and positions that lie so are not copied. A matrix product of

@@ -11,7 +11,7 @@ from .arm import Arm
 from .rotation import rotation_error
 from .task import named_task
 
-# A posture counts as on the manifold if the end effector is this close to its place [m, rad].
+# A posture lies on the manifold if the end effector is this close to its place [m, rad].
 _ON_IT = 1e-12
 # A joint counts as at a limit if it is this close [rad].
 _AT = 1e-6

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,3 +53,19 @@ def named_task(name: str) -> Task:
     if name not in TASKS:
         raise InvalidInputError(f"task: may be {', '.join(TASKS)}, not {name!r}")
     return TASKS[name]
+
+
+def tasks_suiting(shapes: Mapping[str, tuple[int, ...]]) -> list[str]:
+    """Return the names of the tasks of which signals of these shapes may be.
+
+    Args:
+        shapes: Shapes by the names of signals; those that depend on the task have their number of
+            rows.
+    """
+
+    def suits(task: Task) -> bool:
+        axes, size = len(task.axes), task.size
+        rows = {"p_WE": axes, "v_WE": axes, "Jdot_v": axes, "J": size, "J_hat": size}
+        return all(shapes[name][0] == rows[name] for name in rows.keys() & shapes.keys())
+
+    return [name for name, task in TASKS.items() if suits(task)]

@@ -15,6 +15,7 @@ from pydrake.systems.framework import Context
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from .arm import Arm
+from .structure import holders
 
 
 @dataclass(frozen=True)
@@ -45,26 +46,23 @@ def find_tool(plant: MultibodyPlant, frame: Frame) -> Tool:
     Raises:
         InvalidInputError: If no such body moves with the frame, or no joint holds it.
     """
-    holders = {
-        joint.child_body().index(): joint for joint in map(plant.get_joint, plant.GetJointIndices())
-    }
-    body = frame.body()
+    held_by, body = holders(plant), frame.body()
     while not (geometries := plant.GetCollisionGeometriesForBody(body)):
-        holder = holders.get(body.index())
+        holder = held_by.get(body.index())
         if holder is None or holder.num_positions():
             raise InvalidInputError(
                 f"arm.frame: nothing that moves with {frame.name()!r} has collision geometry; "
                 "contact needs a tool's frame, e.g. tip, or a tool to be added: arm.tool"
             )
         body = holder.parent_body()
-    if body.index() not in holders:
+    if body.index() not in held_by:
         raise InvalidInputError(f"arm.frame: {body.name()!r} is not held by any joint")
-    joint = holders[body.index()]
+    joint = held_by[body.index()]
     held, queue = 0.0, [body]
     while queue:
         part = queue.pop()
         held += part.default_mass()
-        queue += [j.child_body() for j in holders.values() if j.parent_body() == part]
+        queue += [j.child_body() for j in held_by.values() if j.parent_body() == part]
     return Tool(body, joint, held, tuple(geometries))
 
 

@@ -29,7 +29,6 @@ from pydrake.multibody.tree import (
 )
 
 from ..errors import InvalidInputError
-from ..inputs.complaints import nearest
 from ..inputs.fields import (
     Angles,
     Array,
@@ -43,6 +42,7 @@ from ..inputs.fields import (
     validated,
     zeros,
 )
+from .structure import nearest_frame
 
 # Colours of the drawn parts.
 _BLACK = (0.18, 0.18, 0.2, 1.0)
@@ -61,8 +61,8 @@ _FINEST = 0.02
 class ToolDescription:
     """A compliant ball at the end of a shaft: a rigid body, welded to a frame of an arm.
 
-    The tool's frame T has its origin where the shaft begins; the shaft is T's z axis. The ball is
-    all that makes contact. At its centre is a frame with T's axes, named ``tip``.
+    The tool's frame T has its origin where the shaft begins; the shaft is T's z axis. Only the
+    ball makes contact. At its centre is a frame with T's axes, named ``tip``.
 
     Args:
         mount: Frame of the arm's model that carries the tool. By default the arm's ``frame``, and
@@ -176,11 +176,9 @@ class ToolDescription:
                 )
         mount = str(self.mount)
         if not plant.HasFrameNamed(mount, instance):
-            frames = (plant.get_frame(index) for index in plant.GetFrameIndices(instance))
-            names = sorted({frame.name() for frame in frames} - {""})
             raise InvalidInputError(
                 f"arm.tool: no frame {mount!r} in {model} that could carry it; "
-                + nearest(mount, names)
+                + nearest_frame(plant, mount, instance)
             )
         return plant.GetFrameByName(mount, instance)
 

@@ -214,9 +214,7 @@ def _controller(law: Law, document: ExperimentDocument) -> Controller:
 def _body(experiment: Experiment) -> Body:
     arm, start, contact = experiment.arm, experiment.start, experiment.contact
     # Whether the start may lie outside the limits was checked when the experiment was made.
-    return experiment.level.with_settings(
-        arm, start, contact, experiment.document.plant, outside=OUTSIDE
-    )
+    return experiment.level(arm, start, contact, experiment.document.plant, outside=OUTSIDE)
 
 
 def _add_path(

@@ -59,7 +59,7 @@ class Averages:
         """Add velocities, shape (n,) or (n, robots) [rad/s], to a state, in place.
 
         Returns:
-            What is averaged: the velocities within their bounds.
+            The velocities that are averaged, which lie within their bounds.
         """
         n = len(u)
         if self._gain is not None:

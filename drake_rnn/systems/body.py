@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from types import NoneType
 from typing import ClassVar, Literal, get_args
 
 import numpy as np
-from pydrake.systems.framework import Diagram
+from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from ..environments import ENVIRONMENTS, Surface
 from ..errors import InvalidInputError
@@ -17,8 +18,8 @@ from ..robot.task import TASKS, named_task
 from .contact import Contact
 from .plant_settings import PlantSettings
 
-#: Arm that a law sees: ``commanded``, the one that the filtered command moves; ``measured``, the
-#: true one; ``unfiltered``, a virtual one that the law's unfiltered command moves.
+#: Arm that a law sees: ``commanded``, the arm that the filtered command moves; ``measured``, the
+#: true arm; ``unfiltered``, a virtual arm that the law's unfiltered command moves.
 Feedback = Literal["commanded", "measured", "unfiltered"]
 
 
@@ -34,6 +35,7 @@ class Body(Diagram):
         arm: The arm.
         start: Start posture, shape (n,) [rad]; by default the arm's home posture.
         contact: Contact of the tool with a surface; None for an arm in free space.
+        settings: Simulation and motor settings, only of an arm with motors; None for the defaults.
         outside: How far the start may lie outside the position limits [rad].
 
     Attributes:
@@ -41,7 +43,8 @@ class Body(Diagram):
 
     Raises:
         InvalidInputError: If the start is missing, of the wrong size or outside the position
-            limits; or if the tool cannot press against such a surface at this level.
+            limits; if the tool cannot press against such a surface at this level; or if there are
+            settings for an arm without motors.
     """
 
     #: Name of the level in an experiment's document.
@@ -58,6 +61,7 @@ class Body(Diagram):
         arm: Arm,
         start: Array | None = None,
         contact: Contact | None = None,
+        settings: PlantSettings | None = None,
         *,
         outside: float = 0.0,
     ) -> None:
@@ -68,23 +72,17 @@ class Body(Diagram):
         if contact is not None:
             self.check_surface(type(contact.surface))
         self.contact = contact
+        require_type("settings", settings, PlantSettings, NoneType)
+        self.check_plant(settings, None)
+        self.settings = PlantSettings() if settings is None and self.has_motors else settings
         self.kinematics = arm.kinematics()
+        builder = DiagramBuilder()
+        self._build(builder)
+        builder.BuildInto(self)
 
-    @classmethod
-    def with_settings(
-        cls,
-        arm: Arm,
-        start: Array | None,
-        contact: Contact | None,
-        settings: PlantSettings | None,
-        *,
-        outside: float,
-    ) -> Body:
-        """Return a body of this class; the arguments are those of `Body`, and ``settings``.
-
-        Only classes with a plant use the simulation and motor settings; others ignore them.
-        """
-        return cls(arm, start, contact, outside=outside)
+    @abstractmethod
+    def _build(self, builder: DiagramBuilder) -> None:
+        """Add the systems that move the arm, and export the ports of a body."""
 
     @property
     def tick(self) -> float | None:
@@ -92,7 +90,7 @@ class Body(Diagram):
         return None
 
     def remedy(self, joint: int, off: float) -> str:
-        """Return what to change where a joint is far from its command.
+        """Return a remedy for a joint that is far from its command, as a part of a sentence.
 
         Args:
             joint: Index of the joint.
@@ -100,12 +98,18 @@ class Body(Diagram):
         """
         return "see the settings of its motors"
 
-    def check_period(self, period: float | None) -> None:
-        """Raise an InvalidInputError if the body moves in steps longer than the controller's.
+    @classmethod
+    def check_plant(cls, settings: PlantSettings | None, period: float | None) -> None:
+        """Raise an InvalidInputError if the level has no plant, or one slower than the controller.
 
         Args:
+            settings: Settings of the plant; None for the defaults.
             period: Sampling period of the controller [s]; None if Drake integrates it.
         """
+        if cls.has_motors:
+            (settings or PlantSettings()).check_period(period)
+        elif settings is not None:
+            raise InvalidInputError("plant: only at level: dynamic")
 
     def check_task(self, task: str) -> None:
         """Raise an InvalidInputError for an unknown task, or a planar one with a contact.
@@ -120,10 +124,11 @@ class Body(Diagram):
 
     @classmethod
     def chosen_feedback(cls, feedback: Feedback | None, *, sensed: bool) -> Feedback:
-        """Return the arm that a law sees: the one asked for, or by default the measured one.
+        """Return the arm that a law sees.
 
         Args:
-            feedback: Arm that is asked for; None for the default.
+            feedback: Requested arm; None for the default, which is the measured arm if sensors
+                measure the joints.
             sensed: Whether sensors measure the joints.
         """
         if feedback is not None:

@@ -16,7 +16,7 @@ DYNAMICS_SIGNALS = ("M", "bias", "gravity")
 class Dynamics(LeafSystem):
     """Inertia, Coriolis terms and gravity of the arm: torque = M v_dot + bias - gravity.
 
-    They are those that the arm's description has a law believe, if it says so.
+    If the arm's description gives a ``believed_mass_scale``, masses are scaled by it.
 
     Inputs are ``position`` and ``velocity`` of the joints, shape (n,) [rad, rad/s]. Outputs are
     ``M``, shape (n, n) flattened [kg m^2], ``bias`` and ``gravity``, shape (n,) [Nm].

@@ -7,7 +7,7 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from ..errors import SimulationError
 
-# Joint motion below which the force may well stay the same [rad].
+# Joint motion below which a working sensor may read the same force [rad].
 _AT_REST = 1e-9
 
 

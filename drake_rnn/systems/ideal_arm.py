@@ -9,26 +9,15 @@ from pydrake.systems.primitives import PassThrough
 
 from ..environments import ElasticSurface, Surface
 from ..errors import InvalidInputError
-from ..inputs.fields import Array
-from ..robot.arm import Arm
 from .body import Body, Feedback
-from .contact import Contact
 from .spring_contact import SpringContact
 
 
 class IdealArm(Body):
     """An arm without mass that follows its command exactly; surfaces act on it as springs.
 
-    Ports are those of `Body`; the outputs ``position`` and ``velocity`` are the commanded ones.
-
-    Args:
-        arm: The arm.
-        start: Start posture, shape (n,) [rad]; by default the arm's home posture.
-        contact: Contact with an `ElasticSurface`; None for an arm in free space.
-        outside: How far the start may lie outside the position limits [rad].
-
-    Raises:
-        InvalidInputError: In the same cases as `Body`.
+    Arguments, errors and ports are those of `Body`; the outputs ``position`` and ``velocity`` are
+    the commanded ones. A contact is with an `ElasticSurface`.
     """
 
     level = "kinematic"
@@ -36,16 +25,8 @@ class IdealArm(Body):
     surfaces: ClassVar[type[Surface]] = ElasticSurface
     has_motors = False
 
-    def __init__(
-        self,
-        arm: Arm,
-        start: Array | None = None,
-        contact: Contact | None = None,
-        *,
-        outside: float = 0.0,
-    ) -> None:
-        super().__init__(arm, start, contact, outside=outside)
-        builder = DiagramBuilder()
+    def _build(self, builder: DiagramBuilder) -> None:
+        arm, contact = self.arm, self.contact
         for name in ("position", "velocity"):
             block = builder.AddNamedSystem(name, PassThrough(arm.n))
             builder.ExportInput(block.get_input_port(), f"{name}_commanded")
@@ -58,7 +39,6 @@ class IdealArm(Body):
             builder.Connect(position, spring.get_input_port())
             for name in ("contact_force", "tool_force"):
                 builder.ExportOutput(spring.get_output_port(), name)
-        builder.BuildInto(self)
 
     @classmethod
     def check_loop(cls, period: float | None, feedback: Feedback, *, sensed: bool = False) -> None:

@@ -81,9 +81,9 @@ def followed_path(
 ) -> PositionsAt:
     """Return the joint positions with which the damped pseudoinverse follows a path.
 
-    They are computed once, sampled every ``step``, with the secant of the desired position fed
-    forward and the position error fed back. They are interpolated linearly between samples, and
-    constant before the first and after the last one.
+    The positions are computed once, sampled every ``step``, with the difference quotient of the
+    desired position fed forward and the position error fed back. Between samples they are
+    interpolated linearly; before the first and after the last sample they are constant.
 
     Args:
         path: Path of the end effector; or one that has been placed.

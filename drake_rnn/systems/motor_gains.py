@@ -1,4 +1,4 @@
-r"""Gains of motors that follow from the inertia that they have to move.
+r"""Gains of motors, computed from the inertia that the motors move.
 
 With the diagonal matrix R of the joints' largest inertias (`largest_inertia`) they are
 
@@ -18,7 +18,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..robot.arm import Arm
 from ..robot.inertia import largest_inertia
@@ -41,7 +40,7 @@ class MotorGains(NamedTuple):
 
 
 def motor_gains(arm: Arm, settings: PlantSettings) -> MotorGains:
-    """Return the gains of an arm's motors: those given, and the others from its inertia.
+    """Return the gains of an arm's motors; those not given follow from its inertia.
 
     Args:
         arm: The arm.
@@ -50,8 +49,10 @@ def motor_gains(arm: Arm, settings: PlantSettings) -> MotorGains:
     Raises:
         InvalidInputError: If a gain is given for another number of joints.
     """
-    stiffness = _for_each(arm, "stiffness", settings.stiffness)
-    damping = _for_each(arm, "damping", settings.damping)
+    stiffness, damping = (
+        None if given is None else arm.each(f"plant.{name}", given)
+        for name, given in (("stiffness", settings.stiffness), ("damping", settings.damping))
+    )
     if stiffness is not None and damping is not None:
         return MotorGains(stiffness, damping)
     inertia = largest_inertia(arm) + settings.reflected_inertia
@@ -61,15 +62,3 @@ def motor_gains(arm: Arm, settings: PlantSettings) -> MotorGains:
     if damping is None:
         damping = 2.0 * np.sqrt(stiffness * inertia)
     return MotorGains(stiffness, damping)
-
-
-def _for_each(arm: Arm, name: str, given: float | Array | None) -> Array | None:
-    if given is None:
-        return None
-    gains = np.asarray(given, dtype=float)
-    if gains.ndim and gains.size != arm.n:
-        raise InvalidInputError(
-            f"plant.{name}: must have {arm.n} entries, one for each joint of {arm.name}, not "
-            f"{gains.size}"
-        )
-    return np.broadcast_to(gains, arm.n)

@@ -17,8 +17,8 @@ bounds. The same holds for samples and differences instead of signals and deriva
 windows longer than tau_j. The price is a delay of half the sum of the windows. Positions are not
 bounded.
 
-Of a law whose command keeps the bounds up to b_k itself, the first k - 1 windows are not needed:
-each mean keeps what it averages keeps.
+If the law's own command keeps the bounds up to b_k, the first k - 1 windows are not needed, because
+every mean keeps the bounds that its input keeps.
 
 Rounding: values are first rounded to a lattice with a step of 2^-53 of the largest sum, so that no
 sum over a window is ever rounded. Running sums thus stay exact in a run of any length, and the
@@ -40,9 +40,9 @@ from ..inputs.fields import Flag, validated
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
 from .averages import Averages
 
-# Longer windows would take longer to fill than any run takes.
+# Filling longer windows would take longer than any run.
 _MOST_SAMPLES = 1e6
-# Share of a sample that a window may lack, for the rounding of quotients.
+# Share of a sample by which a window may be too short, because quotients are rounded.
 _SLACK = 1e-9
 
 
@@ -77,7 +77,7 @@ class FilterSettings:
 
 
 def averaged_limits(limits: JointLimits) -> tuple[str, ...]:
-    """Return the names of the limits that a chain keeps: velocity to the highest one known."""
+    """Return the names of the limits that a chain keeps, from velocity to the highest known."""
     names = tuple(DERIVATIVE_UNITS)
     known = [name for name in names if limits.bounds[name] is not None]
     return names[: max(2, 1 + names.index(known[-1]))]
@@ -88,7 +88,7 @@ def averaging_windows(
 ) -> NDArray[np.intp]:
     """Return the lengths of the windows in samples of ``period`` [s], shape (levels, n).
 
-    There is one level per bound above that of the velocity, or above another that the command
+    There is one level per bound above the velocity's, or above the highest bound that the command
     keeps. Longer first windows give all joints the same delay; with different delays the end
     effector would leave its path.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import NoneType
 from typing import ClassVar
 
 import numpy as np
@@ -14,12 +13,9 @@ from pydrake.systems.primitives import MatrixGain, Multiplexer
 
 from ..environments import ContactModel, Surface
 from ..errors import InvalidInputError
-from ..inputs.complaints import require_type
-from ..inputs.fields import Array
 from ..robot.arm import Arm
 from ..robot.tool import Tool
 from .body import Body, Feedback
-from .contact import Contact
 from .contact_force import ContactForce
 from .plant import add_plant, motors_of
 from .plant_settings import PlantSettings
@@ -31,15 +27,8 @@ class PlantArm(Body):
 
     Each motor is a position and velocity loop with the gravity torque fed forward. Torques saturate
     at the effort limits of the model's actuators; a joint without an actuator gets one without a
-    limit. Ports are those of `Body`; all outputs are those of the plant's last step.
-
-    Args:
-        arm: The arm.
-        start: Start posture, shape (n,) [rad]; by default the arm's home posture.
-        contact: Contact with a `ContactModel`, e.g. a `Plate` or your own subclass; None for an
-            arm in free space.
-        settings: Simulation and motor settings.
-        outside: How far the start may lie outside the position limits [rad].
+    limit. Arguments and ports are those of `Body`; all outputs are those of the plant's last step.
+    A contact is with a `ContactModel`, e.g. a `Plate` or your own subclass.
 
     Attributes:
         plant: The plant.
@@ -57,38 +46,14 @@ class PlantArm(Body):
     surfaces: ClassVar[type[Surface]] = ContactModel
     has_motors = True
 
-    def __init__(
-        self,
-        arm: Arm,
-        start: Array | None = None,
-        contact: Contact | None = None,
-        settings: PlantSettings | None = None,
-        *,
-        outside: float = 0.0,
-    ) -> None:
-        super().__init__(arm, start, contact, outside=outside)
-        require_type("settings", settings, PlantSettings, NoneType)
-        self.settings = PlantSettings() if settings is None else settings
-        builder = DiagramBuilder()
-        added = add_plant(builder, arm, self.start, contact, self.settings)
-        self.plant, self.scene_graph, self.gains = added.plant, added.scene_graph, added.gains
-        self._drive(builder, arm, added.instance)
-        if added.tool is not None:
-            self._feel(builder, arm, added.instance, added.tool)
-        builder.BuildInto(self)
+    settings: PlantSettings
 
-    @classmethod
-    def with_settings(
-        cls,
-        arm: Arm,
-        start: Array | None,
-        contact: Contact | None,
-        settings: PlantSettings | None,
-        *,
-        outside: float,
-    ) -> Body:
-        """Return a body with the given simulation and motor settings."""
-        return cls(arm, start, contact, settings, outside=outside)
+    def _build(self, builder: DiagramBuilder) -> None:
+        added = add_plant(builder, self.arm, self.start, self.contact, self.settings)
+        self.plant, self.scene_graph, self.gains = added.plant, added.scene_graph, added.gains
+        self._drive(builder, self.arm, added.instance)
+        if added.tool is not None:
+            self._feel(builder, self.arm, added.instance, added.tool)
 
     @property
     def tick(self) -> float | None:
@@ -109,10 +74,6 @@ class PlantArm(Body):
                 "lower gains of the law ask for less"
             )
         return "give a higher plant.bandwidth, or lower gains of the law"
-
-    def check_period(self, period: float | None) -> None:
-        """See `Body.check_period`."""
-        self.settings.check_period(period)
 
     @classmethod
     def check_loop(cls, period: float | None, feedback: Feedback, *, sensed: bool = False) -> None:

@@ -1,4 +1,4 @@
-"""What is imperfect in a law's sight of its arm."""
+"""Imperfections of the measurements that a law sees of its arm."""
 
 from __future__ import annotations
 
@@ -27,10 +27,11 @@ _Noise = Annotated[NonNegative, between(0.0, _COARSEST)]
 
 @validated
 class SensingSettings:
-    """Imperfections of what a law sees of its arm.
+    """Imperfections of the measurements that a law sees of its arm.
 
-    Joints are always measured. The end effector follows from them by forward kinematics, or it is
-    measured from outside, as by a camera, if a noise of its pose is given, which may be 0.
+    Joints are always measured. The pose of the end effector follows from them by forward
+    kinematics; or it is measured from outside, as by a camera, if a noise of the pose is given,
+    which may be 0.
 
     Args:
         position_noise: Standard deviation of the normal noise on each measured position, one
@@ -44,8 +45,8 @@ class SensingSettings:
             quotient of the measured positions; 0 for the robot's own velocity, without noise.
             ``v_WE`` of an end effector that is measured from outside always is such a quotient.
         p_WE_noise: Standard deviation of the normal noise on each coordinate of the end effector's
-            position as it is measured from outside [m]; None if it follows from the joints, or, if
-            ``R_WE_noise`` is given, for none.
+            position, measured from outside [m]; None for a position without noise if
+            ``R_WE_noise`` is given, otherwise for one that follows from the joints.
         R_WE_noise: Standard deviation of the normal noise on each coordinate of a rotation vector
             by which its measured orientation is off [rad]; None likewise.
     """
@@ -79,7 +80,7 @@ class SensingSettings:
         Raises:
             InvalidInputError: If there are not as many numbers as joints.
         """
-        return _each("position_noise", self.position_noise, arm)
+        return arm.each("sensing.position_noise", self.position_noise)
 
     def step_of(self, arm: Arm) -> Array | None:
         """Return the step of each joint's measured position, shape (n,); None without steps.
@@ -89,7 +90,8 @@ class SensingSettings:
                 as many numbers as joints.
         """
         if self.encoder_bits is None:
-            return None if self.resolution is None else _each("resolution", self.resolution, arm)
+            given = self.resolution
+            return None if given is None else arm.each("sensing.resolution", given)
         for name, unit in zip(arm.joints, arm.units, strict=True):
             if unit != "rad":
                 raise InvalidInputError(
@@ -97,13 +99,3 @@ class SensingSettings:
                     "sensing.resolution, one number for each joint"
                 )
         return np.full(arm.n, 2.0 * math.pi / 2.0**self.encoder_bits)
-
-
-def _each(key: str, value: float | Array, arm: Arm) -> Array:
-    given = np.asarray(value, dtype=float)
-    if given.ndim == 1 and given.size != arm.n:
-        raise InvalidInputError(
-            f"sensing.{key}: must have {arm.n} entries, one per joint of {arm.name}, not "
-            f"{given.size}"
-        )
-    return np.broadcast_to(given, arm.n)

@@ -8,23 +8,23 @@ from ..errors import InvalidInputError
 from ..inputs.complaints import short
 from ..inputs.fields import Array
 
-#: Samples that are drawn together.
+#: Number of samples that are drawn together.
 BLOCK = 1024
 
 
 class WhiteNoise:
     """Independent standard normal values that depend on seed and sample number alone.
 
-    Every run and every process gets the same values, in whatever order they are asked for.
+    Every run and every process gets the same values, in whichever order samples are requested.
 
     Args:
         size: Number of values of each sample.
         seed: Seed of an experiment.
-        stream: Number of this noise among those of the experiment, so that no two are alike.
+        stream: Number of this noise; noises of one experiment have different numbers.
         clip: Largest magnitude of a value; infinite for no bound.
 
     Raises:
-        InvalidInputError: If the size or the seed is not such a number.
+        InvalidInputError: If the size or the seed is not a valid number.
     """
 
     def __init__(self, size: int, seed: int, stream: int, clip: float = np.inf) -> None:

@@ -232,7 +232,10 @@ def test_quiet_is_quiet(file, tmp_path):
         (("nowhere",), "campaign: no campaign 'nowhere'"),
         (("line_starts", "--set", "law.damping=3"), "--set: 'law.damping' varies in this"),
         (("line_starts", "--set", "law.dampign=3"), "law.dampign: no such key"),
-        (("line_starts", "--scheduler", "tcp://127.0.0.1:1"), "--scheduler: nobody answers at"),
+        (
+            ("line_starts", "--scheduler", "tcp://127.0.0.1:1"),
+            "--scheduler: no scheduler answers at",
+        ),
     ],
 )
 def test_bad_input_is_one_sentence(arguments, message, tmp_path, monkeypatch):

@@ -127,7 +127,10 @@ def test_the_command_of_a_row_sets_its_values_bit_for_bit():
         ({"vary": {"seed": [1]}, "samples": 3}, "samples: must be left out, as nothing is drawn"),
         ({"vary": {"law.damping": UNIFORM}}, "samples: must be given, as law.damping is drawn"),
         ({"vary": {}}, "vary: must name what varies"),
-        ({"vary": {"duration": [1]}}, "vary.duration: is also in changes; it cannot be both"),
+        (
+            {"vary": {"duration": [1]}},
+            "vary.duration: is also in changes; it is either varied or changed",
+        ),
         ({"vary": {"seed": [1]}, "vayr": 3}, "vayr: no such key; nearest: vary"),
         ({"vary": {"seed": [1]}, "metrics": ["error"]}, "metrics: no metric 'error'"),
         ({"vary": {"seed": [1]}, "together": [["x"]]}, "together: 'x' must be a key of vary"),
@@ -176,3 +179,10 @@ def test_the_arm_is_loaded_once_for_all_rows_and_once_for_the_first(monkeypatch)
     assert len(plan.rows) == 50
     assert len(loaded) == 2
     assert np.isfinite(plan.time)
+
+
+def test_a_row_whose_level_does_not_fit_is_refused_when_the_campaign_is_planned():
+    """Not only the first row: each row's level, feedback and plant are checked before any run."""
+    vary = {"plant": [None, {"time_step": 1e-3}]}
+    with pytest.raises(InvalidInputError, match=r"plant: only at level: dynamic \(row 1\)"):
+        plan_campaign(document(vary))

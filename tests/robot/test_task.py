@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_rnn import InvalidInputError, load_arm
-from drake_rnn.robot.task import TASKS, named_task
+from drake_rnn.robot.task import TASKS, named_task, tasks_suiting
 
 PANDA = load_arm("panda")
 KINEMATICS = PANDA.kinematics()
@@ -34,3 +34,18 @@ def test_a_task_has_as_many_rows_as_its_size(name, size, axes):
 def test_a_task_that_is_none_is_refused_with_those_that_are():
     with pytest.raises(InvalidInputError, match=r"^task: may be xyz, xy, pose, not 'yz'"):
         named_task("yz")
+
+
+@pytest.mark.parametrize(
+    ("shapes", "able"),
+    [
+        ({"J": (3, 7)}, ["xyz"]),
+        ({"J": (6, 7), "p_WE": (3,)}, ["pose"]),
+        ({"p_WE": (3,), "v_WE": (3,)}, ["xyz", "pose"]),
+        ({"J_hat": (2, 7), "velocity": (7,)}, ["xy"]),
+        ({"velocity": (7,)}, ["xyz", "xy", "pose"]),
+        ({"J": (4, 7)}, []),
+    ],
+)
+def test_a_signal_suits_the_tasks_with_as_many_rows(shapes, able):
+    assert tasks_suiting(shapes) == able

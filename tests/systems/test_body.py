@@ -174,3 +174,15 @@ class TestSurface:
                 make(IIWA, contact=contact)
             with pytest.raises(InvalidInputError, match="contact: must be of class Contact or"):
                 make(IIWA, contact=contact.surface)
+
+
+def test_only_an_arm_with_motors_has_a_plant_to_set():
+    """Settings that nothing would use are refused, and so is a plant slower than its controller."""
+    assert IdealArm(IIWA).settings is None
+    assert PlantArm(IIWA).settings.time_step == PlantSettings().time_step
+    with pytest.raises(InvalidInputError, match="plant: only at level: dynamic"):
+        IdealArm(IIWA, settings=PlantSettings())
+    slow = PlantSettings(time_step=2e-3)
+    PlantArm.check_plant(slow, 2e-3)
+    with pytest.raises(InvalidInputError, match=r"plant\.time_step: may be at most"):
+        PlantArm.check_plant(slow, 1e-3)

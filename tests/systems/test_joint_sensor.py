@@ -1,5 +1,6 @@
 """Sensors of joints as they are: noisy, in steps, late, and with velocities from differences."""
 
+from copy import copy
 from types import SimpleNamespace
 
 import numpy as np
@@ -132,7 +133,8 @@ def test_numbers_for_other_joints_are_refused(key):
 
 
 def test_an_encoder_of_turns_is_not_for_a_joint_that_slides():
-    sliding = SimpleNamespace(n=2, name="slider", joints=("lift", "arm"), units=("m", "rad"))
+    sliding = copy(ARM.replace(joints=list(ARM.joints[:2])))
+    sliding.joints, sliding.units = ("lift", "arm"), ("m", "rad")
     with pytest.raises(InvalidInputError, match=r"encoder_bits: .* and lift slides; give sensing"):
         JointSensor(SensingSettings(encoder_bits=12), sliding, np.zeros(2), PERIOD)
     JointSensor(SensingSettings(resolution=[1e-4, 1e-3]), sliding, np.zeros(2), PERIOD)

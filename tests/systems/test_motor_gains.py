@@ -107,6 +107,6 @@ def test_gains_for_another_number_of_joints_are_refused():
     for name in ("stiffness", "damping"):
         with pytest.raises(
             InvalidInputError,
-            match=rf"^plant\.{name}: must have 7 entries, one for each joint of iiwa14, not 2$",
+            match=rf"^plant\.{name}: must have 7 entries, one per joint of iiwa14, not 2$",
         ):
             PlantArm(ARM, settings=PlantSettings(**{name: [1.0, 2.0]}))

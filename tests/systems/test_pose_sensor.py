@@ -10,8 +10,7 @@ from pydrake.systems.primitives import TrajectorySource, ZeroOrderHold
 from pydrake.trajectories import PiecewisePolynomial
 
 from drake_rnn import InvalidInputError, SensingSettings, load_arm
-from drake_rnn.robot.rotation import rotation_error
-from drake_rnn.robot.rotations import rotation_by
+from drake_rnn.robot.rotation import rotation_by, rotation_error
 from drake_rnn.systems import JointSensor, PoseSensor
 
 ARM = load_arm("panda")

@@ -1,4 +1,4 @@
-"""A robot's model with its joints a little elsewhere."""
+"""A robot's model with displaced joints."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from ...errors import InvalidInputError
 from ...inputs.fields import Array
-from ..rotations import rotation_by
+from ..rotation import rotation_by
 from .model import Model
 from .xml_text import parse_xml, write_xml
 

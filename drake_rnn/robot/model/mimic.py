@@ -19,7 +19,7 @@ def mimics_of(root: Element) -> Mapping[str, Mimic]:
     """Return the joints of a model that follow others, by name.
 
     Raises:
-        ValueError: If a number of the model is none.
+        ValueError: If a multiplier or an offset is not a number.
     """
     found = {}
     for joint in root.iter("joint"):

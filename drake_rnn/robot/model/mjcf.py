@@ -1,4 +1,4 @@
-"""MJCF, MuJoCo's format, changed where Drake cannot read it."""
+"""Changes to MJCF, MuJoCo's format, where Drake cannot read it."""
 
 from __future__ import annotations
 

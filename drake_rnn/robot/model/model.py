@@ -39,8 +39,7 @@ class Model:
         text: What Drake reads in place of the file; None if it reads the file itself.
         format: Format of the text: ``urdf``, ``sdf`` or ``xml``.
         mimics: Joints that follow others.
-        warnings: What was changed, where it alters the physics or the looks, and what Drake warns
-            of.
+        warnings: Changes that alter the physics or the looks, and warnings of Drake.
     """
 
     file: Path

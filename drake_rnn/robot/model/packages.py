@@ -1,4 +1,4 @@
-"""Where the packages are that a model names."""
+"""The folders of the packages that a model names."""
 
 from __future__ import annotations
 

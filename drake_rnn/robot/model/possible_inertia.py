@@ -8,7 +8,7 @@ import numpy as np
 
 
 def nearest_possible(entries: Sequence[float]) -> tuple[float, ...] | None:
-    """Return a rotational inertia that a body can have, close to one that none can.
+    """Return the physically possible rotational inertia nearest to an impossible one.
 
     The principal moments of a body are positive, and none exceeds the sum of the other two. Where
     one does, it becomes that sum; a negative one first becomes a thousandth of the largest.
@@ -21,7 +21,7 @@ def nearest_possible(entries: Sequence[float]) -> tuple[float, ...] | None:
     """
     xx, yy, zz, xy, xz, yz = entries
     moments, axes = np.linalg.eigh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
-    # Drake forgives as much.
+    # Drake accepts the same rounding error.
     rounding = 10.0 * np.finfo(float).eps * abs(moments).max()
     if moments[0] >= -rounding and moments[2] <= moments[0] + moments[1] + rounding:
         return None

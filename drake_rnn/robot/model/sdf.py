@@ -1,4 +1,4 @@
-"""SDF, changed where Drake cannot read its meshes."""
+"""Changes to SDF where Drake cannot read its meshes."""
 
 from __future__ import annotations
 

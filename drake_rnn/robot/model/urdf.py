@@ -1,4 +1,4 @@
-"""URDF, changed where Drake cannot read it or takes it otherwise than it is meant."""
+"""Changes to URDF where Drake cannot read it, or reads it differently from its meaning."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""XML as robot models use it: with prefixes that no one declares."""
+"""XML as robot models use it, with prefixes that are not declared."""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_rnn.robot.rotations import angle_between, rotation_by
+from drake_rnn.robot.rotation import angle_between, rotation_by
 
 RNG = np.random.default_rng(0)
 

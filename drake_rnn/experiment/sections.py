@@ -1,0 +1,150 @@
+"""What the sections of a document describe, each right by itself; no plant is built for it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydrake.trajectories import Trajectory
+
+from ..errors import InvalidInputError
+from ..inputs.complaints import nearest
+from ..inputs.dataclass_fields import field_names
+from ..inputs.documents import construct
+from ..inputs.fields import Array
+from ..inputs.modules import Modules
+from ..laws import LAWS, Law, PostureLaw
+from ..paths import Path
+from ..robot.arm import Arm
+from ..robot.limits import JointLimits
+from ..systems import BODIES, Feedback, start_posture
+from .arms import Arms
+from .document import ExperimentDocument
+from .law import make_law
+from .path import path_of
+
+#: How far the start may lie outside the position limits for a law that brings it back [rad].
+OUTSIDE = 0.1
+
+
+@dataclass(frozen=True)
+class Sections:
+    """The objects that the sections of a document describe.
+
+    Each section is right by itself; whether they fit together, and whether the path is in reach, is
+    not checked.
+
+    Attributes:
+        document: The document.
+        feedback: Arm that the law sees.
+        arm: The arm, with the limits of the experiment.
+        start: Start posture, shape (n,) [rad].
+        path: The path.
+        law: The law.
+        warnings: Warnings about arm, limits, path and start.
+    """
+
+    document: ExperimentDocument
+    feedback: Feedback
+    arm: Arm
+    start: Array
+    path: Path
+    law: Law
+    warnings: tuple[str, ...]
+
+
+def read_sections(
+    document: ExperimentDocument,
+    arms: Arms,
+    path: Path | Trajectory | None = None,
+    modules: Modules = True,
+) -> Sections:
+    """Return what the sections of a document describe; those that documents share are made once.
+
+    Args:
+        document: The document.
+        arms: Arms that were loaded for other documents, with what else documents share.
+        path: Path in place of the document's; see `make_experiment`.
+        modules: Modules that may be imported; see `make_experiment`.
+
+    Raises:
+        InvalidInputError: If a key is wrong; the message names it, its value and what it may be.
+    """
+    feedback = _level(document)
+    arm, known = arms.shared(
+        "arm", [document.arm, document.limits], lambda: _limited_arm(document, arms)
+    )
+    # Searching the installed packages for a law takes longer than everything else here.
+    kind = arms.shared(
+        "kind", document.law.get("kind"), lambda: LAWS.named_by(document.law, modules)
+    )
+    seeks_posture = issubclass(kind, PostureLaw)
+    start = start_posture(arm, document.start, OUTSIDE if seeks_posture else 0.0)
+    path, doubts = path_of(document, arms, seeks_posture, path, modules)
+    law = make_law(document, kind, arm.limits, start)
+    warnings = (*known, *doubts, *_outside(arm, start))
+    return Sections(document, feedback, arm, start, path, law, warnings)
+
+
+def _level(document: ExperimentDocument) -> Feedback:
+    """Return the arm that the law sees; feedback and plant are checked against the level."""
+    body, sensed = BODIES[document.level], document.sensing is not None
+    feedback = body.chosen_feedback(document.feedback, sensed=sensed)
+    body.check_loop(document.period, feedback, sensed=sensed)
+    body.check_plant(document.plant, document.period)
+    return feedback
+
+
+def _limited_arm(document: ExperimentDocument, arms: Arms) -> tuple[Arm, tuple[str, ...]]:
+    """Return the arm with the limits of the experiment, and warnings about both."""
+    published = arms.of(document.arm)
+    limits = _limits(published, document.limits)
+    arm = published.with_limits(limits)
+    return arm, (*arm.warnings, *_widened(published, limits))
+
+
+def _limits(arm: Arm, bounds: Mapping[str, Any] | str) -> JointLimits:
+    if isinstance(bounds, str):
+        return JointLimits.unlimited(arm.n)
+    names = list(field_names(JointLimits))
+    for name, entries in bounds.items():
+        if name not in names:
+            raise InvalidInputError(f"limits.{name}: no such key; " + nearest(name, names))
+        if isinstance(entries, (list, np.ndarray)) and len(entries) != arm.n:
+            raise InvalidInputError(
+                f"limits.{name}: must have {arm.n} entries, one per joint of {arm.name}, not "
+                f"{len(entries)}"
+            )
+    return construct(JointLimits, arm.limits.merged(bounds), "limits")
+
+
+def _widened(arm: Arm, limits: JointLimits) -> list[str]:
+    """Return a warning if the position limits exceed what the arm itself can do."""
+    if not np.isfinite(limits.position_upper - limits.position_lower).any():
+        return []
+    lower, upper = arm.limits.position_lower, arm.limits.position_upper
+    # Where neither has a limit, infinity is taken from infinity.
+    with np.errstate(invalid="ignore"):
+        beyond = np.maximum(lower - limits.position_lower, limits.position_upper - upper)
+    beyond[np.isnan(beyond)] = 0.0
+    worst = int(np.argmax(beyond))
+    if beyond[worst] <= 1e-3:
+        return []
+    return [
+        f"limits: {arm.joints[worst]} may go {beyond[worst]:.3g} {arm.units[worst]} beyond the "
+        f"limits of {arm.name}, {lower[worst]:.4g} to {upper[worst]:.4g} {arm.units[worst]}"
+    ]
+
+
+def _outside(arm: Arm, start: Array) -> list[str]:
+    """Return a warning for each joint that starts outside its limits."""
+    return [
+        f"start: {name} is at {q:.6g} {unit}, {excess:.3g} {unit} outside its limits; it is "
+        "brought back"
+        for name, unit, q, excess in zip(
+            arm.joints, arm.units, start, arm.limits.violation(start), strict=True
+        )
+        if excess > 0
+    ]

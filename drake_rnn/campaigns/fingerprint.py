@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..inputs.complaints import plain
-from ..runs.result import versions
+from ..inputs.versions import versions
 
 #: Rooms and files of this package that no number of a run depends on.
 _AFTERWARDS = {"cli", "claims", "figures", "film", "playback", "campaigns", "report"}

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from ..runs.result import versions
+from ..inputs.versions import versions
 from .again import plot, replay
 from .campaigning import campaign
 from .catalogue import list_arms, list_experiments, list_laws, list_paths

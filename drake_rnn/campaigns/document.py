@@ -85,7 +85,7 @@ class CampaignDocument:
         for key in self.vary:
             if key in self.changes:
                 raise ValueError(f"vary.{key}: is also in changes; it cannot be both")
-        require_none_lost([*self.changes, *self.vary], "vary")
+        require_none_lost({**self.changes, **self.vary}, "vary")
         self._check_samples()
         self._check_together()
         if self.count > MOST_ROWS:

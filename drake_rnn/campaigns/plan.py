@@ -86,7 +86,7 @@ def plan_campaign(
     for key in changes or {}:
         if key in campaign.vary:
             raise InvalidInputError(f"--set: {key!r} varies in this campaign; it cannot be both")
-    require_none_lost([*(changes or {}), *campaign.vary], "--set")
+    require_none_lost({**(changes or {}), **campaign.vary}, "--set")
     base = shared_document(campaign.experiment, {**campaign.changes, **(changes or {})})
     check, choice, rows, time = QuickCheck(), _Choice(campaign.method), [], 0.0
     for number, values in enumerate(row_values(campaign)):

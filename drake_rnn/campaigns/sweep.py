@@ -169,7 +169,7 @@ def planned(
     changes = changes or {}
     if both := sorted(over.keys() & changes.keys()):
         raise InvalidInputError(f"--over: {both[0]!r} is also set; it cannot be both")
-    require_none_lost([*changes, *over], "--over")
+    require_none_lost({**changes, **over}, "--over")
     base = shared_document(experiment, changes)
     arms, followed = Arms(), set[str]()
     orders = []

@@ -12,8 +12,8 @@ from rich.markup import escape
 
 from ..experiment import Experiment
 from ..runs.effort import Effort, expected_effort
+from .changing import tell_of_window
 from .console import err, out
-from .options import tell_of_window
 from .queue import Outcome, Task
 
 

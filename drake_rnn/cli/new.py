@@ -4,34 +4,24 @@ from __future__ import annotations
 
 import keyword
 import re
-from enum import StrEnum
 from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated
 
-import typer
 from rich.markup import escape
 
 from ..errors import InvalidInputError
+from .asked import New
 from .console import errors, out
 
 _TEMPLATES = files("drake_rnn.cli") / "templates"
 
 
-class Own(StrEnum):
-    """What a user may add."""
-
-    LAW = "law"
-    PATH = "path"
-    ENVIRONMENT = "environment"
-
-
-def write_start(own: Own, name: str, folder: Path) -> list[Path]:
+def write_start(own: str, name: str, folder: Path) -> list[Path]:
     """Write a module, a document and a test, which run as they are.
 
     Args:
-        own: What the module is to hold.
+        own: What the module is to hold: a law, a path or an environment.
         name: Name of the module.
         folder: Folder to write to.
 
@@ -44,10 +34,10 @@ def write_start(own: Own, name: str, folder: Path) -> list[Path]:
     _require_name(name)
     title = "".join(word.capitalize() for word in name.split("_"))
     written = {}
-    for template in sorted((_TEMPLATES / own.value).iterdir(), key=lambda each: each.name):
-        file = folder / template.name.removesuffix(".txt").replace(f"my_{own.value}", name)
-        text = template.read_text(encoding="utf-8").replace(f"my_{own.value}", name)
-        written[file] = text.replace(f"My{own.value.capitalize()}", title)
+    for template in sorted((_TEMPLATES / own).iterdir(), key=lambda each: each.name):
+        file = folder / template.name.removesuffix(".txt").replace(f"my_{own}", name)
+        text = template.read_text(encoding="utf-8").replace(f"my_{own}", name)
+        written[file] = text.replace(f"My{own.capitalize()}", title)
     for file in written:
         if file.exists():
             raise InvalidInputError(f"{file}: is there already, and is not overwritten")
@@ -68,12 +58,10 @@ def _require_name(name: str) -> None:
         )
 
 
-def new(
-    what: Annotated[Own, typer.Argument(help="What it is to be.")],
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the module, e.g. my_law.")],
-) -> None:
-    """Write a module of your own, a document that names it and a test, to the current folder."""
+def new(asked: New) -> None:
+    """Write what is asked for, and say what to do next."""
     with errors():
-        for file in write_start(what, name, Path()):
+        for file in write_start(asked.what, asked.name, Path()):
             out.print(escape(f"written  {file}"), soft_wrap=True)
-    out.print(f"next     drake-rnn run {name}.yaml; pytest test_{name}.py", soft_wrap=True)
+    told = f"drake-rnn run {asked.name}.yaml; pytest test_{asked.name}.py"
+    out.print(f"next     {told}", soft_wrap=True)

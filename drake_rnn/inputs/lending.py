@@ -14,6 +14,12 @@ from pathlib import Path
 from typing import Any
 
 
+def lent(place: str) -> Any:
+    """Return what ``module:name`` names, whose module is imported now."""
+    module, _, name = place.partition(":")
+    return getattr(import_module(module), name)
+
+
 def lent_names(
     package: str, file: str
 ) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
@@ -25,16 +31,19 @@ def lent_names(
             ``from .module import name as name``.
     """
     stub = ast.parse(Path(file).with_suffix(".pyi").read_text(encoding="utf-8"))
-    imports = [line for line in stub.body if isinstance(line, ast.ImportFrom)]
-    places = {alias.name: f".{line.module}" for line in imports for alias in line.names}
+    imports = [line for line in stub.body if isinstance(line, ast.ImportFrom) and line.level]
+    places = {
+        alias.name: f"{package}.{line.module}:{alias.name}"
+        for line in imports
+        for alias in line.names
+    }
 
     def lend(name: str) -> Any:
         if name not in places:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        lent = getattr(import_module(places[name], package), name)
         # The next time Python finds it by itself.
-        vars(sys.modules[package])[name] = lent
-        return lent
+        found = vars(sys.modules[package])[name] = lent(places[name])
+        return found
 
     public = sorted(name for name in places if not name.startswith("_"))
     return public, lend, lambda: sorted({*vars(sys.modules[package]), *places})

@@ -17,6 +17,7 @@ long: $(VENV)/installed-dev
 	MPLBACKEND=Agg $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal -m long
 
 bench: $(VENV)/installed-dev
+	$(BIN)/python benchmarks/start_bench.py
 	$(BIN)/python benchmarks/bench.py
 	$(BIN)/python benchmarks/contact_bench.py
 	$(BIN)/python benchmarks/batch_kinematics.py

@@ -78,8 +78,8 @@ def _finite(value: Any) -> Any:
 def told_of(effort: Effort) -> str:
     """Return in words what a run is expected to take."""
     if not effort.key:
-        return "an integrator chooses its steps, so there is no estimate"
+        return "the integrator chooses its steps, so there is no estimate"
     return (
-        f"{effort.steps:.3g} steps of {effort.key} {effort.step:g} s, some {effort.time:.2g} s "
+        f"{effort.steps:.3g} steps of {effort.key} {effort.step:g} s, about {effort.time:.2g} s "
         "without figures and playback"
     )

@@ -26,7 +26,7 @@ _TELL_AGAIN = 30.0
 
 @contextmanager
 def campaign_progress(plan: Plan) -> Iterator[Done]:
-    """Show how many runs have ended and the time that remains; lines where there is no terminal."""
+    """Show how many runs are finished and the time left; without a terminal, by lines."""
     if not err.is_terminal or out.quiet:
         yield _Lines(plan.campaign.name).tell
         return
@@ -53,7 +53,7 @@ def campaign_progress(plan: Plan) -> Iterator[Done]:
 
 
 class _Lines:
-    """A line from time to time about how many runs have ended, as for the log of a server."""
+    """A line from time to time about how many runs are finished, as for the log of a server."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -72,6 +72,4 @@ class _Lines:
             return
         self._told = now
         left = (before - self._began) / (known - self._kept) * (runs - known)
-        err.print(
-            escape(f"{self._name}: {known} of {runs} runs have ended; some {left:.0f} s left")
-        )
+        err.print(escape(f"{self._name}: {known} of {runs} runs finished; about {left:.0f} s left"))

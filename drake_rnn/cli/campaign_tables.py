@@ -19,7 +19,7 @@ def status_text(result: CampaignResult) -> str:
         told.append(f"{result.missing} not run")
     if count := result.summary.methods.get("batch", 0):
         told.append(f"{count} in batches")
-    before = f", {result.kept} of them before" if result.kept else ""
+    before = f", {result.kept} of them from before" if result.kept else ""
     return f"{len(result.plan.rows)} rows: {', '.join(told)}{before}"
 
 

@@ -98,7 +98,7 @@ def _print_plan(plan: Plan, folder: Path, asked: Campaign) -> None:
     known = f", {kept} of them finished" if kept else ""
     out.print(
         escape(
-            f"{plan.campaign.name}: {len(plan.rows)} rows{known}; some {left:.2g} s with "
+            f"{plan.campaign.name}: {len(plan.rows)} rows{known}; about {left:.2g} s with "
             f"{asked.jobs} in parallel; {folder}"
         ),
         soft_wrap=True,

@@ -79,7 +79,9 @@ def _load(run: str, changes: Mapping[str, object]) -> Experiment | Result:
         check_experiment(experiment)
         return experiment
     if changes:
-        raise InvalidInputError(f"{next(iter(changes))}: {run} has run already; run it anew")
+        raise InvalidInputError(
+            f"{next(iter(changes))}: {run} is a saved result, which cannot be changed"
+        )
     return Result.load(run, modules=True)
 
 
@@ -144,7 +146,7 @@ def comparison_table(results: Mapping[str, Result]) -> Table:
 
 
 def _cell(value: float | None, verdict: Verdict | None) -> str:
-    """Return a value, and in brackets its bound, which is said not to be kept if it is not."""
+    """Return a value, and in brackets its bound, marked if it is broken."""
     if verdict is None:
         return "" if value is None else f"{value:.4g}"
     written = "not reached" if value is None else f"{value:.4g}"

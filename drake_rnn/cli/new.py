@@ -40,7 +40,7 @@ def write_start(own: str, name: str, folder: Path) -> list[Path]:
         written[file] = text.replace(f"My{own.capitalize()}", title)
     for file in written:
         if file.exists():
-            raise InvalidInputError(f"{file}: is there already, and is not overwritten")
+            raise InvalidInputError(f"{file}: already exists, and is not overwritten")
     if find_spec(name) is not None:
         raise InvalidInputError(f"name: there is a Python module {name!r} already; take another")
     try:

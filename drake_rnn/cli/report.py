@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from time import perf_counter
+
 from rich.box import SIMPLE_HEAD
 from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from ..report import Format, ReportSettings, make_report
+from ..report import Done, Format, ReportSettings, make_report
 from ..report import Report as Made
 from .asked import Report
 from .changing import require_writable
 from .claims import VERDICT_COLOURS, chosen_claims
 from .console import err, errors, finish, out, silenced
-from .report_progress import report_progress
+
+# Time between two lines about the progress where there is no terminal [s].
+_TELL_AGAIN = 30.0
 
 
 def report(asked: Report) -> None:
@@ -25,7 +32,7 @@ def report(asked: Report) -> None:
             settings = ReportSettings(
                 asked.jobs, asked.form, asked.pictures, playbacks, asked.again
             )
-            with report_progress() as done:
+            with _progress() as done:
                 made = make_report(chosen, asked.folder, settings, done)
         _tell(made, asked.form)
     finish(made.complete and not made.failures, True)
@@ -54,3 +61,33 @@ def verdicts_table(made: Made) -> Table:
         name = paper["scheme"].replace("_", " ")
         table.add_row(escape(name), *(str(paper["counts"][verdict]) for verdict in shown))
     return table
+
+
+@contextmanager
+def _progress() -> Iterator[Done]:
+    """Show how many parts are finished; without a terminal, by a line from time to time."""
+    if not err.is_terminal or out.quiet:
+        yield _lines()
+        return
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    with Progress(*columns, TimeElapsedColumn(), console=err, transient=True) as bar:
+        task = bar.add_task("numbers", total=None)
+
+        def done(what: str, ended: int, total: int) -> None:
+            # What is measured between two rounds of runs is not counted.
+            whole = ended == total
+            bar.update(task, description="numbers" if whole else what, completed=ended, total=total)
+
+        yield done
+
+
+def _lines() -> Done:
+    told = perf_counter()
+
+    def done(what: str, ended: int, total: int) -> None:
+        nonlocal told
+        if perf_counter() - told >= _TELL_AGAIN and not out.quiet:
+            told = perf_counter()
+            err.print(f"report: {ended} of {total} {what} finished")
+
+    return done

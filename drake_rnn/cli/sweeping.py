@@ -98,7 +98,7 @@ def _print_plan(orders: Sequence[Planned], folder: Path, asked: Sweep) -> None:
     time = sum(run.time for run in orders) / asked.jobs
     if asked.as_json:
         print_data({"folder": str(folder), "runs": len(orders), "expected_time_s": time or None})
-    told = f"some {time:.2g} s with {asked.jobs} in parallel" if time else "there is no estimate"
+    told = f"about {time:.2g} s with {asked.jobs} in parallel" if time else "there is no estimate"
     out.print(escape(f"{len(orders)} runs; {told}; {folder}"), soft_wrap=True)
 
 

@@ -100,9 +100,7 @@ def _print(tuned: Tuned) -> None:
     told = ", ".join(tuned.stopped_by)
     if not tuned.better:
         why = f"; others break the bound of {told}" if told else ""
-        err.print(
-            f"[yellow]not tuned[/] its slope led to no gains that make {tuned.metric} smaller{why}"
-        )
+        err.print(f"[yellow]not tuned[/] descent found no gains that reduce {tuned.metric}{why}")
         return
     if tuned.chosen < len(tuned.history) - 1:
         why = f"break the bound of {told}" if told else "are no better in Drake's runs"

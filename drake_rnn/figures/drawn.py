@@ -14,7 +14,6 @@ from ..inputs.complaints import nearest, require_type
 from ..runs.result import Result
 from . import (  # noqa: F401  These register figures.
     derivatives,
-    orientation,
     overview,
     pressing,
     single,

@@ -21,8 +21,7 @@ from ..campaigns.store import RowStore
 from ..figures.campaign_page import write_campaign_page
 from .announcing import print_data
 from .asked import Campaign
-from .campaign_progress import campaign_progress
-from .campaign_tables import shares_table, statistics_table, status_text
+from .campaign_shown import campaign_progress, shares_table, statistics_table, status_text
 from .changing import changes_of, require_writable, tell_of_window
 from .console import err, errors, finish, out, print_whole, silenced, status
 

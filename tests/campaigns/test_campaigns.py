@@ -218,7 +218,7 @@ def test_a_dry_run_counts_and_runs_nothing(file, tmp_path):
     assert (plan["rows"], plan["runs"], plan["kept"]) == (6, 6, 0)
     assert plan["expected_time_s"] > 0
     assert not (tmp_path / "campaign_lines").exists()
-    assert "6 rows; some" in call("campaign", file, "--out", tmp_path, "--dry-run").stdout
+    assert "6 rows; about" in call("campaign", file, "--out", tmp_path, "--dry-run").stdout
 
 
 def test_quiet_is_quiet(file, tmp_path):

@@ -24,6 +24,7 @@ nightly: $(VENV)/installed-dev
 	$(PYTEST) -m nightly
 
 bench: $(VENV)/installed-dev
+	$(BIN)/python benchmarks/start_bench.py
 	$(BIN)/python benchmarks/bench.py
 	$(BIN)/python benchmarks/contact_bench.py
 	$(BIN)/python benchmarks/batch_kinematics.py

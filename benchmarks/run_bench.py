@@ -32,6 +32,7 @@ EXPERIMENTS = (
 )
 #: Commands of a row.
 STAGES = (
+    ("checked alone", ("--dry-run",)),
     ("without pictures", ("--no-figures", "--no-playback")),
     ("with playback", ("--no-figures",)),
     ("with figures, too", ()),
@@ -58,16 +59,15 @@ def least(rounds: int, *arguments: str) -> tuple[float, float]:
 def run_table(names: list[str], rounds: int) -> Table:
     """Return a table with one row per experiment."""
     table = Table(title="processor time of drake-rnn run ... --duration 1 [s]")
-    columns = ("start alone", *(title for title, _ in STAGES), "wall time", "at most")
+    columns = (*(title for title, _ in STAGES), "wall time", "at most")
     for column in ("experiment", *columns):
         table.add_column(column, justify="right")
-    start, _ = least(rounds, "--version")
     for name in names:
         with TemporaryDirectory() as folder:
             run = ("run", name, "--duration", "1", "--set", "window=null", "--out", folder)
             costs = [least(rounds, *run, *options) for _, options in STAGES]
         _, wall = costs[-1]
-        figures = (start, *(processor for processor, _ in costs), wall, TARGET)
+        figures = (*(processor for processor, _ in costs), wall, TARGET)
         table.add_row(name, *(f"{figure:.2f}" for figure in figures))
     return table
 

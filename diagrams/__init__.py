@@ -2,21 +2,11 @@
 
 from pathlib import Path
 
-from .checks import check_filter, check_sensing
-from .drawing import wiring_graph
-from .loop import AddLoop, Loop
+from ..inputs.lending import lent_names
 
 #: Folder of the shipped campaigns, one YAML file each.
 CAMPAIGNS = Path(__file__).parent / "campaigns"
 #: Folder of the shipped experiments: one folder per kind of law, one YAML file per experiment.
 EXPERIMENTS = Path(__file__).parent / "experiments"
 
-__all__ = [
-    "CAMPAIGNS",
-    "EXPERIMENTS",
-    "AddLoop",
-    "Loop",
-    "check_filter",
-    "check_sensing",
-    "wiring_graph",
-]
+__all__, __getattr__, __dir__ = lent_names(__name__, __file__)

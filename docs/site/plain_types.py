@@ -65,7 +65,7 @@ def _annotated(public: Any) -> Iterator[Any]:
 
 def _simplify(app: Sphinx, config: Config) -> None:
     for name in drake_rnn.__all__:
-        for annotated in _annotated(vars(drake_rnn)[name]):
+        for annotated in _annotated(getattr(drake_rnn, name)):
             _simplified(annotated)
 
 

@@ -13,7 +13,7 @@ from ..errors import InvalidInputError
 from ..inputs.complaints import require_type
 from ..inputs.dataclass_fields import fields_of
 from ..inputs.documents import to_yaml
-from ..runs.result import versions
+from ..inputs.versions import versions
 from ..runs.whole_file import written_whole
 from .cluster import workers_of
 from .document import CampaignDocument, read_campaign

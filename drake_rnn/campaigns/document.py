@@ -84,8 +84,8 @@ class CampaignDocument:
             raise ValueError("vary: must name what varies")
         for key in self.vary:
             if key in self.changes:
-                raise ValueError(f"vary.{key}: is also in changes; it is either varied or changed")
-        require_none_lost([*self.changes, *self.vary], "vary")
+                raise ValueError(f"vary.{key}: is also in changes; it cannot be both")
+        require_none_lost({**self.changes, **self.vary}, "vary")
         self._check_samples()
         self._check_together()
         if self.count > MOST_ROWS:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..inputs.complaints import plain
-from ..runs.result import versions
+from ..inputs.versions import versions
 
 #: Subpackages and files on which no number of a run depends.
 _AFTERWARDS = {"cli", "claims", "figures", "film", "playback", "campaigns", "report"}

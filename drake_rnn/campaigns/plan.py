@@ -87,10 +87,8 @@ def plan_campaign(
     """
     for key in changes or {}:
         if key in campaign.vary:
-            raise InvalidInputError(
-                f"--set: {key!r} varies in this campaign; it is either set or varied"
-            )
-    require_none_lost([*(changes or {}), *campaign.vary], "--set")
+            raise InvalidInputError(f"--set: {key!r} varies in this campaign; it cannot be both")
+    require_none_lost({**(changes or {}), **campaign.vary}, "--set")
     base = shared_document(campaign.experiment, {**campaign.changes, **(changes or {})})
     arms, rows, time = Arms(), [], 0.0
     for number, values in enumerate(row_values(campaign)):

@@ -168,8 +168,8 @@ def planned(
     _check_axes(over)
     changes = changes or {}
     if both := sorted(over.keys() & changes.keys()):
-        raise InvalidInputError(f"--over: {both[0]!r} is also set; it is either swept or set")
-    require_none_lost([*changes, *over], "--over")
+        raise InvalidInputError(f"--over: {both[0]!r} is also set; it cannot be both")
+    require_none_lost({**changes, **over}, "--over")
     base = shared_document(experiment, changes)
     arms, followed = Arms(), set[str]()
     orders = []

@@ -2,53 +2,39 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
-import typer
 from rich.markup import escape
 
+from .. import figures
 from ..errors import InvalidInputError
-from ..figures import drawable
 from ..inputs.complaints import nearest
 from ..runs.result import Result
+from .asked import Plot, Replay
 from .console import errors, out, status
 from .drawing import draw_figures
 from .saving import write_page
 
-Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder that a run has written.")]
 
-
-def plot(
-    folder: Folder,
-    only: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME", help="Draw this figure only, e.g. overview; repeatable."),
-    ] = None,
-) -> None:
-    """Draw the figures of a saved result again, into its folder."""
+def plot(asked: Plot) -> None:
+    """Draw the figures of a saved result again."""
     with errors():
-        result = Result.load(folder, modules=True)
-        known = drawable(result)
-        for name in only or []:
+        result = Result.load(asked.folder, modules=True)
+        known = figures.drawable(result)
+        for name in asked.only or []:
             if name not in known:
                 raise InvalidInputError(f"--only: no figure {name!r}; {nearest(name, known)}")
         with status("drawing figures"):
-            files = draw_figures(result, folder / "figures", only)
+            files = draw_figures(result, asked.folder / "figures", asked.only)
         for file in files:
             out.print(escape(f"figure    {file}"), soft_wrap=True)
 
 
-def replay(
-    folder: Folder,
-    beside: Annotated[
-        list[Path] | None,
-        typer.Option(metavar="FOLDER", help="Show the path of this result beside it; repeatable."),
-    ] = None,
-) -> None:
-    """Write the playback of a saved result again, into its folder."""
+def replay(asked: Replay) -> None:
+    """Write the playback of a saved result again."""
     with errors():
-        result, *others = (Result.load(each, modules=True) for each in (folder, *(beside or [])))
+        folders = (asked.folder, *(asked.beside or []))
+        result, *others = (Result.load(each, modules=True) for each in folders)
         if result.time.size < 2:
-            raise InvalidInputError(f"{folder}: holds a single instant, which cannot be played")
-        write_page(result, folder, others)
+            raise InvalidInputError(
+                f"{asked.folder}: holds a single instant, which cannot be played"
+            )
+        write_page(result, asked.folder, others)

@@ -12,8 +12,8 @@ from rich.markup import escape
 
 from ..experiment import Experiment
 from ..runs.effort import Effort, expected_effort
+from .changing import tell_of_window
 from .console import err, out
-from .options import tell_of_window
 from .queue import Outcome, Task
 
 
@@ -78,8 +78,8 @@ def _finite(value: Any) -> Any:
 def told_of(effort: Effort) -> str:
     """Return in words what a run is expected to take."""
     if not effort.key:
-        return "an integrator chooses its steps, so there is no estimate"
+        return "the integrator chooses its steps, so there is no estimate"
     return (
-        f"{effort.steps:.3g} steps of {effort.key} {effort.step:g} s, some {effort.time:.2g} s "
+        f"{effort.steps:.3g} steps of {effort.key} {effort.step:g} s, about {effort.time:.2g} s "
         "without figures and playback"
     )

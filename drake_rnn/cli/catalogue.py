@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import sys
-from typing import Annotated
 
-import typer
 from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
@@ -21,43 +19,30 @@ from ..paths import PATHS
 from ..robot.arm_description import ArmDescription
 from ..robot.load_arm import load_arm, shipped_arms
 from ..systems import BODIES
-from .completing import complete_arms, complete_laws, complete_levels, complete_paths
+from .asked import Arms, Laws, List, Paths
 from .console import errors, out
 
 #: Width from which a table of experiments also has their papers [characters].
 _ROOM = 120
 
 
-def list_experiments(
-    word: Annotated[
-        str, typer.Argument(help="Only those with this word in name, paper or expectation.")
-    ] = "",
-    arm: Annotated[
-        str | None, typer.Option(help="Only those of this arm.", autocompletion=complete_arms)
-    ] = None,
-    law: Annotated[
-        str | None, typer.Option(help="Only those of this law.", autocompletion=complete_laws)
-    ] = None,
-    level: Annotated[
-        str | None, typer.Option(help="Only those of this level.", autocompletion=complete_levels)
-    ] = None,
-) -> None:
-    """List the shipped experiments."""
+def list_experiments(asked: List) -> None:
+    """List those of the shipped experiments that are asked for."""
     with errors():
         for option, name, known in (
-            ("--arm", arm, shipped_arms()),
-            ("--law", law, list(LAWS)),
-            ("--level", level, list(BODIES)),
+            ("--arm", asked.arm, shipped_arms()),
+            ("--law", asked.law, list(LAWS)),
+            ("--level", asked.level, list(BODIES)),
         ):
             if name is not None and name not in known:
                 raise InvalidInputError(f"{option}: no {name!r}; {nearest(name, known)}")
         chosen = [
             document
             for document in shipped_documents()
-            if word.lower() in f"{document.name} {document.paper} {document.expect}".lower()
-            and arm in (None, arm_of(document))
-            and law in (None, document.law["kind"])
-            and level in (None, document.level)
+            if asked.word.lower() in f"{document.name} {document.paper} {document.expect}".lower()
+            and asked.arm in (None, arm_of(document))
+            and asked.law in (None, document.law["kind"])
+            and asked.level in (None, document.level)
         ]
         if not chosen:
             raise InvalidInputError("there is no such experiment; drake-rnn list shows all")
@@ -103,7 +88,7 @@ def experiments_table(documents: list[ExperimentDocument], width: int) -> Table:
     return table
 
 
-def list_arms() -> None:
+def list_arms(asked: Arms) -> None:
     """List the shipped arms, and the keys that describe an arm."""
     with errors():
         table = Table(box=SIMPLE_HEAD)
@@ -118,30 +103,20 @@ def list_arms() -> None:
         out.print(keys_table(keys_of(ArmDescription)))
 
 
-def list_laws(
-    name: Annotated[
-        str | None,
-        typer.Argument(help="Explain the keys of this one.", autocompletion=complete_laws),
-    ] = None,
-) -> None:
-    """List the laws with their keys and defaults, or explain the keys of one."""
+def list_laws(asked: Laws) -> None:
+    """List the laws, or explain the keys of one."""
     with errors():
         lines = {kind: first_sentence(sys.modules[cls.__module__]) for kind, cls in LAWS.items()}
         keys = {kind: keys_of(cls, ("kind", *ORIGINS)) for kind, cls in LAWS.items()}
-        _print_kinds("law", lines, keys, name)
+        _print_kinds("law", lines, keys, asked.name)
 
 
-def list_paths(
-    name: Annotated[
-        str | None,
-        typer.Argument(help="Explain the keys of this one.", autocompletion=complete_paths),
-    ] = None,
-) -> None:
-    """List the paths with their keys and defaults, or explain the keys of one."""
+def list_paths(asked: Paths) -> None:
+    """List the paths, or explain the keys of one."""
     with errors():
         lines = {kind: first_sentence(cls) for kind, cls in PATHS.items()}
         keys = {kind: keys_of(cls) for kind, cls in PATHS.items()}
-        _print_kinds("path", lines, keys, name)
+        _print_kinds("path", lines, keys, asked.name)
 
 
 def _print_kinds(

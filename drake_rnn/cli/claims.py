@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated
 
-import typer
 from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
@@ -23,6 +21,7 @@ from ..claims import (
 )
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest
+from .asked import ShowClaims
 from .console import errors, out
 
 #: Colour of each verdict in the terminal.
@@ -99,20 +98,12 @@ def _cells(finding: Finding, note: str) -> tuple[str, str, str, str]:
     return f"{note}{criterion}", str(finding), str(criterion.bounds), criterion.paper
 
 
-def show_claims(
-    ids: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="[ID]...", help="Claims, e.g. slc-F2a, or papers, e.g. slc."),
-    ] = None,
-    judge: Annotated[
-        bool, typer.Option("--judge", help="Make the runs and print the verdicts.")
-    ] = False,
-) -> None:
-    """List what the papers claim, or judge it."""
+def show_claims(asked: ShowClaims) -> None:
+    """List the claims, or judge them."""
     runs = SimulatedRuns()
     with errors():
-        for paper, claims in chosen_claims(ids or []):
-            if not judge:
+        for paper, claims in chosen_claims(asked.ids or []):
+            if not asked.judge:
                 out.print(claims_table(paper, claims))
                 continue
             judging = Judge(paper, runs)

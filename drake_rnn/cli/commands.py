@@ -1,4 +1,4 @@
-"""The command line ``drake-rnn``: its commands, each from the file of its group."""
+"""The command line ``drake-rnn`` and its commands."""
 
 from __future__ import annotations
 
@@ -9,26 +9,16 @@ from typing import Annotated
 
 import typer
 
-from ..runs.result import versions
-from .again import plot, replay
-from .campaigning import campaign
-from .catalogue import list_arms, list_experiments, list_laws, list_paths
-from .claims import show_claims
-from .comparing import compare
-from .describing import describe_arm
-from .filming import film
-from .new import new
-from .report import report
-from .running import run, run_fastest
-from .showing import show
-from .sweeping import sweep
-from .tuning import tune_gains
+from ..inputs.lending import lent
+from . import asked
+from .command import add_command
 from .usage import Commands
 
 
-def _print_version(asked: bool) -> None:
-    if asked:
-        typer.echo("".join(f"{name} {number}\n" for name, number in versions().items()), nl=False)
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        versions = lent("drake_rnn.inputs.versions:versions")()
+        typer.echo("".join(f"{name} {number}\n" for name, number in versions.items()), nl=False)
         raise typer.Exit
 
 
@@ -50,26 +40,28 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Recurrent-neural-network controllers for redundant manipulators, as Drake systems.",
 )
-
 app.callback()(common)
-app.command("list")(list_experiments)
-app.command()(show)
-app.command("arms")(list_arms)
-app.command("laws")(list_laws)
-app.command("paths")(list_paths)
-app.command("arm")(describe_arm)
-app.command()(run)
-app.command("fastest")(run_fastest)
-app.command()(sweep)
-app.command()(campaign)
-app.command("tune")(tune_gains)
-app.command()(compare)
-app.command()(plot)
-app.command()(replay)
-app.command()(film)
-app.command()(new)
-app.command("claims")(show_claims)
-app.command()(report)
+for _name, _place, _options in (
+    ("list", "catalogue:list_experiments", asked.List),
+    ("show", "showing:show", asked.Show),
+    ("arms", "catalogue:list_arms", asked.Arms),
+    ("laws", "catalogue:list_laws", asked.Laws),
+    ("paths", "catalogue:list_paths", asked.Paths),
+    ("arm", "describing:describe_arm", asked.Arm),
+    ("run", "running:run", asked.Run),
+    ("fastest", "running:run_fastest", asked.Fastest),
+    ("sweep", "sweeping:sweep", asked.Sweep),
+    ("campaign", "campaigning:campaign", asked.Campaign),
+    ("tune", "tuning:tune_gains", asked.Tune),
+    ("compare", "comparing:compare", asked.Compare),
+    ("plot", "again:plot", asked.Plot),
+    ("replay", "again:replay", asked.Replay),
+    ("film", "filming:film", asked.Film),
+    ("new", "new:new", asked.New),
+    ("claims", "claims:show_claims", asked.ShowClaims),
+    ("report", "report:report", asked.Report),
+):
+    add_command(app, _name, _place, _options)
 
 
 def main() -> None:

@@ -4,84 +4,53 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
 
 import typer
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from ..campaigns.sweep import Row, write_csv
-from ..errors import InvalidInputError, SimulationError
+from ..errors import InvalidInputError
 from ..experiment import Experiment, load_experiment
 from ..figures.comparison import comparison_figure
 from ..measures import METRICS
 from ..runs.effort import expected_effort
 from ..runs.result import Result
-from ..runs.simulation import check_experiment, simulate
+from ..runs.simulation import check_experiment
 from ..runs.verdict import Verdict
 from .announcing import print_data, told_of
-from .completing import complete_experiments
-from .console import FAILED, NOT_MET, err, errors, out, progress_bar, silenced
-from .options import (
-    AsJson,
-    Check,
-    DryRun,
-    Duration,
-    Out,
-    Quiet,
-    Seed,
-    Set,
-    changes_of,
-    require_writable,
-    tell_of_window,
-)
-from .tables import WIDE
+from .asked import Compare
+from .changing import changes_of, require_writable, tell_of_window
+from .command import FAILED
+from .console import err, errors, finish, out, print_whole, silenced
+from .simulating import simulated
 
 # Names that a folder of a comparison is called after.
 _NAMED = 3
 
 
-def compare(  # noqa: PLR0913  one argument for each option
-    runs: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="RUN...",
-            help="Names of shipped experiments, YAML files or folders of results.",
-            autocompletion=complete_experiments,
-        ),
-    ],
-    out_folder: Out = Path("out"),
-    changes: Set = None,
-    seed: Seed = None,
-    duration: Duration = None,
-    check: Check = False,
-    quiet: Quiet = False,
-    as_json: AsJson = False,
-    dry_run: DryRun = False,
-) -> None:
-    """Compare runs; experiments are run first, and their own results are not kept."""
-    with silenced(quiet or as_json):
-        with errors():
-            changed = changes_of(changes, seed, duration)
-            loaded = labelled(runs, [_load(run, changed) for run in runs])
-            folder = out_folder / _folder_name(list(loaded))
-            for run, each in zip(runs, loaded.values(), strict=True):
-                if isinstance(each, Experiment):
-                    tell_of_window(run, changed)
-            if dry_run:
-                _print_plan(loaded, folder, as_json)
-                return
-            require_writable(folder)
-            results = _results(loaded)
-            _print_and_write(results, folder)
-        if as_json:
+def compare(asked: Compare) -> None:
+    """Compare runs, of which experiments are run first."""
+    with silenced(asked.quiet or asked.as_json), errors():
+        changed = changes_of(asked.changes, asked.seed, asked.duration)
+        loaded = labelled(asked.runs, [_load(run, changed) for run in asked.runs])
+        folder = asked.out_folder / _folder_name(list(loaded))
+        for run, each in zip(asked.runs, loaded.values(), strict=True):
+            if isinstance(each, Experiment):
+                tell_of_window(run, changed)
+        if asked.dry_run:
+            _print_plan(loaded, folder, asked.as_json)
+            return
+        require_writable(folder)
+        results = _results(loaded)
+        _print_and_write(results, folder)
+        if asked.as_json:
             print_data({name: {"metrics": r.metrics, **r.record} for name, r in results.items()})
-    if any(result.status != "complete" for result in results.values()):
-        raise typer.Exit(FAILED)
-    if check and not all(v.met for result in results.values() for v in result.verdicts):
-        raise typer.Exit(NOT_MET)
+    finish(
+        all(result.status == "complete" for result in results.values()),
+        not asked.check or all(v.met for result in results.values() for v in result.verdicts),
+    )
 
 
 def _folder_name(names: list[str]) -> str:
@@ -110,7 +79,9 @@ def _load(run: str, changes: Mapping[str, object]) -> Experiment | Result:
         check_experiment(experiment)
         return experiment
     if changes:
-        raise InvalidInputError(f"{next(iter(changes))}: {run} has run already; run it anew")
+        raise InvalidInputError(
+            f"{next(iter(changes))}: {run} is a saved result, which cannot be changed"
+        )
     return Result.load(run, modules=True)
 
 
@@ -133,7 +104,7 @@ def _results(loaded: Mapping[str, Experiment | Result]) -> dict[str, Result]:
     """Return the results by name; leave the command if a run is interrupted."""
     results: dict[str, Result] = {}
     for name, each in loaded.items():
-        results[name] = _result(each)
+        results[name] = each if isinstance(each, Result) else simulated(each)
         if results[name].status == "interrupted":
             if left := list(loaded)[len(results) :]:
                 err.print(f"[red]not run[/] {escape(', '.join(left))}")
@@ -141,25 +112,11 @@ def _results(loaded: Mapping[str, Experiment | Result]) -> dict[str, Result]:
     return results
 
 
-def _result(run: Experiment | Result) -> Result:
-    if isinstance(run, Result):
-        return run
-    try:
-        with progress_bar(run) as progress:
-            return simulate(run, progress)
-    except SimulationError as error:
-        err.print(f"[red]failed[/] {escape(f'{run.name}: {error}')}")
-        failed: Result = error.result
-        return failed
-
-
 def _print_and_write(results: dict[str, Result], folder: Path) -> None:
     for name, result in results.items():
         for warning in result.warnings:
             err.print(f"[yellow]warning[/] {escape(f'{name}: {warning}')}")
-    # In a pipe or a file there is room for all columns.
-    wide = Console(width=WIDE, highlight=False, quiet=out.quiet)
-    (out if out.is_terminal else wide).print(comparison_table(results))
+    print_whole(comparison_table(results))
     rows = [Row((name,), each.metrics, each.failure or None) for name, each in results.items()]
     write_csv(folder / "comparison.csv", ["run"], rows)
     out.print(escape(f"table    {folder / 'comparison.csv'}"), soft_wrap=True)
@@ -189,7 +146,7 @@ def comparison_table(results: Mapping[str, Result]) -> Table:
 
 
 def _cell(value: float | None, verdict: Verdict | None) -> str:
-    """Return a value, and in brackets its bound, which is said not to be kept if it is not."""
+    """Return a value, and in brackets its bound, marked if it is broken."""
     if verdict is None:
         return "" if value is None else f"{value:.4g}"
     written = "not reached" if value is None else f"{value:.4g}"

@@ -2,39 +2,33 @@
 
 from __future__ import annotations
 
-from ..campaigns import shipped_campaigns
-from ..experiment import shipped_experiments
-from ..laws import LAWS
-from ..paths import PATHS
-from ..robot.load_arm import shipped_arms
-from ..systems import BODIES
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import drake_rnn
+
+from ..diagrams import CAMPAIGNS, EXPERIMENTS
+from ..models import MODELS
 
 
-def complete_experiments(incomplete: str) -> list[str]:
-    """Return the shipped experiments that begin so."""
-    return [name for name in shipped_experiments() if name.startswith(incomplete)]
+def _completer(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
+    """Return a function that returns those of the names that begin as is written so far."""
+
+    def complete(incomplete: str) -> list[str]:
+        return sorted(name for name in names() if name.startswith(incomplete))
+
+    return complete
 
 
-def complete_arms(incomplete: str) -> list[str]:
-    """Return the shipped arms that begin so."""
-    return [name for name in shipped_arms() if name.startswith(incomplete)]
+def _stems(files: Iterable[Path]) -> list[str]:
+    return [file.stem for file in files]
 
 
-def complete_laws(incomplete: str) -> list[str]:
-    """Return the laws that begin so."""
-    return [name for name in LAWS if name.startswith(incomplete)]
-
-
-def complete_paths(incomplete: str) -> list[str]:
-    """Return the paths that begin so."""
-    return [name for name in PATHS if name.startswith(incomplete)]
-
-
-def complete_levels(incomplete: str) -> list[str]:
-    """Return the levels of detail that begin so."""
-    return [name for name in BODIES if name.startswith(incomplete)]
-
-
-def complete_campaigns(incomplete: str) -> list[str]:
-    """Return the shipped campaigns that begin so."""
-    return [name for name in shipped_campaigns() if name.startswith(incomplete)]
+# By the names of files: a shell is not kept waiting for the rooms that read them.
+complete_experiments = _completer(lambda: _stems(EXPERIMENTS.glob("*/*.yaml")))
+complete_campaigns = _completer(lambda: _stems(CAMPAIGNS.glob("*.yaml")))
+complete_arms = _completer(lambda: (file.parent.name for file in MODELS.glob("*/arm.yaml")))
+# Their rooms are imported when they are asked for.
+complete_laws = _completer(lambda: drake_rnn.LAWS)
+complete_paths = _completer(lambda: drake_rnn.PATHS)
+complete_levels = _completer(lambda: drake_rnn.BODIES)

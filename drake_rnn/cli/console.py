@@ -5,24 +5,22 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from time import perf_counter
 
 import typer
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
 
 from ..errors import DrakeRnnError, SimulationError
-from ..experiment import Experiment
-from ..runs.simulation import Progress as ProgressCallback
+from .command import BAD_INPUT, FAILED, NOT_MET
 
 # Width of tables in a pipe or a file [characters].
 _WIDTH = None if sys.stdout.isatty() else 140
 out = Console(width=_WIDTH, soft_wrap=False, highlight=False)
 err = Console(stderr=True, soft_wrap=True, highlight=False)
 
-#: Exit statuses.
-FAILED, BAD_INPUT, NOT_MET = 1, 2, 3
+#: Width of a console on which no table is squeezed [characters].
+WIDE = 10_000
 
 
 @contextmanager
@@ -40,7 +38,7 @@ def errors() -> Iterator[None]:
 
 @contextmanager
 def silenced(quiet: bool) -> Iterator[None]:
-    """Print nothing but warnings and errors, if that is asked for."""
+    """Print only warnings and errors, if that is asked for."""
     before, out.quiet = out.quiet, quiet
     try:
         yield
@@ -58,25 +56,20 @@ def status(text: str) -> Iterator[None]:
         yield
 
 
-@contextmanager
-def progress_bar(experiment: Experiment, shown: bool = True) -> Iterator[ProgressCallback | None]:
-    """Show a progress bar on a terminal if it is to be shown, nothing elsewhere."""
-    if not shown or not err.is_terminal or out.quiet:
-        yield None
-        return
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.completed:.2f} / {task.total:g} s"),
-        TextColumn("{task.fields[speed]}"),
-        TimeElapsedColumn(),
-    )
-    with Progress(*columns, console=err, transient=True) as bar:
-        task = bar.add_task(experiment.name, total=experiment.document.duration, speed="")
-        began = perf_counter()
+def print_whole(table: Table) -> None:
+    """Print a table; in a pipe or a file, where there is room for all columns, unsqueezed."""
+    wide = Console(width=WIDE, highlight=False, quiet=out.quiet)
+    (out if out.is_terminal else wide).print(table)
 
-        def progress(t: float) -> None:
-            speed = t / max(perf_counter() - began, 1e-9)
-            bar.update(task, completed=t, speed=f"{speed:.1f} x real time")
 
-        yield progress
+def finish(complete: bool, kept: bool) -> None:
+    """Leave the command with the status that fits, unless all is well.
+
+    Args:
+        complete: Whether everything came to its end.
+        kept: Whether all bounds that were to be checked are kept.
+    """
+    if not complete:
+        raise typer.Exit(FAILED)
+    if not kept:
+        raise typer.Exit(NOT_MET)

@@ -2,57 +2,45 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
+from typing import Any
 
-import typer
 from rich.markup import escape
 
-from ..experiment import parse_change, set_key
+from ..errors import InvalidInputError
+from ..experiment.changes import checked_changes, set_key
 from ..figures.arm_picture import write_arm_picture
 from ..inputs.documents import parse_yaml
 from ..robot.load_arm import load_arm
 from ..robot.report import arm_report
+from .asked import Arm
+from .changing import changes_of, require_writable
 from .console import err, errors, out
-from .options import require_writable
 from .tables import arm_joints_table, arm_table
 
 
-def describe_arm(
-    model: Annotated[
-        str, typer.Argument(help="Name of a shipped arm, or a model file: URDF, SDF or MJCF.")
-    ],
-    frame: Annotated[
-        str | None, typer.Option(help="Task frame E, or the frame that carries --tool.")
-    ] = None,
-    tool: Annotated[
-        str | None,
-        typer.Option(metavar="YAML", help="Tool to add, e.g. '{ball: 0.012, length: 0.1}'."),
-    ] = None,
-    changes: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", metavar="KEY=VALUE", help="Another key of the arm, e.g. mass_scale=1.1."
-        ),
-    ] = None,
-    out_folder: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Folder for the picture.")
-    ] = Path("out"),
-    picture: Annotated[bool, typer.Option(help="Write a picture of the arm.")] = True,
-) -> None:
-    """Print an arm's joints, limits, reach, inertia and weight, and what is missing."""
+def describe_arm(asked: Arm) -> None:
+    """Print what is known of the arm, and write its picture."""
     with errors():
-        fields = {} if frame is None else {"frame": frame}
-        for change in changes or []:
-            set_key(fields, *parse_change(change))
-        if tool is not None:
-            fields["tool"] = parse_yaml(tool, "--tool")
-        report = arm_report(load_arm(model, **fields))
+        fields: dict[str, Any] = {}
+        for key, value in checked_changes(_changes(asked)).items():
+            set_key(fields, key, value)
+        report = arm_report(load_arm(asked.model, **fields))
         out.print(arm_joints_table(report))
         out.print(arm_table(report))
         for warning in report.warnings:
             err.print(f"[yellow]warning[/] {escape(warning)}")
-        if picture:
-            file = out_folder / f"{report.arm.name}.png"
-            require_writable(out_folder)
+        if asked.picture:
+            file = asked.out_folder / f"{report.arm.name}.png"
+            require_writable(asked.out_folder)
             out.print(f"picture  {write_arm_picture(report.arm, report.home, file)}", markup=False)
+
+
+def _changes(asked: Arm) -> dict[str, Any]:
+    """Return the keys of the arm that options give, by dotted key."""
+    given: dict[str, Any] = {} if asked.frame is None else {"frame": asked.frame}
+    if asked.tool is not None:
+        given["tool"] = parse_yaml(asked.tool, "--tool")
+    changes = changes_of(asked.changes)
+    for key in given.keys() & changes.keys():
+        raise InvalidInputError(f"--set: {key} is given twice, as --{key} gives it too")
+    return given | changes

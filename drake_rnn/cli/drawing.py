@@ -11,7 +11,7 @@ from multiprocessing import get_context, parent_process
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
-from ..figures import drawable, write_figures
+from .. import figures
 from ..runs.result import Result
 
 # Time by which a helper that began with us may be later [s].
@@ -36,17 +36,17 @@ def draw_figures(
     Raises:
         InvalidInputError: If the folder cannot be written to.
     """
-    names = list(names or drawable(result))
+    names = list(names or figures.drawable(result))
     ours, theirs = names[::2], names[1::2]
     if not theirs or not (_has_room() if helped is None else helped):
-        return write_figures(result, folder, names)
+        return figures.write_figures(result, folder, names)
     with _helper(result, folder, theirs) as helper:
-        write_figures(result, folder, ours)
+        figures.write_figures(result, folder, ours)
         helper.join(_PATIENCE)
         done = helper.exitcode == 0
     if not done:
         # Where it failed, this tells why.
-        write_figures(result, folder, theirs)
+        figures.write_figures(result, folder, theirs)
     return [folder / f"{name}.png" for name in names]
 
 
@@ -79,4 +79,4 @@ def _draw_for(result: Result, folder: Path, names: Sequence[str], parent: int) -
     for name in names:
         if os.getppid() != parent:
             return
-        write_figures(result, folder, [name])
+        figures.write_figures(result, folder, [name])

@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import typer
 from rich.markup import escape
@@ -15,8 +14,9 @@ from rich.progress import BarColumn, Progress, TextColumn
 from ..errors import InvalidInputError
 from ..film import FilmProgress, FilmSettings, write_film
 from ..runs.result import Result
-from .again import Folder
-from .console import FAILED, err, errors, out
+from .asked import Film
+from .command import FAILED
+from .console import err, errors, out
 
 _UNITS = {"": 1, "B": 1, "KB": 1_000, "MB": 1_000_000}
 #: Options that have other names than the settings that they are.
@@ -30,61 +30,25 @@ _OPTIONS = {
 }
 
 
-def film(  # noqa: PLR0913  one argument for each option
-    folder: Folder,
-    form: Annotated[
-        Literal["webp", "gif", "mp4"],
-        typer.Option("--format", help="Format of the file; mp4 needs ffmpeg."),
-    ] = "webp",
-    size: Annotated[
-        str, typer.Option(metavar="WIDTHxHEIGHT", help="Size of its pictures [px].")
-    ] = "640x400",
-    frames_per_second: Annotated[
-        float, typer.Option("--fps", help="Pictures in each second of the film [1/s].")
-    ] = 12.0,
-    seconds: Annotated[
-        float,
-        typer.Option(help="Length [s], to which the end adds 1 s; longer runs are faster."),
-    ] = 8.0,
-    begin: Annotated[
-        float, typer.Option("--from", help="Time of the run at which the film begins [s].")
-    ] = 0.0,
-    end: Annotated[
-        float | None, typer.Option("--to", help="Time of the run at which it ends [s].")
-    ] = None,
-    view: Annotated[
-        Literal["arm", "close", "path"] | None,
-        typer.Option(help="What it shows; by default what the playback shows first."),
-    ] = None,
-    theme: Annotated[
-        Literal["light", "dark"], typer.Option(help="Light or dark ground.")
-    ] = "light",
-    most_bytes: Annotated[
-        str,
-        typer.Option(metavar="SIZE", help="Size that the file must not exceed, e.g. 800kB."),
-    ] = "1.5MB",
-    beside: Annotated[
-        list[Path] | None,
-        typer.Option(metavar="FOLDER", help="Show the path of this result beside it; repeatable."),
-    ] = None,
-) -> None:
-    """Write a saved result as a moving picture, into its folder."""
+def film(asked: Film) -> None:
+    """Write a saved result as a moving picture."""
     with errors(), _named_as_options():
-        width, height = _size_of(size)
         settings = FilmSettings(
-            size=(width, height),
-            frames_per_second=frames_per_second,
-            seconds=seconds,
-            begin=begin,
-            end=end,
-            view=view,
-            theme=theme,
-            most_bytes=_bytes_of(most_bytes),
+            size=_size_of(asked.size),
+            frames_per_second=asked.frames_per_second,
+            seconds=asked.seconds,
+            begin=asked.begin,
+            end=asked.end,
+            view=asked.view,
+            theme=asked.theme,
+            most_bytes=_bytes_of(asked.most_bytes),
         )
-        result, *others = (Result.load(each, modules=True) for each in (folder, *(beside or [])))
+        folders = (asked.folder, *(asked.beside or []))
+        result, *others = (Result.load(each, modules=True) for each in folders)
+        file = asked.folder / f"film.{asked.form}"
         try:
             with _bar() as progress:
-                written = write_film(result, folder / f"film.{form}", settings, others, progress)
+                written = write_film(result, file, settings, others, progress)
         except KeyboardInterrupt:
             err.print("[red]failed[/] film: interrupted; nothing is written")
             raise typer.Exit(FAILED) from None

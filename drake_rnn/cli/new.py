@@ -4,35 +4,26 @@ from __future__ import annotations
 
 import keyword
 import re
-from enum import StrEnum
+from functools import partial
 from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated
 
-import typer
 from rich.markup import escape
 
 from ..errors import InvalidInputError
+from .asked import New
 from .console import errors, out
 from .shipping import write_shipped
 
 _TEMPLATES = files("drake_rnn.cli") / "templates"
 
 
-class Own(StrEnum):
-    """What a user may add."""
-
-    LAW = "law"
-    PATH = "path"
-    ENVIRONMENT = "environment"
-
-
-def write_start(own: Own, name: str, folder: Path) -> list[Path]:
+def write_start(own: str, name: str, folder: Path) -> list[Path]:
     """Write a module, a document and a test, which run as they are.
 
     Args:
-        own: What the module is to hold.
+        own: What the module is to hold: a law, a path or an environment.
         name: Name of the module.
         folder: Folder to write to.
 
@@ -44,13 +35,13 @@ def write_start(own: Own, name: str, folder: Path) -> list[Path]:
     """
     title = "".join(word.capitalize() for word in name.split("_"))
     written = {}
-    for template in sorted((_TEMPLATES / own.value).iterdir(), key=lambda each: each.name):
-        file = folder / template.name.removesuffix(".txt").replace(f"my_{own.value}", name)
-        text = template.read_text(encoding="utf-8").replace(f"my_{own.value}", name)
-        written[file] = text.replace(f"My{own.value.capitalize()}", title)
+    for template in sorted((_TEMPLATES / own).iterdir(), key=lambda each: each.name):
+        file = folder / template.name.removesuffix(".txt").replace(f"my_{own}", name)
+        text = template.read_text(encoding="utf-8").replace(f"my_{own}", name)
+        written[file] = text.replace(f"My{own.capitalize()}", title)
     for file in written:
         if file.exists():
-            raise InvalidInputError(f"{file}: is there already, and is not overwritten")
+            raise InvalidInputError(f"{file}: already exists, and is not overwritten")
     if find_spec(name) is not None:
         raise InvalidInputError(f"name: there is a Python module {name!r} already; take another")
     try:
@@ -68,25 +59,17 @@ def _require_name(name: str) -> None:
         )
 
 
-def new(
-    what: Annotated[Own, typer.Argument(help="What it is to be.")],
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the module, e.g. my_law.")],
-    shipped: Annotated[
-        bool,
-        typer.Option(
-            "--shipped", help="A law of drake_rnn itself, whose sources are the current folder."
-        ),
-    ] = False,
-) -> None:
-    """Write a module of your own, a document that names it and a test, to the current folder."""
+def new(asked: New) -> None:
+    """Write what is asked for, and say what to do next."""
+    what, name = asked.what, asked.name
     with errors():
-        if shipped and what is not Own.LAW:
-            raise InvalidInputError(f"--shipped: is for a law, not for {what.value}")
+        if asked.shipped and what != "law":
+            raise InvalidInputError(f"--shipped: is for a law, not for {what}")
         _require_name(name)
-        written = write_shipped(name, Path()) if shipped else write_start(what, name, Path())
-        for file in written:
+        write = write_shipped if asked.shipped else partial(write_start, what)
+        for file in write(name, Path()):
             out.print(escape(f"written  {file}"), soft_wrap=True)
     then = f"drake-rnn run {name}.yaml; pytest test_{name}.py"
-    if shipped:
+    if asked.shipped:
         then = f"fill in what says FILL IN; python docs/make_schemes.py; drake-rnn run {name}"
     out.print(f"next     {then}", soft_wrap=True)

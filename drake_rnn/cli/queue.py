@@ -15,14 +15,14 @@ from typing import Any
 
 from rich.markup import escape
 
-from ..errors import DrakeRnnError, SimulationError
+from ..errors import DrakeRnnError
 from ..experiment import Experiment, load_experiment
 from ..runs.result import Result
-from ..runs.simulation import simulate
 from ..runs.stored import Series
-from .console import err, errors, out, progress_bar
-from .options import tell_of_window
+from .changing import tell_of_window
+from .console import err, errors, out
 from .saving import Pictures, write_result
+from .simulating import simulated
 
 
 @dataclass(frozen=True)
@@ -191,17 +191,6 @@ def _perform(
     task: Task, experiment: Experiment, beside: Sequence[Result], bar: bool = True
 ) -> Result:
     tell_of_window(task.experiment, task.changes)
-    result = _simulated(task, experiment, bar)
+    result = simulated(experiment, bar, anyway=task.anyway, series=task.series)
     write_result(result, task.folder, task.pictures, beside)
     return result
-
-
-def _simulated(task: Task, experiment: Experiment, bar: bool) -> Result:
-    """Return the result of an experiment; up to its failure, which is printed, if it fails."""
-    try:
-        with progress_bar(experiment, bar) as progress:
-            return simulate(experiment, progress, anyway=task.anyway, series=task.series)
-    except SimulationError as error:
-        err.print(f"[red]failed[/] {escape(str(error))}")
-        failed: Result = error.result
-        return failed

@@ -2,74 +2,53 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
-from typing import Annotated
+from collections.abc import Iterator
+from contextlib import contextmanager
+from time import perf_counter
 
-import typer
 from rich.box import SIMPLE_HEAD
 from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from ..report import Format, Report, ReportSettings, make_report
+from ..report import Done, Format, ReportSettings, make_report
+from ..report import Report as Made
+from .asked import Report
+from .changing import require_writable
 from .claims import VERDICT_COLOURS, chosen_claims
-from .console import FAILED, err, errors, out, silenced
-from .options import Jobs, Quiet, require_writable
-from .report_progress import report_progress
+from .console import err, errors, finish, out, silenced
 
-_CORES = os.cpu_count() or 1
+# Time between two lines about the progress where there is no terminal [s].
+_TELL_AGAIN = 30.0
 
 
-def report(  # noqa: PLR0913  one argument for each option
-    ids: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="[ID]...",
-            help="Claims, e.g. slc-F2a, or papers, e.g. slc or state_adjustment; by default all.",
-        ),
-    ] = None,
-    folder: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the report.")] = (
-        Path("out/report")
-    ),
-    jobs: Jobs = _CORES,
-    form: Annotated[Format, typer.Option("--format", help="Pages as html or md.")] = "html",
-    pictures: Annotated[bool, typer.Option(help="Draw an overview of each run.")] = True,
-    playbacks: Annotated[
-        bool, typer.Option(help="Write playbacks of the claims' main runs.")
-    ] = True,
-    again: Annotated[
-        bool, typer.Option("--again", help="Try runs again that failed or cannot be read.")
-    ] = False,
-    claims: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Folder with claims files, in place of the shipped ones."),
-    ] = None,
-    quiet: Quiet = False,
-) -> None:
-    """Judge the papers' claims, and write what came out; what has ended is not run again."""
-    with silenced(quiet):
+def report(asked: Report) -> None:
+    """Judge the papers' claims, and write what came out."""
+    with silenced(asked.quiet):
         with errors():
-            chosen = list(chosen_claims(ids or [], claims))
-            require_writable(folder)
-            settings = ReportSettings(jobs, form, pictures, pictures and playbacks, again)
-            with report_progress() as done:
-                made = make_report(chosen, folder, settings, done)
-        _tell(made, form)
-    if made.failures or not made.complete:
-        raise typer.Exit(FAILED)
+            chosen = list(chosen_claims(asked.ids or [], asked.claims))
+            require_writable(asked.folder)
+            playbacks = asked.pictures and asked.playbacks
+            settings = ReportSettings(
+                asked.jobs, asked.form, asked.pictures, playbacks, asked.again
+            )
+            with _progress() as done:
+                made = make_report(chosen, asked.folder, settings, done)
+        _tell(made, asked.form)
+    finish(made.complete and not made.failures, True)
 
 
-def _tell(made: Report, form: Format) -> None:
+def _tell(made: Made, form: Format) -> None:
     if made.contents:
         out.print(verdicts_table(made))
         for name, error in made.failures:
             err.print(f"[red]failed[/] {escape(f'{name}: {error}')}")
         out.print(escape(f"report  {made.folder / f'index.{form}'}"), soft_wrap=True)
     if not made.complete:
-        err.print("[red]interrupted[/]: the same command goes on from here")
+        err.print("[red]interrupted[/]: run the same command again to continue")
 
 
-def verdicts_table(made: Report) -> Table:
+def verdicts_table(made: Made) -> Table:
     """Return a table of how many claims of each paper hold."""
     counts = made.contents["counts"]
     shown = [each for each in counts if each != "failed" or counts[each]]
@@ -82,3 +61,33 @@ def verdicts_table(made: Report) -> Table:
         name = paper["scheme"].replace("_", " ")
         table.add_row(escape(name), *(str(paper["counts"][verdict]) for verdict in shown))
     return table
+
+
+@contextmanager
+def _progress() -> Iterator[Done]:
+    """Show how many parts are finished; without a terminal, by a line from time to time."""
+    if not err.is_terminal or out.quiet:
+        yield _lines()
+        return
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    with Progress(*columns, TimeElapsedColumn(), console=err, transient=True) as bar:
+        task = bar.add_task("numbers", total=None)
+
+        def done(what: str, ended: int, total: int) -> None:
+            # What is measured between two rounds of runs is not counted.
+            whole = ended == total
+            bar.update(task, description="numbers" if whole else what, completed=ended, total=total)
+
+        yield done
+
+
+def _lines() -> Done:
+    told = perf_counter()
+
+    def done(what: str, ended: int, total: int) -> None:
+        nonlocal told
+        if perf_counter() - told >= _TELL_AGAIN and not out.quiet:
+            told = perf_counter()
+            err.print(f"report: {ended} of {total} {what} finished")
+
+    return done

@@ -40,7 +40,7 @@ class _Entry(NamedTuple):
     text: str
 
 
-_LAWS, _PACKAGE = "drake_rnn/laws/__init__.py", "drake_rnn/__init__.py"
+_LAWS, _PACKAGE = "drake_rnn/laws/__init__.py", "drake_rnn/__init__.pyi"
 _NAMED = r'^    "?(\w+)"?,$'
 _ENTRIES = (
     _Entry(
@@ -51,8 +51,10 @@ _ENTRIES = (
         _LAWS, r"    \{", r"    \},", r'^ +"(\w+)": \w+,$', "my_law", '        "my_law": MyLaw,\n'
     ),
     _Entry(_LAWS, r"__all__ = \[", r"\]", _NAMED, "MyLaw", '    "MyLaw",\n'),
-    _Entry(_PACKAGE, r"from \.laws import \(", r"\)", _NAMED, "MyLaw", "    MyLaw,\n"),
-    _Entry(_PACKAGE, r"__all__ = \[", r"\]", _NAMED, "MyLaw", '    "MyLaw",\n'),
+    _Entry(
+        *(_PACKAGE, r"from \.laws import \(", r"\)", r"^    (\w+) as \w+,$", "MyLaw"),
+        "    MyLaw as MyLaw,\n",
+    ),
     _Entry(
         *("docs/choosing.md", r"\| scheme, and an experiment with it .*", "$", "", ""),
         "| [my law](schemes/my_law.md)<br>`my_law` | | | | | | FILL IN from "
@@ -96,7 +98,9 @@ def write_shipped(name: str, root: Path) -> list[Path]:
         text = text.replace("my_law", name).replace("MyLaw", title).replace("my law", sentence)
         return text.replace("My law", sentence.capitalize())
 
-    if re.search(rf'^    "{title}",$', (root / _PACKAGE).read_text(encoding="utf-8"), re.M):
+    if re.search(
+        rf"^    {title} as {title},$", (root / _PACKAGE).read_text(encoding="utf-8"), re.M
+    ):
         raise InvalidInputError(f"name: drake_rnn has {title} already; take another")
     written = {
         root / named(file): named((_TEMPLATES / each).read_text(encoding="utf-8"))

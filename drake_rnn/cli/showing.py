@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from textwrap import indent, wrap
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
@@ -20,27 +19,21 @@ from ..experiment import (
 from ..inputs.documents import construct, to_yaml
 from ..inputs.explained import shortened
 from ..runs import build_diagram
+from .asked import Show
 from .console import errors
 from .graphs import write_graph
-from .options import One
 
 _WIDTH, _BESIDE = 80, "beside"
 
 
-def show(
-    experiment: One,
-    diagram: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="draw the wiring: a .svg, .png, .pdf or .dot file"),
-    ] = None,
-) -> None:
-    """Print an experiment's document with comments on its keys, or draw its wiring."""
+def show(asked: Show) -> None:
+    """Print the document, or draw the wiring."""
     with errors():
-        if diagram is None:
-            typer.echo(commented(experiment), nl=False)
+        if asked.diagram is None:
+            typer.echo(commented(asked.experiment), nl=False)
             return
-        built, _ = build_diagram(load_experiment(experiment))
-        write_graph(wiring_graph(built), diagram)
+        built, _ = build_diagram(load_experiment(asked.experiment))
+        write_graph(wiring_graph(built), asked.diagram)
 
 
 def commented(experiment: str) -> str:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
 from rich.console import Console
 from rich.markup import escape
 
@@ -24,75 +23,43 @@ from ..experiment import load_experiment, read_document, unit_of_key
 from ..figures.learning import learning_figure
 from ..figures.sweep import sweep_figure
 from .announcing import print_data
-from .console import FAILED, NOT_MET, err, errors, out, silenced
-from .options import (
-    Anyway,
-    AsJson,
-    Check,
-    DryRun,
-    Duration,
-    One,
-    Out,
-    Quiet,
-    Seed,
-    Set,
-    changes_of,
-    require_writable,
-    tell_of_window,
-)
-from .tables import WIDE, sweep_tables, varying_metrics
+from .asked import Sweep
+from .changing import changes_of, require_writable, tell_of_window
+from .console import WIDE, err, errors, finish, out, silenced
+from .tables import sweep_tables, varying_metrics
 
 
-def sweep(  # noqa: PLR0913  one argument for each option
-    experiment: One,
-    over: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--over",
-            metavar="KEY=v1,v2,...",
-            help="Values of a key; repeat for all combinations. Default: those in the document.",
-        ),
-    ] = None,
-    out_folder: Out = Path("out"),
-    changes: Set = None,
-    seed: Seed = None,
-    duration: Duration = None,
-    jobs: Annotated[int, typer.Option(min=1, help="Number of runs at a time.")] = 1,
-    check: Check = False,
-    anyway: Anyway = False,
-    quiet: Quiet = False,
-    as_json: AsJson = False,
-    dry_run: DryRun = False,
-) -> None:
-    """Run an experiment with several values; write a table, a CSV file and a figure."""
-    with silenced(quiet or as_json):
-        with errors():
-            changed = changes_of(changes, seed, duration)
-            axes = _axes(over) or load_experiment(experiment, changed).document.over
-            if not axes:
-                raise InvalidInputError(
-                    f"--over: must be given; {experiment} has no values of its own"
-                )
-            keys = list(axes)
-            orders = planned(experiment, axes, changed, anyway=anyway)
-            document = read_document(experiment, changed)
-            units = {key: unit_of_key(document, key) for key in keys}
-            folder = out_folder / f"sweep_{Path(experiment).stem}_{'_'.join(keys)}"
-            for length in axes.get("duration", [None]):
-                swept = {} if length is None else {"duration": length}
-                tell_of_window(experiment, changed | swept)
-            if dry_run:
-                _print_plan(orders, folder, jobs, as_json)
-                return
-            require_writable(folder)
-            rows, missing = _rows(keys, orders, jobs, folder)
-            _print_and_write(keys, rows, folder, units)
-        if as_json:
+def sweep(asked: Sweep) -> None:
+    """Run an experiment with several values, and write what came out."""
+    experiment = asked.experiment
+    with silenced(asked.quiet or asked.as_json), errors():
+        changed = changes_of(asked.changes, asked.seed, asked.duration)
+        axes = _axes(asked.over) or load_experiment(experiment, changed).document.over
+        if not axes:
+            raise InvalidInputError(f"--over: must be given; {experiment} has no values of its own")
+        keys = list(axes)
+        orders = planned(experiment, axes, changed, anyway=asked.anyway)
+        document = read_document(experiment, changed)
+        units = {key: unit_of_key(document, key) for key in keys}
+        folder = asked.out_folder / f"sweep_{Path(experiment).stem}_{'_'.join(keys)}"
+        for length in axes.get("duration", [None]):
+            swept = {} if length is None else {"duration": length}
+            tell_of_window(experiment, changed | swept)
+        if asked.dry_run:
+            _print_plan(orders, folder, asked)
+            return
+        require_writable(folder)
+        rows, missing = _rows(keys, orders, asked.jobs, folder)
+        _print_and_write(keys, rows, folder, units)
+        if asked.as_json:
             print_data({"folder": str(folder), "runs": [_contents(keys, row) for row in rows]})
         if missing:
             told = "; ".join(_named(keys, values) for values in missing)
-            err.print(f"[red]not run[/] {escape(told)}; the same command goes on from here")
-    _exit(rows, bool(missing), check)
+            err.print(f"[red]not run[/] {escape(told)}; run the same command again to continue")
+    finish(
+        not missing and not any(row.failure for row in rows),
+        not asked.check or not any(row.not_met for row in rows),
+    )
 
 
 def _rows(
@@ -118,7 +85,7 @@ def _print_and_write(
         sweep_figure(keys, rows, varying_metrics(rows), folder / "sweep.png", units),
         learning_figure(keys, rows, folder / "learning.png", units),
     ]
-    # In a pipe or a file there is room for all columns in one table.
+    # On a terminal, too: what does not fit beside is in tables of their own.
     wide = Console(width=WIDE, highlight=False, quiet=out.quiet)
     for table in sweep_tables(keys, rows, out.width if out.is_terminal else None):
         wide.print(table)
@@ -127,11 +94,11 @@ def _print_and_write(
         out.print(escape(f"picture  {picture}"), soft_wrap=True)
 
 
-def _print_plan(orders: Sequence[Planned], folder: Path, jobs: int, as_json: bool) -> None:
-    time = sum(run.time for run in orders) / jobs
-    if as_json:
+def _print_plan(orders: Sequence[Planned], folder: Path, asked: Sweep) -> None:
+    time = sum(run.time for run in orders) / asked.jobs
+    if asked.as_json:
         print_data({"folder": str(folder), "runs": len(orders), "expected_time_s": time or None})
-    told = f"some {time:.2g} s with {jobs} at a time" if time else "there is no estimate"
+    told = f"about {time:.2g} s with {asked.jobs} in parallel" if time else "there is no estimate"
     out.print(escape(f"{len(orders)} runs; {told}; {folder}"), soft_wrap=True)
 
 
@@ -142,14 +109,6 @@ def _contents(keys: list[str], row: Row) -> dict[str, Any]:
         "failure": row.failure or "",
         "not_met": list(row.not_met),
     }
-
-
-def _exit(rows: list[Row], interrupted: bool, check: bool) -> None:
-    """End with the status that fits, unless all is well."""
-    if interrupted or any(row.failure for row in rows):
-        raise typer.Exit(FAILED)
-    if check and any(row.not_met for row in rows):
-        raise typer.Exit(NOT_MET)
 
 
 def _named(keys: list[str], values: tuple[Any, ...]) -> str:

@@ -18,9 +18,8 @@ from ..robot.limits import DERIVATIVE_UNITS
 from ..robot.report import ArmReport
 from ..runs.result import Result
 from ..runs.verdict import Verdict
+from .console import WIDE as WIDE
 
-#: Width of a console on which no table is squeezed [characters].
-WIDE = 10_000
 #: Widths of a sweep's metric columns, where their headers break, and value columns [characters].
 _HEADER, _VALUE = 13, 40
 

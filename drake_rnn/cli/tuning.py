@@ -7,104 +7,53 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-from rich.console import Console
 from rich.markup import escape
 
 from ..arrays.jax_module import require_jax
 from ..errors import InvalidInputError
-from ..experiment import read_document
+from ..experiment import load_experiment, read_document
 from ..figures.tuning import tuning_figure
 from ..inputs.documents import to_yaml
 from ..runs.simulation import check_experiment
 from ..runs.whole_file import written_whole
 from ..tuning import Trial, Tuned, Tuning
 from ..tuning.bounds import Between, parse_between
+from .asked import Tune
+from .changing import changes_of, require_writable, tell_of_window
+from .command import FAILED
 from .comparing import comparison_table
-from .console import FAILED, NOT_MET, err, errors, out, silenced, status
-from .options import (
-    Figures,
-    One,
-    Out,
-    Quiet,
-    Seed,
-    Set,
-    changes_of,
-    load,
-    require_writable,
-    tell_of_window,
-)
-from .tables import WIDE
-
-_Over = Annotated[
-    list[str],
-    typer.Option(
-        "--over",
-        metavar="KEY,KEY,...",
-        help="Numbers of the law to tune, e.g. law.kappa,law.rho; repeatable.",
-    ),
-]
-_Least = Annotated[str, typer.Option("--least", metavar="METRIC", help="Metric to make small.")]
-_Between = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--between",
-        metavar="KEY=LOW,HIGH",
-        help="Bounds of a number; repeatable. Default: a thirtieth and 30 times the start.",
-    ),
-]
-_Duration = Annotated[
-    float | None,
-    typer.Option(help="Simulated time to tune on [s]; Drake's runs have the document's own."),
-]
+from .console import err, errors, finish, out, print_whole, silenced, status
 
 
-def tune_gains(  # noqa: PLR0913  one argument for each option
-    experiment: One,
-    numbers: _Over,
-    least: _Least = "position_error_rms_m",
-    between: _Between = None,
-    out_folder: Out = Path("out"),
-    changes: Set = None,
-    seed: Seed = None,
-    duration: _Duration = None,
-    steps: Annotated[int, typer.Option(min=1, help="Largest number of steps.")] = 30,
-    figures: Figures = True,
-    check: Annotated[
-        bool, typer.Option("--check", help="Exit with status 3 if no better gains are found.")
-    ] = False,
-    quiet: Quiet = False,
-) -> None:
-    """Tune gains of a law by descent through the closed loop; write them, verified by Drake."""
-    with silenced(quiet):
-        with errors():
-            require_jax()
-            keys = [key.strip() for text in numbers for key in text.split(",")]
-            bounds = _bounds(between)
-            changed = changes_of(changes, seed, None)
-            made = load(experiment, changes, seed, None)
-            for warning in check_experiment(made):
-                err.print(f"[yellow]warning[/] {escape(warning)}")
-            tuning = Tuning(made, keys, least, between=bounds, duration=duration)
-            folder = out_folder / f"tune_{made.name}_{'_'.join(keys)}"
-            require_writable(folder)
-            if duration is not None:
-                tell_of_window(experiment, changed | {"duration": duration})
-            # What an earlier call has found must not stand beside the figure of this one.
-            (folder / "tuned.yaml").unlink(missing_ok=True)
-            with _left_at_once(), status(f"{made.name}: tuning"):
-                tuned = tuning.run(steps, _told)
-            _print(tuned)
-            if tuned.better:
-                named = {"name": f"{made.name}_tuned"}
-                _write(read_document(experiment, {**changed, **tuned.gains, **named}), folder)
-            if figures:
-                picture = tuning_figure(tuned, folder / "tuning.png")
-                out.print(escape(f"picture  {picture}"), soft_wrap=True)
-        if check and not tuned.better:
-            raise typer.Exit(NOT_MET)
+def tune_gains(asked: Tune) -> None:
+    """Tune gains of a law, and write the document with them."""
+    with silenced(asked.quiet), errors():
+        require_jax()
+        keys = [key.strip() for text in asked.numbers for key in text.split(",")]
+        bounds = _bounds(asked.between)
+        changed = changes_of(asked.changes, asked.seed)
+        made = load_experiment(asked.experiment, changed)
+        for warning in check_experiment(made):
+            err.print(f"[yellow]warning[/] {escape(warning)}")
+        tuning = Tuning(made, keys, asked.least, between=bounds, duration=asked.duration)
+        folder = asked.out_folder / f"tune_{made.name}_{'_'.join(keys)}"
+        require_writable(folder)
+        if asked.duration is not None:
+            tell_of_window(asked.experiment, changed | {"duration": asked.duration})
+        # What an earlier call has found must not stand beside the figure of this one.
+        (folder / "tuned.yaml").unlink(missing_ok=True)
+        with _left_at_once(), status(f"{made.name}: tuning"):
+            tuned = tuning.run(asked.steps, _told)
+        _print(tuned)
+        if tuned.better:
+            named = {"name": f"{made.name}_tuned"}
+            _write(read_document(asked.experiment, {**changed, **tuned.gains, **named}), folder)
+        if asked.figures:
+            picture = tuning_figure(tuned, folder / "tuning.png")
+            out.print(escape(f"picture  {picture}"), soft_wrap=True)
+    finish(True, tuned.better or not asked.check)
 
 
 @contextmanager
@@ -151,17 +100,14 @@ def _print(tuned: Tuned) -> None:
     told = ", ".join(tuned.stopped_by)
     if not tuned.better:
         why = f"; others break the bound of {told}" if told else ""
-        err.print(
-            f"[yellow]not tuned[/] its slope led to no gains that make {tuned.metric} smaller{why}"
-        )
+        err.print(f"[yellow]not tuned[/] descent found no gains that reduce {tuned.metric}{why}")
         return
     if tuned.chosen < len(tuned.history) - 1:
         why = f"break the bound of {told}" if told else "are no better in Drake's runs"
         steps = f"step {tuned.chosen:g} of {len(tuned.history) - 1}"
         note = f"[yellow]note[/] gains beyond {steps} {why}, and were not taken"
         out.print(note, soft_wrap=True)
-    wide = out if out.is_terminal or out.quiet else Console(width=WIDE, highlight=False)
-    wide.print(comparison_table({"before": tuned.before, "tuned": tuned.after}))
+    print_whole(comparison_table({"before": tuned.before, "tuned": tuned.after}))
     out.print(
         f"{tuned.metric}: {tuned.before.metrics[tuned.metric]:.4g} before, "
         f"{tuned.after.metrics[tuned.metric]:.4g} tuned, both run by Drake"

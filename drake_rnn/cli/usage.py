@@ -7,10 +7,9 @@ from contextlib import contextmanager
 from typing import Any
 
 import typer
-from rich.markup import escape
 from typer.core import TyperGroup
 
-from .console import BAD_INPUT, err
+from .command import BAD_INPUT
 
 # The class that typer's errors of usage share has no public name.
 _UsageError: Any = typer.BadParameter.__mro__[1]
@@ -40,7 +39,9 @@ def _plainly() -> Iterator[None]:
             raise
         said = " ".join(error.format_message().split()).removesuffix(".")
         command = "drake-rnn" if error.ctx is None else _name(error.ctx)
-        err.print(f"[red]error[/] {escape(said[:1].lower() + said[1:])}; see `{command} --help`")
+        # Not by rich, which takes as long to import as all of this.
+        typer.secho("error", fg="red", nl=False, err=True)
+        typer.echo(f" {said[:1].lower() + said[1:]}; see `{command} --help`", err=True)
         raise typer.Exit(BAD_INPUT) from error
 
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from ..errors import InvalidInputError
 from ..inputs.complaints import short
 from ..inputs.documents import parse_yaml
+
+#: Keys of which a document has one: to set it removes the other.
+_RIVALS = {"period": "integrator", "integrator": "period"}
 
 
 def parse_change(text: str) -> tuple[str, Any]:
@@ -40,26 +43,29 @@ def checked_changes(changes: Mapping[str, Any] | None) -> Mapping[str, Any]:
     for key in changes:
         if not all(part.strip() for part in key.split(".")):
             raise InvalidInputError(f"{key!r}: must be a dotted key, e.g. law.kappa")
-    require_none_lost(list(changes))
+    require_none_lost(changes)
     return changes
 
 
-def require_none_lost(keys: Sequence[str], place: str = "changes") -> None:
-    """Refuse keys of which a later one replaces the section that an earlier one is in.
+def require_none_lost(changes: Mapping[str, Any], place: str = "changes") -> None:
+    """Refuse changes that are made one after the other if one undoes another.
 
     Args:
-        keys: Dotted keys, in the order in which they are set.
-        place: Name of the changes, for messages.
+        changes: New values by dotted key, in the order in which they are set; None removes a key.
+        place: What names them, for messages.
 
     Raises:
-        InvalidInputError: If a key is set, and then a section that contains the key.
+        InvalidInputError: If a key is set, and then what it is in, or what takes its place.
     """
+    keys = list(changes)
     for number, key in enumerate(keys):
         for later in keys[number + 1 :]:
             if key.startswith(f"{later}."):
                 raise InvalidInputError(
                     f"{place}: {later} is set after {key} and replaces it; leave one of them out"
                 )
+    if {key.split(".")[0] for key in keys if changes[key] is not None} >= _RIVALS.keys():
+        raise InvalidInputError("period: cannot be combined with integrator; change one of them")
 
 
 def set_key(document: dict[str, Any], key: str, value: Any) -> None:
@@ -80,6 +86,6 @@ def set_key(document: dict[str, Any], key: str, value: Any) -> None:
         place.pop(last, None)
     else:
         place[last] = value
-    rival = {"period": "integrator", "integrator": "period"}.get(key.split(".")[0])
+    rival = _RIVALS.get(key.split(".")[0])
     if rival is not None and value is not None:
         document.pop(rival, None)

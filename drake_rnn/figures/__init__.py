@@ -5,13 +5,6 @@ series it needs. A figure is not drawn for a result without its series. A new la
 change here, unless it has something new to show.
 """
 
-from . import (  # noqa: F401  These register figures.
-    derivatives,
-    orientation,
-    overview,
-    pressing,
-    single,
-)
-from .registry import FIGURES, Drawing, drawable, figure, write_figures
+from ..inputs.lending import lent_names
 
-__all__ = ["FIGURES", "Drawing", "drawable", "figure", "write_figures"]
+__all__, __getattr__, __dir__ = lent_names(__name__, __file__)

@@ -98,7 +98,7 @@ def _shares(summary: Summary) -> str:
     rows = [
         (name, interval_text(interval, percent=True)) for name, interval in summary.shares.items()
     ]
-    note = f"of all rows that have ended, with {summary.confidence:.0%} Wilson intervals"
+    note = f"of all finished rows, with {summary.confidence:.0%} Wilson intervals"
     return f"<h2>Shares</h2><p><small>{note}</small></p>" + _table(("keeps", "share"), rows)
 
 

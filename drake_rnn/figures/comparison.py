@@ -14,8 +14,7 @@ from matplotlib.ticker import NullLocator
 from ..inputs.fields import Array
 from ..robot.limits import DERIVATIVE_UNITS
 from ..runs.result import Result
-from .bound_shares import Shares, shares_of_bounds
-from .derivative_panels import leave_room
+from .derivative_panels import Shares, leave_room, shares_of_bounds
 from .looks import BOUND, nth
 from .style import PAGE, largest, log_axis, save, styled, time_axis
 

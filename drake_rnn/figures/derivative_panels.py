@@ -13,6 +13,7 @@ from ..inputs.fields import Array
 from ..measures import raised
 from ..measures.groups.higher import difference_time
 from ..robot.limits import DERIVATIVE_UNITS
+from ..runs.limit_use import share_of_range
 from ..runs.result import Result
 from .bound_lines import draw_bounds, excess_note, number_bounds
 from .looks import BOUND
@@ -35,6 +36,8 @@ _ROOM = 0.012
 
 #: Times, shape (k,) [s], and values of all joints, shape (k, n).
 Signal = tuple[Array, Array]
+#: Times [s] and shares of bounds [-] for each order of derivative, shape (k,) both.
+Shares = list[tuple[Array, Array]]
 
 
 def derivatives_of_motion(result: Result) -> list[Signal]:
@@ -60,6 +63,22 @@ def derivatives_of_motion(result: Result) -> list[Signal]:
         time = (time[1:] + time[:-1]) / 2.0
         found.append((time, values))
     return found
+
+
+def shares_of_bounds(result: Result) -> Shares:
+    """Return the largest share of its bound that any joint uses, for derivatives of order 0 to 5.
+
+    Returns:
+        Times [s] and shares [-] for each order, shape (k,) both.
+    """
+    limits = result.experiment.limits
+    signals = derivatives_of_motion(result)
+    shares = [(signals[0][0], share_of_range(signals[0][1], limits))]
+    for (time, values), name in zip(signals[1:], DERIVATIVE_UNITS, strict=True):
+        bound = limits.bounds[name]
+        share = np.full_like(values, np.nan) if bound is None else np.abs(values) / bound
+        shares.append((time, share.max(axis=1)))
+    return shares
 
 
 def stacked_panels(

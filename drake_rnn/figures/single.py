@@ -43,6 +43,7 @@ from .style import (
 from .surface import desired_at_tool_height
 from .task_panels import (
     plot_end_effector,
+    plot_orientation_error,
     plot_path,
     plot_position_error,
     plot_position_error_axes,
@@ -355,3 +356,16 @@ def _bounds_note(bounds: Array) -> str:
         return "no bounds"
     low, high = (f"{bound:.3g}" if np.isfinite(bound) else "none" for bound in bounds)
     return f"bounds {low}, {high}".replace("-", "−")
+
+
+def _follows(result: Result) -> bool:
+    # Where the arm seeks a posture, the figure of its end effector shows the angle.
+    return not has_target(result)
+
+
+@draws("orientation_error", applies=_follows)
+def orientation_error(result: Result) -> Figure:
+    """Draw the angle between the end effector and its desired orientation."""
+    figure, ax = single()
+    plot_orientation_error(ax, result)
+    return figure

@@ -1,9 +1,20 @@
-"""Tables as a notebook shows them."""
+"""What a notebook shows: tables, and views that higher rooms draw."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
+
+from .lending import lent
+
+#: What a notebook shows of a result below its metrics: functions from a result to HTML, by the name
+#: ``module:function``, whose module is imported when a notebook asks.
+VIEWS: dict[str, str] = {}
+
+
+def html_views(result: object) -> str:
+    """Return all views of a result as HTML."""
+    return "".join(lent(view)(result) for view in VIEWS.values())
 
 
 def html_table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

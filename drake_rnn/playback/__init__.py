@@ -16,7 +16,7 @@ from ..runs.result import Result
 from .page import make_page
 from .replay import replayed_motion
 
-__all__ = ["write_playback"]
+__all__ = ["playback_in_notebook", "write_playback"]
 
 #: Frame rate in a notebook [1/s], which keeps its file small, and style of the frame.
 _NOTEBOOK_RATE, _FRAME = 32, "width: 100%; height: 480px; border: 0"
@@ -59,12 +59,9 @@ def write_playback(
     return file
 
 
-def _in_notebook(result: Result) -> str:
+def playback_in_notebook(result: Result) -> str:
     """Return the playback in a frame, as HTML; nothing for a result of a single instant."""
     if result.time.size < 2:
         return ""
     page = make_page(replayed_motion(result), _NOTEBOOK_RATE)
     return f'<iframe style="{_FRAME}" srcdoc="{escape(page)}"></iframe>'
-
-
-Result.views["playback"] = _in_notebook

@@ -7,7 +7,7 @@ import subprocess
 from pathlib import Path
 
 from ..campaigns.fingerprint import stamp
-from ..runs.result import versions
+from ..inputs.versions import versions
 
 _PACKAGE = Path(__file__).parents[1]
 

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import json
 import zlib
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from importlib.metadata import version
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, Literal
 from zipfile import BadZipFile
 
 import numpy as np
@@ -19,8 +17,9 @@ from ..experiment import Experiment, make_experiment
 from ..inputs.complaints import require_type
 from ..inputs.documents import parse_yaml
 from ..inputs.fields import Array
-from ..inputs.html import html_table
+from ..inputs.html import html_table, html_views
 from ..inputs.modules import Modules
+from ..inputs.versions import versions
 from ..measures import METRICS
 from ..paths import Path as MotionPath
 from .folder import filled, read_record
@@ -55,10 +54,7 @@ class Result:
             ``real_time_factor``, simulated time over wall time of the run, and, if a clock samples
             the law, ``control_step_us``, the median time of one of its steps alone. They differ
             from run to run.
-        views: What a notebook shows below the metrics, as functions from a result to HTML.
     """
-
-    views: ClassVar[dict[str, Callable[[Result], str]]] = {}
 
     experiment: Experiment
     time: Array
@@ -91,7 +87,7 @@ class Result:
             unit = "" if metric.unit == "1" else metric.unit
             rows.append((metric.name, written, unit, bound))
         table = html_table(repr(self)[1:-1], ("metric", "value", "unit", "bound"), rows)
-        return table + "".join(view(self) for view in self.views.values())
+        return table + html_views(self)
 
     @property
     def position_error(self) -> Array:
@@ -238,8 +234,3 @@ def _require_whole(time: Array, series: dict[str, Array], metrics: Any) -> None:
             raise ValueError(
                 f"result.npz: {name} has shape {values.shape}, but there are {time.size} samples"
             )
-
-
-def versions() -> dict[str, str]:
-    """Return the versions of the packages that the numbers of a run may depend on."""
-    return {package: version(package) for package in ("drake-rnn", "drake", "numpy")}

@@ -193,7 +193,7 @@ def test_the_command_writes_table_and_summary(file, tmp_path):
     assert "http" not in page
     # What it has written runs again, without a run.
     again = call("campaign", folder / "campaign.yaml", "--out", tmp_path)
-    assert again.stdout.startswith("lines: 4 rows: 4 complete, 4 of them before\n")
+    assert again.stdout.startswith("lines: 4 rows: 4 complete, 4 of them from before\n")
 
 
 def test_with_check_a_bound_that_is_not_kept_ends_with_3(file, tmp_path):
@@ -218,7 +218,7 @@ def test_a_dry_run_counts_and_runs_nothing(file, tmp_path):
     assert (plan["rows"], plan["runs"], plan["kept"]) == (6, 6, 0)
     assert plan["expected_time_s"] > 0
     assert not (tmp_path / "campaign_lines").exists()
-    assert "6 rows; some" in call("campaign", file, "--out", tmp_path, "--dry-run").stdout
+    assert "6 rows; about" in call("campaign", file, "--out", tmp_path, "--dry-run").stdout
 
 
 def test_quiet_is_quiet(file, tmp_path):
@@ -290,7 +290,7 @@ def test_what_is_stopped_says_what_was_not_run_and_leaves_no_process(file, tmp_p
     _, complained = process.communicate(timeout=60)
     assert process.returncode == 1, complained
     ended = kept(tmp_path)
-    assert f"not run {80 - ended} of 80 rows: interrupted; the same command goes on" in complained
+    assert f"not run {80 - ended} of 80 rows: interrupted; run the same command again" in complained
     assert len(rows(tmp_path / "campaign_lines")) == ended >= 2
     assert "Traceback" not in complained
     assert_gone(process.pid)

@@ -263,7 +263,9 @@ def test_an_interrupted_command_writes_what_it_has_and_goes_on(tmp_path, monkeyp
     words = ["sweep", KNOWN, "--over", "law.kappa=1,2,4", "--duration", "0.05", "--out"]
     first = CliRunner().invoke(app, [*words, str(tmp_path)])
     assert first.exit_code == 1
-    assert "not run law.kappa=2; law.kappa=4; the same command goes on from here" in first.stderr
+    assert (
+        "not run law.kappa=2; law.kappa=4; run the same command again to continue" in first.stderr
+    )
     (table,) = tmp_path.rglob("sweep.csv")
     assert len(table.read_text().splitlines()) == 2
     second = CliRunner().invoke(app, [*words, str(tmp_path)])

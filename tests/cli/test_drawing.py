@@ -48,7 +48,7 @@ def test_an_interrupted_run_leaves_no_helper(result, tmp_path, monkeypatch):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(drawing, "_draw_for", lambda *_: signal.pause())
-    monkeypatch.setattr(drawing, "write_figures", interrupted)
+    monkeypatch.setattr(drawing.figures, "write_figures", interrupted)
     with pytest.raises(KeyboardInterrupt):
         draw_figures(result, tmp_path, NAMES, helped=True)
     assert not active_children()

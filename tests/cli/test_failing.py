@@ -47,7 +47,7 @@ def test_a_run_that_fails_saves_what_there_was_and_names_the_time(tmp_path, brea
     assert result.exit_code == 1
     assert "Traceback" not in result.stderr
     (line,) = result.stderr.splitlines()
-    assert line.startswith("failed controller: ")
+    assert line.startswith(f"failed {KNOWN}: controller: ")
     assert line.endswith("is no longer finite (at t = 0.03 s)")
     until_then = Result.load(tmp_path / KNOWN)
     np.testing.assert_allclose(until_then.time, [0, 0.01, 0.02, 0.03], atol=1e-12)
@@ -109,7 +109,7 @@ def test_a_terminated_run_keeps_what_it_had(tmp_path):
     process.terminate()
     _, said = process.communicate(timeout=120)
     assert process.returncode == 1
-    assert "failed interrupted (at t = " in said
+    assert f"failed {KNOWN}: interrupted (at t = " in said
     record = statuses(tmp_path)[KNOWN]
     assert record["status"] == "interrupted"
     assert 0.0 < record["until_s"] < 3000.0

@@ -90,6 +90,6 @@ def test_nothing_is_overwritten(here, file):
     (here / file).write_text("mine")
     result = new("law", "my_law")
     assert result.exit_code == 2
-    assert f"{file}: is there already, and is not overwritten" in result.stderr
+    assert f"{file}: already exists, and is not overwritten" in result.stderr
     assert [each.name for each in here.iterdir()] == [file]
     assert (here / file).read_text() == "mine"

@@ -56,7 +56,7 @@ def test_folders_are_compared(folders, tmp_path):
 def test_a_comparison_can_be_read_by_a_script_and_only_planned(folders, tmp_path):
     arguments = ("compare", folders / LINE, KNOWN, "--duration", "0.05", "--out", tmp_path)
     refused = call(*arguments)
-    assert "has run already" in sentence(refused)
+    assert "is a saved result" in sentence(refused)
     arguments = ("compare", folders / LINE, KNOWN, "--out", tmp_path)
     plan = json.loads(call(*arguments, "--dry-run", "--json").stdout)
     assert plan["expected_time_s"][LINE] == 0.0

@@ -39,6 +39,10 @@ def test_tune_writes_a_document_that_runs_and_a_picture(tmp_path):
             "--between: law.kappa is given twice",
         ),
         ((KNOWN, *OVER, "--least", "error"), "metric: 'error' cannot be taken of this run"),
+        (
+            (KNOWN, *OVER, "--set", "law.rho=1", "--set", "law={kind: simultaneous_learning}"),
+            "changes: law.rho is lost, as law, which it is in, is set after it",
+        ),
         (("slc_nephroid_dynamic", *OVER), "level: dynamic needs Drake's plant"),
     ],
 )

@@ -9,11 +9,10 @@ from PIL import Image
 from drake_rnn import JointLimits
 from drake_rnn.experiment import load_experiment
 from drake_rnn.figures import drawable
-from drake_rnn.figures.bound_shares import shares_of_bounds
 from drake_rnn.figures.comparison import (
     comparison_figure,
 )
-from drake_rnn.figures.derivative_panels import derivatives_of_motion
+from drake_rnn.figures.derivative_panels import derivatives_of_motion, shares_of_bounds
 from drake_rnn.figures.style import save
 from drake_rnn.runs.limit_use import share_of_range
 from drake_rnn.runs.simulation import simulate

@@ -11,8 +11,7 @@ import pytest
 
 from browsing import ask, chromium, farthest, messages, open_page, requests, set_size, wait_for
 from drake_rnn.experiment import load_experiment
-from drake_rnn.playback import _in_notebook as in_notebook
-from drake_rnn.playback import write_playback
+from drake_rnn.playback import playback_in_notebook, write_playback
 from drake_rnn.runs.simulation import simulate
 
 DURATION = 2.0
@@ -110,7 +109,9 @@ def test_a_frame_of_a_notebook_has_room_for_the_arm(
     browser: Any, known: Any, tmp_path: Path
 ) -> None:
     notebook = tmp_path / "notebook.html"
-    notebook.write_text(f"<!DOCTYPE html><body style='margin: 0'>{in_notebook(known)}</body>")
+    notebook.write_text(
+        f"<!DOCTYPE html><body style='margin: 0'>{playback_in_notebook(known)}</body>"
+    )
     set_size(browser, (800, 700))
     browser.get(notebook.as_uri())
     browser.switch_to.frame(0)

@@ -91,7 +91,7 @@ def test_killed_it_goes_on_where_it_was(number, folders, tmp_path, report, tiny,
     complained = process.communicate()[1]
     assert process.returncode == (-number if number == signal.SIGKILL else 1)
     if number != signal.SIGKILL:
-        assert "the same command goes on from here" in complained
+        assert "run the same command again to continue" in complained
         assert "Traceback" not in complained
     assert_gone(process.pid)
     ended = kept(folder)

@@ -1,0 +1,155 @@
+"""Public names of drake_rnn, and the modules that they are lent from when they are first used."""
+
+from .arrays.jax_module import require_jax as require_jax
+from .batch import (
+    CompiledRuns as CompiledRuns,
+    CompiledStep as CompiledStep,
+    Many as Many,
+    Slopes as Slopes,
+    run_many as run_many,
+    value_and_gradient as value_and_gradient,
+    why_not as why_not,
+)
+from .campaigns import (
+    CampaignDocument as CampaignDocument,
+    CampaignResult as CampaignResult,
+    read_campaign as read_campaign,
+    run_campaign as run_campaign,
+)
+from .campaigns.sweep import sweep as sweep
+from .diagrams import AddLoop as AddLoop, Loop as Loop, wiring_graph as wiring_graph
+from .environments import (
+    ENVIRONMENTS as ENVIRONMENTS,
+    ContactModel as ContactModel,
+    ElasticSurface as ElasticSurface,
+    ModelSurface as ModelSurface,
+    Plate as Plate,
+    Surface as Surface,
+    TipMaterial as TipMaterial,
+)
+from .errors import (
+    DrakeRnnError as DrakeRnnError,
+    InvalidInputError as InvalidInputError,
+    SimulationError as SimulationError,
+)
+from .experiment import (
+    Experiment as Experiment,
+    ExperimentDocument as ExperimentDocument,
+    check_reach as check_reach,
+    load_experiment as load_experiment,
+    make_experiment as make_experiment,
+    shipped_experiments as shipped_experiments,
+)
+from .figures import figure as figure, write_figures as write_figures
+from .film import FilmSettings as FilmSettings, write_film as write_film
+from .inputs.fields import (
+    Array as Array,
+    Finite as Finite,
+    NonNegative as NonNegative,
+    Positive as Positive,
+    Vector as Vector,
+    validated as validated,
+)
+from .inputs.versions import __version__ as __version__
+from .laws import (
+    LAWS as LAWS,
+    Adaptive as Adaptive,
+    Circumstances as Circumstances,
+    ContinuousLaw as ContinuousLaw,
+    ContinuousReading as ContinuousReading,
+    JointDriftFree as JointDriftFree,
+    JointPreview as JointPreview,
+    Law as Law,
+    Layout as Layout,
+    MotionForce as MotionForce,
+    NullSpaceAdjustment as NullSpaceAdjustment,
+    PostureLaw as PostureLaw,
+    Pseudoinverse as Pseudoinverse,
+    RecedingHorizon as RecedingHorizon,
+    Recursive as Recursive,
+    SampledLaw as SampledLaw,
+    SampledReading as SampledReading,
+    Signals as Signals,
+    SimultaneousLearning as SimultaneousLearning,
+    StateAdjustment as StateAdjustment,
+)
+from .laws.parts.contact_loss import ContactLoss as ContactLoss
+from .laws.parts.measurement import Measurement as Measurement
+from .laws.parts.secondary import Secondary as Secondary
+from .laws.parts.stiffness import OnlineStiffness as OnlineStiffness
+from .laws.parts.warm_up import WarmUp as WarmUp
+from .measures import METRICS as METRICS
+from .paths import (
+    PATHS as PATHS,
+    Cat as Cat,
+    Circle as Circle,
+    Clover as Clover,
+    Curve as Curve,
+    Deltoid as Deltoid,
+    FourRing as FourRing,
+    Line as Line,
+    Nephroid as Nephroid,
+    Parallelogram as Parallelogram,
+    Part as Part,
+    Passage as Passage,
+    Path as Path,
+    PlacedPath as PlacedPath,
+    Planar as Planar,
+    Points as Points,
+    RelativePath as RelativePath,
+    Rest as Rest,
+    Sequence as Sequence,
+    Spline as Spline,
+    Square as Square,
+    TrajectoryPath as TrajectoryPath,
+    Waypoints as Waypoints,
+)
+from .playback import write_playback as write_playback
+from .robot.arm import Arm as Arm
+from .robot.arm_description import ArmDescription as ArmDescription
+from .robot.arm_screws import screws_of as screws_of
+from .robot.kinematics import ArmKinematics as ArmKinematics
+from .robot.limits import JointLimits as JointLimits
+from .robot.link_errors import (
+    LinkErrors as LinkErrors,
+    random_link_errors as random_link_errors,
+    with_link_errors as with_link_errors,
+)
+from .robot.load_arm import load_arm as load_arm, shipped_arms as shipped_arms
+from .robot.postures import proposed_home as proposed_home
+from .robot.report import ArmReport as ArmReport, arm_report as arm_report
+from .robot.screws import Screws as Screws, side_by_side as side_by_side
+from .robot.self_motion import SelfMotion as SelfMotion
+from .robot.task import TASKS as TASKS
+from .robot.tool_description import ToolDescription as ToolDescription
+from .runs import (
+    Result as Result,
+    build_diagram as build_diagram,
+    check_experiment as check_experiment,
+    simulate as simulate,
+)
+from .runs.fastest import Fastest as Fastest, fastest as fastest
+from .systems import (
+    BODIES as BODIES,
+    Body as Body,
+    Contact as Contact,
+    ContinuousController as ContinuousController,
+    Controller as Controller,
+    Dither as Dither,
+    DitherSettings as DitherSettings,
+    Dynamics as Dynamics,
+    Feedback as Feedback,
+    FilterSettings as FilterSettings,
+    ForceProfile as ForceProfile,
+    IdealArm as IdealArm,
+    JointReference as JointReference,
+    Kinematics as Kinematics,
+    MovingAverage as MovingAverage,
+    PathSource as PathSource,
+    PlantArm as PlantArm,
+    PlantSettings as PlantSettings,
+    SampledController as SampledController,
+    SensingSettings as SensingSettings,
+    SensorSettings as SensorSettings,
+)
+from .tuning import Tuned as Tuned, tune as tune

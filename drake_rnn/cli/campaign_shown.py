@@ -1,0 +1,124 @@
+"""What a terminal shows of a campaign: how far it is, and what came out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from time import perf_counter
+
+from rich.box import SIMPLE_HEAD
+from rich.markup import escape
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+
+from ..campaigns import CampaignResult, Outcome, Plan
+from ..campaigns.campaign import Progress as Done
+from ..campaigns.summary import Summary
+from ..figures.campaign import strongest
+from ..figures.campaign_page import interval_text
+from .console import err, out
+
+# Time between two lines about the progress where there is no terminal [s].
+_TELL_AGAIN = 30.0
+
+
+@contextmanager
+def campaign_progress(plan: Plan) -> Iterator[Done]:
+    """Show how many runs are finished and the time left; without a terminal, by lines."""
+    if not err.is_terminal or out.quiet:
+        yield _Lines(plan.campaign.name).tell
+        return
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[troubles]}"),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(elapsed_when_finished=False),
+    )
+    troubles = 0
+    with Progress(*columns, console=err, transient=True, speed_estimate_period=120) as bar:
+        task = bar.add_task(escape(plan.campaign.name), total=None, troubles="")
+
+        def done(ended: int, runs: int, outcome: Outcome | None) -> None:
+            nonlocal troubles
+            troubles += outcome is not None and outcome.status != "complete"
+            told = f"{troubles} not complete" if troubles else ""
+            bar.update(task, completed=ended, total=runs, troubles=told)
+
+        yield done
+
+
+class _Lines:
+    """A line from time to time about how many runs are finished, as for the log of a server."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._began = self._told = self._last = perf_counter()
+        self._kept = self._ended = 0
+
+    def tell(self, ended: int, runs: int, outcome: Outcome | None) -> None:
+        """Tell of the progress, unless that was done just now."""
+        now, before, known = perf_counter(), self._last, self._ended
+        self._last, self._ended = now, ended
+        if outcome is None:
+            self._kept = ended
+            return
+        # Rows of a batch end at once: its first row says nothing of how quick the others are.
+        if now - self._told < _TELL_AGAIN or out.quiet or known <= self._kept:
+            return
+        self._told = now
+        left = (before - self._began) / (known - self._kept) * (runs - known)
+        err.print(escape(f"{self._name}: {known} of {runs} runs finished; about {left:.0f} s left"))
+
+
+def status_text(result: CampaignResult) -> str:
+    """Return in one line how many rows there are, and how they ended."""
+    told = [f"{count} {status}" for status, count in result.summary.statuses.items()]
+    if result.missing:
+        told.append(f"{result.missing} not run")
+    if count := result.summary.methods.get("batch", 0):
+        told.append(f"{count} in batches")
+    before = f", {result.kept} of them from before" if result.kept else ""
+    return f"{len(result.plan.rows)} rows: {', '.join(told)}{before}"
+
+
+def shares_table(summary: Summary) -> Table:
+    """Return a table of the shares of rows that keep bounds."""
+    table = Table(box=SIMPLE_HEAD)
+    table.add_column("keeps", no_wrap=True)
+    table.add_column(escape(f"share of the rows [{summary.confidence:.0%}]"), justify="right")
+    for name, interval in summary.shares.items():
+        table.add_row(name, escape(interval_text(interval, percent=True)))
+    return table
+
+
+def statistics_table(summary: Summary) -> Table | None:
+    """Return a table of the metrics; None without any."""
+    if not summary.metrics:
+        return None
+    table = Table(box=SIMPLE_HEAD)
+    table.add_column("metric", overflow="fold")
+    for probability in summary.metrics[0].quantiles:
+        table.add_column(f"{probability:g} quantile", justify="right")
+    for column in ("worst", "row", "follows most"):
+        table.add_column(column, justify="right")
+    for metric in summary.metrics:
+        worst = metric.worst[0] if metric.worst else None
+        key = strongest(metric)
+        table.add_row(
+            metric.name,
+            *(escape(interval_text(interval)) for interval in metric.quantiles.values()),
+            "-" if worst is None else f"{worst.value:.4g}",
+            "-" if worst is None else str(worst.row),
+            escape(f"{key} ({metric.correlations[key]:.2f})") if key else "-",
+        )
+    return table

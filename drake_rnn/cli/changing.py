@@ -1,0 +1,62 @@
+"""What options mean for the documents of experiments."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rich.markup import escape
+
+from ..errors import InvalidInputError
+from ..experiment import Described, parse_change, read_document
+from .console import err, out
+
+
+def changes_of(
+    changes: list[str] | None, seed: int | None = None, duration: float | None = None
+) -> dict[str, Any]:
+    """Return the changes that options ask for, by dotted key.
+
+    Raises:
+        InvalidInputError: If a change is not ``KEY=VALUE``, or a key is given twice.
+    """
+    given = [("--set", *parse_change(change)) for change in changes or []]
+    given += [("--seed", "seed", seed), ("--duration", "duration", duration)]
+    new: dict[str, Any] = {}
+    for option, key, value in given:
+        if option != "--set" and value is None:
+            continue
+        if key in new:
+            raise InvalidInputError(
+                f"{option}: {key} is given twice, as {new[key]!r} and {value!r}"
+            )
+        new[key] = value
+    return new
+
+
+def tell_of_window(name: Described, changes: Mapping[str, Any]) -> None:
+    """Print a note if the duration ends before the window and therefore drops it."""
+    kept = {key: value for key, value in changes.items() if key != "duration"}
+    before, now = read_document(name, kept), read_document(name, changes)
+    lost = [key for key in ("window", "accept") if key in before and key not in now]
+    if "window" not in lost:
+        return
+    what = "and the bounds of accept are" if "accept" in lost else "is"
+    # A change of what is measured is also told to those who want to hear of nothing else.
+    (err if out.quiet else out).print(
+        f"[yellow]note[/] {escape(str(now['name']))}: window {escape(str(before['window']))} s "
+        f"{what} dropped: the run ends at {now['duration']:g} s",
+        soft_wrap=True,
+    )
+
+
+def require_writable(folder: Path) -> None:
+    """Make a folder, or say why nothing can be written to it."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InvalidInputError(f"--out: {folder}: {error.strerror}") from None
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise InvalidInputError(f"--out: {folder}: not writable")

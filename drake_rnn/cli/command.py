@@ -1,0 +1,59 @@
+"""A command: a class with its options, and a function that is imported when the command runs.
+
+So what a command is called with is read, completed, explained and refused before anything large is
+imported, and each command imports what it needs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import MISSING, dataclass, fields
+from inspect import Parameter, Signature, getdoc
+from typing import Any, TypeVar, dataclass_transform, get_type_hints
+
+import typer
+
+from ..inputs.lending import lent
+
+T = TypeVar("T")
+
+#: Exit statuses.
+FAILED, BAD_INPUT, NOT_MET = 1, 2, 3
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True)
+def options(cls: type[T]) -> type[T]:
+    """Make a class a frozen dataclass of options, each an annotated field with its default."""
+    return dataclass(frozen=True, kw_only=True)(cls)
+
+
+def add_command(app: typer.Typer, name: str, place: str, asked: type) -> None:
+    """Add a command to the command line.
+
+    Args:
+        app: The command line.
+        name: Name of the command.
+        place: Function that carries it out, ``module:function`` in this folder; it is given an
+            object of the class.
+        asked: Class made by `options`. Its docstring is the help of the command.
+    """
+
+    def carry_out(**given: Any) -> None:
+        lent(f"{__package__}.{place}")(asked(**given))
+
+    vars(carry_out)["__signature__"] = Signature(_parameters(asked))
+    app.command(name, help=getdoc(asked))(carry_out)
+
+
+def _parameters(asked: type) -> list[Parameter]:
+    """Return the options of a class: its own, then those that it shares, the commonest first."""
+    hints, defaults = get_type_hints(asked, include_extras=True), {}
+    for field in fields(asked):
+        defaults[field.name] = Parameter.empty if field.default is MISSING else field.default
+    own, *shared = asked.__mro__
+    order = [
+        name for cls in (own, *reversed(shared)) for name in vars(cls).get("__annotations__", ())
+    ]
+    return [
+        Parameter(name, Parameter.KEYWORD_ONLY, default=defaults[name], annotation=hints[name])
+        for name in dict.fromkeys(order)
+    ]

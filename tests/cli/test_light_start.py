@@ -1,0 +1,97 @@
+"""Each command imports what it needs, and no more."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+import drake_rnn
+from drake_rnn import shipped_experiments
+from drake_rnn.campaigns import shipped_campaigns
+from drake_rnn.cli.completing import complete_arms, complete_campaigns, complete_experiments
+
+#: What is large, and not needed to answer; pydantic is not among it, as typer imports it for words.
+LARGE = {"pydrake", "numpy", "matplotlib", "trimesh", "jinja2", "ruamel", "rich", "PIL"}
+PICTURES = {"matplotlib", "trimesh", "jinja2", "PIL"}
+
+# Modules that wait for their first use, such as trimesh, have the class _LazyModule.
+TELL = """
+import atexit, json, sys
+names = lambda: [k for k, each in sys.modules.items() if type(each).__name__ != "_LazyModule"]
+atexit.register(lambda: print(json.dumps(names()), file=sys.stderr))
+"""
+CALL = "from drake_rnn.cli import main; main()"
+
+
+def imported(code, *arguments, **environment):
+    """Packages that a new Python has imported once the code has run."""
+    told = subprocess.run(
+        [sys.executable, "-c", TELL + code, *arguments],
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    ).stderr
+    return {name.split(".")[0] for name in json.loads(told.splitlines()[-1])}
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--version"],
+        ["--help"],
+        ["run", "--help"],
+        ["walk"],
+        ["run", "pinv_line", "--nonsense"],
+        ["report", "--format", "pdf"],
+    ],
+    ids=" ".join,
+)
+def test_what_needs_no_robot_imports_none(arguments):
+    assert not imported(CALL, *arguments) & LARGE
+
+
+def test_a_shell_completes_names_of_files_without_reading_them():
+    asked = {"_DRAKE_RNN_COMPLETE": "complete_bash", "COMP_WORDS": "drake-rnn run p"}
+    code = "from drake_rnn.cli import app; app(prog_name='drake-rnn')"
+    assert not imported(code, COMP_CWORD="2", **asked) & LARGE
+    assert complete_experiments("") == shipped_experiments()
+    assert complete_campaigns("") == shipped_campaigns()
+    assert complete_arms("") == drake_rnn.shipped_arms()
+
+
+@pytest.mark.parametrize("arguments", [["list"], ["show", "pinv_line"], ["arms"]], ids=" ".join)
+def test_what_draws_nothing_imports_no_pictures(arguments):
+    """Nor does it mind a setting of Matplotlib that is wrong."""
+    found = imported(CALL, *arguments, MPLBACKEND="nope")
+    assert "pydrake" in found
+    assert not found & PICTURES
+
+
+def test_a_run_imports_matplotlib_only_to_draw():
+    assert "matplotlib" not in imported(CALL, "run", "pinv_line", "--dry-run")
+
+
+def test_the_package_is_imported_name_by_name():
+    code = "import drake_rnn; {}"
+    assert not imported(code.format("drake_rnn.__all__, dir(drake_rnn)")) & LARGE
+    assert not imported(code.format("drake_rnn.Adaptive")) & {"pydrake", *PICTURES}
+    found = imported(code.format("drake_rnn.simulate, drake_rnn.load_arm"))
+    assert "pydrake" in found
+    assert not found & PICTURES
+
+
+def test_a_name_that_is_not_lent_is_named():
+    with pytest.raises(AttributeError, match="module 'drake_rnn' has no attribute 'Adaptve'"):
+        _ = drake_rnn.Adaptve
+    assert (
+        drake_rnn.__version__
+        in subprocess.run(
+            [sys.executable, "-m", "drake_rnn", "--version"],
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+    )

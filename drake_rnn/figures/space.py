@@ -16,7 +16,7 @@ from .. import colours as meanings
 from ..inputs.fields import Array
 from ..runs.result import Result
 from .looks import TARGET, TRACED, Style
-from .style import COLUMN, finite, largest, legend, single, ticks
+from .style import COLUMN, finite, largest, legend, plane_axes, single, ticks
 from .traits import first_pass, has_path
 
 _LOOKS: dict[str, Style] = {
@@ -174,11 +174,7 @@ def _fit(ax: Any, postures: Array, elevation: float = _ELEVATION) -> None:
         ax.zaxis.set_rotate_label(False)
         ax.zaxis.label.set_rotation(90)
         return
-    ax.margins(0.08)
-    ax.set_aspect("equal", adjustable="datalim")
-    ticks(ax.xaxis, 6)
-    ticks(ax.yaxis, 6)
-    ax.set(xlabel="x [m]", ylabel="y [m]")
+    plane_axes(ax, "x [m]", "y [m]", margin=0.08)
 
 
 def _azimuth(postures: Array) -> float:

@@ -17,7 +17,7 @@ from ..runs.result import Result
 from ..systems import Contact
 from .ends import mark_ends
 from .looks import DESIRED, FORCE, Style
-from .style import finite, largest, legend, span, ticks
+from .style import finite, largest, legend, plane_axes, span
 from .traits import evaluated, first_pass
 
 #: Relative error up to which a force counts as near the desired one.
@@ -105,12 +105,8 @@ def plot_on_surface(ax: Axes, result: Result) -> None:
     mark_ends(ax, result, traced, desired)
     shown = finite(np.concatenate((traced, desired)))
     ax.update_datalim(np.stack([span(values, least=_LEAST) for values in shown.T], axis=1))
-    ax.margins(0.06)
-    ax.set_aspect("equal", adjustable="datalim")
-    ticks(ax.xaxis, 6)
-    ticks(ax.yaxis, 6)
-    across, up = (f"{name} along the surface [mm]" for name in surface_axes(result)[1])
-    ax.set(xlabel=across, ylabel=up)
+    across, up = surface_axes(result)[1]
+    plane_axes(ax, f"{across} along the surface [mm]", f"{up} along the surface [mm]")
     figure: Any = ax.figure
     place: Style = {"ax": ax, "aspect": 25, "pad": 0.02, "spacing": "proportional"}
     bar = figure.colorbar(curve, extend=_beyond(force, edges[0], edges[-1]), format="%.4g", **place)

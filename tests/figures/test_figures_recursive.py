@@ -9,9 +9,9 @@ from PIL import Image
 from drake_rnn import JointLimits
 from drake_rnn.experiment import load_experiment
 from drake_rnn.figures import drawable
-from drake_rnn.figures.bound_shares import shares_of_bounds
 from drake_rnn.figures.comparison import (
     comparison_figure,
+    shares_of_bounds,
 )
 from drake_rnn.figures.derivative_panels import derivatives_of_motion
 from drake_rnn.figures.style import save

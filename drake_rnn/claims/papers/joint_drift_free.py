@@ -9,7 +9,7 @@ import numpy as np
 from ...experiment import load_experiment
 from ...inputs.fields import Array
 from ...laws import JointDriftFree
-from ..run import Run
+from ..measuring import Run
 
 # The paper's Table I: MPE [m], MVE [m/s] and JD [rad], by scheme and lambda.
 _TABLE_1 = {

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...laws.parts.primal_dual import PrimalDual
-from ..run import Run
-from ..structure import signals_of_structure
+from ..measuring import Run, signals_of_structure
 
 # What is drawn of a network with a box of velocities: joints, rows, and the box [rad/s].
 _JOINTS, _ROWS, _BOX = 7, 6, 0.2

@@ -1,4 +1,4 @@
-"""The end effector's axes, where a path turns it: those desired along the path, and its own."""
+"""Axes of the end effector on a path that turns: the desired axes along the path, and its own."""
 
 from __future__ import annotations
 

@@ -39,8 +39,8 @@ from ..robot.arm import Arm
 from ..robot.drake_log import quiet_drake
 
 TARGET_OPACITY = 0.4
-# Shapes that have no colour but the one that the model gives them, and what a saturated or a dark
-# colour takes from the lightness that they are drawn with.
+# Shapes whose only colour is the one in the model; luminance that is drawn as the lightest grey,
+# and how much darker a saturated colour is drawn.
 _PRIMITIVE = (Box, Capsule, Cylinder, Ellipsoid, Sphere)
 _LIGHT, _SATURATED = 0.6, 0.5
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])

@@ -12,7 +12,7 @@ class Label(NamedTuple):
     """A name and a line below it, centred below a point of the scene.
 
     Attributes:
-        text: The name, and what is told of it.
+        text: The name, and the line below it.
         point: The point, shape (3,) [m].
     """
 

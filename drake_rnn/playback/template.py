@@ -10,7 +10,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from .. import colours
 from .recorded import Recorded
 
-# In the order in which they are run; they share one scope.
+# The scripts in the order in which they run; they share one scope.
 _SCRIPTS = ("numbers.js", "scene.js", "camera.js", "chart.js", "player.js", "main.js")
 
 
@@ -22,8 +22,8 @@ def rendered(
     Args:
         title: Title of the page.
         scene: The scene with its animation.
-        outcome: What is told of the run.
-        data: What the scripts read.
+        outcome: The outcome of the run, from `outcome_of`.
+        data: The data that the page's scripts read.
     """
     environment = Environment(
         loader=PackageLoader(__package__, "web"),

@@ -1,4 +1,4 @@
-"""What the measures of several papers share: the runs they look at, costs, and signals of laws."""
+"""Shared parts of the papers' measures: the runs they look at, costs, and signals of laws."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Run(Protocol):
     """A function that returns the result of a shipped experiment with changes by dotted key."""
 
     def __call__(self, name: str, changes: Mapping[str, Any] | None = None, /) -> Result:
-        """Return the result; it is made once, whatever asks for it."""
+        """Return the result; the run is made once, however often it is asked for."""
 
 
 def signals_of_structure(name: str, among: Collection[str] = STRUCTURE) -> float:

@@ -1,4 +1,4 @@
-"""What the claims about joint-drift-free motion are measured by, beside the metrics of runs."""
+"""Measures of the claims about joint-drift-free motion that no metric gives."""
 
 from __future__ import annotations
 

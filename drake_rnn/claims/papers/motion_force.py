@@ -1,4 +1,4 @@
-"""Numbers that judge the claims on motion-force control and that no metric says."""
+"""Measures of the claims about motion-force control that no metric gives."""
 
 from __future__ import annotations
 

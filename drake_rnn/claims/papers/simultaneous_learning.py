@@ -1,4 +1,4 @@
-"""What is measured of the claims about simultaneous learning and control.
+"""Measures of the claims about simultaneous learning and control that no metric gives.
 
 A measure takes ``run(name, changes)``, which returns the result of a shipped experiment, and the
 arguments that its criterion gives; it returns one number. Algebra is tried at random points, of a

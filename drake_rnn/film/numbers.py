@@ -39,7 +39,7 @@ class Numbers:
 
 
 def live_numbers(result: Result) -> Numbers:
-    """Return what a run is about: its force, what it has yet to learn or to move, its error."""
+    """Return the numbers that a film shows: force, Jacobian error, joint error, position error."""
     written = []
     series = result.series
     if result.experiment.contact is not None:

@@ -1,4 +1,4 @@
-"""Which gains of a history are taken: the best that keep bounds, verified by Drake."""
+"""Choice among the gains of a history: the best that keep bounds, verified by Drake's runs."""
 
 from __future__ import annotations
 

@@ -21,8 +21,7 @@ from ..campaigns.sweep import (
 )
 from ..errors import InvalidInputError
 from ..experiment import load_experiment, read_document, unit_of_key
-from ..figures.learning import learning_figure
-from ..figures.sweep import sweep_figure
+from ..figures.sweep import learning_figure, sweep_figure
 from .announcing import print_data
 from .console import FAILED, NOT_MET, err, errors, out, silenced
 from .options import (

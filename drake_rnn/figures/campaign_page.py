@@ -25,7 +25,7 @@ _LESS, _MORE = 4, 2
 
 
 def write_campaign_page(result: CampaignResult, file: Path) -> Path:
-    """Write what a campaign has come to as a page of HTML, and return its file.
+    """Write the outcome of a campaign as a page of HTML, and return its file.
 
     Args:
         result: The campaign.

@@ -13,9 +13,10 @@ from matplotlib.ticker import NullLocator
 
 from ..inputs.fields import Array
 from ..robot.limits import DERIVATIVE_UNITS
+from ..runs.derivatives import derivatives_of_motion
 from ..runs.limit_use import share_of_range
 from ..runs.result import Result
-from .derivative_panels import derivatives_of_motion, leave_room
+from .derivative_panels import leave_room
 from .looks import BOUND, nth
 from .style import PAGE, largest, log_axis, save, styled, time_axis
 

@@ -9,16 +9,7 @@ from ..inputs.fields import Array
 from ..measures import prefixed
 from ..runs.result import Result
 from .looks import BEHIND, DESIRED, FORCE, MOMENT, Style
-from .style import (
-    corner_note,
-    largest,
-    legend,
-    log_axis,
-    noisy,
-    shade_window,
-    span,
-    time_axis,
-)
+from .style import corner_note, largest, legend, log_axis, noisy, shade_window, span, time_axis
 from .surface import NEAR
 from .traits import evaluated
 

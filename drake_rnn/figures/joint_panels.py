@@ -10,7 +10,7 @@ from ..inputs.fields import Array
 from ..measures import ARRIVED, prefixed
 from ..runs.limit_use import EXCEEDED
 from ..runs.result import Result
-from .bound_lines import draw_bounds, number_bounds
+from .bound_lines import draw_bounds, known_bounds, number_bounds
 from .looks import ALARM, BOUND, INK, MOMENT, NOTE, PREDICTED, TARGET, Style, nth
 from .style import (
     corner_note,
@@ -75,7 +75,7 @@ def plot_acceleration_norm(ax: Axes, result: Result) -> None:
         demand = np.abs(result.series["acceleration_demand"][1:]).max(axis=1)
         ax.plot(time, demand, label="asked for", **PREDICTED)
         curves.append(demand)
-    known = _known(result.experiment.limits.acceleration)
+    known = known_bounds(result.experiment.limits.acceleration)
     # Bounds may differ from joint to joint: the least and the greatest are drawn.
     for k, bound in enumerate(np.unique(known[[0, -1]]) if known.size else ()):
         text = "bound" if known.size == 1 else "least and greatest bound"
@@ -211,10 +211,10 @@ def plot_bounded(ax: Axes, result: Result, name: str, bounds: Array | None, text
     """
     values = result.series[name]
     plot_joints(ax, result.time, values)
-    peak, known = largest(values), _known(bounds)
+    peak, known = largest(values), known_bounds(bounds)
     far = _IN_VIEW_PRESSING if presses(result) else _IN_VIEW
     in_view = known[(known <= far * peak) & (known > 0.2 * _LEGIBLE * peak)]
-    draw_bounds(ax, bounds, in_view)
+    draw_bounds(ax, in_view)
     reach = 1.08 * max([peak, *in_view])
     notes = []
     ratio = 0.0 if bounds is None else largest(values / bounds)
@@ -255,8 +255,3 @@ def plot_bound_curves(ax: Axes, time: Array, bounds: Array) -> None:
         joints = ", ".join(f"{joint + 1}" for joint in np.flatnonzero(holders.ravel() == k))
         at = int(np.nanargmax(apart))
         ax.annotate(joints, (time[at], curve[at]), clip_on=True, **NOTE)
-
-
-def _known(bounds: Array | None) -> Array:
-    """Return the distinct values of the finite bounds in ascending order."""
-    return np.empty(0) if bounds is None else np.unique(bounds[np.isfinite(bounds)])

@@ -174,7 +174,7 @@ def _entries(result: Result, metrics: tuple[str, ...]) -> list[tuple[str, Verdic
 
 
 def _table(part: Any, result: Result, entries: Sequence[tuple[str, Verdict | None]]) -> None:
-    """Write the metrics in two columns, with what is expected of them and whether it is so."""
+    """Write the metrics in two columns, with their expected values and whether these are met."""
     rows = max(1, -(-len(entries) // 2))
     step = 1.0 / (_HEAD / _ENTRY + rows)
     for k, (name, verdict) in enumerate(entries):

@@ -270,7 +270,7 @@ def jacobian(result: Result) -> Figure:
             plot_joints(ax, result.time, values[:, row])
             ax.set_ylabel(f"{rows[row]} row of {name} [{units[row]}]")
             if values is J_hat:
-                # The initial estimate may last for one sample only: it is marked.
+                # The initial estimate may last for one sample only, so a dot marks it.
                 for k, entry in enumerate(J_hat[0, row]):
                     colour = nth(k)["color"]
                     ax.plot(0, entry, "o", color=colour, markersize=3, clip_on=False)

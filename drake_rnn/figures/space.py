@@ -46,8 +46,10 @@ def plot_postures(ax: Axes, result: Result) -> None:
     """Plot the arm at the start, at the end, and in its target posture."""
     known = finite(result.series["position"])
     ends = {"start": known[0], "end": known[-1]} if known.size else {}
-    shown = {**ends, "target": _target(result)}
-    joints = _skeletons(result, [*shown.values()])
+    target = result.experiment.target
+    assert target is not None, "drawn only with a target"
+    shown = {**ends, "target": target}
+    joints = _skeletons(result, shown.values())
     for name, points in zip(shown, joints, strict=True):
         _plot_stick(ax, points, label=name, **_LOOKS[name])
     _mark_ends(ax, joints[0])
@@ -133,13 +135,6 @@ def _steps_in_motion(result: Result) -> int:
     speed = np.abs(result.series["velocity"]).max(axis=1)
     moving = np.flatnonzero(speed > _AT_REST * largest(speed))
     return int(moving[-1]) + 1 if moving.size else 1
-
-
-def _target(result: Result) -> Array:
-    """Return the target posture, shape (n,) [rad]."""
-    target = result.experiment.target
-    assert target is not None, "drawn only with a target"
-    return target
 
 
 def _skeletons(result: Result, postures: Iterable[Array]) -> Array:

@@ -124,11 +124,17 @@ def force_scale(result: Result) -> tuple[Array, ListedColormap]:
     in the window would have one colour.
     """
     desired = _desired(result)
-    low, high = _range(result)
+    # The range to tell apart: the forces in the window, and those near the desired one.
+    near = desired * np.array([1 - NEAR, 1 + NEAR])
+    force = result.series["normal_force"][evaluated(result)]
+    low, high = span(np.concatenate((force, near)), least=0.0)
+    low = max(0.0, low)
     most = len(_WAYS) + 0.5
     far = max(desired - low, high - desired)
     step = desired * next((s for s in _STEPS if far <= most * s * desired), far / (most * desired))
-    less, more = (_steps_beyond(off / step) for off in (desired - low, high - desired))
+    # The colour in the middle takes half a step; a rounding error needs no further colour.
+    beyond = ((off / step - 0.5 - 1e-9) for off in (desired - low, high - desired))
+    less, more = (max(0, ceil(steps)) for steps in beyond)
     paler, darker = (_towards(end) for end in (_PALE, _DARK))
     edges = desired + step * (np.arange(-less, more + 2) - 0.5)
     tints = [*paler[:less][::-1], to_rgb(FORCE["color"]), *darker[:more]]
@@ -148,28 +154,9 @@ def _contact(result: Result) -> Contact:
     return contact
 
 
-def _steps_beyond(steps: float) -> int:
-    """Return the number of colours on one side of the middle one, which takes half a step.
-
-    A rounding error needs no further colour.
-    """
-    return max(0, ceil(steps - 0.5 - 1e-9))
-
-
 def _desired(result: Result) -> float:
     """Return the desired force once it has risen [N]."""
     return _contact(result).force.value
-
-
-def _range(result: Result) -> tuple[float, float]:
-    """Return the range of force that colours distinguish [N].
-
-    It covers the forces in the window and those near the desired one.
-    """
-    force = result.series["normal_force"][evaluated(result)]
-    near = _desired(result) * np.array([1 - NEAR, 1 + NEAR])
-    low, high = span(np.concatenate((force, near)), least=0.0)
-    return max(0.0, low), high
 
 
 def _beyond(values: Array, low: float, high: float) -> str:

@@ -1,4 +1,4 @@
-"""A view of what comes after a transient, which says how far the transient goes beyond it."""
+"""Axes that show the curves after a transient, with a note of how far the transient goes beyond."""
 
 from __future__ import annotations
 

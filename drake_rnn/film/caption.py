@@ -85,7 +85,8 @@ class Caption:
         if self._rows == 2:
             title = _cut(title, self._bold, before_clock)
             kept = self._that_fit(widest, left)[0]
-            numbers = numbers.only([widest.index(each) for each in kept])
+            written = [numbers.written[widest.index(each)] for each in kept]
+            numbers = Numbers(numbers.time, written)
         self._title, self._legend, self._numbers = title, legend, numbers
 
     @property

@@ -28,10 +28,6 @@ class Numbers:
         sample = int(np.searchsorted(self.time, time + 1e-9, side="right")) - 1
         return [each[max(sample, 0)] for each in self.written]
 
-    def only(self, which: list[int]) -> Numbers:
-        """Return some of the numbers."""
-        return Numbers(self.time, [self.written[k] for k in which])
-
     @property
     def widest(self) -> list[str]:
         """The longest text of each number."""

@@ -4,14 +4,31 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from pydrake.geometry import MeshcatAnimation
 
 from ..inputs.fields import Array
 from .curves import Curves
-from .labels import Label
+from .packing import rounded
 from .views import View
+
+
+class Label(NamedTuple):
+    """A name and a line below it, which the page keeps below a point as the view turns.
+
+    Attributes:
+        text: The name, and the line below it.
+        point: The point, shape (3,) [m].
+    """
+
+    text: tuple[str, str]
+    point: Array
+
+    def as_data(self) -> dict[str, Any]:
+        """Return the label as the page reads it."""
+        name, told = self.text
+        return {"name": name, "told": told, "point": rounded(self.point)}
 
 
 class DrawnPaths(ABC):

@@ -12,8 +12,7 @@ from ..measures import told
 from .boxes import Boxes
 from .camera import points_round, view_of_drawing
 from .curves import Curves
-from .drawn_paths import DrawnCurves
-from .labels import Label
+from .drawn_paths import DrawnCurves, Label
 from .replay import ReplayedMotion, name_of
 from .views import View, facing
 

@@ -9,8 +9,8 @@ from typing import Any, Literal
 import numpy as np
 
 from ..inputs.fields import Array
-from ..measures.groups.higher import difference_time
 from ..robot.limits import DERIVATIVE_UNITS
+from ..runs.derivatives import derivatives_of_motion
 from .packing import packed
 from .replay import ReplayedMotion
 
@@ -141,7 +141,7 @@ def _ratios(motion: ReplayedMotion) -> Iterator[Curve]:
 def _magnitudes(motion: ReplayedMotion, name: str, bound: Array) -> tuple[Array, Array]:
     """Return times and the largest ratio of a derivative to its bound, shape (k,) each."""
     if (series := _series(motion, name)) is None:
-        time, values = _differences(motion, list(DERIVATIVE_UNITS).index(name))
+        time, values = _differences(motion, name)
         return time, np.abs(values / bound).max(axis=1, initial=0.0)
     peak = _series(motion, f"{name}_peak")
     if peak is not None and np.ptp(bound) <= _ALIKE * bound.max():
@@ -150,27 +150,16 @@ def _magnitudes(motion: ReplayedMotion, name: str, bound: Array) -> tuple[Array,
     return motion.time, np.abs(series[0] / bound).max(axis=1)
 
 
-def _differences(motion: ReplayedMotion, order: int) -> tuple[Array, Array]:
-    """Return a derivative of the velocity by differences over some 10 ms, as metrics take it.
-
-    Args:
-        motion: The motion.
-        order: Number of times that the velocity is differentiated.
+def _differences(motion: ReplayedMotion, name: str) -> tuple[Array, Array]:
+    """Return a derivative by differences over some 10 ms, as metrics take it, while it is shown.
 
     Returns:
         Times, shape (k,) [s], in the middle of what the differences span, and shape (k, n).
     """
-    document = motion.result.experiment.document
-    step = max(difference_time(document.period), document.log_period)
-    velocity = motion.result.series["velocity"][: len(motion.time)]
-    wanted = np.arange(0.0, motion.duration + 1e-9, step)
-    at = np.unique(nearest(motion.time, wanted)) if motion.time.size > 1 else np.zeros(1, int)
-    time, values = motion.time[at], velocity[at]
-    for _ in range(order):
-        with np.errstate(invalid="ignore", over="ignore"):
-            values = np.diff(values, axis=0) / np.diff(time)[:, None]
-        time = (time[1:] + time[:-1]) / 2.0
-    return time, values
+    order, recorded = 1 + list(DERIVATIVE_UNITS).index(name), motion.result.time
+    time, values = derivatives_of_motion(motion.result)[order]
+    shown = time <= recorded[len(motion.time) - 1]
+    return time[shown] - recorded[0], values[shown]
 
 
 def _torque(motion: ReplayedMotion) -> Iterator[Curve]:

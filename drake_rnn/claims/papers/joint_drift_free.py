@@ -119,7 +119,7 @@ def root_mismatch(run: Run, position_gain: float) -> float:
         run: Not needed.
         position_gain: delta.
     """
-    law = _law("naljdf_clover")
+    law = _law(load_experiment("naljdf_clover"))
     slip, feedback = law.task_beta + law.task_gamma, law.task_beta * law.task_gamma
     found = np.sort_complex(np.roots([1.0, position_gain * slip, position_gain * feedback]))
     named = np.sort_complex(np.array([-law.task_beta, -law.task_gamma]))
@@ -166,7 +166,7 @@ def optimality_gap(run: Run, scheme: Literal["moaljdf", "moaljdf_printed"]) -> f
         scheme: The scheme.
     """
     experiment = load_experiment("moaljdf_parallelogram", {"law.scheme": scheme})
-    law = _law_of(experiment)
+    law = _law(experiment)
     m, n = law.task_size, experiment.arm.n
     arm, q, v = experiment.arm.kinematics(), experiment.start, np.zeros(n)
     p, p_dot, p_ddot = (part[:m] for part in experiment.desired.position(0.5))
@@ -190,11 +190,7 @@ def optimality_gap(run: Run, scheme: Literal["moaljdf", "moaljdf_printed"]) -> f
     return float(np.linalg.norm(found - best) / np.linalg.norm(best))
 
 
-def _law(name: str) -> JointDriftFree:
-    return _law_of(load_experiment(name))
-
-
-def _law_of(experiment: Any) -> JointDriftFree:
+def _law(experiment: Any) -> JointDriftFree:
     return cast(JointDriftFree, experiment.law)
 
 

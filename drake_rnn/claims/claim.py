@@ -139,7 +139,7 @@ class Claim:
 
     @property
     def criteria(self) -> list[Criterion]:
-        """All criteria: those of the claim as stated, then those with a correction."""
+        """All criteria: first of the claim as stated, then with a correction."""
         return [*self.as_stated, *self.corrected]
 
 

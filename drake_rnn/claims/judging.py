@@ -62,7 +62,7 @@ class Judgement:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """All findings: those of the claim as stated, then those with a correction."""
+        """All findings: first on the claim as stated, then with a correction."""
         return (*self.as_stated, *self.corrected)
 
     @property

@@ -33,9 +33,9 @@ def signals_of_structure(name: str, among: Collection[str] = STRUCTURE) -> float
 
 
 def time_ratio(one: Callable[[], object], other: Callable[[], object], rounds: int = 1000) -> float:
-    """Return the time of a calculation, per that of another [1].
+    """Return the ratio of the times of two calculations [1].
 
-    Both are timed in turn, and the least time of each counts, as the least disturbed one.
+    Both are timed in turn, and the least time of each counts, as it is the least disturbed.
 
     Args:
         one: The calculation.

@@ -18,16 +18,13 @@ from ..runs.limit_use import share_of_range
 from ..runs.result import Result
 from .derivative_panels import leave_room
 from .looks import BOUND, nth
-from .style import PAGE, largest, log_axis, save, styled, time_axis
+from .style import PAGE, largest, legend_above, log_axis, save, styled, time_axis
 
 #: Times [s] and shares of bounds [-] for each order of derivative, shape (k,) both.
 Shares = list[tuple[Array, Array]]
 
 #: Share of a bound, and error [m], below which curves are not shown.
 _LEAST, _LEAST_ERROR = 1e-3, 1e-10
-
-#: Room for the names in a line of the legend [characters].
-_LEGEND = 110
 
 
 def comparison_figure(groups: Mapping[str, Mapping[str, Result]], file: Path) -> Path:
@@ -61,9 +58,7 @@ def comparison_figure(groups: Mapping[str, Mapping[str, Result]], file: Path) ->
             leave_room(column[-1])
         for ax, name in zip(axes[:, 0], names, strict=True):
             ax.set_ylabel(name)
-        handles = axes[0, 0].get_legend_handles_labels()
-        columns = max(1, min(len(handles[1]), _LEGEND // max(map(len, handles[1]))))
-        figure.legend(*handles, loc="outside upper center", ncols=columns)
+        legend_above(figure, axes[0, 0])
         figure.align_ylabels()
         save(figure, file)
     return file

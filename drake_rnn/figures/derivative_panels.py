@@ -61,7 +61,7 @@ def stacked_panels(
 
 
 def plot_between(ax: Axes, time: Array, values: Array, bounds: Array) -> None:
-    """Plot the angles of all joints, and those of their bounds that are near.
+    """Plot the angles of all joints, and the bounds that are near them.
 
     Args:
         ax: The axes.

@@ -35,7 +35,7 @@ _IN_VIEW_PRESSING = 2.0
 _LEGIBLE = 0.05
 #: Marker of a joint's target, filled with the colour of the joint.
 _GOAL: Style = {"marker": "D", "markersize": 4.0, "markeredgecolor": TARGET["color"]}
-#: Number of the colour of the arm's own motion beside that of the law.
+#: Number of the colour of the arm's own motion beside the motion of the law.
 _ARM = 2
 
 
@@ -248,7 +248,7 @@ def plot_bound_curves(ax: Axes, time: Array, bounds: Array) -> None:
     for k in np.flatnonzero(np.arange(counts.size) != np.argmax(counts)):
         curve = np.where(curves[:, k] == common, np.nan, curves[:, k])
         apart = np.abs(curve - common)
-        # A run that failed may hold bounds that are not numbers: there is nothing to draw of them.
+        # A run that failed may hold bounds that are not numbers, which cannot be drawn.
         if np.isnan(apart).all():
             continue
         ax.plot(time, curve, **BOUND)

@@ -1,4 +1,4 @@
-"""How curves look: their colours, dashes and widths, by what they mean.
+"""Colours, dashes and widths of curves, by the meaning of the curves.
 
 Curves with a meaning have its colour in `drake_rnn.colours`, as in playbacks. Joints, axes, laws
 and other curves of one kind have a colour and a pattern of dashes each, from `nth`. All other

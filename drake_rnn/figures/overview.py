@@ -110,7 +110,7 @@ def overview(result: Result) -> Figure:
     candidates, metrics = _contents(result)
     panels = [plot for needs, plot in candidates if needs <= result.series.keys()]
     if not returns(result):
-        # Along an open path nothing should return.
+        # Along an open path, the joints are not expected to return.
         panels = [plot_angles if plot is plot_drift else plot for plot in panels]
     panels = panels[:_MOST_PANELS]
     document = result.experiment.document

@@ -147,7 +147,7 @@ def joint_angles(result: Result) -> Figure:
 
 
 def _plot_angle(ax: Axes, result: Result, k: int, bounds: Array) -> None:
-    """Plot the angle of joint ``k``, with its target and those of its two bounds that are near."""
+    """Plot the angle of joint ``k``, with its target and its bounds, as far as they are near."""
     angle, target = result.series["position"][:, k], result.experiment.target
     ax.plot(result.time, angle, **nth(k))
     low, high = span(angle, least=0.02)
@@ -168,13 +168,13 @@ def _plot_angle(ax: Axes, result: Result, k: int, bounds: Array) -> None:
 
 @draws("velocity")
 def joint_velocities(result: Result) -> Figure:
-    """Draw the joint velocities with their bounds; those of law and arm apart if they differ."""
+    """Draw the joint velocities with their bounds; if law and arm differ, a panel for each."""
     return _law_and_arm(result, "velocity", result.experiment.limits.velocity)
 
 
 @draws("acceleration")
 def joint_accelerations(result: Result) -> Figure:
-    """Draw the joint accelerations with their bounds; those of law and arm apart if they differ."""
+    """Draw the joint accelerations with their bounds; if law and arm differ, a panel for each."""
     return _law_and_arm(result, "acceleration", result.experiment.limits.acceleration)
 
 
@@ -190,7 +190,7 @@ def position(result: Result) -> Figure:
     for name, ax, is_at, should_be in zip("xyz", axes, p_WE.T, desired.T, strict=False):
         ax.plot(result.time, is_at, label="traced", **TRACED)
         ax.plot(result.time, should_be, label=text, **DESIRED)
-        # An axis along which nothing should move does not show every micrometre.
+        # Where the end effector should not move along an axis, micrometres need not be visible.
         low, high = span(np.concatenate((is_at, should_be)), least=max(share * widest, 1e-4))
         ax.set_ylim(low - 0.06 * (high - low), high + 0.06 * (high - low))
         ticks(ax.yaxis, 4)

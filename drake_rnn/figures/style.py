@@ -149,6 +149,21 @@ def legend(ax: Axes, handles: list[Line2D] | None = None) -> None:
         line.set_linewidth(max(_LEGIBLE, line.get_linewidth()))
 
 
+def legend_above(figure: Figure, ax: Axes, room: int = 110, beside: int = 0, **look: Any) -> None:
+    """Add a legend above all axes of a figure, with the labelled curves of one of them.
+
+    Args:
+        figure: The figure.
+        ax: The axes with the curves.
+        room: Room for the names in a line of the legend [characters].
+        beside: Room that each name needs besides its own characters [characters].
+        **look: Further arguments of `matplotlib.figure.Figure.legend`.
+    """
+    handles, names = ax.get_legend_handles_labels()
+    columns = max(1, min(len(names), room // (beside + max(map(len, names)))))
+    figure.legend(handles, names, loc="outside upper center", ncols=columns, **look)
+
+
 def ticks(axis: Any, most: int) -> None:
     """Set round numbers as ticks of an axis, at most ``most`` intervals."""
     axis.set_major_locator(MaxNLocator(most, steps=[1, 2, 5, 10]))

@@ -142,7 +142,7 @@ def force_scale(result: Result) -> tuple[Array, ListedColormap]:
 
 
 def _towards(end: str) -> list[tuple[float, ...]]:
-    """Return colours on the way from that of forces to another one."""
+    """Return colours on the way from the colour of forces to another colour."""
     start, stop = (np.array(to_rgb(colour)) for colour in (FORCE["color"], end))
     return [tuple(start + way * (stop - start)) for way in _WAYS]
 

@@ -23,17 +23,12 @@ from ..measures import raised
 from .grid import filled_page
 from .labels import key_label, metric_label
 from .looks import nth
-from .style import label, log_axis, save, single, styled, ticks
+from .style import label, legend_above, log_axis, save, single, styled, ticks
 
 #: Largest number of swept values that a logarithmic axis labels.
 _TICKS = 10
 #: Width of a character of a label, and room between two, as shares of a panel's width.
 _CHARACTER, _GAP = 0.034, 0.02
-#: Room for the names in a line of the legend [characters].
-_LEGEND = 110
-#: Room for the names in a line of the legend of learning, and that of a line beside its name
-#: [characters].
-_NARROW, _HANDLE = 55, 6
 #: Smallest number of labels of a logarithmic axis.
 _LABELLED = 2
 #: Relative variation of a metric below which its axis begins at zero: it is nearly constant.
@@ -90,9 +85,7 @@ def sweep_figure(
             ax.set_xlabel(key_label(keys[along], units.get(keys[along], "")))
             ax.set_ylabel(metric_label(metric))
         if others:
-            handles, names = axes[0].get_legend_handles_labels()
-            columns = max(1, min(len(names), _LEGEND // max(map(len, names))))
-            figure.legend(handles, names, loc="outside upper center", ncols=columns)
+            legend_above(figure, axes[0])
         save(figure, file)
     return file
 
@@ -127,9 +120,7 @@ def learning_figure(
         ticks(ax.xaxis, 5)
         ax.set_xlabel("time [s]")
         names = ", ".join(key_label(key.split(".")[-1], units.get(key, "")) for key in keys)
-        longest = max(len(str(line.get_label())) for line in ax.lines)
-        columns = max(1, min(len(learned), _NARROW // (longest + _HANDLE)))
-        figure.legend(title=names, loc="outside upper center", ncols=columns)
+        legend_above(figure, ax, room=55, beside=6, title=names)
         save(figure, file)
     return file
 

@@ -142,7 +142,7 @@ def _require_writable(file: Path) -> None:
 
 
 def _write_whole(file: Path, contents: bytes) -> None:
-    """Write a file in one step, so that nobody ever finds part of it."""
+    """Write a file in one step, so that no reader ever finds part of it."""
     new = file.with_name(f".{file.name}.new")
     try:
         new.write_bytes(contents)

@@ -133,13 +133,13 @@ def _started(webdriver: Any, options: Any, service: Any) -> Any:
 
 
 def first_line(error: Exception) -> str:
-    """Return what an error of selenium's says, without the stack of the browser's own functions."""
+    """Return the message of an error of selenium, without the stack of the browser's functions."""
     text = str(error).removeprefix("Message:").strip()
     return " ".join(text.splitlines()[0].split()) if text else type(error).__name__
 
 
 def browser_errors() -> tuple[type[Exception], ...]:
-    """Return the classes of what is raised when a browser or its driver fails."""
+    """Return the classes of the errors that are raised when a browser or its driver fails."""
     selenium, urllib3 = import_module("selenium.common"), import_module("urllib3.exceptions")
     return (selenium.WebDriverException, urllib3.HTTPError)
 

@@ -43,7 +43,7 @@ def _webp(pictures: Pictures, times: FilmTimes, quality: int) -> bytes:
 
 def _gif(pictures: Pictures, times: FilmTimes, colours: int) -> bytes:
     palette = _common_palette(pictures, colours)
-    # Without dither, what stands still stays as it is, which takes no bytes.
+    # Without dither, parts that stand still are the same in all pictures and take no bytes.
     reduced = [each.quantize(palette=palette, dither=Image.Dither.NONE) for each in pictures]
     durations = [10 * ticks for ticks in times.durations(_GIF_UNIT)]
     return _moving("GIF", reduced, durations, optimize=False)

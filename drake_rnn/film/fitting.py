@@ -58,7 +58,7 @@ def fitted(pictures: Pictures, times: FilmTimes, kind: Format, most_bytes: int) 
 
 
 def _attempts(count: int, kind: Format) -> Iterator[tuple[int, int]]:
-    """Yield which pictures to take and with what quality, the best film first."""
+    """Yield the step between pictures and the quality of each attempt, the best film first."""
     for step in _STEPS:
         if step > 1 and count // step < 2:
             return

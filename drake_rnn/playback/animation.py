@@ -64,7 +64,7 @@ class Trace:
             return []
         before, reached = 0, []
         for line, _ in self._lines:
-            # What rounds off the beginning of a line is no part of its first step.
+            # The round beginning of a line is visible from its first point on.
             reached.append(before + np.append(0, line.reached[1:]))
             before += line.faces.shape[1]
         time = np.concatenate([time for _, time in self._lines])

@@ -35,9 +35,9 @@ class Curves:
         motion: The motion to replay.
         radius: Radius of the traced path [m].
         place: Scene path that both are below.
-        aside: Displacement of all that is drawn from where it was, shape (3,) [m].
-        desired_point: Radius of the desired point over that of the traced path; by default such
-            that it is seen from far away.
+        aside: Displacement of the drawing from the recorded motion, shape (3,) [m].
+        desired_point: Radius of the desired point over the radius of the traced path; the default
+            is visible from far away.
     """
 
     meshcat: Meshcat
@@ -71,7 +71,7 @@ class Curves:
         return self._trace.as_data()
 
     def scaled(self) -> list[dict[str, Any]]:
-        """Return what the page draws thicker or thinner, to suit the view."""
+        """Return the objects that the page draws thicker or thinner, to suit the view."""
         marks = ("start", "end") if self.motion.ends else ()
         solids = ("traced/point", "desired/point", *(f"desired/{name}" for name in marks))
         radii = {"traced/path": self.radius}

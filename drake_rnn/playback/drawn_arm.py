@@ -86,7 +86,7 @@ class DrawnArm:
         self._plant_context = self.plant.GetMyMutableContextFromRoot(self._context)
         self.inspector: SceneGraphInspector = scene_graph.model_inspector()
         for body in self._beyond_task_frame:
-            # A tool that extends beyond the task frame would look like what follows the path.
+            # If a tool beyond the task frame were drawn, it would seem to be what follows the path.
             meshcat.SetProperty(f"/arm/{_scene_name(body)}", "visible", False)
 
     @property

@@ -1,4 +1,4 @@
-"""What drawings of paths have in common: how the page sets them up, draws and records them."""
+"""Base classes of drawings of paths: how the page sets them up, draws and records them."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class DrawnPaths(ABC):
 
     @abstractmethod
     def set_up(self) -> Array:
-        """Draw what the paths lie on, if anything.
+        """Draw the surface that the paths lie on, if there is one.
 
         Returns:
             Points that must be above the ground, shape (k, 3) [m].
@@ -52,7 +52,7 @@ class DrawnPaths(ABC):
 
     @abstractmethod
     def draw(self, floor: float) -> None:
-        """Draw the paths, and what carries them from the ground at the height ``floor`` [m]."""
+        """Draw the paths, and any stand below them, from the ground at height ``floor`` [m]."""
 
     @abstractmethod
     def record(self, recording: MeshcatAnimation, time: Array) -> None:
@@ -67,7 +67,7 @@ class DrawnPaths(ABC):
         """Return which meshes grow with time, and how."""
 
     def scaled(self) -> list[dict[str, Any]]:
-        """Return what the page draws thicker or thinner, to suit the view."""
+        """Return the objects that the page draws thicker or thinner, to suit the view."""
         return []
 
 
@@ -84,11 +84,11 @@ class DrawnCurves(DrawnPaths):
         self._points = points
 
     def set_up(self) -> Array:
-        """Return the points of all paths; there is nothing that they lie on."""
+        """Return the points of all paths, which lie on no surface."""
         return self._points
 
     def draw(self, floor: float) -> None:
-        """Draw all paths, and a ball on each; nothing carries them."""
+        """Draw all paths, and a ball on each; paths in the air have no stand."""
         for curves in self._curves:
             curves.draw()
 

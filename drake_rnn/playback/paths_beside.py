@@ -19,7 +19,7 @@ from .views import View, facing
 # Radius of a traced path, the distance from one drawing to the next, and the room for a label below
 # a drawing, relative to the extent of a drawing.
 _RADIUS, _GAP, _LABEL = 0.006, 0.3, 0.3
-# Radius of the desired point over that of the traced path: the view is close.
+# Radius of the desired point over the radius of the traced path; small, as the view is close.
 _DESIRED_POINT = 4.0
 # Smallest extent of a drawing that counts [m].
 _LEAST_EXTENT = 0.03

@@ -40,7 +40,7 @@ class PathsInAir(DrawnCurves):
         self._axes = Axes(meshcat, motion, _RADIUS * self._size) if motion.turns else None
 
     def draw(self, floor: float) -> None:
-        """Draw both paths, a ball on each, and axes; nothing carries them."""
+        """Draw both paths, a ball on each, and axes; paths in the air have no stand."""
         super().draw(floor)
         if self._axes is not None:
             self._axes.draw()
@@ -58,7 +58,7 @@ class PathsInAir(DrawnCurves):
         middle = (path.min(axis=0) + path.max(axis=0)) / 2.0
         arm = View(self._scene, path.mean(axis=0), direction)
         if motion.rests:
-            # There is no path to be seen closely, but the end effector, and what it does.
+            # Without a path to look at, the close view shows the end effector.
             near = View(box_round(path, _NEAR * self._size), middle, direction)
             return {"arm": arm, "close": near, "path": near}
         edge = _EDGE * float(np.ptp(path, axis=0).max())

@@ -23,7 +23,8 @@ from .views import View, box_round, facing
 # Widths of the traced and of the desired line relative to the extent of the drawing, and the
 # smallest extent that counts [m]: lines on a smaller drawing would be too thin to see.
 _TRACED, _DESIRED, _LEAST_EXTENT = 0.022, 0.05, 0.03
-# Diameter of the dot at the start of an open path and edge of the square at its end, likewise.
+# Diameter of the dot at the start of an open path, and edge of the square at its end, relative to
+# the extent of the drawing.
 _START, _END = 0.12, 0.16
 # Room round a drawing that is seen alone, relative to its extent.
 _EDGE = 0.08

@@ -20,9 +20,6 @@ _MOST, _INTERVALS = 6000, 2000
 # Bounds that differ by less are the same for all joints.
 _ALIKE = 1e-9
 
-# Attributes of a curve that the page reads unchanged.
-_TOLD = ("key", "name", "unit", "scale", "bound", "above")
-
 Scale = Literal["log", "linear"]
 
 
@@ -54,7 +51,8 @@ class Curve:
 
     def as_data(self, frames: Array) -> dict[str, Any]:
         """Return the curve as the page reads it; ``frames`` are their times, shape (f,) [s]."""
-        told = {name: getattr(self, name) for name in _TOLD}
+        told: dict[str, Any] = {"key": self.key, "name": self.name, "unit": self.unit}
+        told |= {"scale": self.scale, "bound": self.bound, "above": self.above}
         whole = self.values.size <= _MOST
         at = slice(None) if whole else nearest(self.time, frames)
         told |= {"time": packed(self.time[at]), "values": packed(self.values[at])}

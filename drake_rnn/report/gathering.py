@@ -18,12 +18,12 @@ from ..errors import DrakeRnnError
 from ..inputs.own_code import described
 from .kept_runs import KeptRuns, MissingRunError
 
-#: Papers with those of their claims that a report is about.
+#: Papers, each with the claims that a report is about.
 Chosen = Sequence[tuple[Claims, Sequence[Claim]]]
-#: Called with what is being made, the number of those that have ended, and the number of all.
+#: Called with the kind of parts being made, the number that have ended, and the number of all.
 Done = Callable[[str, int, int], None]
 
-# What a step of an arm with dynamics costs, in steps of one without.
+# Cost of a step of an arm with dynamics, in steps of an arm without.
 _DYNAMIC = 4.0
 
 
@@ -86,7 +86,7 @@ class _PatientJudge(Judge):
             return super().find(criterion)
         except DrakeRnnError as error:
             return Finding(criterion, False, error=str(error))
-        # A fault in a measure is that of its rows alone.
+        # A fault in a measure affects only the rows of this measure.
         except Exception as error:
             return Finding(criterion, False, error=described(error))
 
@@ -118,7 +118,7 @@ def _missing(claims: Claims, claim: Claim, runs: KeptRuns) -> Iterator[Order]:
 
 
 def _effort(order: Order) -> float:
-    """Return what a run is expected to take, in any unit: long ones are to begin first."""
+    """Return the expected effort of a run, in any unit, so that long runs begin first."""
     document = order.document
     steps = document["duration"] / (document.get("period") or 1e-3)
     return float(steps * (_DYNAMIC if document.get("level") == "dynamic" else 1.0))

@@ -143,7 +143,7 @@ class KeptRuns(RunSource):
         return value
 
     def used_by(self, claims: Claims, quantity: Quantity) -> list[AskedRun]:
-        """Return the runs that a number was taken from, as far as it was tried."""
+        """Return the runs that a number was taken from; none if it has not been measured."""
         if quantity.run is not None:
             with suppress(InvalidInputError):
                 return [self.asked(quantity.run, quantity.set)]
@@ -165,7 +165,7 @@ class KeptRuns(RunSource):
                 self.rows.forget(key)
 
     def _is_whole(self, key: str) -> bool:
-        """Return whether what is kept of a run can be read; nothing is of those refused."""
+        """Return whether the result of a run can be read; a run that was refused has none."""
         folder = self.place / key
         try:
             return not folder.is_dir() or bool(Result.load(folder))
@@ -202,7 +202,7 @@ class KeptRuns(RunSource):
 
 
 def _name_of(claims: Claims, quantity: Quantity) -> str:
-    """Return the name under which a measured number is kept; it stands for what measures it."""
+    """Return the name under which a measured number is kept, a digest of measure and code."""
     measure = claims.measures[str(quantity.measure)]
     told = [measure.__module__, measure.__name__, quantity.given, _code(measure.__module__)]
     return sha256(json.dumps(told, sort_keys=True, default=repr).encode()).hexdigest()[:32]
@@ -210,7 +210,7 @@ def _name_of(claims: Claims, quantity: Quantity) -> str:
 
 @cache
 def _code(module: str) -> str:
-    """Return a digest of a module with measures, of what it may import, and of all experiments."""
+    """Return a digest of a module with measures, its imports from claims, and all experiments."""
     digest = sha256()
     own = _CLAIMS / "papers" / f"{module.rpartition('.')[2]}.py"
     shipped = (file for file in EXPERIMENTS.rglob("*") if file.suffix in {".yaml", ".csv"})

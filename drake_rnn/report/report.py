@@ -16,7 +16,7 @@ from .markdown import index_page, paper_page
 from .pages import index_html, paper_html
 from .pictures import draw_missing
 
-#: In what form the pages are written.
+#: Format of the pages.
 Format = Literal["html", "md"]
 _DATA = "report.json"
 
@@ -47,7 +47,7 @@ class ReportSettings:
 
     Attributes:
         jobs: Number of processes; 0 for this process itself.
-        format: In what form the pages are written.
+        format: Format of the pages.
         pictures: Whether figures are drawn.
         playbacks: Whether playbacks are written.
         again: Whether runs are made again that failed before.
@@ -116,7 +116,7 @@ def _made(
 
 
 def _written(contents: dict[str, Any], folder: Path, form: Format) -> dict[str, Any]:
-    """Write the pages as far as they have changed, and remove those of an earlier report.
+    """Write the pages that have changed, and remove pages of an earlier report.
 
     Returns:
         The contents with the names of the pages.

@@ -53,7 +53,7 @@ class Tuned:
 
     @property
     def better(self) -> bool:
-        """Whether there are better gains than those of the start."""
+        """Whether the chosen gains are better than the gains of the start."""
         return self.chosen > 0
 
 

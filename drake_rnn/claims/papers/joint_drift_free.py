@@ -31,7 +31,7 @@ _COLUMNS = (
 )
 # Error of the first position, as one typed to four digits may have [m].
 _OFFSET = 44e-6
-# Time after which what begins at rest has settled [s].
+# Time after which a motion from rest has settled [s].
 _SETTLED = 1.0
 
 
@@ -177,7 +177,7 @@ def optimality_gap(run: Run, scheme: Literal["moaljdf", "moaljdf_printed"]) -> f
     omega = -np.linalg.solve(form.b_omega, form.b_0)
     found = form.a_omega @ omega + form.a_0
 
-    # At rest c is zero, and so is the pull home; what J v_dot has to be follows from the task.
+    # At rest, c and the pull home are zero; the task determines what J v_dot has to be.
     zeta = 1.0 - cast(float, law.alpha)
     torques = u["bias"] - u["gravity"]
     slip, feedback = law.task_beta + law.task_gamma, law.task_beta * law.task_gamma

@@ -10,7 +10,7 @@ import numpy as np
 from ...laws.parts.primal_dual import PrimalDual
 from ..measuring import Run, signals_of_structure
 
-# What is drawn of a network with a box of velocities: joints, rows, and the box [rad/s].
+# Size of the random programs: joints, rows, and the box of velocities [rad/s].
 _JOINTS, _ROWS, _BOX = 7, 6, 0.2
 
 

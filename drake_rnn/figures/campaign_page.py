@@ -7,13 +7,12 @@ from base64 import b64encode
 from io import BytesIO
 from pathlib import Path
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from ..campaigns import CampaignResult
 from ..campaigns.statistics import Interval
 from ..campaigns.summary import Summary, smaller_is_worse
 from ..colours import components
 from ..errors import InvalidInputError
+from ..runs.page_templates import page_templates
 from ..runs.whole_file import written_whole
 from .campaign import distribution_figure, sensitivity_figure
 from .looks import SERIES
@@ -34,16 +33,10 @@ def write_campaign_page(result: CampaignResult, file: Path) -> Path:
     Raises:
         InvalidInputError: If it cannot be written.
     """
-    environment = Environment(
-        loader=PackageLoader(__package__, "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    template = page_templates(Path(__file__).parent).get_template("campaign_page.html.jinja")
     summary = result.summary
     distributions, sensitivity = _figures(result)
-    page = environment.get_template("campaign_page.html.jinja").render(
+    page = template.render(
         summary=summary,
         expect=result.plan.campaign.expect,
         confidence=f"{summary.confidence:.0%}",

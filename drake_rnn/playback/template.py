@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from .. import colours
+from ..runs.page_templates import page_templates
 from .recorded import Recorded
 
 # The scripts in the order in which they run; they share one scope.
@@ -25,14 +25,7 @@ def rendered(
         outcome: The outcome of the run, from `outcome_of`.
         data: The data that the page's scripts read.
     """
-    environment = Environment(
-        loader=PackageLoader(__package__, "web"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    page = environment.get_template("page.html.jinja")
+    page = page_templates(Path(__file__).parent / "web").get_template("page.html.jinja")
     return page.render(
         title=title, scene=scene, outcome=outcome, data=data, scripts=_SCRIPTS, colours=colours
     )

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
+from ..runs.page_templates import page_templates
 from .contents import VERDICTS
 from .markdown import title_of
 
@@ -18,13 +17,7 @@ SIGNS = {
     "cannot be checked": "?",
     "failed": "!",
 }
-_ENVIRONMENT = Environment(
-    loader=FileSystemLoader(Path(__file__).parent / "templates"),
-    autoescape=True,
-    undefined=StrictUndefined,
-    trim_blocks=True,
-    lstrip_blocks=True,
-)
+_ENVIRONMENT = page_templates(Path(__file__).parent / "templates")
 _ENVIRONMENT.filters["title_of"] = title_of
 _ENVIRONMENT.globals.update(verdicts=VERDICTS, signs=SIGNS)
 

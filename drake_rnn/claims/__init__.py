@@ -1,4 +1,4 @@
-"""What the papers claim, and whether it holds: verdicts computed from runs."""
+"""The claims of the papers, and verdicts on them that are computed from runs."""
 
 from .claim import Claim, Criterion, Paper, Quantity
 from .judging import ClaimVerdict, Finding, Judge, Judgement

@@ -1,4 +1,4 @@
-"""What a paper claims, and what must be so for it to hold."""
+"""Claims of a paper, and the criteria that they must meet to hold."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..errors import InvalidInputError
 from ..experiment.document import Acceptance
 from ..inputs.fields import Finite, validated
 
-#: Of what a claim's name is made: the scheme, and the place in the paper.
+#: A claim's name consists of the scheme and the place in the paper.
 _ID = re.compile(r"[a-z]+-(?:T|F|Th|L|R|S|C)\d[\da-z.]*")
 
 
@@ -107,9 +107,9 @@ class Claim:
             Th theorem, L lemma, R remark, S section, C claim in the text.
         where: Place in the paper, in words.
         says: What the paper says, in our words.
-        as_stated: What must be so for the claim to hold.
-        corrected: What must be so for it to hold with the correction that ``because`` names.
-        unchecked: Why it cannot be checked; in place of criteria.
+        as_stated: Criteria that must be met for the claim to hold.
+        corrected: Criteria for it to hold with the correction that ``because`` names.
+        unchecked: Why the claim cannot be checked; in place of criteria.
         because: Why it does not hold as stated, what is corrected, or what was chosen where the
             paper is silent.
         tests: Tests that show it too, as pytest names them.
@@ -139,7 +139,7 @@ class Claim:
 
     @property
     def criteria(self) -> list[Criterion]:
-        """All criteria: those of the claim as stated, then those with a correction."""
+        """All criteria: first of the claim as stated, then with a correction."""
         return [*self.as_stated, *self.corrected]
 
 

@@ -23,14 +23,14 @@ ClaimVerdict = Literal[
 
 @dataclass(frozen=True)
 class Finding:
-    """What was found of one criterion.
+    """The number measured for one criterion, and whether it is met.
 
     Attributes:
         criterion: The criterion.
         holds: Whether it is met.
         value: The number; NaN if there is none.
         failure: Why there is no number: the run does not have it, or is refused as expected.
-        error: What stopped a run or a measure that was expected to work; empty if nothing did.
+        error: Error of a run or a measure that was expected to work; empty if there was none.
     """
 
     criterion: Criterion
@@ -45,7 +45,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Judgement:
-    """What was found of one claim.
+    """The findings on one claim, and the verdict that follows.
 
     A claim holds if all its criteria as stated are met; else it holds with correction if it has
     corrected criteria and all of them are met; else it does not hold. Where a run or a measure
@@ -62,7 +62,7 @@ class Judgement:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """All findings: those of the claim as stated, then those with a correction."""
+        """All findings: first on the claim as stated, then with a correction."""
         return (*self.as_stated, *self.corrected)
 
     @property
@@ -92,7 +92,7 @@ class Judge:
     runs: RunSource = field(default_factory=SimulatedRuns, repr=False)
 
     def judge(self, claim: Claim) -> Judgement:
-        """Return what is found of a claim.
+        """Return the judgement of a claim.
 
         Raises:
             DrakeRnnError: If a run is refused or fails that was expected to run: the claim says
@@ -103,7 +103,7 @@ class Judge:
         )
 
     def find(self, criterion: Criterion) -> Finding:
-        """Return what is found of one criterion.
+        """Return the finding on one criterion.
 
         Raises:
             DrakeRnnError: If a run is refused or fails that was expected to run.
@@ -111,7 +111,9 @@ class Judge:
         try:
             value = self._value(criterion)
             if criterion.per is not None:
-                value = _ratio(value, self._value(criterion.per))
+                if (divisor := self._value(criterion.per)) == 0.0:
+                    raise _NoNumberError("no ratio: divided by 0")
+                value /= divisor
         except _NoNumberError as error:
             return Finding(criterion, False, failure=str(error))
         except InvalidInputError as error:
@@ -128,9 +130,3 @@ class Judge:
             # Such as a time of settling, of a run that did not settle.
             raise _NoNumberError(f"no {name} in this run")
         return metrics[name]
-
-
-def _ratio(value: float, per: float) -> float:
-    if per == 0.0:
-        raise _NoNumberError("no ratio: divided by 0")
-    return value / per

@@ -1,4 +1,4 @@
-"""Where judging gets its numbers from: runs, their metrics, and what is measured of them."""
+"""Sources of the numbers for judging: runs, their metrics, and measures taken from them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .reading import Claims
 
 
 class RunSource(ABC):
-    """Runs of shipped experiments, each of which is made once, whatever asks for it."""
+    """Runs of shipped experiments, each of which is made once, however often it is asked for."""
 
     @abstractmethod
     def run(self, name: str, changes: Mapping[str, Any] | None = None, /) -> Result:

@@ -20,8 +20,7 @@ from ..campaigns.sweep import (
 )
 from ..errors import InvalidInputError
 from ..experiment import load_experiment, read_document, unit_of_key
-from ..figures.learning import learning_figure
-from ..figures.sweep import sweep_figure
+from ..figures.sweep import learning_figure, sweep_figure
 from .announcing import print_data
 from .asked import Sweep
 from .changing import changes_of, require_writable, tell_of_window

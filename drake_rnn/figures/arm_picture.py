@@ -94,6 +94,7 @@ def _parameters() -> RenderEngineVtkParams:
 
 
 def _camera(radius: float) -> ColorRenderCamera:
+    """Return a camera for a scene of this radius [m]."""
     info = CameraInfo(_WIDTH, _HEIGHT, _FIELD_OF_VIEW)
     clipping = ClippingRange(0.1 * radius, 20.0 * radius)
     return ColorRenderCamera(RenderCameraCore(_RENDERER, info, clipping, RigidTransform()), False)

@@ -13,17 +13,14 @@ from .looks import ALARM, BOUND, NOTE, Style
 _APART = 0.07
 
 
-def draw_bounds(ax: Axes, bounds: Array | None, shown: Array) -> None:
-    """Draw bounds of a magnitude with both signs.
+def known_bounds(bounds: Array | None) -> Array:
+    """Return the distinct values of finite bounds in ascending order; none for None."""
+    return np.empty(0) if bounds is None else np.unique(bounds[np.isfinite(bounds)])
 
-    Args:
-        ax: The axes.
-        bounds: Bound of each joint, shape (n,); None if there are none.
-        shown: Those of their distinct values that are drawn.
-    """
-    if bounds is None:
-        return
-    for bound in shown:
+
+def draw_bounds(ax: Axes, bounds: Array) -> None:
+    """Draw bounds of a magnitude, shape (k,), with both signs."""
+    for bound in bounds:
         for sign in (-1, 1):
             ax.axhline(sign * bound, **BOUND)
 
@@ -35,7 +32,7 @@ def number_bounds(ax: Axes, bounds: Array | None) -> None:
         ax: The axes, with their final limits.
         bounds: Bound of each joint, shape (n,); None if there are none.
     """
-    if bounds is None or np.unique(bounds[np.isfinite(bounds)]).size < 2:
+    if bounds is None or known_bounds(bounds).size < 2:
         return
     low, high = ax.get_ylim()
     labels: list[tuple[float, list[str]]] = []

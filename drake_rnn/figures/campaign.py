@@ -37,10 +37,10 @@ def distribution_figure(
     """Draw a histogram of each metric, with its bounds; return whether there is anything to draw.
 
     Args:
-        summary: What is known of the campaign.
+        summary: The summary of the campaign.
         lines: Its rows.
         bounds: The section ``accept`` of its experiment, by metric.
-        file: Where to write it.
+        file: File to write.
     """
     shown = [metric for metric in summary.metrics if metric.count > 1][:_MOST]
     if not shown:
@@ -48,7 +48,8 @@ def distribution_figure(
     with styled():
         figure, panels = filled_page(len(shown))
         for ax, metric in zip(panels, shown, strict=True):
-            _histogram(ax, _known(lines, metric.name))
+            column = metric_column(lines, metric.name)
+            _histogram(ax, column[np.isfinite(column)])
             for bound in bounds.get(metric.name, {}).values():
                 ax.axvline(bound, label="bound", **BOUND)
             ax.set_xlabel(metric_label(metric.name))
@@ -67,13 +68,13 @@ def sensitivity_figure(
     """Draw each metric over the varied number that its order follows most; return whether any is.
 
     Args:
-        summary: What is known of the campaign.
+        summary: The summary of the campaign.
         lines: Its rows.
         document: The document of its experiment, for the units of varied keys.
         file: Where to write it.
     """
-    numbers = varied_numbers([line for line in lines if line.outcome.status == "complete"])
     complete = [line for line in lines if line.outcome.status == "complete"]
+    numbers = varied_numbers(complete)
     shown = [(metric, key) for metric in summary.metrics if (key := strongest(metric))][:_MOST]
     if not shown:
         return False
@@ -103,24 +104,24 @@ def strongest(metric: MetricSummary) -> str:
 
 
 def _legend_of_bounds(figure: Figure, panels: Sequence[Axes]) -> None:
-    """Say what the dashed lines are, if there are any."""
+    """Add a legend that names the dashed lines, if there are any."""
     lines = [line for ax in panels for line in ax.lines]
     if lines:
         figure.legend(handles=lines[:1], loc="outside upper center")
 
 
 def _histogram(ax: Axes, values: Array) -> None:
-    if _is_wide(values):
-        ax.set_xscale("log")
-        edges = np.geomspace(values.min(), values.max(), _bins(values) + 1)
-    else:
-        edges = np.linspace(values.min(), values.max(), _bins(values) + 1)
+    """Draw a histogram of finite values, over a logarithmic axis if they spread widely."""
+    wide = _is_wide(values)
+    bins = int(np.clip(np.sqrt(values.size), 5, 40))
+    edges = (np.geomspace if wide else np.linspace)(values.min(), values.max(), bins + 1)
+    ax.set_xscale("log" if wide else "linear")
     if edges[0] == edges[-1]:
         edges = np.array([edges[0] - 0.5, edges[0] + 0.5])
     ax.hist(values, bins=edges.tolist(), color=_BARS)
     ax.margins(x=0.05)
-    # Panels are narrow, and runs are whole.
-    if ax.get_xscale() == "log":
+    # Panels are narrow, and numbers of runs are integers.
+    if wide:
         ax.xaxis.set_major_locator(LogLocator(numticks=4))
         ax.xaxis.set_minor_formatter(NullFormatter())
     else:
@@ -128,15 +129,6 @@ def _histogram(ax: Axes, values: Array) -> None:
         # A power of ten beside the axis would touch its label.
         ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     ax.yaxis.set_major_locator(MaxNLocator(4, integer=True))
-
-
-def _bins(values: Array) -> int:
-    return int(np.clip(np.sqrt(values.size), 5, 40))
-
-
-def _known(lines: Sequence[Line], name: str) -> Array:
-    column = metric_column(lines, name)
-    return np.asarray(column[np.isfinite(column)])
 
 
 def _is_wide(values: Array) -> bool:

@@ -13,16 +13,18 @@ from matplotlib.ticker import NullLocator
 
 from ..inputs.fields import Array
 from ..robot.limits import DERIVATIVE_UNITS
+from ..runs.derivatives import derivatives_of_motion
+from ..runs.limit_use import share_of_range
 from ..runs.result import Result
-from .derivative_panels import Shares, leave_room, shares_of_bounds
+from .derivative_panels import leave_room
 from .looks import BOUND, nth
-from .style import PAGE, largest, log_axis, save, styled, time_axis
+from .style import PAGE, largest, legend_above, log_axis, save, styled, time_axis
+
+#: Times [s] and shares of bounds [-] for each order of derivative, shape (k,) both.
+Shares = list[tuple[Array, Array]]
 
 #: Share of a bound, and error [m], below which curves are not shown.
 _LEAST, _LEAST_ERROR = 1e-3, 1e-10
-
-#: Room for the names in a line of the legend [characters].
-_LEGEND = 110
 
 
 def comparison_figure(groups: Mapping[str, Mapping[str, Result]], file: Path) -> Path:
@@ -56,12 +58,26 @@ def comparison_figure(groups: Mapping[str, Mapping[str, Result]], file: Path) ->
             leave_room(column[-1])
         for ax, name in zip(axes[:, 0], names, strict=True):
             ax.set_ylabel(name)
-        handles = axes[0, 0].get_legend_handles_labels()
-        columns = max(1, min(len(handles[1]), _LEGEND // max(map(len, handles[1]))))
-        figure.legend(*handles, loc="outside upper center", ncols=columns)
+        legend_above(figure, axes[0, 0])
         figure.align_ylabels()
         save(figure, file)
     return file
+
+
+def shares_of_bounds(result: Result) -> Shares:
+    """Return the largest share of its bound that any joint uses, for derivatives of order 0 to 5.
+
+    Returns:
+        Times [s] and shares [-] for each order, shape (k,) both.
+    """
+    limits = result.experiment.limits
+    signals = derivatives_of_motion(result)
+    shares = [(signals[0][0], share_of_range(signals[0][1], limits))]
+    for (time, values), name in zip(signals[1:], DERIVATIVE_UNITS, strict=True):
+        bound = limits.bounds[name]
+        share = np.full_like(values, np.nan) if bound is None else np.abs(values) / bound
+        shares.append((time, share.max(axis=1)))
+    return shares
 
 
 def _plot_errors(ax: Axes, runs: Mapping[str, Result]) -> None:

@@ -11,21 +11,12 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from ..inputs.fields import Array
 from ..measures import raised
-from ..measures.groups.higher import difference_time
 from ..robot.limits import DERIVATIVE_UNITS
-from ..runs.limit_use import share_of_range
+from ..runs.derivatives import Signal
 from ..runs.result import Result
-from .bound_lines import draw_bounds, excess_note, number_bounds
+from .bound_lines import draw_bounds, excess_note, known_bounds, number_bounds
 from .looks import BOUND
-from .style import (
-    PAGE,
-    joint_handles,
-    largest,
-    plot_joints,
-    span,
-    ticks,
-    time_axis,
-)
+from .style import PAGE, joint_handles, largest, plot_joints, span, ticks, time_axis
 
 #: Ratio of curves to their bound from which on the axis is logarithmic beyond the bound.
 _BEYOND = 10.0
@@ -33,52 +24,6 @@ _BEYOND = 10.0
 _FAR = 30.0
 #: Room left of the start, as a share of the axis, so that a jump there is not hidden by the axis.
 _ROOM = 0.012
-
-#: Times, shape (k,) [s], and values of all joints, shape (k, n).
-Signal = tuple[Array, Array]
-#: Times [s] and shares of bounds [-] for each order of derivative, shape (k,) both.
-Shares = list[tuple[Array, Array]]
-
-
-def derivatives_of_motion(result: Result) -> list[Signal]:
-    """Return positions, velocities, and the second to fifth derivative.
-
-    The latter are differences of the velocity over some 10 ms, or over the distance of the samples
-    if that is larger, and belong to the middle of that interval. Where the period of the law does
-    not divide that of the series, samples are unevenly far apart, so each difference is taken by
-    its own time.
-    """
-    position, velocity = result.series["position"], result.series["velocity"]
-    found = [(result.time, position), (result.time, velocity)]
-    document = result.experiment.document
-    step = max(difference_time(document.period), document.log_period)
-    wanted = np.arange(result.time[0], result.time[-1] + 1e-9, step)
-    at = np.minimum(np.searchsorted(result.time, wanted - 1e-9), result.time.size - 1)
-    at = np.unique(at)
-    time, values = result.time[at], velocity[at]
-    for _ in range(1, len(DERIVATIVE_UNITS)):
-        # A run that diverged may contain infinite values.
-        with np.errstate(invalid="ignore", over="ignore"):
-            values = np.diff(values, axis=0) / np.diff(time)[:, None]
-        time = (time[1:] + time[:-1]) / 2.0
-        found.append((time, values))
-    return found
-
-
-def shares_of_bounds(result: Result) -> Shares:
-    """Return the largest share of its bound that any joint uses, for derivatives of order 0 to 5.
-
-    Returns:
-        Times [s] and shares [-] for each order, shape (k,) both.
-    """
-    limits = result.experiment.limits
-    signals = derivatives_of_motion(result)
-    shares = [(signals[0][0], share_of_range(signals[0][1], limits))]
-    for (time, values), name in zip(signals[1:], DERIVATIVE_UNITS, strict=True):
-        bound = limits.bounds[name]
-        share = np.full_like(values, np.nan) if bound is None else np.abs(values) / bound
-        shares.append((time, share.max(axis=1)))
-    return shares
 
 
 def stacked_panels(
@@ -116,7 +61,7 @@ def stacked_panels(
 
 
 def plot_between(ax: Axes, time: Array, values: Array, bounds: Array) -> None:
-    """Plot the angles of all joints, and those of their bounds that are near.
+    """Plot the angles of all joints, and the bounds that are near them.
 
     Args:
         ax: The axes.
@@ -155,10 +100,10 @@ def plot_bounded_order(
         ratio: Ratio to the bounds to write above; by default that of the curves.
     """
     plot_joints(ax, time, values)
-    known = np.empty(0) if bounds is None else np.unique(bounds[np.isfinite(bounds)])
+    known = known_bounds(bounds)
     peak = largest(values)
     in_view = known[known <= _FAR * peak] if peak > 0 else known
-    draw_bounds(ax, bounds, in_view)
+    draw_bounds(ax, in_view)
     if known.size and peak > _BEYOND * known[-1]:
         _linear_between(ax, float(known[-1]), peak)
     else:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 
 from ..robot.limits import DERIVATIVE_UNITS
+from ..runs.derivatives import derivatives_of_motion
 from ..runs.result import Result
-from .derivative_panels import derivatives_of_motion, stacked_panels
+from .derivative_panels import stacked_panels
 from .registry import draws
 from .traits import bounds_jerk, shows_signals
 

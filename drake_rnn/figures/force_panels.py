@@ -8,16 +8,8 @@ from matplotlib.axes import Axes
 from ..inputs.fields import Array
 from ..measures import prefixed
 from ..runs.result import Result
-from .looks import BEHIND, DESIRED, FORCE, MOMENT, NOTE, Style
-from .style import (
-    largest,
-    legend,
-    log_axis,
-    noisy,
-    shade_window,
-    span,
-    time_axis,
-)
+from .looks import BEHIND, DESIRED, FORCE, MOMENT, Style
+from .style import corner_note, largest, legend, log_axis, noisy, shade_window, span, time_axis
 from .surface import NEAR
 from .traits import evaluated
 
@@ -26,6 +18,12 @@ _MEASURED: Style = {**BEHIND, "color": "0.6", "zorder": 1}
 #: Root mean square of the sensor's error above which its readings are drawn, as a share of the
 #: largest force, and of the largest force error in the panel of that error.
 _APART, _APART_OF_ERROR = 0.01, 0.05
+#: Metrics that are written above the force error, by what they are called there.
+_ERROR_METRICS = {
+    "mean": "force_error_mean_N",
+    "rms": "force_error_rms_N",
+    "largest": "force_error_max_N",
+}
 #: Smallest number of samples that a spectrum is computed from.
 _FEWEST = 16
 #: Decades below the peak that a spectrum is shown down to; what is lower is rounding.
@@ -65,8 +63,7 @@ def plot_force(ax: Axes, result: Result, until: float | None = None) -> None:
     room = 0.06 * (most - least)
     # Without contact, the force is zero up to rounding: no room below for that.
     ax.set_ylim(least - room if least < -0.01 * room else 0.0, most + room)
-    ax.set_ylabel(f"normal force [{unit}]")
-    time_axis(ax, result)
+    time_axis(ax, result, f"normal force [{unit}]")
     ax.set_xlim(time[0], time[-1])
     legend(ax)
 
@@ -87,19 +84,15 @@ def plot_force_error(ax: Axes, result: Result) -> None:
         legend(ax)
     ax.axhline(0.0, **DESIRED)
     low, high = span(np.concatenate([line.get_ydata() for line in ax.lines]), least=1e-9)
-    names = {"mean": "mean", "rms": "rms", "max": "largest"}
-    found = {
-        text: scale * result.metrics[f"force_error_{name}_N"]
-        for name, text in names.items()
-        if f"force_error_{name}_N" in result.metrics
-    }
-    if found:
-        note = ", ".join(f"{text} {value:.3g}" for text, value in found.items())
-        place: Style = {"ha": "right", "va": "top", "transform": ax.transAxes}
-        ax.text(0.99, 0.99, f"{note} {unit}".replace("-", "−"), **place, **NOTE)
+    note = ", ".join(
+        f"{text} {scale * result.metrics[metric]:.3g}"
+        for text, metric in _ERROR_METRICS.items()
+        if metric in result.metrics
+    )
+    if note:
+        corner_note(ax, f"{note} {unit}".replace("-", "−"))
     ax.set_ylim(low - 0.06 * (high - low), high + 0.18 * (high - low))
-    ax.set_ylabel(f"force error [{unit}]")
-    time_axis(ax, result)
+    time_axis(ax, result, f"force error [{unit}]")
     ax.set_xlim(time[0], time[-1])
 
 
@@ -117,8 +110,7 @@ def plot_force_spectrum(ax: Axes, result: Result) -> None:
     log_axis(ax, [amplitude])
     if (peak := largest(amplitude)) > 0:
         ax.set_ylim(bottom=max(ax.get_ylim()[0], peak / 10**_DECADES))
-    note = f"samples at {rate:.4g} Hz"
-    ax.text(0.99, 0.99, note, ha="right", va="top", transform=ax.transAxes, **NOTE)
+    corner_note(ax, f"samples at {rate:.4g} Hz")
     ax.set(xlabel="frequency [Hz]", ylabel="amplitude of the force error [N]")
 
 

@@ -26,8 +26,7 @@ def plot_jacobian_error(ax: Axes, result: Result) -> None:
     ax.plot(result.time, size, color=INK, label="Frobenius norm")
     shade_window(ax, result)
     log_axis(ax, [size, along])
-    ax.set_ylabel(label(r"error of $\hat J$", "J"))
-    time_axis(ax, result)
+    time_axis(ax, result, label(r"error of $\hat J$", "J"))
     legend(ax)
 
 
@@ -39,8 +38,7 @@ def plot_singular_value(ax: Axes, result: Result) -> None:
     smallest[known] = np.linalg.svd(J[known], compute_uv=False)[:, -1]
     ax.plot(result.time, smallest, color=INK)
     ax.set_ylim(bottom=0)
-    ax.set_ylabel(label("smallest singular value of $J$", "J"))
-    time_axis(ax, result)
+    time_axis(ax, result, label("smallest singular value of $J$", "J"))
 
 
 def plot_jacobian(ax: Axes, result: Result) -> None:

@@ -10,19 +10,10 @@ from ..inputs.fields import Array
 from ..measures import ARRIVED, prefixed
 from ..runs.limit_use import EXCEEDED
 from ..runs.result import Result
-from .bound_lines import draw_bounds, number_bounds
-from .looks import (
-    ALARM,
-    BOUND,
-    INK,
-    MOMENT,
-    NOTE,
-    PREDICTED,
-    TARGET,
-    Style,
-    nth,
-)
+from .bound_lines import draw_bounds, known_bounds, number_bounds
+from .looks import ALARM, BOUND, INK, MOMENT, NOTE, PREDICTED, TARGET, Style, nth
 from .style import (
+    corner_note,
     joint_handles,
     label,
     largest,
@@ -44,7 +35,7 @@ _IN_VIEW_PRESSING = 2.0
 _LEGIBLE = 0.05
 #: Marker of a joint's target, filled with the colour of the joint.
 _GOAL: Style = {"marker": "D", "markersize": 4.0, "markeredgecolor": TARGET["color"]}
-#: Number of the colour of the arm's own motion beside that of the law.
+#: Number of the colour of the arm's own motion beside the motion of the law.
 _ARM = 2
 
 
@@ -58,8 +49,7 @@ def plot_angles(ax: Axes, result: Result) -> None:
             colour = nth(k)["color"]
             ax.plot(result.time[-1:], angle, color=colour, zorder=3, clip_on=False, **_GOAL)
         handles.append(Line2D([], [], color="white", label="target", linestyle="none", **_GOAL))
-    ax.set_ylabel(label("joint angle", "position"))
-    time_axis(ax, result)
+    time_axis(ax, result, label("joint angle", "position"))
     legend(ax, handles)
 
 
@@ -85,7 +75,7 @@ def plot_acceleration_norm(ax: Axes, result: Result) -> None:
         demand = np.abs(result.series["acceleration_demand"][1:]).max(axis=1)
         ax.plot(time, demand, label="asked for", **PREDICTED)
         curves.append(demand)
-    known = _known(result.experiment.limits.acceleration)
+    known = known_bounds(result.experiment.limits.acceleration)
     # Bounds may differ from joint to joint: the least and the greatest are drawn.
     for k, bound in enumerate(np.unique(known[[0, -1]]) if known.size else ()):
         text = "bound" if known.size == 1 else "least and greatest bound"
@@ -95,8 +85,7 @@ def plot_acceleration_norm(ax: Axes, result: Result) -> None:
         log_axis(ax, [*curves, known])
     else:
         ax.set_ylim(0, 1.08 * max(levels) or None)
-    ax.set_ylabel(label(r"largest $|\ddot q_i|$", "acceleration"))
-    time_axis(ax, result)
+    time_axis(ax, result, label(r"largest $|\ddot q_i|$", "acceleration"))
     legend(ax)
 
 
@@ -109,14 +98,11 @@ def plot_drift(ax: Axes, result: Result) -> None:
         ax.plot(last, final, "o", color=nth(k)["color"], markersize=3, clip_on=False)
     shown, scale = prefixed(largest(end), "rad")
     sizes = scale * np.abs(end)
-    note = f"at the end: mean {sizes.mean():.3g}, largest {sizes.max():.3g} {shown}"
-    place: Style = {"ha": "right", "va": "top", "transform": ax.transAxes}
-    ax.text(0.99, 0.99, note, **place, **NOTE)
+    corner_note(ax, f"at the end: mean {sizes.mean():.3g}, largest {sizes.max():.3g} {shown}")
     low, high = span(drift, least=1e-6)
     ax.set_ylim(low - 0.06 * (high - low), high + 0.16 * (high - low))
     shade_window(ax, result)
-    ax.set_ylabel(label("joint drift", "position"))
-    time_axis(ax, result)
+    time_axis(ax, result, label("joint drift", "position"))
     legend(ax, joint_handles(end.size))
 
 
@@ -151,8 +137,7 @@ def joint_drift(result: Result) -> tuple[Array, Array]:
 def plot_torques(ax: Axes, result: Result) -> None:
     """Plot the torques of all joints."""
     plot_joints(ax, result.time, result.series["torque"])
-    ax.set_ylabel(label("joint torque", "torque"))
-    time_axis(ax, result)
+    time_axis(ax, result, label("joint torque", "torque"))
     legend(ax, joint_handles(result.series["torque"].shape[1]))
 
 
@@ -168,8 +153,7 @@ def plot_joint_error(ax: Axes, result: Result) -> None:
         place: Style = {"ha": side, "va": "top", "transform": ax.get_xaxis_transform()}
         ax.text(settled, 0.98, f" settled at {settled:.2f} s ", **place, **NOTE)
     log_axis(ax, [*error.T, ARRIVED * np.array([0.6, 1.6])])
-    ax.set_ylabel(label(r"$|q_i - q_{i,\mathrm{target}}|$", "joint_error"))
-    time_axis(ax, result)
+    time_axis(ax, result, label(r"$|q_i - q_{i,\mathrm{target}}|$", "joint_error"))
     legend(ax, handles)
 
 
@@ -185,8 +169,7 @@ def plot_moving_bounds(ax: Axes, result: Result) -> None:
     reach = 1.08 * min(max(peak, *map(largest, sides)), 2.0 * peak)
     if reach > 0:
         ax.set_ylim(-reach, reach)
-    ax.set_ylabel(label("joint velocity", "velocity"))
-    time_axis(ax, result)
+    time_axis(ax, result, label("joint velocity", "velocity"))
     legend(ax, [*joint_handles(values.shape[1]), Line2D([], [], label="bounds", **BOUND)])
 
 
@@ -228,10 +211,10 @@ def plot_bounded(ax: Axes, result: Result, name: str, bounds: Array | None, text
     """
     values = result.series[name]
     plot_joints(ax, result.time, values)
-    peak, known = largest(values), _known(bounds)
+    peak, known = largest(values), known_bounds(bounds)
     far = _IN_VIEW_PRESSING if presses(result) else _IN_VIEW
     in_view = known[(known <= far * peak) & (known > 0.2 * _LEGIBLE * peak)]
-    draw_bounds(ax, bounds, in_view)
+    draw_bounds(ax, in_view)
     reach = 1.08 * max([peak, *in_view])
     notes = []
     ratio = 0.0 if bounds is None else largest(values / bounds)
@@ -245,14 +228,12 @@ def plot_bounded(ax: Axes, result: Result, name: str, bounds: Array | None, text
         ends = " to ".join(f"±{bound:.4g}" for bound in np.unique(known[[0, -1]]))
         notes.append(f"bounds {ends} {unit(name)}")
     if notes:
-        place: Style = {"ha": "right", "va": "top", "transform": ax.transAxes}
-        ax.text(0.99, 0.99, "; ".join(notes), **place, **(ALARM if ratio > EXCEEDED else NOTE))
+        corner_note(ax, "; ".join(notes), ALARM if ratio > EXCEEDED else NOTE)
         reach *= 1.15
     if reach > 0:
         ax.set_ylim(-reach, reach)
     number_bounds(ax, bounds)
-    ax.set_ylabel(label(text, name))
-    time_axis(ax, result)
+    time_axis(ax, result, label(text, name))
 
 
 def plot_bound_curves(ax: Axes, time: Array, bounds: Array) -> None:
@@ -267,15 +248,10 @@ def plot_bound_curves(ax: Axes, time: Array, bounds: Array) -> None:
     for k in np.flatnonzero(np.arange(counts.size) != np.argmax(counts)):
         curve = np.where(curves[:, k] == common, np.nan, curves[:, k])
         apart = np.abs(curve - common)
-        # A run that failed may hold bounds that are not numbers: there is nothing to draw of them.
+        # A run that failed may hold bounds that are not numbers, which cannot be drawn.
         if np.isnan(apart).all():
             continue
         ax.plot(time, curve, **BOUND)
         joints = ", ".join(f"{joint + 1}" for joint in np.flatnonzero(holders.ravel() == k))
         at = int(np.nanargmax(apart))
         ax.annotate(joints, (time[at], curve[at]), clip_on=True, **NOTE)
-
-
-def _known(bounds: Array | None) -> Array:
-    """Return the distinct values of the finite bounds in ascending order."""
-    return np.empty(0) if bounds is None else np.unique(bounds[np.isfinite(bounds)])

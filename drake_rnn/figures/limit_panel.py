@@ -1,4 +1,4 @@
-"""The panel of limits: how much of each one a run uses, and which ones it breaks."""
+"""The panel of limits: how much of each limit a run uses, and which limits it breaks."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _ROOM, _ROOM_BEYOND = 1.25, 30.0
 
 
 def plot_limits(ax: Axes, result: Result) -> None:
-    """Plot a bar for each limit that counts; a broken one is red, and has a cross and its ratio."""
+    """Plot a bar for each limit that applies; a broken one is red, with a cross and its ratio."""
     found = uses(result)
     for row, use in enumerate(found):
         look: Style = {"color": BROKEN, "hatch": "////", "edgecolor": "white"} if use.broken else {}

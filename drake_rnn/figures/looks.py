@@ -1,8 +1,8 @@
-"""How curves look: their colours, dashes and widths, by what they mean.
+"""Colours, dashes and widths of curves, by the meaning of the curves.
 
-What has a meaning has the colour of `drake_rnn.colours`, as in playbacks. Joints, axes, laws and
-other curves of one kind have a colour and a pattern of dashes each, from `nth`. What is neither is
-drawn in ink: errors, norms and singular values.
+Curves with a meaning have its colour in `drake_rnn.colours`, as in playbacks. Joints, axes, laws
+and other curves of one kind have a colour and a pattern of dashes each, from `nth`. All other
+curves, such as errors, norms and singular values, are drawn in ink.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ TARGET: Style = {"color": colours.TARGET, "linestyle": _DOTTED, "linewidth": 1.0
 FORCE: Style = {"color": colours.FORCE}
 BOUND: Style = {"color": colours.BOUND, "linestyle": _DASHED, "linewidth": 0.8}
 
-#: Errors, norms, and whatever has no meaning of its own.
+#: Colour of errors, norms and other curves without a meaning of their own.
 INK = "#4A4A4A"
-#: The same, wide and behind other curves: norms over components, readings over true values.
+#: Wide curves behind others: norms behind components, readings behind true values.
 BEHIND: Style = {"color": "0.78", "linewidth": 2.2}
-#: What a theory predicts, or a law asks for, over what came of it.
+#: Values that a theory predicts or a law asks for, drawn over the values that were reached.
 PREDICTED: Style = {"color": INK, "linestyle": _DASHED, "linewidth": 1.0}
 #: A time at which something happened.
 MOMENT: Style = {"color": INK, "linestyle": ":", "linewidth": 1.0}
 NOTE: Style = {"color": "0.35", "fontsize": 6.5}
 SHADE: Style = {"color": "0.93", "linewidth": 0, "zorder": 0}
-#: What is said of a bound that is broken, as red as on the terminal. Words or signs say it too.
+#: Notes on broken bounds are as red as on the terminal; a word or a sign always goes with the red.
 BROKEN = "#B00020"
 ALARM: Style = {"color": BROKEN, "fontsize": 6.5, "weight": "bold"}
 

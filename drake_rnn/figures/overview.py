@@ -110,7 +110,7 @@ def overview(result: Result) -> Figure:
     candidates, metrics = _contents(result)
     panels = [plot for needs, plot in candidates if needs <= result.series.keys()]
     if not returns(result):
-        # Along an open path nothing should return.
+        # Along an open path, the joints are not expected to return.
         panels = [plot_angles if plot is plot_drift else plot for plot in panels]
     panels = panels[:_MOST_PANELS]
     document = result.experiment.document
@@ -174,7 +174,7 @@ def _entries(result: Result, metrics: tuple[str, ...]) -> list[tuple[str, Verdic
 
 
 def _table(part: Any, result: Result, entries: Sequence[tuple[str, Verdict | None]]) -> None:
-    """Write the metrics in two columns, with what is expected of them and whether it is so."""
+    """Write the metrics in two columns, with their expected values and whether these are met."""
     rows = max(1, -(-len(entries) // 2))
     step = 1.0 / (_HEAD / _ENTRY + rows)
     for k, (name, verdict) in enumerate(entries):

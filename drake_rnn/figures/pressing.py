@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from ..runs.result import Result
 from .force_panels import plot_force, plot_force_error, plot_force_spectrum
 from .registry import draws
-from .style import COLUMN, single
+from .style import single, stacked
 from .surface import plot_on_surface
 from .traits import presses
 
@@ -17,9 +17,7 @@ def normal_force(result: Result) -> Figure:
     """Draw the true and the desired normal force, and below how it settles before the window."""
     window = result.experiment.document.window
     settling = window is not None and result.time[1] <= window[0]
-    panels = 1 + settling
-    figure = Figure(figsize=(COLUMN, 0.5 + 1.9 * panels), layout="constrained")
-    axes = figure.subplots(panels, 1, squeeze=False).ravel()
+    figure, axes = stacked(1 + settling)
     plot_force(axes[0], result)
     if window is not None and settling:
         plot_force(axes[1], result, until=window[0])
@@ -31,10 +29,9 @@ def normal_force(result: Result) -> Figure:
 @draws("normal_force", "normal_force_desired", "normal_force_measured", applies=presses)
 def force_error(result: Result) -> Figure:
     """Draw the force error in the window and its spectrum."""
-    figure = Figure(figsize=(COLUMN, 4.3), layout="constrained")
-    axes = figure.subplots(2, 1)
-    plot_force_error(axes[0], result)
-    plot_force_spectrum(axes[1], result)
+    figure, (above, below) = stacked(2)
+    plot_force_error(above, result)
+    plot_force_spectrum(below, result)
     figure.align_ylabels()
     return figure
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,7 @@ from .style import (
     plot_joints,
     single,
     span,
+    stacked,
     ticks,
     time_axis,
     unit,
@@ -53,6 +55,55 @@ from .task_panels import (
 from .traits import apart, first_pass, has_path, has_target, moving_bounds_matter, presses, returns
 
 
+def _alone(
+    name: str,
+    plot: Callable[[Axes, Result], None],
+    *needs: str,
+    applies: Callable[[Result], bool] = lambda result: True,
+    height: float = 2.4,
+) -> None:
+    """Register a figure that consists of one panel alone.
+
+    Args:
+        name: Name of the figure.
+        plot: Function that draws the panel.
+        *needs: Names of the series that the panel needs.
+        applies: Whether the figure is meaningful for a result that has these series.
+        height: Height of the figure [inch].
+    """
+
+    def draw(result: Result) -> Figure:
+        figure, ax = single(height)
+        plot(ax, result)
+        return figure
+
+    draw.__name__, draw.__doc__ = name, plot.__doc__
+    draws(*needs, applies=applies)(draw)
+
+
+def _has_free_path(result: Result) -> bool:
+    """Return whether the end effector moves along a path without pressing on a surface."""
+    return has_path(result) and not presses(result)
+
+
+_PATHS, _VELOCITIES = ("p_WE", "p_WE_desired"), ("v_WE", "v_WE_desired")
+_alone("path_plane", plot_path, *_PATHS, applies=_has_free_path, height=3.0)
+_alone("position_error", plot_position_error, *_PATHS)
+_alone("position_error_axes", plot_position_error_axes, *_PATHS, applies=has_path)
+_alone("velocity_error", plot_velocity_error, *_VELOCITIES, applies=has_path)
+_alone("acceleration_norm", plot_acceleration_norm, "acceleration_peak")
+_alone("joint_torques", plot_torques, "torque")
+_alone("angles_to_target", plot_angles, "position", applies=has_target)
+_alone("joint_error", plot_joint_error, "joint_error", applies=has_target)
+_alone("jacobian_error", plot_jacobian_error, "J", "J_hat", "network_velocity")
+_alone(
+    "moving_bounds",
+    plot_moving_bounds,
+    *("velocity", "velocity_lower", "velocity_upper"),
+    applies=moving_bounds_matter,
+)
+
+
 @draws("p_WE", "p_WE_desired", applies=lambda r: has_path(r) and r.series["p_WE"].shape[1] == 3)
 def path_3d(result: Result) -> Figure:
     """Draw the desired and the traced path in space."""
@@ -64,14 +115,6 @@ def path_3d(result: Result) -> Figure:
     mark_ends(ax, result, p_WE, desired)
     frame_space(ax, finite(np.concatenate((p_WE, desired))))
     figure.legend(*ax.get_legend_handles_labels(), loc="upper center", ncols=4)
-    return figure
-
-
-@draws("p_WE", "p_WE_desired", applies=lambda r: has_path(r) and not presses(r))
-def path_plane(result: Result) -> Figure:
-    """Draw the desired and the traced path in the plane in which the former varies most."""
-    figure, ax = single(height=3.0)
-    plot_path(ax, result)
     return figure
 
 
@@ -105,7 +148,7 @@ def joint_angles(result: Result) -> Figure:
 
 
 def _plot_angle(ax: Axes, result: Result, k: int, bounds: Array) -> None:
-    """Plot the angle of joint ``k``, with its target and those of its two bounds that are near."""
+    """Plot the angle of joint ``k``, with its target and its bounds, as far as they are near."""
     angle, target = result.series["position"][:, k], result.experiment.target
     ax.plot(result.time, angle, **nth(k))
     low, high = span(angle, least=0.02)
@@ -126,22 +169,14 @@ def _plot_angle(ax: Axes, result: Result, k: int, bounds: Array) -> None:
 
 @draws("velocity")
 def joint_velocities(result: Result) -> Figure:
-    """Draw the joint velocities with their bounds; those of law and arm apart if they differ."""
+    """Draw the joint velocities with their bounds; if law and arm differ, a panel for each."""
     return _law_and_arm(result, "velocity", result.experiment.limits.velocity)
 
 
 @draws("acceleration")
 def joint_accelerations(result: Result) -> Figure:
-    """Draw the joint accelerations with their bounds; those of law and arm apart if they differ."""
+    """Draw the joint accelerations with their bounds; if law and arm differ, a panel for each."""
     return _law_and_arm(result, "acceleration", result.experiment.limits.acceleration)
-
-
-@draws("acceleration_peak")
-def acceleration_norm(result: Result) -> Figure:
-    """Draw the largest joint acceleration over all steps, with the bound."""
-    figure, ax = single()
-    plot_acceleration_norm(ax, result)
-    return figure
 
 
 @draws("p_WE", "p_WE_desired")
@@ -149,15 +184,14 @@ def position(result: Result) -> Figure:
     """Draw the desired and the traced position of the end effector, a panel for each axis."""
     p_WE, desired, text = _traced_and_desired(result)
     m = p_WE.shape[1]
-    figure = Figure(figsize=(COLUMN, 0.6 + 1.1 * m), layout="constrained")
-    axes = figure.subplots(m, 1, sharex=True, squeeze=False).ravel()
+    figure, axes = stacked(m, height=0.6 + 1.1 * m, sharex=True)
     # If the end effector should rest, all panels have the scale of the axis that moves most.
     widest = max(np.ptp(span(values, 0.0)) for values in (desired if has_path(result) else p_WE).T)
     share = 0.05 if has_path(result) else 1.0
     for name, ax, is_at, should_be in zip("xyz", axes, p_WE.T, desired.T, strict=False):
         ax.plot(result.time, is_at, label="traced", **TRACED)
         ax.plot(result.time, should_be, label=text, **DESIRED)
-        # An axis along which nothing should move does not show every micrometre.
+        # Where the end effector should not move along an axis, micrometres need not be visible.
         low, high = span(np.concatenate((is_at, should_be)), least=max(share * widest, 1e-4))
         ax.set_ylim(low - 0.06 * (high - low), high + 0.06 * (high - low))
         ticks(ax.yaxis, 4)
@@ -169,46 +203,13 @@ def position(result: Result) -> Figure:
     return figure
 
 
-@draws("p_WE", "p_WE_desired")
-def position_error(result: Result) -> Figure:
-    """Draw the norm of the position error, with the settling tolerance."""
-    figure, ax = single()
-    plot_position_error(ax, result)
-    return figure
-
-
-@draws("p_WE", "p_WE_desired", applies=has_path)
-def position_error_axes(result: Result) -> Figure:
-    """Draw the position error along each axis."""
-    figure, ax = single()
-    plot_position_error_axes(ax, result)
-    return figure
-
-
-@draws("v_WE", "v_WE_desired", applies=has_path)
-def velocity_error(result: Result) -> Figure:
-    """Draw the velocity error along each axis, with the error that the law's theory predicts."""
-    figure, ax = single()
-    plot_velocity_error(ax, result)
-    return figure
-
-
 @draws("position", applies=lambda r: has_path(r) and returns(r))
 def joint_drift(result: Result) -> Figure:
     """Draw the drift of each joint from the start of the window, and what is left at its end."""
-    figure = Figure(figsize=(COLUMN, 4.1), layout="constrained")
-    axes = figure.subplots(2, 1, height_ratios=(3, 2))
-    plot_drift(axes[0], result)
-    plot_drift_left(axes[1], result)
+    figure, (above, below) = stacked(2, height=4.1, height_ratios=(3, 2))
+    plot_drift(above, result)
+    plot_drift_left(below, result)
     figure.align_ylabels()
-    return figure
-
-
-@draws("torque")
-def joint_torques(result: Result) -> Figure:
-    """Draw the torques of all joints."""
-    figure, ax = single()
-    plot_torques(ax, result)
     return figure
 
 
@@ -222,47 +223,30 @@ def postures(result: Result) -> Figure:
 
 @draws("position", "velocity", applies=has_target)
 def stroboscope(result: Result) -> Figure:
-    """Draw the arm at equal intervals of time while it moves towards its target."""
-    return _stroboscope_figure(result)
+    """Draw the arm at equal intervals of time while it moves, with a colour bar for the time."""
+    figure, ax = arm_figure(result, below=0.5)
+    times = plot_stroboscope(ax, result)
+    if times is not None:
+        place: Style = {"ax": ax, "shrink": 0.7, "aspect": 28}
+        if ax.name == "3d":  # the layout does not account for the labels of such axes
+            place = {"cax": ax.inset_axes((0.15, -0.16, 0.7, 0.035))}
+        bar: Any = figure.colorbar(times, orientation="horizontal", **place)
+        bar.set_label("time [s]")
+        bar.outline.set_visible(False)
+    return figure
 
 
 @draws("position", "velocity", applies=has_path)
 def motion(result: Result) -> Figure:
     """Draw the arm at equal intervals of time along its path."""
-    return _stroboscope_figure(result)
-
-
-@draws("position", applies=has_target)
-def angles_to_target(result: Result) -> Figure:
-    """Draw the angles of all joints, with their targets."""
-    figure, ax = single()
-    plot_angles(ax, result)
-    return figure
-
-
-@draws("joint_error", applies=has_target)
-def joint_error(result: Result) -> Figure:
-    """Draw the distance of each joint to its target, and the time when all have arrived."""
-    figure, ax = single()
-    plot_joint_error(ax, result)
-    return figure
-
-
-@draws("velocity", "velocity_lower", "velocity_upper", applies=moving_bounds_matter)
-def moving_bounds(result: Result) -> Figure:
-    """Draw the joint velocities between bounds that change with time."""
-    figure, ax = single()
-    plot_moving_bounds(ax, result)
-    return figure
+    return stroboscope(result)
 
 
 @draws("p_WE", applies=has_target)
 def end_effector(result: Result) -> Figure:
     """Draw the drift of the end effector from its start, and its rotation where that is known."""
     rotated = "orientation_error" in result.series
-    panels = 2 if rotated else 1
-    figure = Figure(figsize=(COLUMN, 0.5 + 1.9 * panels), layout="constrained")
-    axes = figure.subplots(panels, 1, sharex=True, squeeze=False).ravel()
+    figure, axes = stacked(1 + rotated, sharex=True)
     plot_end_effector(axes[0], result)
     if rotated:
         axes[0].set_xlabel("")
@@ -287,7 +271,7 @@ def jacobian(result: Result) -> Figure:
             plot_joints(ax, result.time, values[:, row])
             ax.set_ylabel(f"{rows[row]} row of {name} [{units[row]}]")
             if values is J_hat:
-                # The initial estimate may last for one sample only: it is marked.
+                # The initial estimate may last for one sample only, so a dot marks it.
                 for k, entry in enumerate(J_hat[0, row]):
                     colour = nth(k)["color"]
                     ax.plot(0, entry, "o", color=colour, markersize=3, clip_on=False)
@@ -298,33 +282,11 @@ def jacobian(result: Result) -> Figure:
     return figure
 
 
-@draws("J", "J_hat", "network_velocity")
-def jacobian_error(result: Result) -> Figure:
-    """Draw the error of J_hat: its Frobenius norm, and its norm along the motion."""
-    figure, ax = single()
-    plot_jacobian_error(ax, result)
-    return figure
-
-
 def _traced_and_desired(result: Result) -> tuple[Array, Array, str]:
     """Return the paths to compare, shape (k, m) [m] both, and a label for the desired one."""
     if presses(result):
         return result.series["p_WE"], desired_at_tool_height(result), "desired, along the surface"
     return result.series["p_WE"], result.series["p_WE_desired"], "desired"
-
-
-def _stroboscope_figure(result: Result) -> Figure:
-    """Return a stroboscopic picture with a colour bar for the time."""
-    figure, ax = arm_figure(result, below=0.5)
-    times = plot_stroboscope(ax, result)
-    if times is not None:
-        place: Style = {"ax": ax, "shrink": 0.7, "aspect": 28}
-        if ax.name == "3d":  # the layout does not account for the labels of such axes
-            place = {"cax": ax.inset_axes((0.15, -0.16, 0.7, 0.035))}
-        bar: Any = figure.colorbar(times, orientation="horizontal", **place)
-        bar.set_label("time [s]")
-        bar.outline.set_visible(False)
-    return figure
 
 
 def _law_and_arm(result: Result, quantity: str, bounds: Array | None) -> Figure:
@@ -339,8 +301,7 @@ def _law_and_arm(result: Result, quantity: str, bounds: Array | None) -> Figure:
         names = {f"network_{quantity}": f"{quantity}, law", quantity: f"{quantity}, arm"}
     else:
         names = {quantity: f"joint {quantity}"}
-    figure = Figure(figsize=(COLUMN, 0.5 + 1.9 * len(names)), layout="constrained")
-    axes = figure.subplots(len(names), 1, sharex=True, squeeze=False).ravel()
+    figure, axes = stacked(len(names), sharex=True)
     for ax, (name, text) in zip(axes, names.items(), strict=True):
         plot_bounded(ax, result, name, bounds, text)
         if ax is not axes[-1]:

@@ -16,7 +16,7 @@ from .. import colours as meanings
 from ..inputs.fields import Array
 from ..runs.result import Result
 from .looks import TARGET, TRACED, Style
-from .style import COLUMN, finite, largest, legend, single, ticks
+from .style import COLUMN, finite, largest, legend, plane_axes, single, ticks
 from .traits import first_pass, has_path
 
 _LOOKS: dict[str, Style] = {
@@ -46,8 +46,10 @@ def plot_postures(ax: Axes, result: Result) -> None:
     """Plot the arm at the start, at the end, and in its target posture."""
     known = finite(result.series["position"])
     ends = {"start": known[0], "end": known[-1]} if known.size else {}
-    shown = {**ends, "target": _target(result)}
-    joints = _skeletons(result, [*shown.values()])
+    target = result.experiment.target
+    assert target is not None, "drawn only with a target"
+    shown = {**ends, "target": target}
+    joints = _skeletons(result, shown.values())
     for name, points in zip(shown, joints, strict=True):
         _plot_stick(ax, points, label=name, **_LOOKS[name])
     _mark_ends(ax, joints[0])
@@ -135,13 +137,6 @@ def _steps_in_motion(result: Result) -> int:
     return int(moving[-1]) + 1 if moving.size else 1
 
 
-def _target(result: Result) -> Array:
-    """Return the target posture, shape (n,) [rad]."""
-    target = result.experiment.target
-    assert target is not None, "drawn only with a target"
-    return target
-
-
 def _skeletons(result: Result, postures: Iterable[Array]) -> Array:
     """Return the points of the stick figure in each posture, shape (postures, k, 3) [m]."""
     kinematics = result.experiment.arm.kinematics()
@@ -174,11 +169,7 @@ def _fit(ax: Any, postures: Array, elevation: float = _ELEVATION) -> None:
         ax.zaxis.set_rotate_label(False)
         ax.zaxis.label.set_rotation(90)
         return
-    ax.margins(0.08)
-    ax.set_aspect("equal", adjustable="datalim")
-    ticks(ax.xaxis, 6)
-    ticks(ax.yaxis, 6)
-    ax.set(xlabel="x [m]", ylabel="y [m]")
+    plane_axes(ax, "x [m]", "y [m]", margin=0.08)
 
 
 def _azimuth(postures: Array) -> float:

@@ -22,46 +22,12 @@ from PIL import Image
 from ..inputs.fields import Array
 from ..measures import UNITS, raised
 from ..runs.result import Result
-from .looks import SHADE, Style, nth
+from .looks import NOTE, SHADE, Style, nth
 
 #: Widths of a printed column and page [inch].
 COLUMN, PAGE = 3.5, 7.1
-
-STYLE: Style = {
-    "figure.dpi": 200,
-    "savefig.dpi": 200,
-    "font.family": "sans-serif",
-    "font.sans-serif": ["DejaVu Sans"],
-    "font.size": 8,
-    "axes.labelsize": 8,
-    "axes.titlesize": 8,
-    "axes.linewidth": 0.6,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.formatter.use_mathtext": True,
-    "axes.formatter.limits": (-3, 4),
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.xmargin": 0,
-    "grid.color": "0.9",
-    "grid.linewidth": 0.5,
-    "lines.linewidth": 1.0,
-    "xtick.labelsize": 7,
-    "ytick.labelsize": 7,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "xtick.major.size": 2.5,
-    "ytick.major.size": 2.5,
-    "legend.fontsize": 7,
-    "legend.frameon": False,
-    "legend.handlelength": 1.4,
-    "legend.columnspacing": 1.0,
-    "legend.handletextpad": 0.4,
-    "legend.borderaxespad": 0.2,
-    "legend.borderpad": 0.1,
-}
-
-
+#: The common style, in matplotlib's own format.
+_STYLE = Path(__file__).with_name("figures.mplstyle")
 #: Entries of a legend from which on it is drawn together.
 _MANY = 8
 #: Share of the steps of noise that are against the one before; of white noise it is two thirds.
@@ -72,7 +38,7 @@ _LEGIBLE = 0.8
 
 def styled() -> AbstractContextManager[Any]:
     """Return a context with the common style; the user's settings neither matter nor change."""
-    return matplotlib.style.context(["default", STYLE])
+    return matplotlib.style.context(["default", _STYLE])
 
 
 def save(figure: Figure, file: Path | BytesIO) -> None:
@@ -110,8 +76,21 @@ def _write_plainly(axis: Any) -> None:
 
 def single(height: float = 2.4) -> tuple[Figure, Axes]:
     """Return a figure of the width of a column with one panel, and its axes."""
-    figure = Figure(figsize=(COLUMN, height), layout="constrained")
-    return figure, figure.add_subplot()
+    figure, (ax,) = stacked(1, height)
+    return figure, ax
+
+
+def stacked(count: int, height: float | None = None, **layout: Any) -> tuple[Figure, Any]:
+    """Return a figure of the width of a column with panels below one another, and their axes.
+
+    Args:
+        count: Number of panels.
+        height: Height of the figure [inch]; by default what suits that number.
+        **layout: Further arguments of `matplotlib.figure.Figure.subplots`.
+    """
+    size = (COLUMN, 0.5 + 1.9 * count if height is None else height)
+    figure = Figure(figsize=size, layout="constrained")
+    return figure, figure.subplots(count, 1, squeeze=False, **layout).ravel()
 
 
 def plot_joints(ax: Axes, time: Array, values: Array, **style: Any) -> None:
@@ -170,16 +149,48 @@ def legend(ax: Axes, handles: list[Line2D] | None = None) -> None:
         line.set_linewidth(max(_LEGIBLE, line.get_linewidth()))
 
 
+def legend_above(figure: Figure, ax: Axes, room: int = 110, beside: int = 0, **look: Any) -> None:
+    """Add a legend above all axes of a figure, with the labelled curves of one of them.
+
+    Args:
+        figure: The figure.
+        ax: The axes with the curves.
+        room: Room for the names in a line of the legend [characters].
+        beside: Room that each name needs besides its own characters [characters].
+        **look: Further arguments of `matplotlib.figure.Figure.legend`.
+    """
+    handles, names = ax.get_legend_handles_labels()
+    columns = max(1, min(len(names), room // (beside + max(map(len, names)))))
+    figure.legend(handles, names, loc="outside upper center", ncols=columns, **look)
+
+
 def ticks(axis: Any, most: int) -> None:
     """Set round numbers as ticks of an axis, at most ``most`` intervals."""
     axis.set_major_locator(MaxNLocator(most, steps=[1, 2, 5, 10]))
 
 
-def time_axis(ax: Axes, result: Result) -> None:
-    """Set the x-axis to time, from the first sample to the last."""
+def time_axis(ax: Axes, result: Result, ylabel: str = "") -> None:
+    """Set the x-axis to time, from the first sample to the last, and label the y-axis if asked."""
+    if ylabel:
+        ax.set_ylabel(ylabel)
     ax.set_xlim(result.time[0], result.time[-1])
     ticks(ax.xaxis, 5)
     ax.set_xlabel("time [s]")
+
+
+def plane_axes(ax: Axes, xlabel: str, ylabel: str, margin: float = 0.06) -> None:
+    """Set plane axes to equal scales with some room round the curves, and label them."""
+    ax.margins(margin)
+    ax.set_aspect("equal", adjustable="datalim")
+    for axis in (ax.xaxis, ax.yaxis):
+        ticks(axis, 6)
+    ax.set(xlabel=xlabel, ylabel=ylabel)
+
+
+def corner_note(ax: Axes, text: str, look: Style = NOTE) -> None:
+    """Write a note in the upper right corner of the axes."""
+    place: Style = {"ha": "right", "va": "top", "transform": ax.transAxes}
+    ax.text(0.99, 0.99, text, **place, **look)
 
 
 def shade_window(ax: Axes, result: Result) -> None:

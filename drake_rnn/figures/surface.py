@@ -17,7 +17,7 @@ from ..runs.result import Result
 from ..systems import Contact
 from .ends import mark_ends
 from .looks import DESIRED, FORCE, Style
-from .style import finite, largest, legend, span, ticks
+from .style import finite, largest, legend, plane_axes, span
 from .traits import evaluated, first_pass
 
 #: Relative error up to which a force counts as near the desired one.
@@ -105,12 +105,8 @@ def plot_on_surface(ax: Axes, result: Result) -> None:
     mark_ends(ax, result, traced, desired)
     shown = finite(np.concatenate((traced, desired)))
     ax.update_datalim(np.stack([span(values, least=_LEAST) for values in shown.T], axis=1))
-    ax.margins(0.06)
-    ax.set_aspect("equal", adjustable="datalim")
-    ticks(ax.xaxis, 6)
-    ticks(ax.yaxis, 6)
-    across, up = (f"{name} along the surface [mm]" for name in surface_axes(result)[1])
-    ax.set(xlabel=across, ylabel=up)
+    across, up = surface_axes(result)[1]
+    plane_axes(ax, f"{across} along the surface [mm]", f"{up} along the surface [mm]")
     figure: Any = ax.figure
     place: Style = {"ax": ax, "aspect": 25, "pad": 0.02, "spacing": "proportional"}
     bar = figure.colorbar(curve, extend=_beyond(force, edges[0], edges[-1]), format="%.4g", **place)
@@ -128,11 +124,17 @@ def force_scale(result: Result) -> tuple[Array, ListedColormap]:
     in the window would have one colour.
     """
     desired = _desired(result)
-    low, high = _range(result)
+    # The range to tell apart: the forces in the window, and those near the desired one.
+    near = desired * np.array([1 - NEAR, 1 + NEAR])
+    force = result.series["normal_force"][evaluated(result)]
+    low, high = span(np.concatenate((force, near)), least=0.0)
+    low = max(0.0, low)
     most = len(_WAYS) + 0.5
     far = max(desired - low, high - desired)
     step = desired * next((s for s in _STEPS if far <= most * s * desired), far / (most * desired))
-    less, more = (_steps_beyond(off / step) for off in (desired - low, high - desired))
+    # The colour in the middle takes half a step; a rounding error needs no further colour.
+    beyond = ((off / step - 0.5 - 1e-9) for off in (desired - low, high - desired))
+    less, more = (max(0, ceil(steps)) for steps in beyond)
     paler, darker = (_towards(end) for end in (_PALE, _DARK))
     edges = desired + step * (np.arange(-less, more + 2) - 0.5)
     tints = [*paler[:less][::-1], to_rgb(FORCE["color"]), *darker[:more]]
@@ -140,7 +142,7 @@ def force_scale(result: Result) -> tuple[Array, ListedColormap]:
 
 
 def _towards(end: str) -> list[tuple[float, ...]]:
-    """Return colours on the way from that of forces to another one."""
+    """Return colours on the way from the colour of forces to another colour."""
     start, stop = (np.array(to_rgb(colour)) for colour in (FORCE["color"], end))
     return [tuple(start + way * (stop - start)) for way in _WAYS]
 
@@ -152,28 +154,9 @@ def _contact(result: Result) -> Contact:
     return contact
 
 
-def _steps_beyond(steps: float) -> int:
-    """Return the number of colours on one side of the middle one, which takes half a step.
-
-    A rounding error needs no further colour.
-    """
-    return max(0, ceil(steps - 0.5 - 1e-9))
-
-
 def _desired(result: Result) -> float:
     """Return the desired force once it has risen [N]."""
     return _contact(result).force.value
-
-
-def _range(result: Result) -> tuple[float, float]:
-    """Return the range of force that colours distinguish [N].
-
-    It covers the forces in the window and those near the desired one.
-    """
-    force = result.series["normal_force"][evaluated(result)]
-    near = _desired(result) * np.array([1 - NEAR, 1 + NEAR])
-    low, high = span(np.concatenate((force, near)), least=0.0)
-    return max(0.0, low), high
 
 
 def _beyond(values: Array, low: float, high: float) -> str:

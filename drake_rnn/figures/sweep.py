@@ -1,4 +1,4 @@
-"""The figure of a sweep: metrics against the swept value."""
+"""The figures of a sweep: metrics against the swept value, and how runs learned the Jacobian."""
 
 from __future__ import annotations
 
@@ -23,14 +23,12 @@ from ..measures import raised
 from .grid import filled_page
 from .labels import key_label, metric_label
 from .looks import nth
-from .style import save, styled
+from .style import label, legend_above, log_axis, save, single, styled, ticks
 
 #: Largest number of swept values that a logarithmic axis labels.
 _TICKS = 10
 #: Width of a character of a label, and room between two, as shares of a panel's width.
 _CHARACTER, _GAP = 0.034, 0.02
-#: Room for the names in a line of the legend [characters].
-_LEGEND = 110
 #: Smallest number of labels of a logarithmic axis.
 _LABELLED = 2
 #: Relative variation of a metric below which its axis begins at zero: it is nearly constant.
@@ -87,9 +85,42 @@ def sweep_figure(
             ax.set_xlabel(key_label(keys[along], units.get(keys[along], "")))
             ax.set_ylabel(metric_label(metric))
         if others:
-            handles, names = axes[0].get_legend_handles_labels()
-            columns = max(1, min(len(names), _LEGEND // max(map(len, names))))
-            figure.legend(handles, names, loc="outside upper center", ncols=columns)
+            legend_above(figure, axes[0])
+        save(figure, file)
+    return file
+
+
+def learning_figure(
+    keys: Sequence[str],
+    rows: Sequence[Row],
+    file: Path,
+    units: Mapping[str, str] = MappingProxyType({}),
+) -> Path | None:
+    """Draw the Frobenius norm of J - J_hat over time, a curve for each run.
+
+    Args:
+        keys: Swept keys.
+        rows: Rows of the sweep; those that learned no Jacobian have no curve.
+        file: File to write.
+        units: Units of the swept keys, as far as they are known.
+
+    Returns:
+        The file, or None if no run learned a Jacobian.
+    """
+    learned = [(row.values, *row.learning) for row in rows if row.learning is not None]
+    if not learned:
+        return None
+    with styled():
+        figure, ax = single()
+        for k, (values, time, error) in enumerate(learned):
+            ax.plot(time, error, label=", ".join(map(str, values)), **nth(k))
+        log_axis(ax, [error for _, _, error in learned])
+        ax.set_ylabel(label(r"error of $\hat J$, Frobenius norm", "J"))
+        ax.set_xlim(0.0, max(float(time[-1]) for _, time, _ in learned))
+        ticks(ax.xaxis, 5)
+        ax.set_xlabel("time [s]")
+        names = ", ".join(key_label(key.split(".")[-1], units.get(key, "")) for key in keys)
+        legend_above(figure, ax, room=55, beside=6, title=names)
         save(figure, file)
     return file
 

@@ -21,8 +21,8 @@ from .style import (
     legend,
     log_axis,
     noisy,
+    plane_axes,
     shade_window,
-    ticks,
     time_axis,
 )
 from .surface import surface_axes
@@ -38,11 +38,7 @@ def plot_path(ax: Axes, result: Result) -> None:
     once = first_pass(result)
     ax.plot(desired[once, a], desired[once, b], label="desired", **DESIRED)
     mark_ends(ax, result, p_WE[:, [a, b]], desired[:, [a, b]])
-    ax.margins(0.06)
-    ax.set_aspect("equal", adjustable="datalim")
-    ticks(ax.xaxis, 6)
-    ticks(ax.yaxis, 6)
-    ax.set(xlabel=f"{'xyz'[a]} [m]", ylabel=f"{'xyz'[b]} [m]")
+    plane_axes(ax, f"{'xyz'[a]} [m]", f"{'xyz'[b]} [m]")
     legend(ax)
 
 
@@ -58,8 +54,7 @@ def plot_position_error(ax: Axes, result: Result) -> None:
     if not has_path(result):
         # The error starts at zero: a line from there would run along the axis.
         ax.set_yscale("log", nonpositive="mask")
-    ax.set_ylabel(label(_along(result, "position error"), "p_WE"))
-    time_axis(ax, result)
+    time_axis(ax, result, label(_along(result, "position error"), "p_WE"))
     legend(ax)
 
 
@@ -103,8 +98,7 @@ def plot_rotation(ax: Axes, result: Result) -> None:
     """Plot the angle between the end effector and the orientation that it should keep."""
     ax.plot(result.time, 1e3 * result.series["orientation_error"], color=INK)
     ax.set_ylim(bottom=0)
-    ax.set_ylabel("orientation error [mrad]")
-    time_axis(ax, result)
+    time_axis(ax, result, "orientation error [mrad]")
 
 
 def plot_orientation_error(ax: Axes, result: Result) -> None:
@@ -117,8 +111,7 @@ def plot_orientation_error(ax: Axes, result: Result) -> None:
     ax.plot(result.time, scale * error, color=INK, linewidth=0.6 if noisy(error) else 1.0)
     shade_window(ax, result)
     ax.set_ylim(0, 1.06 * scale * largest(error) or None)
-    ax.set_ylabel(f"orientation error [{shown}]")
-    time_axis(ax, result)
+    time_axis(ax, result, f"orientation error [{shown}]")
     keep_in_view(ax, result, scale * error)
     legend(ax)
 
@@ -186,6 +179,5 @@ def _plot_axes(
     for k, (name, column) in enumerate(zip(names, values.T, strict=False)):
         look = {**nth(k), "linewidth": 1.2, "zorder": order[k], **style}
         ax.plot(result.time, scale * column, label=name, **look)
-    ax.set_ylabel(f"{text} [{shown}]")
-    time_axis(ax, result)
+    time_axis(ax, result, f"{text} [{shown}]")
     return scale

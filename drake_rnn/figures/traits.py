@@ -1,4 +1,4 @@
-"""Properties of a result that decide what is drawn of it, and how."""
+"""Properties of a result that decide which figures are drawn, and how."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def evaluated(result: Result) -> NDArray[np.bool_]:
 
 
 def apart(result: Result, quantity: str) -> bool:
-    """Return whether the motion of the arm visibly differs from that of the law.
+    """Return whether the motion of the arm visibly differs from the motion of the law.
 
     Args:
         result: The run.

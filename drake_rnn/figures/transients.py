@@ -1,4 +1,4 @@
-"""A view of what comes after a transient, which says how far the transient goes beyond it."""
+"""Axes that show the curves after a transient, with a note of how far the transient goes beyond."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .looks import NOTE, Style
 from .style import largest, span
 from .traits import evaluated
 
-#: Ratio of what is before to what comes after from which on the view is that of the latter.
+#: Ratio of the values before to the values after from which on only the latter are in view.
 _OUTSIZE = 4.0
 #: Share of a run without a window that may be a transient.
 _EARLY = 0.1
@@ -21,7 +21,7 @@ _ROOM, _ROOM_FOR_NUMBERS = 0.15, 0.35
 
 
 def keep_in_view(ax: Axes, result: Result, values: Array) -> None:
-    """Limit the y-axis to what comes after a transient, if that would flatten the rest.
+    """Limit the y-axis to the values after a transient, if the transient would flatten them.
 
     After a transient is the window, or without one what follows the first tenth of the run. Where
     curves leave the view, an arrow and a number at its edge say how far they go.
@@ -47,7 +47,7 @@ def keep_in_view(ax: Axes, result: Result, values: Array) -> None:
 
 
 def in_view(result: Result, values: Array) -> Array:
-    """Return what of ``values`` is in view, shape (j, ..): all, or what comes after a transient.
+    """Return the ``values`` in view, shape (j, ..): all of them, or those after a transient.
 
     Args:
         result: The run.

@@ -17,9 +17,9 @@ from .looks import MOMENT, nth
 from .style import PAGE, largest, legend, save, styled
 
 _UNITS = {metric.name: metric.unit for metric in METRICS}
-# Decades from which on only these are labelled.
+# Number of decades from which on an axis has labels at decades alone.
 _DECADES = 2.0
-#: Number of the colour of what Drake found.
+#: Number of the colour of Drake's runs.
 _VERIFIED = 3
 
 
@@ -27,7 +27,7 @@ def tuning_figure(tuned: Tuned, file: Path) -> Path:
     """Draw the metric and the gains after each step that made the metric smaller.
 
     Args:
-        tuned: What tuning came to.
+        tuned: The outcome of the tuning.
         file: File to write.
 
     Returns:

@@ -24,7 +24,7 @@ from .timing import FilmTimes, film_times
 
 __all__ = ["Film", "FilmProgress", "FilmSettings", "write_film"]
 
-#: What is told of the progress: the number of pictures drawn, and of all.
+#: Called with the number of pictures drawn so far, and with the number of all pictures.
 FilmProgress = Callable[[int, int], None]
 
 
@@ -77,7 +77,7 @@ def write_film(
             replaced once the new one is whole.
         settings: What the film shows and how large it may be.
         beside: Other runs whose paths are shown beside those of ``result``.
-        progress: A function that is called with the number of pictures drawn, and of all.
+        progress: Called after each picture with the number of pictures drawn, and of all.
 
     Returns:
         What was written.
@@ -142,7 +142,7 @@ def _require_writable(file: Path) -> None:
 
 
 def _write_whole(file: Path, contents: bytes) -> None:
-    """Write a file in one step, so that it is never there in part."""
+    """Write a file in one step, so that no reader ever finds part of it."""
     new = file.with_name(f".{file.name}.new")
     try:
         new.write_bytes(contents)

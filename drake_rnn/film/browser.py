@@ -16,7 +16,7 @@ from typing import Any
 
 from ..errors import InvalidInputError
 
-#: Names under which Chromium and its relatives are installed, the first that is there is taken.
+#: Names under which Chromium and its relatives are installed; the first one found is used.
 _NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 _ARGUMENTS = (
     "--headless=new",
@@ -53,12 +53,12 @@ def require_browser() -> None:
 def open_browser(
     size: tuple[int, int], arguments: Sequence[str] = (), logs: dict[str, str] | None = None
 ) -> Iterator[Any]:
-    """Start Chromium, and end it with all of its processes whatever happens meanwhile.
+    """Start Chromium, and end all of its processes when the block ends, also after an error.
 
     Args:
         size: Width and height of the page [px].
         arguments: More arguments of Chromium.
-        logs: What is logged, as in ``{"browser": "ALL"}``; by default what pages complain of.
+        logs: Levels of logging, by default ``{"browser": "ALL"}``: the messages of pages.
 
     Yields:
         Selenium's driver, a ``selenium.webdriver.Chrome``.
@@ -93,7 +93,7 @@ def open_browser(
 
 
 def complaints(driver: Any) -> list[str]:
-    """Return what the page complained of since this was asked last."""
+    """Return the errors that the page has logged since the last call."""
     return [
         " ".join(str(entry["message"]).split())
         for entry in driver.get_log("browser")
@@ -133,28 +133,28 @@ def _started(webdriver: Any, options: Any, service: Any) -> Any:
 
 
 def first_line(error: Exception) -> str:
-    """Return what an error of selenium's says, without the stack of the browser's own functions."""
+    """Return the message of an error of selenium, without the stack of the browser's functions."""
     text = str(error).removeprefix("Message:").strip()
     return " ".join(text.splitlines()[0].split()) if text else type(error).__name__
 
 
 def browser_errors() -> tuple[type[Exception], ...]:
-    """Return the classes of what is raised when a browser or its driver fails."""
+    """Return the classes of the errors that are raised when a browser or its driver fails."""
     selenium, urllib3 = import_module("selenium.common"), import_module("urllib3.exceptions")
     return (selenium.WebDriverException, urllib3.HTTPError)
 
 
 def _fit_page(driver: Any, size: tuple[int, int]) -> None:
-    """Give the page a size; that of the window is another one."""
+    """Set the size of the page, which differs from that of the window."""
     width, height = size
     metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
     driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
 
 
 def _end(driver: Any, service: Any) -> None:
-    """End the browser, its driver and all that they have started."""
+    """End the browser, its driver and all processes that they have started."""
     process = service.process
-    # One that has crashed cannot be asked to quit, and needs not.
+    # A browser that has crashed cannot be asked to quit.
     with suppress(Exception):
         if driver is not None:
             driver.quit()

@@ -18,7 +18,7 @@ from .settings import FilmSettings
 
 #: Height of letters in a wide picture and in a narrow one, and width from which it is wide [px].
 _LARGE, _SMALL, _WIDE = 14, 12, 480
-#: Height of a row over that of its letters.
+#: Height of a row over the height of its letters.
 _SPACED = 1.6
 _GAP, _EDGE, _BAR = 16, 10, 3
 _FIGURE_SPACE = "\u2007"
@@ -49,8 +49,8 @@ class _Entry(NamedTuple):
 class Caption:
     """The caption of a film.
 
-    All of it stands in one row if there is room, else in two. Then a name that is too long is cut,
-    and what finds no room beside the legend is left out.
+    The caption stands in one row if there is room, else in two. In two rows, a name that is too
+    long is cut, and numbers that do not fit beside the legend are left out.
 
     Args:
         results: The run that the film shows, and those beside it.
@@ -71,7 +71,7 @@ class Caption:
         height = _LARGE if settings.size[0] >= _WIDE else _SMALL
         self._plain, self._bold = _font("DejaVuSans", height), _font("DejaVuSans-Bold", height)
         self._row = round(_SPACED * height)
-        # Of several runs, labels beside the paths tell the errors.
+        # For several runs, labels beside the paths show the errors.
         numbers = live_numbers(results[0]) if len(results) == 1 else Numbers(results[0].time, [])
         title = " beside ".join(
             each.experiment.name or each.experiment.arm.name for each in results
@@ -85,7 +85,8 @@ class Caption:
         if self._rows == 2:
             title = _cut(title, self._bold, before_clock)
             kept = self._that_fit(widest, left)[0]
-            numbers = numbers.only([widest.index(each) for each in kept])
+            written = [numbers.written[widest.index(each)] for each in kept]
+            numbers = Numbers(numbers.time, written)
         self._title, self._legend, self._numbers = title, legend, numbers
 
     @property
@@ -147,7 +148,7 @@ class Caption:
             x -= self._width(entry)
 
     def _clock(self, time: float) -> _Entry:
-        # Of one width during the whole film.
+        # The clock has the same width during the whole film.
         digits = len(f"{self._span[1]:.1f}")
         written = f"{time:.1f}".rjust(digits, _FIGURE_SPACE) + " s"
         faster = "" if self._speed < 1.005 else f"{self._speed:.3g}×   "
@@ -159,7 +160,7 @@ class Caption:
         return self._plain.getlength(text) + _GAP
 
     def _that_fit(self, entries: Sequence[_Entry], room: float) -> tuple[list[_Entry], float]:
-        """Return the pieces that find room, and what is left of it [px]."""
+        """Return the pieces that fit into the room, and the room that is left [px]."""
         kept = []
         for entry in entries:
             if (width := self._width(entry)) <= room:
@@ -169,7 +170,7 @@ class Caption:
 
 
 def _legend(result: Result) -> list[_Entry]:
-    """Return what the playback draws, with its colours."""
+    """Return the objects that the playback draws, with their colours."""
     experiment = result.experiment
     traced = _Entry("traced", "●", TRACED)
     if experiment.target is not None:

@@ -43,7 +43,7 @@ def _webp(pictures: Pictures, times: FilmTimes, quality: int) -> bytes:
 
 def _gif(pictures: Pictures, times: FilmTimes, colours: int) -> bytes:
     palette = _common_palette(pictures, colours)
-    # Without dither, what stands still stays as it is, which takes no bytes.
+    # Without dither, parts that stand still are the same in all pictures and take no bytes.
     reduced = [each.quantize(palette=palette, dither=Image.Dither.NONE) for each in pictures]
     durations = [10 * ticks for ticks in times.durations(_GIF_UNIT)]
     return _moving("GIF", reduced, durations, optimize=False)
@@ -68,15 +68,10 @@ def _common_palette(pictures: Pictures, colours: int) -> Image.Image:
 
 
 def _mp4(pictures: Pictures, times: FilmTimes, quality: int) -> bytes:
-    ffmpeg = shutil.which("ffmpeg")
-    if ffmpeg is None:
-        raise InvalidInputError(
-            "film: MP4 needs ffmpeg, which is not installed; webp and gif do not"
-        )
     width, height = pictures[0].size
     *durations, last = times.durations(_MILLISECOND)
     each = sum(durations) / len(durations)
-    command = [ffmpeg, "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"]
+    command = [_ffmpeg(), "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"]
     command += ["-s", f"{width}x{height}", "-r", f"{1e3 / each:.6f}", "-i", "-"]
     # Its colours are halved in both directions, which takes even sizes.
     command += ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-c:v", "libx264", "-pix_fmt", "yuv420p"]
@@ -116,8 +111,15 @@ def format_of(file: Path) -> Format:
         raise InvalidInputError(
             f"film file {file}: must end in one of {', '.join(FORMATS)}, not {file.suffix!r}"
         )
-    if found is FORMATS[".mp4"] and shutil.which("ffmpeg") is None:
+    if found is FORMATS[".mp4"]:
+        _ffmpeg()
+    return found
+
+
+def _ffmpeg() -> str:
+    """Return the program that encodes MP4."""
+    if (ffmpeg := shutil.which("ffmpeg")) is None:
         raise InvalidInputError(
             "film: MP4 needs ffmpeg, which is not installed; webp and gif do not"
         )
-    return found
+    return ffmpeg

@@ -1,4 +1,4 @@
-"""A film that is as good as its size allows."""
+"""The best film that fits within a given file size."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..errors import InvalidInputError
 from .encoding import Format, Pictures
 from .timing import FilmTimes
 
-#: Of the pictures each, every second one and so on are shown.
+#: Steps from one shown picture to the next: all pictures, every second one, and so on.
 _STEPS = (1, 2, 3, 4)
 
 
@@ -21,7 +21,7 @@ class Fitted:
         contents: The bytes of its file.
         times: Times of the pictures that it has.
         quality: Its quality, in words.
-        best: Whether nothing had to be given up.
+        best: Whether it has the best quality and all pictures.
     """
 
     contents: bytes
@@ -31,7 +31,7 @@ class Fitted:
 
 
 def fitted(pictures: Pictures, times: FilmTimes, kind: Format, most_bytes: int) -> Fitted:
-    """Return the best film that is no larger than it may be.
+    """Return the best film whose file is no larger than ``most_bytes``.
 
     Pictures are left out once the quality is at its lowest; it may then be better again.
 
@@ -58,7 +58,7 @@ def fitted(pictures: Pictures, times: FilmTimes, kind: Format, most_bytes: int) 
 
 
 def _attempts(count: int, kind: Format) -> Iterator[tuple[int, int]]:
-    """Yield which pictures to take and with what quality, the best film first."""
+    """Yield the step between pictures and the quality of each attempt, the best film first."""
     for step in _STEPS:
         if step > 1 and count // step < 2:
             return

@@ -28,10 +28,6 @@ class Numbers:
         sample = int(np.searchsorted(self.time, time + 1e-9, side="right")) - 1
         return [each[max(sample, 0)] for each in self.written]
 
-    def only(self, which: list[int]) -> Numbers:
-        """Return some of the numbers."""
-        return Numbers(self.time, [self.written[k] for k in which])
-
     @property
     def widest(self) -> list[str]:
         """The longest text of each number."""
@@ -39,7 +35,7 @@ class Numbers:
 
 
 def live_numbers(result: Result) -> Numbers:
-    """Return what a run is about: its force, what it has yet to learn or to move, its error."""
+    """Return the numbers that a film shows: force, Jacobian error, joint error, position error."""
     written = []
     series = result.series
     if result.experiment.contact is not None:

@@ -18,6 +18,8 @@ from .settings import FilmSettings
 
 #: Time that a page may take until it is drawn [s].
 _PATIENCE = 120.0
+#: Functions that are put into the page.
+_SCRIPT = Path(__file__).with_suffix(".js").read_text(encoding="utf-8")
 
 
 class Player:
@@ -36,14 +38,16 @@ class Player:
         self._driver = driver
         self._do(lambda: driver.get(page.as_uri()))
         self._wait("return Boolean(window.playback && window.playback.ready)")
-        self._script(_SET_UP, settings.theme, settings.view)
-        self._wait(_SETTLED)
+        self._script(_SCRIPT)
+        self._script("window.film.setUp(...arguments)", settings.theme, settings.view)
+        self._wait("return window.film.settled()")
         self._overlay = self._read_overlay()
 
     def pictures(self, times: Array) -> Iterator[Image.Image]:
         """Yield the picture at each time of the run, shape (f,) [s]."""
         for t in times.tolist():
-            picture = _image(self._script(_PICTURE, t).partition(",")[2]).convert("RGB")
+            data = self._script("return window.film.picture(arguments[0])", t)
+            picture = _image(data.partition(",")[2]).convert("RGB")
             if self._overlay is not None:
                 picture.paste(self._overlay, (0, 0), self._overlay)
             yield picture
@@ -53,13 +57,13 @@ class Player:
 
         None if there are none, or no room for all of them.
         """
-        if not self._script(_LABELLED):
+        if not self._script("return window.film.labelled()"):
             return None
         clear = {"color": {"r": 0, "g": 0, "b": 0, "a": 0}}
         self._driver.execute_cdp_cmd("Emulation.setDefaultBackgroundColorOverride", clear)
-        self._script(_SCENE_HIDDEN, True)
+        self._script("window.film.hideScene(true)")
         shot = self._driver.execute_cdp_cmd("Page.captureScreenshot", {"format": "png"})
-        self._script(_SCENE_HIDDEN, False)
+        self._script("window.film.hideScene(false)")
         self._driver.execute_cdp_cmd("Emulation.setDefaultBackgroundColorOverride", {})
         return _image(shot["data"]).convert("RGBA")
 
@@ -88,39 +92,3 @@ class Player:
 
 def _image(encoded: str) -> Image.Image:
     return Image.open(BytesIO(base64.b64decode(encoded)))
-
-
-_SET_UP = """
-const [theme, view] = arguments;
-window.playback.chrome(false);
-window.playback.setTheme(theme);
-if (view) window.playback.setView(view);
-window.playback.seek(0);
-"""
-# What the browser lays out anew is drawn in its next frames.
-_SETTLED = """
-if (window.settling === undefined) {
-  window.settling = 3;
-  const count = () => { if (--window.settling > 0) requestAnimationFrame(count); };
-  requestAnimationFrame(count);
-}
-const canvas = viewer.renderer.domElement.getBoundingClientRect();
-return window.settling <= 0 && canvas.width === innerWidth && canvas.height === innerHeight;
-"""
-_PICTURE = """
-window.playback.seek(arguments[0]);
-viewer.render();
-return viewer.renderer.domElement.toDataURL("image/png");
-"""
-_LABELLED = """
-const places = [...document.querySelectorAll(".label")].map(each => each.getBoundingClientRect());
-const overlap = (a, b) => a !== b && a.left < b.right && b.left < a.right;
-return places.length > 0 && !places.some(a => places.some(b => overlap(a, b)));
-"""
-_SCENE_HIDDEN = """
-const style = document.getElementById("without-scene") || document.createElement("style");
-style.id = "without-scene";
-style.textContent = "* { background: transparent !important } canvas { visibility: hidden }" +
-  " .label { background: var(--veil) !important; visibility: visible !important }";
-if (arguments[0]) document.head.append(style); else style.remove();
-"""

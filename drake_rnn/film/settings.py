@@ -1,4 +1,4 @@
-"""What a film shows, and how large it may be."""
+"""Settings of a film: its contents and its largest size."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _Side = Annotated[Count, between(160, 3840)]
 
 @validated
 class FilmSettings:
-    """What a film of a run shows, and how large it may be.
+    """Contents and largest size of a film of a run.
 
     Args:
         size: Width and height of its pictures [px].

@@ -1,4 +1,4 @@
-"""When each picture of a film was in the run, and how long the film shows it."""
+"""The time of each picture in the run, and how long the film shows the picture."""
 
 from __future__ import annotations
 

@@ -1,11 +1,10 @@
-"""What moves: objects, by the recording, and a traced path, which the page lets grow."""
+"""Moving parts of a scene: objects that the recording moves, and traced paths that grow."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.geometry import Meshcat, MeshcatAnimation, Rgba
 
 from .. import colours
@@ -37,11 +36,7 @@ class Trace:
     def __init__(self, meshcat: Meshcat, place: str = "/traced/path") -> None:
         self._meshcat = meshcat
         self._place = place
-        self._vertices: list[Array] = []
-        self._faces: list[NDArray[np.int32]] = []
-        self._time: list[Array] = []
-        self._reached: list[NDArray[np.int64]] = []
-        self._counts = np.zeros(2, dtype=int)
+        self._lines: list[tuple[LineMesh, Array]] = []
 
     def add(self, line: LineMesh, time: Array) -> None:
         """Add a line.
@@ -50,28 +45,31 @@ class Trace:
             line: The line, of two or more points.
             time: Time at which each point was passed, shape (k,) [s].
         """
-        vertices, faces, reached = line
-        vertex_count, face_count = self._counts
-        self._vertices.append(vertices)
-        self._faces.append(faces + np.int32(vertex_count))
-        self._time.append(np.asarray(time))
-        # What rounds off the beginning of a line is no part of its first step.
-        self._reached.append(np.where(np.arange(len(reached)) == 0, 0, reached) + face_count)
-        self._counts += (vertices.shape[1], faces.shape[1])
+        self._lines.append((line, np.asarray(time)))
 
     def draw(self) -> None:
         """Draw all lines; none, if none was added."""
-        if self._vertices:
-            vertices = np.asfortranarray(np.concatenate(self._vertices, axis=1))
-            faces = np.asfortranarray(np.concatenate(self._faces, axis=1))
-            draw_smooth(self._meshcat, self._place, vertices, faces, colours.TRACED)
+        if not self._lines:
+            return
+        vertices = [line.vertices for line, _ in self._lines]
+        first = np.cumsum([0, *(each.shape[1] for each in vertices[:-1])], dtype=np.int32)
+        faces = [line.faces + k for (line, _), k in zip(self._lines, first, strict=True)]
+        corners = np.asfortranarray(np.concatenate(vertices, axis=1))
+        triangles = np.asfortranarray(np.concatenate(faces, axis=1))
+        draw_smooth(self._meshcat, self._place, corners, triangles, colours.TRACED)
 
     def as_data(self) -> list[dict[str, Any]]:
-        """Return how the mesh grows: by each time, how many faces are to be seen."""
-        if not self._time:
+        """Return how the mesh grows: the number of faces that are visible at each time."""
+        if not self._lines:
             return []
-        time, reached = np.concatenate(self._time), np.concatenate(self._reached)
-        return [{"path": self._place, "time": packed(time), "faces": packed(reached)}]
+        before, reached = 0, []
+        for line, _ in self._lines:
+            # The round beginning of a line is visible from its first point on.
+            reached.append(before + np.append(0, line.reached[1:]))
+            before += line.faces.shape[1]
+        time = np.concatenate([time for _, time in self._lines])
+        faces = packed(np.concatenate(reached))
+        return [{"path": self._place, "time": packed(time), "faces": faces}]
 
 
 def draw_smooth(

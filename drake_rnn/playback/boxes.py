@@ -1,4 +1,4 @@
-"""Boxes round the parts of the arm, to find out what the arm hides from a camera."""
+"""Boxes round the parts of the arm, which tell what the arm hides from a camera."""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
-"""Where the camera stands: close, and where the arm hides as little as possible."""
+"""Camera positions: close to the scene, and where the arm hides as little of a path as possible."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from pydrake.math import RotationMatrix
@@ -34,9 +35,9 @@ def view_of_paths(motion: ReplayedMotion, boxes: Boxes) -> Array:
     experiment = motion.result.experiment
     if experiment.document.task == "xy":
         return _direction(-math.pi / 2.0, math.radians(76.0))
-    course = _some(motion.course)
+    course = some(motion.course)
     centre = course.mean(axis=0)
-    ahead = math.atan2(centre[1], centre[0])
+    ahead = _azimuth(centre)
     if experiment.target is not None:
         return _view_of_change(boxes, course[:1], ahead)
     # A single point lies in no plane.
@@ -61,20 +62,14 @@ def view_of_arm_and_surface(contact: ReplayedContact, boxes: Boxes) -> Array:
     Returns:
         A unit vector from the scene to the camera, shape (3,).
     """
-    drawing = _some(contact.course)
-    centre = drawing.mean(axis=0)
-    ahead = math.atan2(centre[1], centre[0])
+    drawing = some(contact.course)
 
     def cost(direction: Array) -> float:
         hidden = boxes.hidden(drawing, direction)
         return hidden + _slope_in_sight(direction, contact.normal) + abs(direction[2] - 0.4)
 
-    directions = (
-        _direction(ahead + math.radians(aside), math.radians(elevation))
-        for aside in (55, -55, 70, -70, 90, -90, 40, -40, 110, -110)
-        for elevation in (20, 27, 14)
-    )
-    return min(directions, key=cost)
+    asides = (55, -55, 70, -70, 90, -90, 40, -40, 110, -110)
+    return min(_directions(drawing, asides, (20, 27, 14)), key=cost)
 
 
 def view_of_drawing(course: Array, normal: Array, boxes: Boxes) -> Array:
@@ -90,9 +85,7 @@ def view_of_drawing(course: Array, normal: Array, boxes: Boxes) -> Array:
     Returns:
         A unit vector from the scene to the camera, shape (3,).
     """
-    drawing = _some(course)
-    centre = drawing.mean(axis=0)
-    ahead = math.atan2(centre[1], centre[0])
+    drawing = some(course)
     last = boxes.posture(-1)
 
     def cost(direction: Array) -> float:
@@ -102,12 +95,8 @@ def view_of_drawing(course: Array, normal: Array, boxes: Boxes) -> Array:
         slope = _slope_in_sight(direction, normal)
         return hidden + to_surface + 0.5 * to_horizontal + slope
 
-    directions = (
-        _direction(ahead + math.radians(aside), math.radians(elevation))
-        for aside in (40, -40, 55, -55, 70, -70, 90, -90, 110, -110, 135, -135, 180, 0)
-        for elevation in (36, 28, 20, 44, 52, 14)
-    )
-    return min(directions, key=cost)
+    asides = (40, -40, 55, -55, 70, -70, 90, -90, 110, -110, 135, -135, 180, 0)
+    return min(_directions(drawing, asides, (36, 28, 20, 44, 52, 14)), key=cost)
 
 
 def points_round(drawing: Array, normal: Array) -> Array:
@@ -120,7 +109,7 @@ def points_round(drawing: Array, normal: Array) -> Array:
         drawing: Points of the drawing, shape (j, 3) [m].
         normal: Unit normal of its plane, to the side of the tool, shape (3,).
     """
-    drawing = _some(drawing)
+    drawing = some(drawing)
     middle = (drawing.min(axis=0) + drawing.max(axis=0)) / 2.0
     extent = 2.0 * float(np.linalg.norm(drawing - middle, axis=1).max())
     axes = RotationMatrix.MakeFromOneVector(normal, 2).matrix().T
@@ -159,9 +148,24 @@ def _slope_in_sight(direction: Array, normal: Array) -> float:
     return abs(float(direction @ uphill)) / size if size > _LEVEL else 0.0
 
 
-def _some(points: Array) -> Array:
-    """Return some points of a path, evenly chosen."""
-    return points[:: max(1, len(points) // _CHECKED)]
+def some(points: Array, count: int = _CHECKED) -> Array:
+    """Return about ``count`` points of a path, shape (k, 3), evenly chosen; or all of fewer."""
+    return points[:: max(1, len(points) // count)]
+
+
+def _azimuth(point: Array) -> float:
+    """Return the azimuth of a point seen from the base [rad]."""
+    return math.atan2(point[1], point[0])
+
+
+def _directions(points: Array, asides: Sequence[int], elevations: Sequence[int]) -> list[Array]:
+    """Return directions at these angles [deg], aside of where points are seen from the base."""
+    ahead = _azimuth(points.mean(axis=0))
+    return [
+        _direction(ahead + math.radians(aside), math.radians(elevation))
+        for aside in asides
+        for elevation in elevations
+    ]
 
 
 def _direction(azimuth: float, elevation: float) -> Array:

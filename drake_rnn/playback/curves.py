@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -24,6 +26,7 @@ _DEVIATION = 0.04
 _PATH, _TRACED_POINT, _DESIRED_POINT, _RESTING_POINT = 2.2, 2.0, 7.0, 5.5
 
 
+@dataclass(frozen=True)
 class Curves:
     """The desired and the traced path of one motion.
 
@@ -32,88 +35,81 @@ class Curves:
         motion: The motion to replay.
         radius: Radius of the traced path [m].
         place: Scene path that both are below.
-        aside: Displacement of all that is drawn from where it was, shape (3,) [m].
-        desired_point: Radius of the desired point over that of the traced path; by default such
-            that it is seen from far away.
+        aside: Displacement of the drawing from the recorded motion, shape (3,) [m].
+        desired_point: Radius of the desired point over the radius of the traced path; the default
+            is visible from far away.
     """
 
-    def __init__(
-        self,
-        meshcat: Meshcat,
-        motion: ReplayedMotion,
-        radius: float,
-        place: str = "",
-        aside: Array | None = None,
-        desired_point: float = _DESIRED_POINT,
-    ) -> None:
-        self._meshcat = meshcat
-        self._motion = motion
-        self._radius = radius
-        self._place = place
-        self._aside = np.zeros(3) if aside is None else aside
-        self._desired_point = desired_point
-        self._trace = Trace(meshcat, f"{place}/traced/path")
+    meshcat: Meshcat
+    motion: ReplayedMotion
+    radius: float
+    place: str = ""
+    aside: Array = field(default_factory=lambda: np.zeros(3))
+    desired_point: float = _DESIRED_POINT
+
+    @cached_property
+    def _trace(self) -> Trace:
+        return Trace(self.meshcat, f"{self.place}/traced/path")
 
     def draw(self) -> None:
         """Draw both paths, and a ball on each."""
-        motion, radius = self._motion, self._radius
-        self._draw_desired(radius)
+        motion, radius = self.motion, self.radius
+        self._draw_desired()
         kept = simplified(motion.traced, _DEVIATION * radius, motion.time)
-        self._trace.add(tube(motion.traced[kept] + self._aside, radius), motion.time[kept])
+        self._trace.add(tube(motion.traced[kept] + self.aside, radius), motion.time[kept])
         self._trace.draw()
-        ball = Sphere(_TRACED_POINT * radius)
-        self._set_object("traced/point", ball, colours.TRACED)
+        self._set_object("traced/point", Sphere(_TRACED_POINT * radius), colours.TRACED)
 
     def record(self, recording: MeshcatAnimation, time: Array) -> None:
         """Record how the balls move and the traced path grows."""
-        motion, aside = self._motion, self._aside
+        motion, aside = self.motion, self.aside
         for name, points in (("desired", motion.desired), ("traced", motion.traced)):
-            move(recording, f"{self._place}/{name}/point", motion.at(time, points + aside))
+            move(recording, f"{self.place}/{name}/point", motion.at(time, points + aside))
 
     def grows(self) -> list[dict[str, Any]]:
         """Return how the traced path grows."""
         return self._trace.as_data()
 
     def scaled(self) -> list[dict[str, Any]]:
-        """Return what the page draws thicker or thinner, to suit the view."""
-        marks = ("start", "end") if self._motion.ends else ()
+        """Return the objects that the page draws thicker or thinner, to suit the view."""
+        marks = ("start", "end") if self.motion.ends else ()
         solids = ("traced/point", "desired/point", *(f"desired/{name}" for name in marks))
-        radii = {"traced/path": self._radius}
-        if not self._motion.rests:
-            radii["desired/path"] = _PATH * self._radius
+        radii = {"traced/path": self.radius}
+        if not self.motion.rests:
+            radii["desired/path"] = _PATH * self.radius
         return [
             {
                 "kind": "lines" if name in radii else "solids",
-                "path": f"{self._place}/{name}",
+                "path": f"{self.place}/{name}",
                 "radius": radii.get(name, 0.0),
-                "unit": self._radius,
+                "unit": self.radius,
             }
             for name in (*radii, *solids)
         ]
 
-    def _draw_desired(self, radius: float) -> None:
+    def _draw_desired(self) -> None:
         """Draw the desired path, unless it is a point, and the desired point."""
-        motion = self._motion
-        course = motion.course + self._aside
+        motion, radius = self.motion, self.radius
+        course = motion.course + self.aside
         if not motion.rests:
             kept = simplified(course, _DEVIATION * radius)
             vertices, faces, _ = tube(course[kept], _PATH * radius)
             # Only the inside of the wider tube is drawn, where it faces the camera: a rim round the
             # traced path that never hides it.
             rim = Meshcat.SideOfFaceToRender.kBackSide
-            place = f"{self._place}/desired/path"
-            draw_smooth(self._meshcat, place, vertices, faces, colours.DESIRED, rim)
+            place = f"{self.place}/desired/path"
+            draw_smooth(self.meshcat, place, vertices, faces, colours.DESIRED, rim)
         if motion.ends:
             self._mark("start", Sphere(_START * radius), course[0])
             self._mark("end", Box(*3 * (_END * radius,)), course[-1])
-        ball = Sphere((_RESTING_POINT if motion.rests else self._desired_point) * radius)
+        ball = Sphere((_RESTING_POINT if motion.rests else self.desired_point) * radius)
         self._set_object("desired/point", ball, colours.DESIRED, 0.5)
 
     def _mark(self, name: str, shape: Shape, point: Array) -> None:
         """Draw a shape at a point of the desired path, below its "/desired"."""
         self._set_object(f"desired/{name}", shape, colours.DESIRED)
-        self._meshcat.SetTransform(f"{self._place}/desired/{name}", RigidTransform(point))
+        self.meshcat.SetTransform(f"{self.place}/desired/{name}", RigidTransform(point))
 
     def _set_object(self, name: str, shape: Shape, colour: str, opacity: float = 1.0) -> None:
         rgba = Rgba(*colours.components(colour), opacity)
-        self._meshcat.SetObject(f"{self._place}/{name}", shape, rgba)
+        self.meshcat.SetObject(f"{self.place}/{name}", shape, rgba)

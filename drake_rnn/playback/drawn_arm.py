@@ -39,8 +39,8 @@ from ..robot.arm import Arm
 from ..robot.drake_log import quiet_drake
 
 TARGET_OPACITY = 0.4
-# Shapes that have no colour but the one that the model gives them, and what a saturated or a dark
-# colour takes from the lightness that they are drawn with.
+# Shapes whose only colour is the one in the model; luminance that is drawn as the lightest grey,
+# and how much darker a saturated colour is drawn.
 _PRIMITIVE = (Box, Capsule, Cylinder, Ellipsoid, Sphere)
 _LIGHT, _SATURATED = 0.6, 0.5
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
@@ -86,7 +86,7 @@ class DrawnArm:
         self._plant_context = self.plant.GetMyMutableContextFromRoot(self._context)
         self.inspector: SceneGraphInspector = scene_graph.model_inspector()
         for body in self._beyond_task_frame:
-            # A tool that extends beyond the task frame would look like what follows the path.
+            # If a tool beyond the task frame were drawn, it would seem to be what follows the path.
             meshcat.SetProperty(f"/arm/{_scene_name(body)}", "visible", False)
 
     @property

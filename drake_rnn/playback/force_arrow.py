@@ -16,7 +16,7 @@ from .replay import ReplayedContact
 
 #: Length of the arrow for the force that the legend names [m].
 LENGTH = 0.1
-# Largest length of the arrow while the tool presses as hard as it does for long [m].
+# Largest length of the arrow for forces that last; brief peaks may exceed it [m].
 _LONGEST = 0.3
 # Radii of shaft and head, and length of the head [m].
 _SHAFT, _HEAD, _HEAD_LENGTH = 0.0028, 0.0075, 0.026

@@ -1,4 +1,4 @@
-"""What was expected of a run, and what came out, as the page's header tells it."""
+"""The expected and the measured outcome of a run, as the page's header shows them."""
 
 from __future__ import annotations
 
@@ -17,30 +17,32 @@ _MEANINGS = {metric.name: metric for metric in METRICS}
 
 
 def outcome_of(result: Result) -> dict[str, Any]:
-    """Return what the page tells of a run: texts, and whether each criterion and limit was met."""
+    """Return what the page says of a run: texts, and whether each criterion and limit was met."""
     document, verdicts = result.experiment.document, result.verdicts
-    met = sum(verdict.met for verdict in verdicts)
-    complete = result.status == "complete"
+    kind, verdict = _verdict(result)
+    met = sum(each.met for each in verdicts)
     summary = f"{met} of {len(verdicts)} criteria met" if verdicts else "no criteria"
     limits = list(_limits(result))
     return {
         "paper": document.paper,
         "expect": document.expect,
-        "status": "" if complete else f"{result.status}: {result.failure}".rstrip(": "),
-        "kind": _kind(complete, met == len(verdicts), bool(verdicts)),
-        "verdict": _verdict(complete, met == len(verdicts), bool(verdicts)),
+        "status": ""
+        if result.status == "complete"
+        else f"{result.status}: {result.failure}".rstrip(": "),
+        "kind": kind,
+        "verdict": verdict,
         "summary": summary,
         "criteria": [
             {
-                "name": in_words(verdict.metric),
-                "meaning": _MEANINGS[verdict.metric].meaning,
+                "name": in_words(each.metric),
+                "meaning": _MEANINGS[each.metric].meaning,
                 "value": "not reached"
-                if verdict.value is None
-                else told(verdict.value, _MEANINGS[verdict.metric].unit),
-                "bound": _bound(verdict.bound, _MEANINGS[verdict.metric].unit),
-                "met": verdict.met,
+                if each.value is None
+                else told(each.value, _MEANINGS[each.metric].unit),
+                "bound": _bound(each.bound, _MEANINGS[each.metric].unit),
+                "met": each.met,
             }
-            for verdict in verdicts
+            for each in verdicts
         ],
         "limits": limits,
         "broken": [limit["name"] for limit in limits if not limit["kept"]],
@@ -56,19 +58,15 @@ def in_words(metric: str) -> str:
     return words
 
 
-def _kind(complete: bool, met: bool, asked: bool) -> str:
-    """Return whether a run came out well; nothing is said of one of which nothing is asked."""
-    if complete and not asked:
-        return ""
-    return "good" if complete and met else "bad"
-
-
-def _verdict(complete: bool, met: bool, asked: bool) -> str:
-    if not complete:
-        return "broke off"
-    if not asked:
-        return "ran to its end"
-    return "accepted" if met else "not accepted"
+def _verdict(result: Result) -> tuple[str, str]:
+    """Return "good", "bad" or, without criteria, nothing; and the verdict on a run in words."""
+    if result.status != "complete":
+        return "bad", "broke off"
+    if not result.verdicts:
+        return "", "ran to its end"
+    if all(verdict.met for verdict in result.verdicts):
+        return "good", "accepted"
+    return "bad", "not accepted"
 
 
 def _bound(bound: Acceptance, unit: str) -> str:
@@ -77,7 +75,7 @@ def _bound(bound: Acceptance, unit: str) -> str:
 
 
 def _limits(result: Result) -> Iterator[dict[str, Any]]:
-    """Yield each limit that counts: whether it was kept, and how nearly it was not."""
+    """Yield each limit that applies: whether the run kept it, and by what margin."""
     for use in uses(result):
         text = f"up to {100.0 * use.share:.4g} % of its bound"
         if use.name == "position":

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-# A tenth of a millimetre: what a camera or a label needs of a point.
+# Cameras and labels need points to a tenth of a millimetre.
 _DECIMALS = 4
 
 

@@ -1,11 +1,11 @@
-"""The page: the scene with its animation, and what is told of the run."""
+"""The page: the scene with its animation, and the outcome of the run."""
 
 from __future__ import annotations
 
 import logging
 import math
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatAnimation, MeshcatParams
@@ -14,8 +14,9 @@ from ..inputs.fields import Array
 from ..measures import LEAST, PREFIXED_UNITS, PREFIXES
 from ..robot.drake_log import quiet_drake
 from .boxes import Boxes, boxes_of
+from .camera import some
 from .drawn_arm import DrawnArm
-from .labels import Label
+from .drawn_paths import DrawnPaths
 from .outcome import outcome_of
 from .packing import packed
 from .paths_beside import PathsBeside
@@ -26,49 +27,11 @@ from .replay import ReplayedMotion, name_of, replayed_contact
 from .shown_curves import curves_of
 from .stage import set_stage
 from .template import rendered
-from .views import View
 
 # Ratio of the extents of path and scene below which the path is shown enlarged in a corner.
 _SMALL = 0.3
-# Number of points that it must not cover.
+# Number of points of the scene that the enlarged path must not cover.
 _OCCUPIED = 1000
-
-
-class DrawnPaths(Protocol):
-    """A desired path and a traced one in the scene; the methods are called in this order."""
-
-    def set_up(self) -> Array:
-        """Draw what the paths lie on, if anything.
-
-        Returns:
-            Points that must be above the ground, shape (k, 3) [m].
-        """
-
-    def stand(self, floor: float) -> None:
-        """Draw what carries it, from the ground at the height ``floor`` [m]."""
-
-    def draw(self) -> None:
-        """Draw the paths."""
-
-    def record(self, recording: MeshcatAnimation, time: Array) -> None:
-        """Record how they move; ``time`` of each frame, shape (f,) [s]."""
-
-    def views(self) -> dict[str, View]:
-        """Return the views "arm", "close" and "path"."""
-
-    def grows(self) -> list[dict[str, Any]]:
-        """Return which meshes grow with time, and how."""
-
-    def scaled(self) -> list[dict[str, Any]]:
-        """Return what is drawn thicker or thinner, to suit the view."""
-
-    @property
-    def legend(self) -> str | None:
-        """Scale of the force arrow; None without one."""
-
-    @property
-    def labels(self) -> Sequence[Label]:
-        """Labels of what is drawn."""
 
 
 def make_page(
@@ -85,7 +48,7 @@ def make_page(
     """
     experiment = motion.result.experiment
     with quiet_drake(logging.WARNING):
-        # Meshcat opens a port; nobody connects to it, and no browser is opened.
+        # Meshcat opens a port, but nothing connects to that port, and no browser is opened.
         meshcat = Meshcat(MeshcatParams(host="localhost", port=0, show_stats_plot=False))
     drawn = DrawnArm(experiment.arm, meshcat)
     if experiment.target is not None:
@@ -95,8 +58,7 @@ def make_page(
     points = np.concatenate((boxes.corners, paths.set_up()))
     floor, size = float(points[:, 2].min()), float(np.ptp(points, axis=0).max())
     set_stage(meshcat, floor, size)
-    paths.stand(floor)
-    paths.draw()
+    paths.draw(floor)
     duration = max(each.duration for each in (motion, *beside))
     frames = np.arange(math.ceil(duration * rate - 1e-6) + 1) / rate
     _record(meshcat, motion, frames, rate, drawn, paths)
@@ -112,7 +74,7 @@ def make_page(
     }
     outcome = outcome_of(motion.result)
     if beside:
-        # Numbers, curve and verdict are those of the run whose arm is shown.
+        # Numbers, curves and verdict belong to the run whose arm is shown.
         outcome["summary"] = f"{name_of(motion.result)}: {outcome['summary']}"
     return rendered(title, recorded(meshcat.StaticHtml()), outcome, data)
 
@@ -120,7 +82,7 @@ def make_page(
 def _seen(
     motion: ReplayedMotion, beside: Sequence[ReplayedMotion], paths: DrawnPaths, size: float
 ) -> dict[str, Any]:
-    """Return what the page shows of the scene, and from where."""
+    """Return the views, legend and labels of the scene, as the page reads them."""
     views = paths.views()
     turns = motion.result.experiment.desired.turns
     extent = float(np.ptp(motion.course, axis=0).max())
@@ -133,7 +95,7 @@ def _seen(
         "grows": paths.grows(),
         "scaled": paths.scaled(),
         "labels": [label.as_data() for label in paths.labels],
-        "occupied": packed(_some(views["arm"].points)),
+        "occupied": packed(some(views["arm"].points, _OCCUPIED)),
         "legend": {
             "desired": True,
             "traced": True,
@@ -144,11 +106,6 @@ def _seen(
             "ring": paths.legend is not None,
         },
     }
-
-
-def _some(points: Array) -> Array:
-    """Return some of the points of a scene, which the enlarged path must not cover."""
-    return points[:: max(1, len(points) // _OCCUPIED)]
 
 
 def _window(motion: ReplayedMotion) -> list[float] | None:

@@ -3,31 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-from pydrake.geometry import Meshcat, MeshcatAnimation
+from pydrake.geometry import Meshcat
 
 from ..inputs.fields import Array
 from ..measures import told
 from .boxes import Boxes
 from .camera import points_round, view_of_drawing
 from .curves import Curves
-from .labels import Label
+from .drawn_paths import DrawnCurves, Label
 from .replay import ReplayedMotion, name_of
 from .views import View, facing
 
 # Radius of a traced path, the distance from one drawing to the next, and the room for a label below
 # a drawing, relative to the extent of a drawing.
 _RADIUS, _GAP, _LABEL = 0.006, 0.3, 0.3
-# Radius of the desired point over that of the traced path: the view is close.
+# Radius of the desired point over the radius of the traced path; small, as the view is close.
 _DESIRED_POINT = 4.0
 # Smallest extent of a drawing that counts [m].
 _LEAST_EXTENT = 0.03
 
 
-class PathsBeside:
-    """Desired and traced paths of several runs in one view; see `page.DrawnPaths`.
+class PathsBeside(DrawnCurves):
+    """Desired and traced paths of several runs in one view.
 
     Each drawing after the first is moved aside, along the width of the view, to where the arm hides
     it least. All have the same scale.
@@ -39,8 +38,6 @@ class PathsBeside:
         boxes: Boxes round the arm.
     """
 
-    legend = None
-
     def __init__(
         self,
         meshcat: Meshcat,
@@ -49,7 +46,8 @@ class PathsBeside:
         boxes: Boxes,
     ) -> None:
         self._boxes = boxes
-        self._motions = (motion, *others)
+        self._motion = motion
+        motions = (motion, *others)
         course = motion.course
         middle = (course.min(axis=0) + course.max(axis=0)) / 2.0
         # A path that is a point lies in no plane.
@@ -59,74 +57,39 @@ class PathsBeside:
         self._right = np.cross([0.0, 0.0, 1.0], self._direction)
         self._right /= np.linalg.norm(self._right)
         self._up = np.cross(self._direction, self._right)
-        self._asides = self._moved_aside(boxes)
+        asides = self._moved_aside(motions)
         self._extent = max(float(np.linalg.norm(np.ptp(course, axis=0))), _LEAST_EXTENT)
-        self._curves = [
+        drawings = [_points(each) + aside for each, aside in zip(motions, asides, strict=True)]
+        # The name of each run and its largest error, below its drawing.
+        self.labels = [
+            Label(_told(each), self._foot(drawing))
+            for each, drawing in zip(motions, drawings, strict=True)
+        ]
+        places = ["", *(f"/beside/{k}" for k in range(1, len(motions)))]
+        curves = [
             Curves(meshcat, each, _RADIUS * self._extent, place, aside, _DESIRED_POINT)
-            for each, place, aside in zip(self._motions, self._places, self._asides, strict=True)
+            for each, place, aside in zip(motions, places, asides, strict=True)
         ]
-
-    @property
-    def labels(self) -> list[Label]:
-        """The name of each run and its largest error, below its drawing."""
-        return [
-            Label(_told(motion), self._foot(_points(motion) + aside))
-            for motion, aside in zip(self._motions, self._asides, strict=True)
-        ]
-
-    def set_up(self) -> Array:
-        """Return the points of all paths; there is nothing that they lie on."""
-        return self._drawings
-
-    def stand(self, floor: float) -> None:
-        """Draw nothing: paths in the air lie on nothing."""
+        super().__init__(curves, np.concatenate(drawings))
 
     def views(self) -> dict[str, View]:
         """Return the views: with the arm, of the drawings with the tool, of the drawings alone."""
-        tool = points_round(_points(self._motions[0]), self._normal)
+        tool = points_round(_points(self._motion), self._normal)
         below = [point - _LABEL * self._extent * self._up for _, point in self.labels]
-        drawings = np.concatenate((self._drawings, below))
+        drawings = np.concatenate((self._points, below))
         middle = (drawings.min(axis=0) + drawings.max(axis=0)) / 2.0
         arm = np.concatenate((self._boxes.corners, drawings))
-        face = facing(self._motions[0].course, self._direction)
+        face = facing(self._motion.course, self._direction)
         return {
             "arm": View(arm, middle, self._direction),
             "close": View(np.concatenate((tool, drawings)), middle, self._direction),
             "path": View(drawings, middle, face),
         }
 
-    def draw(self) -> None:
-        """Draw all paths, and a ball on each."""
-        for curves in self._curves:
-            curves.draw()
-
-    def record(self, recording: MeshcatAnimation, time: Array) -> None:
-        """Record how the balls move and the traced paths grow."""
-        for curves in self._curves:
-            curves.record(recording, time)
-
-    def grows(self) -> list[dict[str, Any]]:
-        """Return how the traced paths grow."""
-        return [grows for curves in self._curves for grows in curves.grows()]
-
-    def scaled(self) -> list[dict[str, Any]]:
-        """Return what the page draws thicker or thinner, to suit the view."""
-        return [scaled for curves in self._curves for scaled in curves.scaled()]
-
-    @property
-    def _places(self) -> list[str]:
-        return ["", *(f"/beside/{k}" for k in range(1, len(self._motions)))]
-
-    @property
-    def _drawings(self) -> Array:
-        """Points of all paths where they are drawn, shape (k, 3) [m]."""
-        moved = zip(self._motions, self._asides, strict=True)
-        return np.concatenate([_points(motion) + aside for motion, aside in moved])
-
-    def _moved_aside(self, boxes: Boxes) -> list[Array]:
+    def _moved_aside(self, motions: Sequence[ReplayedMotion]) -> list[Array]:
         """Return how far each drawing is moved, shape (3,) [m], towards where less is hidden."""
         right = self._right
-        widths = [_points(motion) @ right for motion in self._motions]
+        widths = [_points(motion) @ right for motion in motions]
 
         def row(sign: float) -> list[Array]:
             """Return the displacements of a row that begins at the first drawing."""
@@ -139,9 +102,9 @@ class PathsBeside:
             return asides
 
         def hidden(asides: list[Array]) -> float:
-            rest = zip(self._motions[1:], asides[1:], strict=True)
+            rest = zip(motions[1:], asides[1:], strict=True)
             return sum(
-                boxes.hidden(motion.course + aside, self._direction) for motion, aside in rest
+                self._boxes.hidden(motion.course + aside, self._direction) for motion, aside in rest
             )
 
         return min((row(1.0), row(-1.0)), key=hidden)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,8 +13,8 @@ from ..inputs.fields import Array
 from .animation import Trace, draw_smooth, move
 from .boxes import Boxes
 from .camera import points_round, view_of_arm_and_surface, view_of_drawing
+from .drawn_paths import DrawnPaths
 from .force_arrow import arrow_legend, draw_arrow, record_arrow
-from .labels import Label
 from .lines import ribbon, thinned
 from .replay import ReplayedContact, ReplayedMotion
 from .surface import draw_stand, draw_surface
@@ -24,7 +23,8 @@ from .views import View, box_round, facing
 # Widths of the traced and of the desired line relative to the extent of the drawing, and the
 # smallest extent that counts [m]: lines on a smaller drawing would be too thin to see.
 _TRACED, _DESIRED, _LEAST_EXTENT = 0.022, 0.05, 0.03
-# Diameter of the dot at the start of an open path and edge of the square at its end, likewise.
+# Diameter of the dot at the start of an open path, and edge of the square at its end, relative to
+# the extent of the drawing.
 _START, _END = 0.12, 0.16
 # Room round a drawing that is seen alone, relative to its extent.
 _EDGE = 0.08
@@ -34,8 +34,8 @@ _PLATE = 0.4
 _RING, _RING_WIDTH = 0.014, 0.0024
 
 
-class PathsOnSurface:
-    """Both paths on a surface, and the force on the tool; see `page.DrawnPaths`.
+class PathsOnSurface(DrawnPaths):
+    """Both paths on a surface, and the force on the tool.
 
     Args:
         meshcat: Meshcat with the scene.
@@ -43,8 +43,6 @@ class PathsOnSurface:
         contact: Its contact.
         boxes: Boxes round the arm.
     """
-
-    labels: Sequence[Label] = ()
 
     def __init__(
         self, meshcat: Meshcat, motion: ReplayedMotion, contact: ReplayedContact, boxes: Boxes
@@ -55,11 +53,7 @@ class PathsOnSurface:
         self._boxes = boxes
         self._trace = Trace(meshcat)
         self._corners = np.zeros((0, 3))
-
-    @property
-    def legend(self) -> str:
-        """Scale of the force arrow."""
-        return arrow_legend(self._contact)
+        self.legend = arrow_legend(contact)
 
     def set_up(self) -> Array:
         """Draw the surface and return corners of boxes round it."""
@@ -67,10 +61,6 @@ class PathsOnSurface:
         drawing = np.concatenate((contact.course, contact.trace))
         self._corners = draw_surface(self._meshcat, contact.surface, contact.p_WS, drawing)
         return self._corners
-
-    def stand(self, floor: float) -> None:
-        """Draw what carries a plate, from the ground at the height ``floor`` [m]."""
-        draw_stand(self._meshcat, self._contact.surface, self._contact.p_WS, floor)
 
     def views(self) -> dict[str, View]:
         """Return the views: with the arm, of the drawing with the tool, of the drawing alone."""
@@ -90,9 +80,10 @@ class PathsOnSurface:
             "path": View(drawing, middle, facing(course, near)),
         }
 
-    def draw(self) -> None:
-        """Draw the desired path, a ring round the desired point, the traced path and the force."""
+    def draw(self, floor: float) -> None:
+        """Draw both paths, a ring round the desired point, the force, and the stand of a plate."""
         contact = self._contact
+        draw_stand(self._meshcat, contact.surface, contact.p_WS, floor)
         extent = self._extent
         step = _TRACED * extent / 4.0
         if not self._motion.rests:
@@ -123,10 +114,6 @@ class PathsOnSurface:
     def grows(self) -> list[dict[str, Any]]:
         """Return how the drawing grows."""
         return self._trace.as_data()
-
-    def scaled(self) -> list[dict[str, Any]]:
-        """Return nothing: lines on a surface are as wide as a pen draws them."""
-        return []
 
     @property
     def _extent(self) -> float:

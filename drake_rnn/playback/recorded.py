@@ -1,4 +1,4 @@
-"""What Drake's Meshcat has recorded, taken from the page that Drake makes of it."""
+"""The scene and animation that Drake's Meshcat recorded, taken from the page that Drake writes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Recorded:
 
     Attributes:
         viewer: The viewer, which defines ``MeshCat``.
-        assets: What the commands refer to, such as images; a script.
+        assets: A script with what the commands refer to, such as images.
         commands: Commands that set up the scene, encoded in base64, in their order.
     """
 

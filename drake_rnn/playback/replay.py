@@ -1,4 +1,4 @@
-"""What is replayed of a run: the motion, and the contact with a surface."""
+"""The parts of a run that a page replays: the motion, and the contact with a surface."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ class ReplayedContact:
 
 
 def name_of(result: Result) -> str:
-    """Return the name of a run; without one, that of its arm."""
+    """Return the name of a run; of a run without a name, the name of its arm."""
     return result.experiment.name or result.experiment.arm.name
 
 

@@ -1,15 +1,16 @@
-"""The curves that a page shows beside the motion: whatever a run has."""
+"""The curves that a page shows beside the motion: one for each quantity that the run recorded."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
 from ..inputs.fields import Array
-from ..measures.groups.higher import difference_time
 from ..robot.limits import DERIVATIVE_UNITS
+from ..runs.derivatives import derivatives_of_motion
 from .packing import packed
 from .replay import ReplayedMotion
 
@@ -28,14 +29,14 @@ class Curve:
 
     Attributes:
         key: Name in the page.
-        name: What is told of it.
+        name: Name that the page shows.
         unit: SI unit; "1" for a ratio.
         time: Shape (k,) [s], since the first sample.
         values: Shape (k,).
         scale: Axis that suits it.
-        desired: What it should be, shape (k,); None if that is zero, or nothing is desired.
-        bound: What it must not exceed; for ``above``, not fall below.
-        above: Whether it must stay above the bound.
+        desired: Desired values, shape (k,); None if they are zero, or there are none.
+        bound: Upper bound of the values, or their lower bound if ``above``; None if there is none.
+        above: Whether the values must stay above the bound.
     """
 
     key: str
@@ -50,23 +51,17 @@ class Curve:
 
     def as_data(self, frames: Array) -> dict[str, Any]:
         """Return the curve as the page reads it; ``frames`` are their times, shape (f,) [s]."""
-        told = {
-            "key": self.key,
-            "name": self.name,
-            "unit": self.unit,
-            "scale": self.scale,
-            "bound": self.bound,
-            "above": self.above,
-        }
-        if self.values.size <= _MOST:
-            desired = {} if self.desired is None else {"desired": packed(self.desired)}
-            return told | {"time": packed(self.time), "values": packed(self.values)} | desired
-        at = nearest(self.time, frames)
-        time, low, high = thinned(self.time, self.values)
-        shown = {"time": packed(self.time[at]), "values": packed(self.values[at])}
+        told: dict[str, Any] = {"key": self.key, "name": self.name, "unit": self.unit}
+        told |= {"scale": self.scale, "bound": self.bound, "above": self.above}
+        whole = self.values.size <= _MOST
+        at = slice(None) if whole else nearest(self.time, frames)
+        told |= {"time": packed(self.time[at]), "values": packed(self.values[at])}
         if self.desired is not None:
-            shown["desired"] = packed(self.desired[at])
-        return told | shown | {"begins": packed(time), "low": packed(low), "high": packed(high)}
+            told["desired"] = packed(self.desired[at])
+        if not whole:
+            time, low, high = thinned(self.time, self.values)
+            told |= {"begins": packed(time), "low": packed(low), "high": packed(high)}
+        return told
 
 
 def nearest(time: Array, wanted: Array) -> Any:
@@ -85,7 +80,7 @@ def thinned(time: Array, values: Array) -> tuple[Array, Array, Array]:
 
 
 def curves_of(motion: ReplayedMotion) -> list[Curve]:
-    """Return the curves of a run, the most telling one first."""
+    """Return the curves of a run, the most informative one first."""
     groups = (_forces, _target, _errors, _jacobian, _ratios, _torque, _margins)
     return [curve for group in groups for curve in group(motion) if _is_telling(curve)]
 
@@ -96,68 +91,55 @@ def _is_telling(curve: Curve) -> bool:
     return bool(finite.size) and bool(np.any(finite != 0.0))
 
 
-def _forces(motion: ReplayedMotion) -> list[Curve]:
-    series = _series(motion, "normal_force", "normal_force_desired")
-    if series is None:
-        return []
-    force, desired = series
-    return [
-        Curve("force", "contact force", "N", motion.time, force, desired=desired),
-        Curve("force_error", "force error", "N", motion.time, np.abs(force - desired), "log"),
-    ]
+def _forces(motion: ReplayedMotion) -> Iterator[Curve]:
+    if (series := _series(motion, "normal_force", "normal_force_desired")) is not None:
+        force, desired = series
+        yield Curve("force", "contact force", "N", motion.time, force, desired=desired)
+        error = np.abs(force - desired)
+        yield Curve("force_error", "force error", "N", motion.time, error, "log")
 
 
-def _target(motion: ReplayedMotion) -> list[Curve]:
-    series = _series(motion, "joint_error")
-    if series is None:
-        return []
-    farthest = np.abs(series[0]).max(axis=1)
-    return [Curve("joint_error", "to the target posture", "rad", motion.time, farthest, "log")]
+def _target(motion: ReplayedMotion) -> Iterator[Curve]:
+    if (series := _series(motion, "joint_error")) is not None:
+        farthest = np.abs(series[0]).max(axis=1)
+        yield Curve("joint_error", "to the target posture", "rad", motion.time, farthest, "log")
 
 
-def _errors(motion: ReplayedMotion) -> list[Curve]:
-    result, count = motion.result, len(motion.time)
-    found = []
+def _errors(motion: ReplayedMotion) -> Iterator[Curve]:
     if _series(motion, "p_WE", "p_WE_desired") is not None:
-        error = result.position_error[:count]
-        pressed = result.experiment.contact is not None
+        error = motion.result.position_error[: len(motion.time)]
+        pressed = motion.result.experiment.contact is not None
         name = "error along the surface" if pressed else "position error"
-        found.append(Curve("position_error", name, "m", motion.time, error, "log"))
+        yield Curve("position_error", name, "m", motion.time, error, "log")
     if (turned := _series(motion, "orientation_error")) is not None:
         name = "orientation error"
-        found.append(Curve("orientation_error", name, "rad", motion.time, turned[0], "log"))
-    return found
+        yield Curve("orientation_error", name, "rad", motion.time, turned[0], "log")
 
 
-def _jacobian(motion: ReplayedMotion) -> list[Curve]:
-    learned, known = _series(motion, "J", "J_hat"), _series(motion, "J")
-    if learned is not None:
+def _jacobian(motion: ReplayedMotion) -> Iterator[Curve]:
+    if (learned := _series(motion, "J", "J_hat")) is not None:
         size = np.sqrt(np.square(learned[0] - learned[1]).sum(axis=(1, 2)))
-        return [Curve("jacobian_error", "error of Ĵ", "m", motion.time, size, "log")]
-    if known is None or not np.isfinite(known[0]).all():
-        return []
-    smallest = np.asarray(np.linalg.svd(known[0], compute_uv=False)[:, -1], dtype=float)
-    return [Curve("singular_value", "least singular value of J", "m", motion.time, smallest)]
+        yield Curve("jacobian_error", "error of Ĵ", "m", motion.time, size, "log")
+    elif (known := _series(motion, "J")) is not None and np.isfinite(known[0]).all():
+        smallest = np.asarray(np.linalg.svd(known[0], compute_uv=False)[:, -1], dtype=float)
+        yield Curve("singular_value", "least singular value of J", "m", motion.time, smallest)
 
 
-def _ratios(motion: ReplayedMotion) -> list[Curve]:
-    """Return how much of its bound each derivative of the joint positions uses, worst joint."""
-    bounds = motion.result.experiment.limits.bounds
-    found = []
+def _ratios(motion: ReplayedMotion) -> Iterator[Curve]:
+    """Yield how much of its bound each derivative of the joint positions uses, worst joint."""
     for name in DERIVATIVE_UNITS:
-        bound = bounds[name]
+        bound = motion.result.experiment.limits.bounds[name]
         if bound is None or not np.isfinite(bound).any():
             continue
         time, worst = _magnitudes(motion, name, bound)
         if worst.size:
-            found.append(Curve(f"{name}_ratio", f"{name} / bound", "1", time, worst, bound=1.0))
-    return found
+            yield Curve(f"{name}_ratio", f"{name} / bound", "1", time, worst, bound=1.0)
 
 
 def _magnitudes(motion: ReplayedMotion, name: str, bound: Array) -> tuple[Array, Array]:
     """Return times and the largest ratio of a derivative to its bound, shape (k,) each."""
     if (series := _series(motion, name)) is None:
-        time, values = _differences(motion, list(DERIVATIVE_UNITS).index(name))
+        time, values = _differences(motion, name)
         return time, np.abs(values / bound).max(axis=1, initial=0.0)
     peak = _series(motion, f"{name}_peak")
     if peak is not None and np.ptp(bound) <= _ALIKE * bound.max():
@@ -166,46 +148,32 @@ def _magnitudes(motion: ReplayedMotion, name: str, bound: Array) -> tuple[Array,
     return motion.time, np.abs(series[0] / bound).max(axis=1)
 
 
-def _differences(motion: ReplayedMotion, order: int) -> tuple[Array, Array]:
-    """Return a derivative of the velocity by differences over some 10 ms, as metrics take it.
-
-    Args:
-        motion: The motion.
-        order: Number of times that the velocity is differentiated.
+def _differences(motion: ReplayedMotion, name: str) -> tuple[Array, Array]:
+    """Return a derivative by differences over some 10 ms, as metrics take it, while it is shown.
 
     Returns:
         Times, shape (k,) [s], in the middle of what the differences span, and shape (k, n).
     """
-    document = motion.result.experiment.document
-    step = max(difference_time(document.period), document.log_period)
-    velocity = motion.result.series["velocity"][: len(motion.time)]
-    wanted = np.arange(0.0, motion.duration + 1e-9, step)
-    at = np.unique(nearest(motion.time, wanted)) if motion.time.size > 1 else np.zeros(1, int)
-    time, values = motion.time[at], velocity[at]
-    for _ in range(order):
-        with np.errstate(invalid="ignore", over="ignore"):
-            values = np.diff(values, axis=0) / np.diff(time)[:, None]
-        time = (time[1:] + time[:-1]) / 2.0
-    return time, values
+    order, recorded = 1 + list(DERIVATIVE_UNITS).index(name), motion.result.time
+    time, values = derivatives_of_motion(motion.result)[order]
+    shown = time <= recorded[len(motion.time) - 1]
+    return time[shown] - recorded[0], values[shown]
 
 
-def _torque(motion: ReplayedMotion) -> list[Curve]:
+def _torque(motion: ReplayedMotion) -> Iterator[Curve]:
     series, effort = _series(motion, "torque"), motion.result.experiment.arm.effort
-    if series is None:
-        return []
-    if np.isfinite(effort).any():
+    if series is not None and np.isfinite(effort).any():
         worst = np.abs(series[0] / effort).max(axis=1)
-        return [Curve("torque_ratio", "torque / bound", "1", motion.time, worst, bound=1.0)]
-    largest = np.abs(series[0]).max(axis=1)
-    return [Curve("torque", "largest torque", "N m", motion.time, largest)]
+        yield Curve("torque_ratio", "torque / bound", "1", motion.time, worst, bound=1.0)
+    elif series is not None:
+        largest = np.abs(series[0]).max(axis=1)
+        yield Curve("torque", "largest torque", "N m", motion.time, largest)
 
 
-def _margins(motion: ReplayedMotion) -> list[Curve]:
+def _margins(motion: ReplayedMotion) -> Iterator[Curve]:
     limits, q = motion.result.experiment.limits, motion.position
     margin = np.minimum(q - limits.position_lower, limits.position_upper - q).min(axis=1)
-    return [
-        Curve("margin", "to a position limit", "rad", motion.time, margin, bound=0.0, above=True)
-    ]
+    yield Curve("margin", "to a position limit", "rad", motion.time, margin, bound=0.0, above=True)
 
 
 def _series(motion: ReplayedMotion, *names: str) -> list[Array] | None:

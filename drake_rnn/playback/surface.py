@@ -65,7 +65,7 @@ def draw_surface(meshcat: Meshcat, surface: Surface, p_WS: Array, drawing: Array
 
 
 def draw_stand(meshcat: Meshcat, surface: Surface, p_WS: Array, floor: float) -> None:
-    """Draw a post from the ground to the middle of a plate: a vertical beside what is inclined.
+    """Draw a post from the ground to the middle of a plate, which shows how the plate is inclined.
 
     Args:
         meshcat: Meshcat with the scene.
@@ -141,7 +141,7 @@ def projected(points: Array, surface: Surface, p_WS: Array) -> Array:
 
 
 def _sheet(n: Array, p_WS: Array, drawing: Array) -> Plate:
-    """Return a thin plate with normal ``n``, wide enough for what is drawn on it."""
+    """Return a thin plate with normal ``n``, wide enough for the drawing on it."""
     middle = (drawing.min(axis=0) + drawing.max(axis=0)) / 2.0
     offset = middle - p_WS
     return Plate(

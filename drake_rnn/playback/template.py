@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from .. import colours
+from ..inputs.page_templates import page_templates
 from .recorded import Recorded
 
-# In the order in which they are run; they share one scope.
+# The scripts in the order in which they run; they share one scope.
 _SCRIPTS = ("numbers.js", "scene.js", "camera.js", "chart.js", "player.js", "main.js")
 
 
@@ -22,17 +22,10 @@ def rendered(
     Args:
         title: Title of the page.
         scene: The scene with its animation.
-        outcome: What is told of the run.
-        data: What the scripts read.
+        outcome: The outcome of the run, from `outcome_of`.
+        data: The data that the page's scripts read.
     """
-    environment = Environment(
-        loader=PackageLoader(__package__, "web"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    page = environment.get_template("page.html.jinja")
+    page = page_templates(Path(__file__).parent / "web").get_template("page.html.jinja")
     return page.render(
         title=title, scene=scene, outcome=outcome, data=data, scripts=_SCRIPTS, colours=colours
     )

@@ -1,4 +1,4 @@
-"""From where a scene is seen, and what must then be in the frame, whatever the window's shape."""
+"""Camera directions, and the points that must be in the frame whatever the window's shape."""
 
 from __future__ import annotations
 

@@ -1,10 +1,11 @@
-"""What a report says, as plain data: all that is in ``report.json``, and what pages are made of."""
+"""The contents of a report as plain data, which become ``report.json`` and the pages."""
 
 from __future__ import annotations
 
 import inspect
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 from math import isfinite
 from typing import Any, get_args
 
@@ -19,7 +20,7 @@ from .kept_runs import AskedRun, KeptRuns
 from .origin import origin
 from .pictures import FIGURE, PLAYBACK, pictures_of
 
-#: Version of the form of ``report.json``: a key that is there stays what it is.
+#: Version of the format of ``report.json``; within a version, no key changes its meaning.
 SCHEMA = 1
 #: The verdicts, in the order in which they are shown.
 VERDICTS: tuple[ClaimVerdict, ...] = get_args(ClaimVerdict)
@@ -27,11 +28,11 @@ _METRICS = {metric.name: metric for metric in METRICS}
 
 
 def contents_of(chosen: Chosen, judgements: dict[str, Judgement], runs: KeptRuns) -> dict[str, Any]:
-    """Return what a report says.
+    """Return the contents of a report.
 
     Args:
         chosen: The claims.
-        judgements: What was found of each, by its id.
+        judgements: The judgement of each claim, by its id.
         runs: Where their runs are kept.
     """
     used: dict[str, AskedRun] = {}
@@ -67,7 +68,7 @@ def main_runs(contents: dict[str, Any]) -> set[str]:
 
 
 def failures(contents: dict[str, Any]) -> list[tuple[str, str]]:
-    """Return what failed: names of claims and runs, each with the error."""
+    """Return the names of claims and runs that failed, each with the error."""
     told = [
         (claim["id"], finding["error"])
         for paper in contents["papers"]
@@ -83,15 +84,10 @@ def failures(contents: dict[str, Any]) -> list[tuple[str, str]]:
 
 
 def _paper(claims: Claims, rows: list[dict[str, Any]]) -> dict[str, Any]:
-    paper = claims.paper
     return {
         "scheme": claims.scheme,
-        "title": paper.title,
-        "authors": paper.authors,
-        "journal": paper.journal,
-        "year": paper.year,
-        "doi": paper.doi,
-        "citation": str(paper),
+        **asdict(claims.paper),
+        "citation": str(claims.paper),
         "page": claims.page,
         "counts": _counts(row["verdict"] for row in rows),
         "claims": rows,
@@ -127,7 +123,7 @@ def _row(
 
 
 def why(judgement: Judgement) -> str:
-    """Return why a verdict is what it is, in one sentence that follows from what was measured."""
+    """Return the reason for a verdict, in one sentence that is computed from the findings."""
     if judgement.verdict == "cannot be checked":
         return "There is nothing to measure it by."
     if judgement.verdict == "failed":
@@ -160,9 +156,7 @@ def _finding(
     return {
         "number": str(criterion),
         "meaning": _meaning(claims, criterion),
-        "unit": None
-        if criterion.metric is None or criterion.per
-        else _METRICS[criterion.metric].unit,
+        "unit": _METRICS[criterion.metric].unit if criterion.metric and not criterion.per else None,
         "measure": criterion.measure,
         "given": plain(criterion.given),
         "command": criterion.command if criterion.run is not None else None,
@@ -183,7 +177,7 @@ def _finding(
 
 
 def _meaning(claims: Claims, quantity: Quantity) -> str:
-    """Return what a number is, in a sentence: a metric's, or the first of its measure."""
+    """Return the meaning of a number: that of its metric, or the first sentence of its measure."""
     if quantity.metric is not None:
         return _METRICS[quantity.metric].meaning
     told = inspect.getdoc(claims.measures[str(quantity.measure)]) or ""
@@ -192,7 +186,7 @@ def _meaning(claims: Claims, quantity: Quantity) -> str:
 
 def _run(asked: AskedRun, runs: KeptRuns) -> dict[str, Any]:
     order = asked.order
-    outcome, folder = runs.outcome(order), runs.folder_of(order)
+    outcome, folder = runs.rows.get(order.key), runs.place / order.key
     pictures = pictures_of(folder)
     place = folder.relative_to(runs.place.parents[1]).as_posix()
     played = pictures is not None and (folder / PLAYBACK).is_file() and pictures.playback

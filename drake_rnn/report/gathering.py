@@ -1,4 +1,4 @@
-"""Making of the runs that claims need, and judging by them, whatever fails on the way."""
+"""Makes the runs that claims need, and judges the claims even if some of the runs fail."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from ..errors import DrakeRnnError
 from ..inputs.own_code import described
 from .kept_runs import KeptRuns, MissingRunError
 
-#: Papers with those of their claims that a report is about.
+#: Papers, each with the claims that a report is about.
 Chosen = Sequence[tuple[Claims, Sequence[Claim]]]
-#: Called with what is being made, the number of those that have ended, and the number of all.
+#: Called with the kind of parts being made, the number that have ended, and the number of all.
 Done = Callable[[str, int, int], None]
 
-# What a step of an arm with dynamics costs, in steps of one without.
+# Cost of a step of an arm with dynamics, in steps of an arm without.
 _DYNAMIC = 4.0
 
 
 def gather(chosen: Chosen, runs: KeptRuns, jobs: int, done: Done) -> bool:
-    """Make the runs that are missing; return whether all were, or False if interrupted.
+    """Make the missing runs, and return True; return False if interrupted.
 
-    What a measure looks at is known once it has been tried, so there are a few rounds. Measures of
+    A measure has to be tried to learn which runs it needs, so there are a few rounds. Measures of
     times come last, when nothing else is running.
 
     Args:
@@ -57,12 +57,12 @@ def gather(chosen: Chosen, runs: KeptRuns, jobs: int, done: Done) -> bool:
 
 
 def workers(jobs: int) -> Workers:
-    """Return processes of this machine; this process itself for none."""
+    """Return this number of processes on this machine; for 0, this process itself."""
     return Processes(jobs) if jobs > 0 else ThisProcess()
 
 
 def told_to(done: Done, what: str, total: int) -> Take:
-    """Return a function that counts outcomes, and tells how many there are."""
+    """Return a function that counts outcomes and reports their number."""
     ended = 0
 
     def take(order: Order, outcome: Outcome) -> None:
@@ -74,23 +74,21 @@ def told_to(done: Done, what: str, total: int) -> Take:
 
 
 def judged(claims: Claims, claim: Claim, runs: KeptRuns) -> Judgement:
-    """Return what is found of a claim; what fails on the way is told in its findings."""
-    judge = Judge(claims, runs)
-    return Judgement(
-        claim,
-        tuple(_found(judge, criterion) for criterion in claim.as_stated),
-        tuple(_found(judge, criterion) for criterion in claim.corrected),
-    )
+    """Return the judgement of a claim; its findings name the runs and measures that failed."""
+    return _PatientJudge(claims, runs).judge(claim)
 
 
-def _found(judge: Judge, criterion: Criterion) -> Finding:
-    try:
-        return judge.find(criterion)
-    except DrakeRnnError as error:
-        return Finding(criterion, False, error=str(error))
-    # A fault in a measure is that of its rows alone.
-    except Exception as error:
-        return Finding(criterion, False, error=described(error))
+class _PatientJudge(Judge):
+    """A judge who goes on when a run or a measure fails."""
+
+    def find(self, criterion: Criterion) -> Finding:
+        try:
+            return super().find(criterion)
+        except DrakeRnnError as error:
+            return Finding(criterion, False, error=str(error))
+        # A fault in a measure affects only the rows of this measure.
+        except Exception as error:
+            return Finding(criterion, False, error=described(error))
 
 
 def _wanted(chosen: Chosen, runs: KeptRuns, timed: bool) -> list[Order]:
@@ -114,20 +112,20 @@ def _missing(claims: Claims, claim: Claim, runs: KeptRuns) -> Iterator[Order]:
                 runs.metrics(str(quantity.run), quantity.set)
         except MissingRunError as missing:
             yield missing.order
-        # Whatever it is, the claim's findings tell of it.
+        # The findings of the claim will report the fault.
         except Exception:
             continue
 
 
 def _effort(order: Order) -> float:
-    """Return what a run is expected to take, in any unit: long ones are to begin first."""
+    """Return the expected effort of a run, in any unit, so that long runs begin first."""
     document = order.document
     steps = document["duration"] / (document.get("period") or 1e-3)
     return float(steps * (_DYNAMIC if document.get("level") == "dynamic" else 1.0))
 
 
 def _keep_each(place: Path, orders: Sequence[Order]) -> list[Outcome]:
-    """Run orders one after another, and keep the results of those that come to something.
+    """Run orders one after another, and keep the results of those that have one.
 
     Raises:
         InvalidInputError: If they cannot be written.

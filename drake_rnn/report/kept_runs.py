@@ -1,4 +1,4 @@
-"""Runs that are kept in the folder of a report, and what was measured of them."""
+"""Runs that are kept in the folder of a report, and the numbers measured from them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from ..experiment import read_document
 from ..runs.result import Result
 from ..runs.whole_file import written_whole
 
-#: How runs end that might end otherwise another time, such as on a machine with more memory.
+#: Statuses of runs that may succeed when repeated, such as on a machine with more memory.
 _FAILED = ("failed", "killed its worker")
 _CLAIMS = Path(inspect.getfile(Claims)).parent
 _ROWS = "rows"
@@ -63,8 +63,8 @@ class AskedRun:
 class KeptRuns(RunSource):
     """Runs that are read from a folder.
 
-    What is kept is found by all that it depends on: a run by its document and the code, a number
-    also by the functions that measure it. What other code has left is not read.
+    Each run is found by everything that it depends on, its document and the code, and each number
+    also by the functions that measure it. Runs of other code are not read.
 
     Args:
         folder: The folder of the report, which is created if missing.
@@ -95,14 +95,6 @@ class KeptRuns(RunSource):
             self._orders[key] = order_of(read_document(name, given))
         return AskedRun(name, given, self._orders[key])
 
-    def folder_of(self, order: Order) -> Path:
-        """Return the folder of a run, there or not."""
-        return self.place / order.key
-
-    def outcome(self, order: Order) -> Outcome | None:
-        """Return what came of a run; None if it has not been made."""
-        return self.rows.get(order.key)
-
     def run(self, name: str, changes: Mapping[str, Any] | None = None, /) -> Result:
         """Return the result of an experiment with changes by dotted key.
 
@@ -112,7 +104,7 @@ class KeptRuns(RunSource):
         """
         order = self._ended(name, changes)[0]
         try:
-            return Result.load(self.folder_of(order))
+            return Result.load(self.place / order.key)
         except InvalidInputError:
             raise MissingRunError(order) from None
 
@@ -126,7 +118,7 @@ class KeptRuns(RunSource):
         return self._ended(name, changes)[1].metrics
 
     def measured(self, claims: Claims, quantity: Quantity) -> float:
-        """Return the number of a quantity that a measure gives; it is kept for the next time.
+        """Return the number that a measure gives, and keep it for the next time.
 
         Raises:
             MissingRunError: If a run that it looks at has not been made.
@@ -151,7 +143,7 @@ class KeptRuns(RunSource):
         return value
 
     def used_by(self, claims: Claims, quantity: Quantity) -> list[AskedRun]:
-        """Return the runs that a number was taken from, as far as it was tried."""
+        """Return the runs that a number was taken from; none if it has not been measured."""
         if quantity.run is not None:
             with suppress(InvalidInputError):
                 return [self.asked(quantity.run, quantity.set)]
@@ -173,7 +165,7 @@ class KeptRuns(RunSource):
                 self.rows.forget(key)
 
     def _is_whole(self, key: str) -> bool:
-        """Return whether what is kept of a run can be read; nothing is of those refused."""
+        """Return whether the result of a run can be read; a run that was refused has none."""
         folder = self.place / key
         try:
             return not folder.is_dir() or bool(Result.load(folder))
@@ -182,7 +174,7 @@ class KeptRuns(RunSource):
 
     def _ended(self, name: str, changes: Mapping[str, Any] | None) -> tuple[Order, Outcome]:
         order = self.asked(name, changes).order
-        if (outcome := self.outcome(order)) is None:
+        if (outcome := self.rows.get(order.key)) is None:
             raise MissingRunError(order)
         if outcome.status == "refused":
             raise InvalidInputError(outcome.failure)
@@ -191,7 +183,7 @@ class KeptRuns(RunSource):
         return order, outcome
 
     def _known(self, name: str) -> float | None:
-        """Return a number that was measured before, if the runs that it is of are still kept."""
+        """Return a number that was measured before, if its runs are still kept."""
         try:
             told = json.loads(self._file(name).read_text())
             asked = [self.asked(each, changes) for each, changes, _ in told["runs"]]
@@ -200,7 +192,7 @@ class KeptRuns(RunSource):
             return None
         if [each.order.key for each in asked] != [key for _, _, key in told["runs"]]:
             return None
-        if not all(self.outcome(each.order) for each in asked):
+        if not all(self.rows.get(each.order.key) for each in asked):
             return None
         self._asked[name] = asked
         return value
@@ -210,7 +202,7 @@ class KeptRuns(RunSource):
 
 
 def _name_of(claims: Claims, quantity: Quantity) -> str:
-    """Return the name under which a measured number is kept; it stands for what measures it."""
+    """Return the name under which a measured number is kept, a digest of measure and code."""
     measure = claims.measures[str(quantity.measure)]
     told = [measure.__module__, measure.__name__, quantity.given, _code(measure.__module__)]
     return sha256(json.dumps(told, sort_keys=True, default=repr).encode()).hexdigest()[:32]
@@ -218,7 +210,7 @@ def _name_of(claims: Claims, quantity: Quantity) -> str:
 
 @cache
 def _code(module: str) -> str:
-    """Return a digest of a module with measures, of what it may import, and of all experiments."""
+    """Return a digest of a module with measures, its imports from claims, and all experiments."""
     digest = sha256()
     own = _CLAIMS / "papers" / f"{module.rpartition('.')[2]}.py"
     shipped = (file for file in EXPERIMENTS.rglob("*") if file.suffix in {".yaml", ".csv"})

@@ -5,12 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
+from ..inputs.page_templates import page_templates
 from .contents import VERDICTS
 from .markdown import title_of
 
-#: A sign for each verdict, so that none is told by its colour alone.
+#: A sign for each verdict, so that no reader depends on its colour.
 SIGNS = {
     "holds": "✓",
     "holds with correction": "≈",
@@ -18,6 +17,9 @@ SIGNS = {
     "cannot be checked": "?",
     "failed": "!",
 }
+_ENVIRONMENT = page_templates(Path(__file__).parent / "templates")
+_ENVIRONMENT.filters["title_of"] = title_of
+_ENVIRONMENT.globals.update(verdicts=VERDICTS, signs=SIGNS)
 
 
 def index_html(contents: dict[str, Any], page_of: dict[str, str]) -> str:
@@ -28,7 +30,14 @@ def index_html(contents: dict[str, Any], page_of: dict[str, str]) -> str:
         page_of: Names of the papers' pages, by scheme.
     """
     return _ENVIRONMENT.get_template("index.html").render(
-        contents=contents, page_of=page_of, failed=_failed(contents)
+        contents=contents,
+        page_of=page_of,
+        failed=[
+            (paper, claim)
+            for paper in contents["papers"]
+            for claim in paper["claims"]
+            if claim["verdict"] == "failed"
+        ],
     )
 
 
@@ -37,28 +46,3 @@ def paper_html(contents: dict[str, Any], paper: dict[str, Any], page_of: dict[st
     return _ENVIRONMENT.get_template("paper.html").render(
         contents=contents, paper=paper, page_of=page_of, runs=contents["runs"]
     )
-
-
-def _failed(contents: dict[str, Any]) -> list[tuple[dict[str, Any], dict[str, Any]]]:
-    return [
-        (paper, claim)
-        for paper in contents["papers"]
-        for claim in paper["claims"]
-        if claim["verdict"] == "failed"
-    ]
-
-
-def _environment() -> Environment:
-    environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent / "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["title_of"] = title_of
-    environment.globals.update(verdicts=VERDICTS, signs=SIGNS)
-    return environment
-
-
-_ENVIRONMENT = _environment()

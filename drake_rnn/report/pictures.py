@@ -34,7 +34,7 @@ _PACKAGE = Path(__file__).parents[1]
 
 @dataclass(frozen=True)
 class Pictures:
-    """What is made of a run to look at.
+    """The pictures of a run.
 
     Attributes:
         of: Digest of the code that drew it.
@@ -52,7 +52,7 @@ class Pictures:
 def draw_missing(
     runs: KeptRuns, keys: Sequence[str], played: Collection[str], jobs: int, done: Done
 ) -> bool:
-    """Draw what is not drawn yet; return whether all was, or False if interrupted.
+    """Draw the missing pictures, and return True; return False if interrupted.
 
     Args:
         runs: Where runs are kept.
@@ -76,7 +76,7 @@ def draw_missing(
 
 
 def pictures_of(folder: Path) -> Pictures | None:
-    """Return what the folder of a run has to look at; None if that is of other code, or nothing."""
+    """Return the pictures in the folder of a run; None without any, or if other code drew them."""
     try:
         told = json.loads((folder / _RECORD).read_text())
         found = Pictures(**{**told, "size": tuple(told["size"])})
@@ -90,7 +90,7 @@ def _suffices(found: Pictures | None, played: bool) -> bool:
 
 
 def _draw_each(place: Path, played: Collection[str], orders: Sequence[Order]) -> list[Outcome]:
-    """Draw runs one after another; what fails is told in their folders."""
+    """Draw runs one after another; the folder of a run that fails says why."""
     return [_drawn(place / order.key, order.key in played) for order in orders]
 
 
@@ -117,7 +117,7 @@ def _drawn(folder: Path, played: bool) -> Outcome:
 
 @cache
 def _code() -> str:
-    """Return a digest of what figures and playbacks are drawn by."""
+    """Return a digest of the code that draws figures and playbacks."""
     digest = sha256()
     rooms = [_PACKAGE / "figures", _PACKAGE / "playback"]
     files = (file for room in rooms for file in room.rglob("*") if "__pycache__" not in file.parts)

@@ -1,4 +1,4 @@
-"""The report of the papers: a folder with what they claim, what was measured, and what holds."""
+"""The report on the papers: a folder with their claims, the measured numbers and the verdicts."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from .markdown import index_page, paper_page
 from .pages import index_html, paper_html
 from .pictures import draw_missing
 
-#: In what form the pages are written.
+#: Format of the pages.
 Format = Literal["html", "md"]
 _DATA = "report.json"
 
 
 @dataclass(frozen=True)
 class Report:
-    """What a report has come to.
+    """A report that was made, or begun.
 
     Attributes:
-        folder: Where it is.
-        contents: What ``report.json`` holds; nothing if it was interrupted before the verdicts.
-        complete: Whether it came to its end; what was made is kept if not.
+        folder: Its folder.
+        contents: The contents of ``report.json``; empty if interrupted before the verdicts.
+        complete: Whether it is complete; parts of an interrupted report are kept.
     """
 
     folder: Path
@@ -37,7 +37,7 @@ class Report:
 
     @property
     def failures(self) -> list[tuple[str, str]]:
-        """What failed, claims and pictures, each with the error."""
+        """Claims and pictures that failed, each with the error."""
         return failures(self.contents) if self.contents else []
 
 
@@ -47,7 +47,7 @@ class ReportSettings:
 
     Attributes:
         jobs: Number of processes; 0 for this process itself.
-        format: In what form the pages are written.
+        format: Format of the pages.
         pictures: Whether figures are drawn.
         playbacks: Whether playbacks are written.
         again: Whether runs are made again that failed before.
@@ -66,21 +66,22 @@ def make_report(
     settings: ReportSettings | None = None,
     done: Done = lambda what, ended, total: None,
 ) -> Report:
-    """Make what is missing of a report, and write its pages.
+    """Make the missing parts of a report, and write its pages.
 
     Runs, measured numbers and pictures are kept in the folder as they end. Called again, also after
-    this process was killed, it goes on with what is missing. What fails is told in its rows.
+    this process was killed, it makes the parts that are missing. The row of a part that fails says
+    why.
 
     Args:
         chosen: Papers with their claims.
         folder: Folder of the report, which is created if missing.
         settings: How it is made.
-        done: Called when a part has ended, with what it is, the number of those that have ended,
-            and the number of all.
+        done: Called when a part has ended, with its kind, the number of such parts that have ended,
+            and the number of all of them.
 
     Raises:
-        InvalidInputError: If the folder cannot be written to, another process is at it, or pages
-            that no report has written are in the way.
+        InvalidInputError: If the folder cannot be written to, another process writes to it, or
+            there are files of these names that no report has written.
     """
     folder, settings = Path(folder), settings or ReportSettings()
     pages = (f"{name}.{settings.format}" for name in ("index", *(c.scheme for c, _ in chosen)))
@@ -115,7 +116,7 @@ def _made(
 
 
 def _written(contents: dict[str, Any], folder: Path, form: Format) -> dict[str, Any]:
-    """Write the pages as far as they have changed, and remove those of an earlier report.
+    """Write the pages that have changed, and remove pages of an earlier report.
 
     Returns:
         The contents with the names of the pages.
@@ -133,7 +134,7 @@ def _written(contents: dict[str, Any], folder: Path, form: Format) -> dict[str, 
     try:
         for name in set(_pages_before(folder)) - pages.keys():
             (folder / name).unlink(missing_ok=True)
-        # First of all: a report that is killed here knows its pages again.
+        # The data come first: after this process is killed here, the next report knows its pages.
         _put(folder / _DATA, json.dumps(data, indent=1, allow_nan=False) + "\n")
         for name, text in pages.items():
             _put(folder / name, text)
@@ -149,7 +150,7 @@ def _put(file: Path, text: str) -> None:
 
 
 def _refuse_others(folder: Path, names: set[str]) -> None:
-    """Refuse to write over files of a user's own."""
+    """Refuse to overwrite a user's own files."""
     before = _pages_before(folder)
     ours = {_DATA, *before} if before else set()
     if others := sorted(name for name in names - ours if (folder / name).exists()):

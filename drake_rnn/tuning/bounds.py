@@ -1,4 +1,4 @@
-"""Between which values gains are tuned."""
+"""Bounds between which gains are tuned."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ..inputs.fields import Array
 #: Lowest and highest value of a gain.
 Between = tuple[float, float]
 
-# Where nothing is said, as far to either side of the start.
+# Factor from the start to a bound that is not given.
 _FACTOR = 30.0
 # How often the way to a value that the law refuses is halved.
 _HALVES = 12
@@ -44,7 +44,7 @@ def bounds_of(
 ) -> tuple[Array, Array]:
     """Return the lowest and the highest gains, each of shape (keys,).
 
-    Where nothing is said, they are 30 times lower and higher than the start, or as far on the way
+    Bounds that are not given are 30 times lower and higher than the start, or as far on the way
     there as the law allows with the other gains at the start.
 
     Args:

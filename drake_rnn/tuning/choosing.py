@@ -1,4 +1,4 @@
-"""Which gains of a history are taken: the best that keep bounds, verified by Drake."""
+"""Choice among the gains of a history: the best that keep bounds, verified by Drake's runs."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class _Judged:
-    """Gains and what a run with them breaks.
+    """Gains, and the bounds that a run with them breaks.
 
     Attributes:
         place: Their place in the history.
@@ -50,11 +50,11 @@ class _Judged:
 def choose(
     before: Result, history: Sequence[Trial], metric: str
 ) -> tuple[float, tuple[str, ...], Result]:
-    """Return the place of the best gains, what stops it there, and Drake's run with them.
+    """Return the place of the best gains, the bounds that stop there, and Drake's run with them.
 
-    These are the last ones, if Drake's run with them has a smaller metric than the start, and
-    breaks no bound that it keeps. If not, gains of all steps, and some between, are run side by
-    side without Drake, by `run_many`; the best that are good are then run by Drake.
+    The best gains are the last ones, if Drake's run with them has a smaller metric than the start,
+    and breaks no bound that the start keeps. If not, gains of all steps, and some between, are run
+    side by side without Drake, by `run_many`; the best that are good are then run by Drake.
 
     Args:
         before: Result of Drake's run at the start.

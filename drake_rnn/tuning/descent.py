@@ -52,9 +52,9 @@ def descend(
     number of steps. Nothing is random.
 
     Args:
-        function: What is to become small. Points that it is asked for have as many rows as there
-            are `SHARES`; a value that is not finite counts as bad.
-        start: Where to begin, shape (k,), within the bounds.
+        function: The function to minimise. It is given as many points at once as there are
+            `SHARES`; a point whose value is not finite is never taken.
+        start: The first point, shape (k,), within the bounds.
         bounds: Lowest and highest unknowns, each of shape (k,).
         steps: Largest number of times that the function is asked.
         told: Called with each new point.
@@ -100,7 +100,7 @@ def _direction(
 
     Args:
         here: Where it begins.
-        inverse: Inverse of the curvature, shape (k, k); None if nothing is known of it.
+        inverse: Inverse of the curvature, shape (k, k); None if it is unknown.
         bounds: Lowest and highest unknowns.
         scale: Share of the step.
     """
@@ -119,7 +119,7 @@ def _direction(
 
 
 def _updated(inverse: Array | None, moved: Array, turned: Array) -> Array | None:
-    """Return the inverse of the curvature with what a step tells of it."""
+    """Return the inverse of the curvature, updated by the change of the slope over a step."""
     along = float(moved @ turned)
     if along <= 1e-12 * float(np.linalg.norm(moved) * np.linalg.norm(turned)):
         return inverse

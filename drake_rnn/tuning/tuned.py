@@ -19,7 +19,7 @@ from .descent import SHARES, Point, descend
 
 @dataclass(frozen=True, eq=False)
 class Tuned:
-    """What tuning came to.
+    """The outcome of a tuning.
 
     Attributes:
         metric: Name of the metric.
@@ -53,7 +53,7 @@ class Tuned:
 
     @property
     def better(self) -> bool:
-        """Whether there are better gains than those of the start."""
+        """Whether the chosen gains are better than the gains of the start."""
         return self.chosen > 0
 
 
@@ -71,7 +71,7 @@ def tune(
 
     The runs are compiled by JAX, with derivatives through the closed loop: `value_and_gradient`.
     Descent in the logarithms of the gains finds a minimum near the start, within the bounds; there
-    may be lower ones elsewhere. It has the one run before its eyes: its path, start, arm and noise.
+    may be lower ones elsewhere. The gains suit this one run: its path, start, arm and noise.
     Nothing is random; the same call gives the same gains. ::
 
         tuned = tune("slc_nephroid_known", ["law.kappa", "law.return_gain"], "position_error_rms_m")

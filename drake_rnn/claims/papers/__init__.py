@@ -1,1 +1,1 @@
-"""The papers' claims: for each paper a file of claims, and a module with what no metric says."""
+"""The papers' claims: for each paper a file of claims, and a module with measures."""

@@ -1,4 +1,4 @@
-"""What the claims about joint-drift-free motion are measured by, beside the metrics of runs."""
+"""Measures of the claims about joint-drift-free motion that no metric gives."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from ...experiment import load_experiment
 from ...inputs.fields import Array
 from ...laws import JointDriftFree
-from ..run import Run
+from ..measuring import Run
 
 # The paper's Table I: MPE [m], MVE [m/s] and JD [rad], by scheme and lambda.
 _TABLE_1 = {
@@ -31,7 +31,7 @@ _COLUMNS = (
 )
 # Error of the first position, as one typed to four digits may have [m].
 _OFFSET = 44e-6
-# Time after which what begins at rest has settled [s].
+# Time after which a motion from rest has settled [s].
 _SETTLED = 1.0
 
 
@@ -119,7 +119,7 @@ def root_mismatch(run: Run, position_gain: float) -> float:
         run: Not needed.
         position_gain: delta.
     """
-    law = _law("naljdf_clover")
+    law = _law(load_experiment("naljdf_clover"))
     slip, feedback = law.task_beta + law.task_gamma, law.task_beta * law.task_gamma
     found = np.sort_complex(np.roots([1.0, position_gain * slip, position_gain * feedback]))
     named = np.sort_complex(np.array([-law.task_beta, -law.task_gamma]))
@@ -166,7 +166,7 @@ def optimality_gap(run: Run, scheme: Literal["moaljdf", "moaljdf_printed"]) -> f
         scheme: The scheme.
     """
     experiment = load_experiment("moaljdf_parallelogram", {"law.scheme": scheme})
-    law = _law_of(experiment)
+    law = _law(experiment)
     m, n = law.task_size, experiment.arm.n
     arm, q, v = experiment.arm.kinematics(), experiment.start, np.zeros(n)
     p, p_dot, p_ddot = (part[:m] for part in experiment.desired.position(0.5))
@@ -177,7 +177,7 @@ def optimality_gap(run: Run, scheme: Literal["moaljdf", "moaljdf_printed"]) -> f
     omega = -np.linalg.solve(form.b_omega, form.b_0)
     found = form.a_omega @ omega + form.a_0
 
-    # At rest c is zero, and so is the pull home; what J v_dot has to be follows from the task.
+    # At rest, c and the pull home are zero; the task determines what J v_dot has to be.
     zeta = 1.0 - cast(float, law.alpha)
     torques = u["bias"] - u["gravity"]
     slip, feedback = law.task_beta + law.task_gamma, law.task_beta * law.task_gamma
@@ -190,11 +190,7 @@ def optimality_gap(run: Run, scheme: Literal["moaljdf", "moaljdf_printed"]) -> f
     return float(np.linalg.norm(found - best) / np.linalg.norm(best))
 
 
-def _law(name: str) -> JointDriftFree:
-    return _law_of(load_experiment(name))
-
-
-def _law_of(experiment: Any) -> JointDriftFree:
+def _law(experiment: Any) -> JointDriftFree:
     return cast(JointDriftFree, experiment.law)
 
 

@@ -1,4 +1,4 @@
-"""Numbers that judge the claims on motion-force control and that no metric says."""
+"""Measures of the claims about motion-force control that no metric gives."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from ...laws.parts.primal_dual import PrimalDual
-from ..run import Run
-from ..structure import signals_of_structure
+from ..measuring import Run, signals_of_structure
 
-# What is drawn of a network with a box of velocities: joints, rows, and the box [rad/s].
+# Size of the random programs: joints, rows, and the box of velocities [rad/s].
 _JOINTS, _ROWS, _BOX = 7, 6, 0.2
 
 

@@ -15,8 +15,7 @@ from ...inputs.fields import Array
 from ...laws.called import unchecked
 from ...robot.limits import DERIVATIVE_UNITS
 from ...runs.result import Result
-from ..run import Run
-from ..timing import time_ratio
+from ..measuring import Run, time_ratio
 
 _ORDERS = (1, 2, 3, 4, 5)
 

@@ -1,4 +1,4 @@
-"""What is measured of the claims about simultaneous learning and control.
+"""Measures of the claims about simultaneous learning and control that no metric gives.
 
 A measure takes ``run(name, changes)``, which returns the result of a shipped experiment, and the
 arguments that its criterion gives; it returns one number. Algebra is tried at random points, of a
@@ -16,9 +16,7 @@ from ...inputs.fields import Array
 from ...laws import SimultaneousLearning
 from ...laws.called import unchecked
 from ...runs.result import Result
-from ..run import Run
-from ..structure import signals_of_structure
-from ..timing import time_ratio
+from ..measuring import Run, signals_of_structure, time_ratio
 
 _SEED = 0
 # Joints in the examples for algebra.

@@ -15,7 +15,7 @@ from ...inputs.fields import Array
 from ...laws.state_adjustment import StateAdjustment
 from ...robot.self_motion import SelfMotion
 from ...runs.result import Result
-from ..run import Run
+from ..measuring import Run
 
 
 def joint_error(run: Run, name: str, joint: int) -> float:

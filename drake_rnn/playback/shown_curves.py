@@ -204,7 +204,7 @@ def _margins(motion: ReplayedMotion) -> list[Curve]:
     limits, q = motion.result.experiment.limits, motion.position
     margin = np.minimum(q - limits.position_lower, limits.position_upper - q).min(axis=1)
     return [
-        Curve("margin", "to a position limit", "rad", motion.time, margin, bound=0.0, above=True)
+        Curve("margin", "to nearest joint limit", "rad", motion.time, margin, bound=0.0, above=True)
     ]
 
 

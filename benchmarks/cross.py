@@ -32,21 +32,21 @@ _HEAD = """\
 
 `make cross` runs every law on every shipped arm, without and with dynamics, and writes this page;
 `benchmarks/cross_cells.py` has the documents. Each arm follows a circle with a radius of 3 % of its
-length, in 8 s a lap from rest to rest; errors and drift are those of the second lap. Limits are
-0.5 rad/s and 1 rad/s^2, where a law or filter bounds them also 5 rad/s^3, 50 rad/s^4 and
-500 rad/s^5. With dynamics the motors have their default gains, and a law sees the measured arm,
-or, ahead of a filter, an ideal one.
+length, in 8 s a lap from rest to rest; errors and drift are those of the second lap. Limits are 0.5
+rad/s and 1 rad/s^2 and, where a law or filter bounds higher derivatives, also 5 rad/s^3, 50 rad/s^4
+and 500 rad/s^5. With dynamics the motors have their default gains, and a law sees the measured arm
+or, if a filter follows the law, an ideal arm.
 
-- *error*: largest distance from the path; of the adjustments, of the end effector from its place;
-  of motion-force control, along the surface.
-- *drift*: largest joint displacement over the lap; of the adjustments, what is left to the target
-  posture after 4 s.
-- *limits*: how far the arm exceeds those limits that the law, or the filter behind it, says it
-  keeps; *kept* is within 1e-9 of them. Other limits are not counted. A law bounds its command: an
+- *error*: largest distance from the path; for the adjustments, distance of the end effector from
+  its place; for motion-force control, distance along the surface.
+- *drift*: largest joint displacement over the lap; for the adjustments, the distance that is left
+  to the target posture after 4 s.
+- *limits*: how far the arm exceeds the limits that the law, or the filter behind the law, declares
+  to keep; *kept* means to within 1e-9. Other limits are not counted. A law bounds its command: an
   arm with mass overshoots a command that changes its acceleration at once, and injected noise is
-  not the law's.
+  not part of the law's command.
 - *x real time*: simulated time over wall time at both levels, on the machine at hand with several
-  runs at a time and whatever else it does; [cost](cost.md) has undisturbed figures.
+  runs at a time and other work; [cost](cost.md) has undisturbed figures.
 """
 _PRESSING = """\
 

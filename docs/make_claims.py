@@ -13,18 +13,19 @@ _HEAD = """\
 
 <!-- Made by `make claims`; long and nightly tests compare the verdicts. -->
 
-Every numbered table, figure, theorem and remark of the five papers, and what their text states in
-numbers, row by row. The rows are data, a file for each paper in `drake_rnn/claims/papers/`. Numbers
-and verdicts are computed from them: `drake-rnn claims ID --judge` does so for one of them, and
-[`drake-rnn report`](report.md) for all, with figures and playbacks of the runs.
+This page lists every numbered table, figure, theorem and remark of the five papers, and what their
+text states in numbers, row by row. The rows are data, a file for each paper in
+`drake_rnn/claims/papers/`. Numbers and verdicts are computed from the rows:
+`drake-rnn claims ID --judge` does so for one claim, and [`drake-rnn report`](report.md) for all
+claims, with figures and playbacks of the runs.
 
-A claim *holds* if all that is asked of it as stated is measured. As stated is what is printed;
-where the text leaves a choice, and for a physical experiment, which is simulated, it is the reading
-that the last column names. A claim *holds with correction* if that fails, but holds with the change
-of what is printed that the last column names. Otherwise it *does not hold*. A claim *cannot be
-checked* if the text does not say enough. A name is made of the scheme and the place: T is a table,
-F a figure, Th a theorem, L a lemma, R a remark, S a section, C a claim in the text. Photographs and
-schematics state nothing to check.
+A claim *holds* if the measurements meet all criteria of the claim as stated. "As stated" means as
+printed; where the text leaves a choice, and for a physical experiment, which is simulated, it means
+the reading that the last column names. A claim *holds with correction* if it does not hold as
+stated, but holds with the change to the printed text that the last column names. Otherwise the
+claim *does not hold*. A claim *cannot be checked* if the text does not say enough. The name of a
+claim is made of the scheme and the place: T is a table, F a figure, Th a theorem, L a lemma, R a
+remark, S a section, C a claim in the text. Photographs and schematics state nothing to check.
 """
 
 

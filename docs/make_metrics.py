@@ -7,13 +7,13 @@ _HEAD = """\
 
 <!-- Made by `python docs/make_metrics.py > docs/metrics.md`; a test compares the two. -->
 
-Every run writes its metrics to `metrics.json`, and `drake-rnn run` prints them beside the bounds of
-`accept`. They are taken over every simulated step, never over the stored samples. A metric that
-does not apply to a run, or whose event did not occur, is absent.
+Every run writes its metrics to `metrics.json`, and `drake-rnn run` prints them next to the bounds
+of `accept`. Metrics are computed over every simulated step, never over the stored samples. A metric
+that does not apply to a run, or whose event did not occur, is absent.
 
-The last column says which steps a metric is taken over: those in the experiment's `window`, or
-those of the whole `run`. A unit of 1 is a pure number. What a run cost on the machine is in
-`run.json`, not here.
+The last column says over which steps a metric is computed: those in the experiment's `window`, or
+those of the whole `run`. A unit of 1 means a dimensionless number. The run time of a run is in
+`run.json`, not in its metrics.
 
 In Python the same list is `drake_rnn.METRICS`.
 

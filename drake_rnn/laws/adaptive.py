@@ -201,7 +201,7 @@ class Adaptive(Law):
         if kappa * period > 1.0 + _ROUNDING:
             raise InvalidInputError(
                 f"law.kappa: may be at most {1.0 / period:.6g} /s at a period of {period:g} s, "
-                f"where it takes back the whole error in one sample, not {kappa:g}"
+                f"where it corrects the whole error in one sample, not {kappa:g}"
             )
         late = self.measurement.delay / period
         if abs(late - round(late)) > _ROUNDING * max(late, 1.0):

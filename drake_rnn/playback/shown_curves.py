@@ -173,7 +173,8 @@ def _torque(motion: ReplayedMotion) -> Iterator[Curve]:
 def _margins(motion: ReplayedMotion) -> Iterator[Curve]:
     limits, q = motion.result.experiment.limits, motion.position
     margin = np.minimum(q - limits.position_lower, limits.position_upper - q).min(axis=1)
-    yield Curve("margin", "to a position limit", "rad", motion.time, margin, bound=0.0, above=True)
+    label = "to nearest joint limit"
+    yield Curve("margin", label, "rad", motion.time, margin, bound=0.0, above=True)
 
 
 def _series(motion: ReplayedMotion, *names: str) -> list[Array] | None:

@@ -117,8 +117,8 @@ def _unknown(arm: Arm) -> list[str]:
             np.ones(arm.n) if limits.acceleration is None else ~np.isfinite(limits.acceleration)
         )
         found.append(
-            f"acceleration: not known for {_names(arm, missing)}; a law that needs it asks for "
-            "it: give it in a file of limits, or in the experiment's limits"
+            f"acceleration: not known for {_names(arm, missing)}; a law that needs it is "
+            "refused without it: give it in a file of limits, or in the experiment's limits"
         )
     return found
 

@@ -66,7 +66,7 @@ def read_record(folder: Path) -> dict[str, Any]:
         raise InvalidInputError(f"{folder}: {RECORD} cannot be read: {error}") from None
     if record == _INCOMPLETE:
         raise InvalidInputError(
-            f"{folder}: is incomplete; what wrote the results was stopped before it had ended"
+            f"{folder}: is incomplete; the command that wrote it was stopped before it ended"
         )
     if not isinstance(record, dict):
         raise InvalidInputError(f"{folder}: {RECORD} is no record of a run")

@@ -147,7 +147,6 @@ class Curve(RelativePath):
         return (lap + share) * self.segments
 
     def evaluate(self, t: float) -> Motion:
-        """See `RelativePath.evaluate`."""
         try:
             phase = self.phase_at(t)
         except InvalidInputError:
@@ -200,7 +199,6 @@ class Curve(RelativePath):
         return np.array([self.trace(phase)[0] for phase in np.linspace(0.0, TURN, count)])
 
     def require_motion(self) -> None:
-        """See `RelativePath.require_motion`."""
         phases = np.linspace(0.0, TURN, 5).tolist()
         name = f"{type(self).__name__}.trace"
         require_values(name, self.trace, "phase", phases, ((3,), (3,), (3,)))

@@ -54,7 +54,6 @@ class Planar(Curve):
         return self.cone != 0.0
 
     def evaluate_rotation(self, t: float) -> Motion:
-        """See `RelativePath.evaluate_rotation`."""
         return coned(self._axes, self.cone, self.phase_at(t) or (0.0, 0.0, 0.0))
 
     @cached_property
@@ -85,7 +84,6 @@ class Planar(Curve):
         return self.curve(0.0)[0]
 
     def trace(self, phase: float) -> tuple[Triple, Triple, Triple]:
-        """See `Curve.trace`."""
         z, dz, ddz = self.curve(phase)
         z -= self._first
         a, b, c = self._components

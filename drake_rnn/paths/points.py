@@ -95,7 +95,6 @@ class ThroughPoints(Curve):
         return phase.tolist(), np.stack(orders, axis=-1).swapaxes(0, 1).tolist()
 
     def trace(self, phase: float) -> tuple[Triple, Triple, Triple]:
-        """See `Curve.trace`."""
         phases, coefficients = self._spline
         piece = min(bisect_right(phases, phase), len(coefficients)) - 1
         u = phase - phases[piece]
@@ -121,7 +120,6 @@ class Spline(ThroughPoints):
 
     @property
     def closed(self) -> bool:
-        """Whether the curve ends where it began."""
         return False
 
 

@@ -34,7 +34,6 @@ class RelativePath(Path, Passage):
 
     @property
     def frames(self) -> frozenset[str]:
-        """See `Path.frames`."""
         return frozenset() if self.frame in (BASE, TOOL) else frozenset((self.frame,))
 
     @abstractmethod
@@ -107,7 +106,6 @@ class RelativePath(Path, Passage):
         R_WE: Array | None = None,
         frames: Mapping[str, RigidTransform] | None = None,
     ) -> PlacedPath:
-        """See `Path.placed`."""
         require_pose(p_WE, R_WE)
         if p_WE is None:
             if not self.has_place or self.frame == TOOL:

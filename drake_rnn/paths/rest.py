@@ -19,5 +19,4 @@ class Rest(Curve):
     period: Annotated[float, Field(strict=True, ge=1e-3, le=1e6, allow_inf_nan=False)] = 1.0
 
     def trace(self, phase: float) -> tuple[Triple, Triple, Triple]:
-        """See `Curve.trace`."""
         return _STILL, _STILL, _STILL

@@ -65,10 +65,7 @@ class DaskWorkers(Workers):
         self._address = client.scheduler.address
         self._counted, self._threads = -_COUNT_AGAIN, 1
         self.deaths = (distributed.KilledWorker,)
-        self.losses = (
-            CancelledError,
-            distributed.comm.CommClosedError,
-        )
+        self.losses = (CancelledError, distributed.comm.CommClosedError)
 
     @property
     def slots(self) -> int:

@@ -92,11 +92,6 @@ class Summary:
         """Number of rows that completed."""
         return self.statuses.get("complete", 0)
 
-    @property
-    def ended(self) -> int:
-        """Number of rows that have ended in any way."""
-        return sum(self.statuses.values())
-
 
 def summarize(
     campaign: CampaignDocument, rows: int, lines: Sequence[Line], experiment: Path

@@ -40,11 +40,8 @@ class Planar(Curve):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.centre is not None and self.offset.any():
-            raise ValueError(
-                "offset: cannot be combined with centre, which also sets where the path starts; "
-                "give one of them"
-            )
+        if self.centre is not None:
+            self._require_no_offset("centre")
         if not 0.0 <= self.cone < np.pi:
             raise ValueError(f"cone: must be at least 0 and less than pi, not {self.cone:g}")
 

@@ -36,11 +36,8 @@ class ThroughPoints(Curve):
         super().__post_init__()
         if (self.file is None) == (self.points is None):
             raise ValueError("give either a file or points")
-        if self.absolute and self.offset.any():
-            raise ValueError(
-                "offset: cannot be combined with absolute, which also sets where the path starts; "
-                "give one of them"
-            )
+        if self.absolute:
+            self._require_no_offset("absolute")
         self._knots  # noqa: B018 (a bad file is refused now, not during a run)
 
     @property

@@ -79,6 +79,14 @@ class RelativePath(Path, Passage):
         """
         return self
 
+    def _require_no_offset(self, rival: str, remedy: str = "give one of them") -> None:
+        """Raise a ValueError for an ``offset`` beside another key that sets the start."""
+        if self.offset.any():
+            raise ValueError(
+                f"offset: cannot be combined with {rival}, which also sets where the path starts; "
+                f"{remedy}"
+            )
+
     def sample(self, count: int) -> Array:
         """See `Passage.sample`; points are displacements from the first one, in F."""
         return self._sampled(self.evaluate, count)

@@ -39,11 +39,8 @@ class TimedPath(RelativePath):
     absolute: Flag = False
 
     def __post_init__(self) -> None:
-        if self.absolute and self.offset.any():
-            raise ValueError(
-                "offset: cannot be combined with absolute, which also sets where the path starts; "
-                "it needs absolute: false"
-            )
+        if self.absolute:
+            self._require_no_offset("absolute", "it needs absolute: false")
 
     @property
     @abstractmethod

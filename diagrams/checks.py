@@ -72,7 +72,11 @@ def check_parts(
     body.check_task(task)
     body.check_plant(body.settings, controller.period)
     check_filter(filter is not None, feedback, dither)
-    _require_same_period(controller, filter)
+    period = controller.period
+    if filter is not None and period is not None and filter.period != period:
+        raise InvalidInputError(
+            f"filter: its period, {filter.period:g} s, must be the controller's, {period:g} s"
+        )
 
 
 def check_sensing(sensing: SensingSettings | None, law: Law) -> None:
@@ -128,6 +132,14 @@ def check_filter(filtered: bool, feedback: Feedback, dither: DitherSettings | No
         )
 
 
+_HINTS = {
+    "R_WE_desired": "; give the PathSource R_WE",
+    "normal_WE": "; give the body a contact",
+    "position_preview": "; give a JointReference",
+    "p_preview": "; give the PathSource a preview of one period",
+}
+
+
 def check_offers(
     controller: Controller, offered: Mapping[str, OutputPort], kinematics: Kinematics, task: str
 ) -> None:
@@ -140,7 +152,12 @@ def check_offers(
         task: Task of the loop.
     """
     _require_ahead(controller, offered)
-    _require_offered(controller, offered)
+    for name in controller.reading.inputs.parts:
+        if name not in offered:
+            raise InvalidInputError(
+                f"{controller.get_name()}: nothing in this diagram offers {name!r}; "
+                f"available: {', '.join(sorted(offered))}{_HINTS.get(name, '')}"
+            )
     _require_task(controller, kinematics, task, offered)
 
 
@@ -150,14 +167,6 @@ def _require_joints(controller: Controller, body: Body) -> None:
         raise InvalidInputError(
             f"limits: those of {type(controller.law).__name__} must be for {body.arm.n} joints, "
             f"like {body.arm.name}, not for {joints}"
-        )
-
-
-def _require_same_period(controller: Controller, filter: MovingAverage | None) -> None:
-    period = controller.period
-    if filter is not None and period is not None and filter.period != period:
-        raise InvalidInputError(
-            f"filter: its period, {filter.period:g} s, must be the controller's, {period:g} s"
         )
 
 
@@ -178,23 +187,6 @@ def _require_ahead(controller: Controller, offered: Mapping[str, OutputPort]) ->
         raise InvalidInputError(
             f"interval: must be the law's, {asked.interval}, not {ahead.interval}"
         )
-
-
-_HINTS = {
-    "R_WE_desired": "; give the PathSource R_WE",
-    "normal_WE": "; give the body a contact",
-    "position_preview": "; give a JointReference",
-    "p_preview": "; give the PathSource a preview of one period",
-}
-
-
-def _require_offered(controller: Controller, offered: Mapping[str, OutputPort]) -> None:
-    for name in controller.reading.inputs.parts:
-        if name not in offered:
-            raise InvalidInputError(
-                f"{controller.get_name()}: nothing in this diagram offers {name!r}; "
-                f"available: {', '.join(sorted(offered))}{_HINTS.get(name, '')}"
-            )
 
 
 def _require_task(

@@ -116,15 +116,10 @@ def _kind(system: System) -> _Kind:
     return _OTHER
 
 
-def _class(system: System) -> str:
-    name = type(system).__name__
-    # Drake's templates carry their scalar type.
-    return name.rstrip("_") if "[" not in name else name[: name.index("[")].rstrip("_")
-
-
 def _node(name: str, system: System, kind: _Kind) -> str:
     title = escape(system.get_name())
-    what = escape(_class(system))
+    # Drake's templates carry their scalar type.
+    what = escape(type(system).__name__.partition("[")[0].rstrip("_"))
     label = f'<b>{title}</b><br/><font point-size="10.5">{what}</font>'
     return f"  {name} [label=<{label}>, {_looks(kind)}];"
 

@@ -132,8 +132,7 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
             command = filter.get_output_port()
     velocity = _add_dither(wiring, dither, command, seed)
     _move(wiring, seen, velocity.moved)
-    joints = _add_joint_sensor(wiring, body, sensing, controller.period, seed)
-    pose = _add_pose_sensor(wiring, body, task, sensing, controller.period, seed)
+    joints, pose = _add_sensors(wiring, body, task, sensing, controller.period, seed)
     position, measured, shown = _joints_seen(seen, velocity, feedback, joints)
     offered = {"position": position, "velocity": shown}
     offered |= _evaluate(wiring, seen.kinematics, position, measured) | pose
@@ -232,38 +231,26 @@ def _add_dither(
     }[dither.model]
 
 
-def _add_joint_sensor(
-    wiring: Wiring,
-    body: Body,
-    sensing: SensingSettings | None,
-    period: float | None,
-    seed: int,
-) -> Ports:
-    """Return what a sensor of the body's joints says; nothing without one."""
-    if sensing is None or period is None:
-        return {}
-    sensor = JointSensor(sensing, body.arm, body.start, period, seed)
-    wiring.add("joint_sensor", sensor)
-    for name in ("position", "velocity"):
-        wiring.connect(body.GetOutputPort(name), sensor.GetInputPort(f"{name}_true"))
-    return ports_of(sensor)
-
-
-def _add_pose_sensor(
+def _add_sensors(
     wiring: Wiring,
     body: Body,
     task: str,
     sensing: SensingSettings | None,
     period: float | None,
     seed: int,
-) -> Ports:
-    """Return what a sensor of the true arm's pose says; nothing without one."""
-    if sensing is None or period is None or not sensing.from_outside:
-        return {}
+) -> tuple[Ports, Ports]:
+    """Return what sensors say of the body's joints and of its pose; nothing without them."""
+    if sensing is None or period is None:
+        return {}, {}
+    joints = wiring.add("joint_sensor", JointSensor(sensing, body.arm, body.start, period, seed))
+    for name in ("position", "velocity"):
+        wiring.connect(body.GetOutputPort(name), joints.GetInputPort(f"{name}_true"))
+    if not sensing.from_outside:
+        return ports_of(joints), {}
     sensor = PoseSensor(sensing, body.kinematics, task, body.start, period, seed)
-    wiring.add("pose_sensor", sensor)
-    wiring.connect(body.GetOutputPort("position"), sensor.GetInputPort("position_true"))
-    return ports_of(sensor)
+    pose = wiring.add("pose_sensor", sensor)
+    wiring.connect(body.GetOutputPort("position"), pose.GetInputPort("position_true"))
+    return ports_of(joints), ports_of(pose)
 
 
 def _joints_seen(
@@ -315,14 +302,10 @@ def _offer_contact(
     told["normal_force"] = normal_force
     shown = given.get("normal_force", normal_force)
     if period is not None:
-        _add_watch(wiring, body, shown, period)
+        position = body.GetOutputPort("position")
+        watch = wiring.add("force_watch", ForceWatch(position.size(), WATCHED * period))
+        wiring.connect(shown, watch.GetInputPort("normal_force"))
+        wiring.connect(position, watch.GetInputPort("position"))
     contact_force = body.GetOutputPort("contact_force")
     felt = {"contact_force": contact_force, "tool_force": tool_force, "normal_force": shown}
     return told, felt
-
-
-def _add_watch(wiring: Wiring, body: Body, normal_force: OutputPort, period: float) -> None:
-    position = body.GetOutputPort("position")
-    watch = wiring.add("force_watch", ForceWatch(position.size(), WATCHED * period))
-    wiring.connect(normal_force, watch.GetInputPort("normal_force"))
-    wiring.connect(position, watch.GetInputPort("position"))

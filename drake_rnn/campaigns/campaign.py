@@ -17,7 +17,7 @@ from ..inputs.versions import versions
 from ..runs.whole_file import written_whole
 from .cluster import workers_of
 from .document import CampaignDocument, read_campaign
-from .engine import carry_out
+from .engine import Take, carry_out
 from .outcome import Order, Outcome
 from .perform import Perform
 from .plan import Plan, plan_campaign, unique_orders
@@ -104,11 +104,21 @@ def run_campaign(
     store = RowStore(folder / "rows")
     with store.claimed():
         _describe(plan, folder)
-        outcomes = kept_rows(store, unique_orders(plan.rows), again)
-        kept = len(outcomes)
-        ending, reason = _carry_out(
-            plan, store, outcomes, _workers(jobs, executor), (perform, batch), done
-        )
+        orders = unique_orders(plan.rows)
+        outcomes = kept_rows(store, orders, again)
+        kept, workers = len(outcomes), _workers(jobs, executor)
+        if done is not None:
+            done(kept, len(orders), None)
+
+        def take(order: Order, outcome: Outcome) -> None:
+            store.put(order, outcome)
+            outcomes[order.key] = outcome
+            if done is not None:
+                done(len(outcomes), len(orders), outcome)
+
+        missing = [order for order in orders if order.key not in outcomes]
+        tasks = tasks_of(missing, workers.slots, batch)
+        ending, reason = _carry_out(tasks, perform, workers, take)
         lines = lines_of(plan.rows, outcomes)
         summary = summarize(plan.campaign, len(plan.rows), lines, folder / "experiment.yaml")
         result = CampaignResult(plan, folder, lines, summary, ending, reason, kept)
@@ -139,28 +149,10 @@ def _workers(jobs: int, executor: Executor | Workers | None) -> Workers:
 
 
 def _carry_out(
-    plan: Plan,
-    store: RowStore,
-    outcomes: dict[str, Outcome],
-    workers: Workers,
-    how: tuple[Perform, int | None],
-    done: Progress | None,
+    tasks: list[list[Order]], perform: Perform, workers: Workers, take: Take
 ) -> tuple[Ending, str]:
-    """Carry out the missing orders, add their outcomes, and return how that ended and why."""
-    orders = unique_orders(plan.rows)
-    missing = [order for order in orders if order.key not in outcomes]
-    if done is not None:
-        done(len(outcomes), len(orders), None)
-
-    def take(order: Order, outcome: Outcome) -> None:
-        store.put(order, outcome)
-        outcomes[order.key] = outcome
-        if done is not None:
-            done(len(outcomes), len(orders), outcome)
-
-    perform, batch = how
+    """Carry out tasks, and return how that ended and why."""
     try:
-        tasks = tasks_of(missing, workers.slots, batch)
         if carry_out(tasks, perform, workers, take):
             return "complete", ""
     except LostWorkersError as error:

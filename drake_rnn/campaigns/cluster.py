@@ -65,10 +65,7 @@ class DaskWorkers(Workers):
         self._address = client.scheduler.address
         self._counted, self._threads = -_COUNT_AGAIN, 1
         self.deaths = (distributed.KilledWorker,)
-        self.losses = (
-            CancelledError,
-            distributed.comm.CommClosedError,
-        )
+        self.losses = (CancelledError, distributed.comm.CommClosedError)
 
     @property
     def slots(self) -> int:
@@ -98,13 +95,12 @@ class DaskWorkers(Workers):
             self._client.close(timeout=_PATIENCE)
 
 
-def workers_of(executor: Any, slots: int | None = None) -> Workers:
+def workers_of(executor: Any) -> Workers:
     """Return an executor as `Workers`.
 
     Args:
         executor: `Workers`, a client of Dask, or anything with ``submit`` whose futures have
             ``result`` and ``add_done_callback``.
-        slots: Number of tasks that are handed over at a time; by default two for each processor.
 
     Raises:
         InvalidInputError: If it has no ``submit``.
@@ -117,7 +113,7 @@ def workers_of(executor: Any, slots: int | None = None) -> Workers:
         raise InvalidInputError(
             f"executor: must have a method submit; {type(executor).__name__} has none"
         )
-    return Workers(executor, slots)
+    return Workers(executor)
 
 
 def _dask() -> Any:

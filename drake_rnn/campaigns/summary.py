@@ -92,11 +92,6 @@ class Summary:
         """Number of rows that completed."""
         return self.statuses.get("complete", 0)
 
-    @property
-    def ended(self) -> int:
-        """Number of rows that have ended in any way."""
-        return sum(self.statuses.values())
-
 
 def summarize(
     campaign: CampaignDocument, rows: int, lines: Sequence[Line], experiment: Path
@@ -109,7 +104,8 @@ def summarize(
         lines: Rows that have ended.
         experiment: File of the experiment, which the commands that repeat a row name.
     """
-    settings, complete = campaign.statistics, _complete(lines)
+    settings = campaign.statistics
+    complete = [line for line in lines if line.outcome.status == "complete"]
     numbers = {name: x for name, x in varied_numbers(complete).items() if np.ptp(x) > 0}
     return Summary(
         name=campaign.name,
@@ -122,14 +118,9 @@ def summarize(
             for name in campaign.metrics or _telling(complete)
         ],
         unlike=[
-            (
-                line.number,
-                line.outcome.status,
-                line.outcome.failure,
-                repeat_command(line.values, experiment),
-            )
+            (line.number, ended.status, ended.failure, repeat_command(line.values, experiment))
             for line in lines
-            if line.outcome.status != "complete"
+            if (ended := line.outcome).status != "complete"
         ],
         chance=chance_correlation(len(complete), settings.confidence),
         confidence=settings.confidence,
@@ -150,10 +141,6 @@ def repeat_command(values: Mapping[str, Any], experiment: Path) -> str:
     """
     changes = [f"--set {shlex.quote(f'{key}={json.dumps(v)}')}" for key, v in values.items()]
     return " ".join(["drake-rnn run", shlex.quote(str(experiment)), *changes])
-
-
-def _complete(lines: Sequence[Line]) -> list[Line]:
-    return [line for line in lines if line.outcome.status == "complete"]
 
 
 def _shares(lines: Sequence[Line], confidence: float) -> dict[str, Interval]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
@@ -142,15 +143,19 @@ def run_planned(
         )
     store = None if keep is None else RowStore(keep)
     with nullcontext() if store is None else store.claimed():
-        rows = _Rows(orders, store, processes > 1, done)
+        known = _Outcomes(orders, store, processes > 1, done)
+        every = {run.order.key: run.order for run in orders}
+        tasks = [[order] for key, order in every.items() if key not in known.outcomes]
         workers = Processes(processes) if processes > 1 else ThisProcess()
-        tasks = [[order] for order in rows.missing()]
-        finished = carry_out(tasks, simulate_each, workers, rows.take)
+        finished = carry_out(tasks, simulate_each, workers, known.take)
+        ended = [run for run in orders if run.order.key in known.outcomes]
+        rows = [_row(run.values, known.outcomes[run.order.key]) for run in ended]
         if not finished:
-            raise InterruptedSweepError(rows.ended(), rows.lacking())
+            missing = [run.values for run in orders if run.order.key not in known.outcomes]
+            raise InterruptedSweepError(rows, missing)
         if store is not None:
             store.remove()
-    return rows.ended()
+    return rows
 
 
 def planned(
@@ -210,12 +215,12 @@ def _path_text(experiment: Experiment) -> str:
     return json.dumps(told, default=repr)
 
 
-class _Rows:
-    """The rows of a sweep, collected as they end, in any order.
+class _Outcomes:
+    """The outcomes of a sweep's runs, which end in any order; rows are told of in theirs.
 
     Args:
-        orders: Values and order of each.
-        store: Store of the rows; None to keep none.
+        orders: The runs.
+        store: Store of the outcomes; None to keep none.
         apart: Whether the runs are made in other processes.
         done: Called with each row when it is ready, in order.
     """
@@ -227,18 +232,11 @@ class _Rows:
         apart: bool,
         done: Callable[[Row], None] | None,
     ) -> None:
-        self._orders, self._store = orders, store
+        self._untold, self._store = deque(orders), store
         self._apart, self._done = apart, done
-        self._outcomes: dict[str, Outcome] = {}
-        self._told = 0
-        if store is not None:
-            self._outcomes = kept_rows(store, [run.order for run in orders])
-
-    def missing(self) -> list[Order]:
-        """Return the orders that have no outcome, each once."""
+        kept = {} if store is None else kept_rows(store, [run.order for run in orders])
+        self.outcomes: dict[str, Outcome] = kept
         self._tell()
-        every = {run.order.key: run.order for run in self._orders}
-        return [order for key, order in every.items() if key not in self._outcomes]
 
     def take(self, order: Order, outcome: Outcome) -> None:
         """Take the outcome of an order."""
@@ -250,29 +248,14 @@ class _Rows:
             )
         if self._store is not None:
             self._store.put(order, outcome)
-        self._outcomes[order.key] = outcome
+        self.outcomes[order.key] = outcome
         self._tell()
 
-    def ended(self) -> list[Row]:
-        """Return the rows that have ended, in their order."""
-        return [
-            _row(run.values, self._outcomes[run.order.key])
-            for run in self._orders
-            if run.order.key in self._outcomes
-        ]
-
-    def lacking(self) -> list[tuple[Any, ...]]:
-        """Return the values of the rows that have not ended."""
-        return [run.values for run in self._orders if run.order.key not in self._outcomes]
-
     def _tell(self) -> None:
-        while self._told < len(self._orders):
-            values, order, _ = self._orders[self._told]
-            if order.key not in self._outcomes:
-                return
-            self._told += 1
+        while self._untold and (key := self._untold[0].order.key) in self.outcomes:
+            row = _row(self._untold.popleft().values, self.outcomes[key])
             if self._done is not None:
-                self._done(_row(values, self._outcomes[order.key]))
+                self._done(row)
 
 
 def _row(values: tuple[Any, ...], outcome: Outcome) -> Row:

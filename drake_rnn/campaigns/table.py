@@ -67,18 +67,15 @@ def varied_numbers(lines: Sequence[Line]) -> dict[str, Array]:
     """Return the varied keys whose values are numbers in all lines, shape (k,) each, by name."""
     columns = [dict(numbers_in(line.values)) for line in lines]
     names = [name for name in (columns or [{}])[0] if all(name in column for column in columns)]
-    return {name: _array([column[name] for column in columns]) for name in names}
+    return {name: np.array([column[name] for column in columns]) for name in names}
 
 
 def metric_column(lines: Sequence[Line], name: str) -> Array:
     """Return a metric of all lines, shape (k,); NaN for a run that did not complete."""
     nan = float("nan")
-    return _array(
-        [
-            line.outcome.metrics.get(name, nan) if line.outcome.status == "complete" else nan
-            for line in lines
-        ]
-    )
+    outcomes = [line.outcome for line in lines]
+    found = [each.metrics.get(name, nan) if each.status == "complete" else nan for each in outcomes]
+    return np.array(found, dtype=float)
 
 
 def write_table(
@@ -119,7 +116,3 @@ def _cells(line: Line, keys: Sequence[str], metrics: Sequence[str]) -> list[Any]
 def cell(value: Any) -> str:
     """Return a value of a varied key as a text: numbers and texts as they are, others as JSON."""
     return value if isinstance(value, str) else json.dumps(value)
-
-
-def _array(values: list[float]) -> Array:
-    return np.array(values, dtype=float)

@@ -55,12 +55,10 @@ class Values(Axis):
             raise ValueError("values: must not be empty")
 
     def listed(self) -> list[Any]:
-        """Return the values, in their order."""
         return self.values
 
     @property
     def size(self) -> int:
-        """Number of values."""
         return len(self.values)
 
 
@@ -88,7 +86,6 @@ class Range(Axis):
             raise ValueError(f"low: must be greater than 0 with log spacing, not {self.low:g}")
 
     def listed(self) -> list[Any]:
-        """Return the values, in their order."""
         low, high, steps = self.low, self.high, max(self.count - 1, 1)
         if self.spacing == "log":
             return [float(v) for v in np.geomspace(low, high, self.count)]
@@ -98,7 +95,6 @@ class Range(Axis):
 
     @property
     def size(self) -> int:
-        """Number of values."""
         return self.count
 
 
@@ -117,7 +113,6 @@ class Uniform(Distribution):
         _require_order(self.low, self.high)
 
     def draw(self, rng: np.random.Generator) -> Any:
-        """Return one value as plain data."""
         return _plain(rng.uniform(self.low, self.high))
 
 
@@ -138,7 +133,6 @@ class LogUniform(Distribution):
         _require_order(self.low, self.high)
 
     def draw(self, rng: np.random.Generator) -> Any:
-        """Return one value as plain data."""
         return _plain(np.exp(rng.uniform(np.log(self.low), np.log(self.high))))
 
 
@@ -160,7 +154,6 @@ class Normal(Distribution):
             raise ValueError(f"deviation: must be at least 0, not {short(self.deviation)}")
 
     def draw(self, rng: np.random.Generator) -> Any:
-        """Return one value as plain data."""
         return _plain(rng.normal(self.mean, self.deviation))
 
 
@@ -180,7 +173,6 @@ class Integers(Distribution):
             raise ValueError(f"high: must be at least low, {self.low}, not {self.high}")
 
     def draw(self, rng: np.random.Generator) -> Any:
-        """Return one value as plain data."""
         return int(rng.integers(self.low, self.high, endpoint=True))
 
 
@@ -206,7 +198,6 @@ class Choice(Distribution):
             )
 
     def draw(self, rng: np.random.Generator) -> Any:
-        """Return one value as plain data."""
         if self.weights is None:
             return self.values[int(rng.integers(len(self.values)))]
         ends = np.cumsum(self.weights)

@@ -1,5 +1,3 @@
 """The command line."""
 
-from .commands import app, main
-
-__all__ = ["app", "main"]
+from .commands import app as app, main as main

@@ -14,25 +14,12 @@ from ..experiment import Experiment
 from ..runs.effort import Effort, expected_effort
 from .changing import tell_of_window
 from .console import err, out
-from .queue import Outcome, Task
+from .queue import Task
 
 
 def print_data(contents: Any) -> None:
     """Print plain data as JSON, with null for numbers that are not finite, which it has not."""
     typer.echo(json.dumps(_finite(contents), indent=2))
-
-
-def print_json(outcomes: Sequence[Outcome]) -> None:
-    """Print the outcomes of runs as one JSON object, by name."""
-    contents = {
-        outcome.name: {
-            "folder": str(outcome.folder),
-            "metrics": outcome.metrics,
-            **outcome.record,
-        }
-        for outcome in outcomes
-    }
-    print_data(contents)
 
 
 def print_plan(

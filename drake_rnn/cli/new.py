@@ -52,20 +52,16 @@ def write_start(own: str, name: str, folder: Path) -> list[Path]:
     return list(written)
 
 
-def _require_name(name: str) -> None:
-    if not re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", name) or keyword.iskeyword(name):
-        raise InvalidInputError(
-            f"name: must be a module's name in lower case, e.g. my_law, not {name!r}"
-        )
-
-
 def new(asked: New) -> None:
     """Write what is asked for, and say what to do next."""
     what, name = asked.what, asked.name
     with errors():
         if asked.shipped and what != "law":
             raise InvalidInputError(f"--shipped: is for a law, not for {what}")
-        _require_name(name)
+        if not re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", name) or keyword.iskeyword(name):
+            raise InvalidInputError(
+                f"name: must be a module's name in lower case, e.g. my_law, not {name!r}"
+            )
         write = write_shipped if asked.shipped else partial(write_start, what)
         for file in write(name, Path()):
             out.print(escape(f"written  {file}"), soft_wrap=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -12,7 +12,7 @@ from ..errors import InvalidInputError
 from ..experiment import Experiment, load_experiment
 from ..runs.fastest import check_stretchable, fastest
 from ..runs.simulation import check_experiment
-from .announcing import print_json, print_plan
+from .announcing import print_data, print_plan
 from .asked import Fastest, Run
 from .changing import changes_of, require_writable
 from .console import err, errors, finish, out, silenced
@@ -29,7 +29,10 @@ def run(asked: Run) -> None:
             if first:
                 _require_beside_is_possible(asked)
             changed = changes_of(asked.changes, asked.seed, asked.duration)
-            loaded = [_load_named(name, names, changed) for name in names]
+            loaded = []
+            for name in names:
+                with named(name, among=names):
+                    loaded.append(load_experiment(name, changed))
             warnings = _check_all(loaded, names, asked)
             tasks = [
                 _task(asked, name, experiment.name, changed)
@@ -45,7 +48,12 @@ def run(asked: Run) -> None:
         else:
             outcomes = run_in_turn(tasks, loaded, len(first))
     if asked.as_json:
-        print_json(outcomes)
+        print_data(
+            {
+                each.name: {"folder": str(each.folder), "metrics": each.metrics, **each.record}
+                for each in outcomes
+            }
+        )
     ran = {outcome.name for outcome in outcomes}
     if skipped := [task.name for task in tasks if task.name not in ran]:
         err.print(f"[red]not run[/] {escape(', '.join(skipped))}")
@@ -92,17 +100,15 @@ def run_fastest(asked: Fastest) -> None:
     )
 
 
-def _load_named(name: str, among: list[str], changes: Mapping[str, object]) -> Experiment:
-    """Return an experiment; an error names it if there are others."""
-    with named(name, among=among):
-        return load_experiment(name, changes)
-
-
 def _check_all(experiments: list[Experiment], names: list[str], asked: Run) -> list[list[str]]:
     """Check everything before anything runs; return the warnings about each."""
     warnings = []
     for experiment in experiments:
-        _require_one_folder_each(experiment, experiments)
+        if sum(other.name == experiment.name for other in experiments) > 1:
+            raise InvalidInputError(
+                f"name: two experiments are called {experiment.name!r}; one would overwrite the "
+                "other"
+            )
         with named(experiment.name, among=names):
             warnings.append(check_experiment(experiment, asked.anyway, asked.series))
     return warnings
@@ -117,10 +123,3 @@ def named(name: str, among: list[str]) -> Iterator[None]:
         if len(among) == 1:
             raise
         raise InvalidInputError(f"{name}: {error}") from None
-
-
-def _require_one_folder_each(experiment: Experiment, among: list[Experiment]) -> None:
-    if sum(other.name == experiment.name for other in among) > 1:
-        raise InvalidInputError(
-            f"name: two experiments are called {experiment.name!r}; one would overwrite the other"
-        )

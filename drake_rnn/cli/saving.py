@@ -57,12 +57,8 @@ def write_result(
 def write_page(result: Result, folder: Path, beside: Sequence[Result]) -> None:
     """Write a result's playback to its folder."""
     others = [other for other in beside if other.time.size > 1]
-    file, rate = folder / "playback.html", _frames_per_second(result)
+    # A lower rate keeps the page of a long run small.
+    rate = 64 if result.time[-1] <= 30.0 else 32
     with status(f"{result.experiment.name}: writing the playback"):
-        page = write_playback(result, file, rate, others)
+        page = write_playback(result, folder / "playback.html", rate, others)
     out.print(escape(f"playback  {page}"), soft_wrap=True)
-
-
-def _frames_per_second(result: Result) -> int:
-    """Return the playback's frame rate, lower for long runs to keep the page small."""
-    return 64 if result.time[-1] <= 30.0 else 32

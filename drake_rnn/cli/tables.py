@@ -137,21 +137,16 @@ def sweep_tables(keys: Sequence[str], rows: Sequence[Row], width: int | None = N
     names only after an underscore. Print them on a `WIDE` console, because a single column may
     be wider than ``width``.
     """
-    tables, names = [], varying_metrics(rows)
+    tables, names, unsqueezed = [], varying_metrics(rows), Console(width=WIDE)
     while True:
-        count = len(names)
-        while width is not None and count > 1 and _width(keys, rows, names[:count]) > width:
+        count, table = len(names), _sweep_table(keys, rows, names)
+        while width is not None and count > 1 and unsqueezed.measure(table).maximum > width:
             count -= 1
-        tables.append(_sweep_table(keys, rows, names[:count]))
+            table = _sweep_table(keys, rows, names[:count])
+        tables.append(table)
         names = names[count:]
         if not names:
             return tables
-
-
-def _width(keys: Sequence[str], rows: Sequence[Row], names: Sequence[str]) -> int:
-    """Return the width of the table if it is not squeezed [characters]."""
-    console = Console(width=WIDE)
-    return console.measure(_sweep_table(keys, rows, names)).maximum
 
 
 def _sweep_table(keys: Sequence[str], rows: Sequence[Row], names: Sequence[str]) -> Table:

@@ -1,11 +1,11 @@
 """Surfaces that a tool is pressed against, modelled as a spring or as bodies in contact."""
 
 from ..inputs.kinds import Kinds
-from .contact_model import ContactModel, TipMaterial
-from .elastic_surface import ElasticSurface
-from .model_surface import ModelSurface
-from .plate import Plate
-from .surface import Surface
+from .contact_model import ContactModel as ContactModel, TipMaterial as TipMaterial
+from .elastic_surface import ElasticSurface as ElasticSurface
+from .model_surface import ModelSurface as ModelSurface
+from .plate import Plate as Plate
+from .surface import Surface as Surface
 
 #: Environments by their ``kind``.
 ENVIRONMENTS: Kinds[Surface] = Kinds(
@@ -17,13 +17,3 @@ ENVIRONMENTS: Kinds[Surface] = Kinds(
         "model": ModelSurface,
     },
 )
-
-__all__ = [
-    "ENVIRONMENTS",
-    "ContactModel",
-    "ElasticSurface",
-    "ModelSurface",
-    "Plate",
-    "Surface",
-    "TipMaterial",
-]

@@ -177,7 +177,6 @@ class ExperimentDocument:
                 raise ValueError(
                     f"accept.{metric}: no such metric; {nearest(metric, list(METRIC_NAMES))}"
                 )
-
         for key in self.over:
             if not self.over[key]:
                 raise ValueError(f"over.{key}: must have one value or more, not []")
@@ -198,14 +197,11 @@ class ExperimentDocument:
         if self.period is None and self.integrator is None:
             raise ValueError("period: must be given, unless integrator is given")
         step = None if self.integrator is None else self.integrator.step
-        if step is not None and step > self.duration:
-            raise ValueError(
-                f"integrator.step: may be at most the duration, {self.duration:g} s, not {step:g}"
-            )
-        if self.period is not None and self.period > self.duration:
-            raise ValueError(
-                f"period: may be at most the duration, {self.duration:g} s, not {self.period:g}"
-            )
+        for key, value in (("integrator.step", step), ("period", self.period)):
+            if value is not None and value > self.duration:
+                raise ValueError(
+                    f"{key}: may be at most the duration, {self.duration:g} s, not {value:g}"
+                )
         if self.log_period > max(self.duration, _LOG_PERIOD):
             raise ValueError(
                 f"log_period: may be at most the duration, {self.duration:g} s, "

@@ -155,7 +155,10 @@ def make_experiment(
     Raises:
         InvalidInputError: If a key is wrong; the message names it, its value and what it may be.
     """
-    document = _checked(document, path is not None)
+    if not isinstance(document, ExperimentDocument):
+        document = construct(ExperimentDocument, document, "")
+    if path is not None:
+        document = replace(document, path=GIVEN)
     arms = Arms() if arms is None else arms
     parts = read_sections(document, arms, path, modules)
     check_sensing(document.sensing, parts.law)
@@ -163,7 +166,11 @@ def make_experiment(
     law, moved = with_reachable_target(parts)
     start, kinematics = parts.start, arms.shared("kinematics", document.arm, parts.arm.kinematics)
     desired = parts.path.placed_by(kinematics, start)
-    _require_orientation_seen(law, desired)
+    if desired.turns and "R_WE_desired" not in law.inputs:
+        raise InvalidInputError(
+            "path: carries an orientation, which this law does not see; give task: pose, or a law "
+            "with the input R_WE_desired, or leave the orientation out"
+        )
     contact, doubts = make_contact(parts, desired, modules)
     found = Experiment(
         document=document,
@@ -201,21 +208,3 @@ def _circumstances(
         J=J,
         task_J=lambda q: experiment.task.J(kinematics, q),
     )
-
-
-def _checked(
-    document: Mapping[str, Any] | ExperimentDocument, path_is_given: bool
-) -> ExperimentDocument:
-    """Return a document whose keys were checked; with a path made in Python it only says so."""
-    if not isinstance(document, ExperimentDocument):
-        document = construct(ExperimentDocument, document, "")
-    return replace(document, path=GIVEN) if path_is_given else document
-
-
-def _require_orientation_seen(law: Law, desired: PlacedPath) -> None:
-    """Raise an InvalidInputError for an orientation along the path that the law does not see."""
-    if desired.turns and "R_WE_desired" not in law.inputs:
-        raise InvalidInputError(
-            "path: carries an orientation, which this law does not see; give task: pose, or a law "
-            "with the input R_WE_desired, or leave the orientation out"
-        )

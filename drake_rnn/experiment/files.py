@@ -99,9 +99,6 @@ def read_document(
     """
     changes = checked_changes(changes)
     document, name = _contents(experiment)
-    rivals = {key.split(".")[0] for key, value in changes.items() if value is not None}
-    if {"period", "integrator"} <= rivals:
-        raise InvalidInputError("period: cannot be combined with integrator; change one of them")
     for key, value in changes.items():
         # A copy, because a later key may change something inside the caller's value.
         set_key(document, key, deepcopy(value))

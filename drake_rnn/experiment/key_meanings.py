@@ -47,13 +47,8 @@ def section_meanings(name: str, value: Any) -> dict[str, str]:
         return {metric.name: f"{metric.meaning} [{metric.unit}]" for metric in METRICS}
     if name == "limits":
         return {limit: f"[{unit}]" for limit, unit in FIELD_UNITS.items()}
-    if name == "arm":
-        return _meanings(ArmDescription)
-    if name in _KINDS:
-        cls = _KINDS[name].named_by(value, modules=True)
-        return _meanings(cls) | {"kind": ""}
-    found = _described(ExperimentDocument, name)
-    return _meanings(found) if found else {}
+    found = _class_of(name, value)
+    return _meanings(found) | ({"kind": ""} if name in _KINDS else {}) if found else {}
 
 
 def unit_of_key(document: Mapping[str, Any], key: str) -> str:
@@ -78,14 +73,17 @@ def _meaning(section: str, value: Any, inner: list[str]) -> str:
         return key_meanings().get(section, "")
     if len(inner) == 1:
         return section_meanings(section, value).get(inner[0], "")
-    cls: type | None = ArmDescription
-    if section in _KINDS:
-        cls = _KINDS[section].named_by(value, modules=True)
-    elif section != "arm":
-        cls = _described(ExperimentDocument, section)
+    cls = _class_of(section, value)
     for part in inner[:-1]:
         cls = _described(cls, part) if cls else None
     return _meanings(cls).get(inner[-1], "") if cls else ""
+
+
+def _class_of(section: str, value: Any) -> type | None:
+    """Return the class that a section of a document describes; None if it has no keys."""
+    if section in _KINDS:
+        return _KINDS[section].named_by(value, modules=True)
+    return ArmDescription if section == "arm" else _described(ExperimentDocument, section)
 
 
 def _described(cls: type, field: str) -> type | None:

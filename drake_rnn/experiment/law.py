@@ -52,7 +52,10 @@ def make_law(
     _require_size(task, kind)
     law: Law = construct(kind, {**filled, **without_kind(document.law)}, "law")
     check_declared(law)
-    _require_rows(task, law)
+    parts = {**law.state.parts, **law.inputs.parts}
+    able = tasks_suiting({name: shape for name, (_, shape) in parts.items()})
+    if task not in able:
+        raise InvalidInputError(f"task: may be {', '.join(able)} for this law, not {task}")
     if document.period is not None:
         sampled_reading(law, document.period)
     else:
@@ -88,11 +91,3 @@ def _require_size(task: str, kind: Any) -> None:
     if sizes and TASKS[task].size not in sizes:
         able = ", ".join(name for name, known in TASKS.items() if known.size in sizes)
         raise InvalidInputError(f"task: may be {able} for this law, not {task}")
-
-
-def _require_rows(task: str, law: Law) -> None:
-    """Raise an InvalidInputError if the task does not fit the sizes of the law's inputs."""
-    parts = {**law.state.parts, **law.inputs.parts}
-    able = tasks_suiting({name: shape for name, (_, shape) in parts.items()})
-    if task not in able:
-        raise InvalidInputError(f"task: may be {', '.join(able)} for this law, not {task}")

@@ -38,20 +38,34 @@ with all other time laws the point rests at the corners. Every other curve is on
 """
 
 from ..inputs.kinds import Kinds
-from .cat import Cat
-from .curve import Curve
-from .line import Line
-from .path import BASE, TOOL, Motion, Passage, Path, PlacedPath
-from .planar import Planar
-from .points import Points, Spline, ThroughPoints
-from .polygons import Parallelogram, Square
-from .relative import RelativePath
-from .rest import Rest
-from .sequence import Part, Sequence
-from .timing import TimeLaw, Timing, time_at, time_law
-from .trajectory import TrajectoryPath, as_path
-from .trigonometric import Circle, Clover, Deltoid, FourRing, Nephroid, Trigonometric
-from .waypoints import Waypoints
+from .cat import Cat as Cat
+from .curve import Curve as Curve
+from .line import Line as Line
+from .path import (
+    BASE as BASE,
+    TOOL as TOOL,
+    Motion as Motion,
+    Passage as Passage,
+    Path as Path,
+    PlacedPath as PlacedPath,
+)
+from .planar import Planar as Planar
+from .points import Points as Points, Spline as Spline, ThroughPoints as ThroughPoints
+from .polygons import Parallelogram as Parallelogram, Square as Square
+from .relative import RelativePath as RelativePath
+from .rest import Rest as Rest
+from .sequence import Part as Part, Sequence as Sequence
+from .timing import TimeLaw as TimeLaw, Timing as Timing, time_at as time_at, time_law as time_law
+from .trajectory import TrajectoryPath as TrajectoryPath, as_path as as_path
+from .trigonometric import (
+    Circle as Circle,
+    Clover as Clover,
+    Deltoid as Deltoid,
+    FourRing as FourRing,
+    Nephroid as Nephroid,
+    Trigonometric as Trigonometric,
+)
+from .waypoints import Waypoints as Waypoints
 
 #: The curves an experiment may name, by their ``kind``.
 PATHS: Kinds[Path] = Kinds(
@@ -74,39 +88,3 @@ PATHS: Kinds[Path] = Kinds(
         "sequence": Sequence,
     },
 )
-
-__all__ = [
-    "BASE",
-    "PATHS",
-    "TOOL",
-    "Cat",
-    "Circle",
-    "Clover",
-    "Curve",
-    "Deltoid",
-    "FourRing",
-    "Line",
-    "Motion",
-    "Nephroid",
-    "Parallelogram",
-    "Part",
-    "Passage",
-    "Path",
-    "PlacedPath",
-    "Planar",
-    "Points",
-    "RelativePath",
-    "Rest",
-    "Sequence",
-    "Spline",
-    "Square",
-    "ThroughPoints",
-    "TimeLaw",
-    "Timing",
-    "TrajectoryPath",
-    "Trigonometric",
-    "Waypoints",
-    "as_path",
-    "time_at",
-    "time_law",
-]

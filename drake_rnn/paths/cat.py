@@ -31,7 +31,6 @@ class Cat(Planar):
     size: Length
 
     def curve(self, phase: float) -> tuple[complex, complex, complex]:
-        """See `Planar.curve`."""
         S = phase - math.pi / 2
         R, dR, ddR = 1.0, 0.0, 0.0
         for height, place, width in _BUMPS:

@@ -19,6 +19,9 @@ from .timing import TimeLaw, Timing, time_at, time_law
 
 Triple = tuple[float, float, float]
 
+#: Duration of a lap [s].
+Period = Annotated[float, Field(strict=True, ge=1e-3, le=1e6, allow_inf_nan=False)]
+
 TURN = 2.0 * math.pi
 _RAMP = 0.2
 _INSTANT = 1e-12  # share of a segment; a time this close to its end belongs to the next segment
@@ -41,7 +44,7 @@ class Curve(RelativePath):
             with a time law that comes to rest.
     """
 
-    period: Annotated[float, Field(strict=True, ge=1e-3, le=1e6, allow_inf_nan=False)]
+    period: Period
     timing: Timing = "uniform"
     ramp: Annotated[float, Field(strict=True, ge=1e-3, le=0.5)] | None = None
     laps: Count | None = None
@@ -147,7 +150,6 @@ class Curve(RelativePath):
         return (lap + share) * self.segments
 
     def evaluate(self, t: float) -> Motion:
-        """See `RelativePath.evaluate`."""
         try:
             phase = self.phase_at(t)
         except InvalidInputError:
@@ -180,15 +182,10 @@ class Curve(RelativePath):
             for k in range(count)
             for share in shares
         ]
-        return [0.0, *inner, *self._lap_ends(count), self.duration]
-
-    def _lap_ends(self, count: int) -> list[float]:
-        """Return when the laps that the first ``count`` segments touch end and a pause begins."""
-        if not self.pause:
-            return []
-        return [
-            (lap + 1) * self.period + lap * self.pause for lap in range(1 + count // self.segments)
-        ]
+        # Where there are pauses, one begins when a lap ends.
+        laps = range(1 + count // self.segments) if self.pause else ()
+        ends = [(lap + 1) * self.period + lap * self.pause for lap in laps]
+        return [0.0, *inner, *ends, self.duration]
 
     def sample(self, count: int) -> Array:
         """Return one lap of displacements at equal steps of phase, shape (count, 3) [m].
@@ -200,7 +197,6 @@ class Curve(RelativePath):
         return np.array([self.trace(phase)[0] for phase in np.linspace(0.0, TURN, count)])
 
     def require_motion(self) -> None:
-        """See `RelativePath.require_motion`."""
         phases = np.linspace(0.0, TURN, 5).tolist()
         name = f"{type(self).__name__}.trace"
         require_values(name, self.trace, "phase", phases, ((3,), (3,), (3,)))

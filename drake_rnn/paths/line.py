@@ -43,7 +43,6 @@ class Line(Curve):
 
     @property
     def closed(self) -> bool:
-        """Whether the path ends where it began."""
         return False
 
     @property
@@ -62,18 +61,15 @@ class Line(Curve):
         return x, y, z
 
     def begun_at(self, p_FE: Array) -> RelativePath:
-        """See `RelativePath.begun_at`."""
         if self.to is None:
             return self
         return replace(self, by=self.to - self.start_point(p_FE), to=None)
 
     def trace(self, phase: float) -> tuple[Triple, Triple, Triple]:
-        """See `Curve.trace`."""
         x, y, z = self._rate
         return (phase * x, phase * y, phase * z), self._rate, _STRAIGHT
 
     def evaluate_rotation(self, t: float) -> Motion:
-        """See `RelativePath.evaluate_rotation`."""
         phase = self.phase_at(t)
         angle, rate, gain = (TURN if t > 0.0 else 0.0, 0.0, 0.0) if phase is None else phase
         size = float(np.linalg.norm(self.turn))

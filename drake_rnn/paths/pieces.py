@@ -119,9 +119,11 @@ def blended(times: Array, values: Array, blends: Array, kind: Blend) -> Piecewis
     ).reshape(-1, values.shape[1])
     dy = np.stack((before, after), axis=1).reshape(y.shape)
     kept = np.concatenate(([True], np.diff(at) > _NO_TIME * (times[-1] - times[0])))
+    at, y, dy = at[kept], y[kept], dy[kept]
     if kind == "quintic":
-        return quintic_pieces(at[kept], y[kept], dy[kept], np.zeros_like(y[kept]))
-    return _hermite_parabolas(at[kept], y[kept], dy[kept])
+        return quintic_pieces(at, y, dy, np.zeros_like(y))
+    T = np.diff(at)[:, np.newaxis]
+    return _polynomials(at, [y[:-1], dy[:-1], np.diff(dy, axis=0) / (2 * T)])
 
 
 def quintic_pieces(times: Array, y: Array, dy: Array, ddy: Array) -> PiecewisePolynomial:
@@ -146,12 +148,6 @@ def quintic_pieces(times: Array, y: Array, dy: Array, ddy: Array) -> PiecewisePo
             (12 * rise - 6 * (w + v) * T - (a - b) * T**2) / (2 * T**5),
         ],
     )
-
-
-def _hermite_parabolas(times: Array, y: Array, dy: Array) -> PiecewisePolynomial:
-    """Return the parabolas that begin with given values and rates."""
-    T = np.diff(times)[:, np.newaxis]
-    return _polynomials(times, [y[:-1], dy[:-1], np.diff(dy, axis=0) / (2 * T)])
 
 
 def _polynomials(times: Array, coefficients: list[Array]) -> PiecewisePolynomial:

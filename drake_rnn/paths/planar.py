@@ -40,11 +40,8 @@ class Planar(Curve):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.centre is not None and self.offset.any():
-            raise ValueError(
-                "offset: cannot be combined with centre, which also sets where the path starts; "
-                "give one of them"
-            )
+        if self.centre is not None:
+            self._require_no_offset("centre")
         if not 0.0 <= self.cone < np.pi:
             raise ValueError(f"cone: must be at least 0 and less than pi, not {self.cone:g}")
 
@@ -54,7 +51,6 @@ class Planar(Curve):
         return self.cone != 0.0
 
     def evaluate_rotation(self, t: float) -> Motion:
-        """See `RelativePath.evaluate_rotation`."""
         return coned(self._axes, self.cone, self.phase_at(t) or (0.0, 0.0, 0.0))
 
     @cached_property
@@ -85,7 +81,6 @@ class Planar(Curve):
         return self.curve(0.0)[0]
 
     def trace(self, phase: float) -> tuple[Triple, Triple, Triple]:
-        """See `Curve.trace`."""
         z, dz, ddz = self.curve(phase)
         z -= self._first
         a, b, c = self._components

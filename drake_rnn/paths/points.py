@@ -36,11 +36,8 @@ class ThroughPoints(Curve):
         super().__post_init__()
         if (self.file is None) == (self.points is None):
             raise ValueError("give either a file or points")
-        if self.absolute and self.offset.any():
-            raise ValueError(
-                "offset: cannot be combined with absolute, which also sets where the path starts; "
-                "give one of them"
-            )
+        if self.absolute:
+            self._require_no_offset("absolute")
         self._knots  # noqa: B018 (a bad file is refused now, not during a run)
 
     @property
@@ -95,7 +92,6 @@ class ThroughPoints(Curve):
         return phase.tolist(), np.stack(orders, axis=-1).swapaxes(0, 1).tolist()
 
     def trace(self, phase: float) -> tuple[Triple, Triple, Triple]:
-        """See `Curve.trace`."""
         phases, coefficients = self._spline
         piece = min(bisect_right(phases, phase), len(coefficients)) - 1
         u = phase - phases[piece]
@@ -121,7 +117,6 @@ class Spline(ThroughPoints):
 
     @property
     def closed(self) -> bool:
-        """Whether the curve ends where it began."""
         return False
 
 

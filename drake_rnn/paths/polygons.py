@@ -70,7 +70,6 @@ class Square(Planar):
         return straight, straight + math.pi / 2 * self._radius
 
     def curve(self, phase: float) -> tuple[complex, complex, complex]:
-        """See `Planar.curve`."""
         straight, quarter = self._lengths
         edges = phase / (TURN / 4)
         edge = min(int(edges), 3)
@@ -125,7 +124,6 @@ class Parallelogram(Planar):
         return (-(u + v) / 2, u), ((u - v) / 2, v), ((u + v) / 2, -u), ((v - u) / 2, -v)
 
     def curve(self, phase: float) -> tuple[complex, complex, complex]:
-        """See `Planar.curve`."""
         edges = phase / (TURN / 4)
         edge = min(int(edges), 3)
         start, side = self._edges[edge]

@@ -34,7 +34,6 @@ class RelativePath(Path, Passage):
 
     @property
     def frames(self) -> frozenset[str]:
-        """See `Path.frames`."""
         return frozenset() if self.frame in (BASE, TOOL) else frozenset((self.frame,))
 
     @abstractmethod
@@ -80,6 +79,14 @@ class RelativePath(Path, Passage):
         """
         return self
 
+    def _require_no_offset(self, rival: str, remedy: str = "give one of them") -> None:
+        """Raise a ValueError for an ``offset`` beside another key that sets the start."""
+        if self.offset.any():
+            raise ValueError(
+                f"offset: cannot be combined with {rival}, which also sets where the path starts; "
+                f"{remedy}"
+            )
+
     def sample(self, count: int) -> Array:
         """See `Passage.sample`; points are displacements from the first one, in F."""
         return self._sampled(self.evaluate, count)
@@ -107,7 +114,6 @@ class RelativePath(Path, Passage):
         R_WE: Array | None = None,
         frames: Mapping[str, RigidTransform] | None = None,
     ) -> PlacedPath:
-        """See `Path.placed`."""
         require_pose(p_WE, R_WE)
         if p_WE is None:
             if not self.has_place or self.frame == TOOL:

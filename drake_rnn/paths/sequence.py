@@ -81,7 +81,6 @@ class Sequence(Path):
 
     @property
     def frames(self) -> frozenset[str]:
-        """See `Path.frames`."""
         return frozenset(name for part in self.parts for name in part.path.frames)
 
     def placed(
@@ -90,7 +89,6 @@ class Sequence(Path):
         R_WE: Array | None = None,
         frames: Mapping[str, RigidTransform] | None = None,
     ) -> PlacedPath:
-        """See `Path.placed`."""
         first, *others = self.parts
         pieces: list[_Piece] = []
         if first.bridge:

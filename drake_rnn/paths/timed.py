@@ -39,11 +39,8 @@ class TimedPath(RelativePath):
     absolute: Flag = False
 
     def __post_init__(self) -> None:
-        if self.absolute and self.offset.any():
-            raise ValueError(
-                "offset: cannot be combined with absolute, which also sets where the path starts; "
-                "it needs absolute: false"
-            )
+        if self.absolute:
+            self._require_no_offset("absolute", "it needs absolute: false")
 
     @property
     @abstractmethod
@@ -113,7 +110,6 @@ class TimedPath(RelativePath):
         return np.array(self._positions.value(t)).ravel()
 
     def evaluate(self, t: float) -> Motion:
-        """See `RelativePath.evaluate`."""
         _require_finite(t)
         if not self._begin <= t < self._finish:
             edge = self._begin if t < self._begin else self._finish
@@ -123,7 +119,6 @@ class TimedPath(RelativePath):
         return self._at(t) - self._first, v, a
 
     def evaluate_rotation(self, t: float) -> Motion:
-        """See `RelativePath.evaluate_rotation`."""
         if self._quaternions is None:
             return super().evaluate_rotation(t)
         _require_finite(t)
@@ -139,7 +134,6 @@ class TimedPath(RelativePath):
         return self._first.copy() if self.absolute else super().start_point(p_FE)
 
     def start_orientation(self, R_FE: Array | None) -> Array | None:
-        """See `RelativePath.start_orientation`."""
         return self._first_orientation if self.absolute and self.turns else R_FE
 
     def _breaks(self, until: float) -> list[Array | float]:

@@ -44,12 +44,8 @@ class TrajectoryPath(TimedPath):
                     "orientation: must begin and end with the trajectory, at "
                     f"{_span(self._positions)} s, not {_span(self._quaternions)}"
                 )
-        for name, trajectory in (
-            ("trajectory", self._positions),
-            ("orientation", self._quaternions),
-        ):
-            if trajectory is not None:
-                _require_connected(name, trajectory)
+            _require_connected("orientation", self._quaternions)
+        _require_connected("trajectory", self._positions)
         if not 0.0 <= self._begin < self._finish:
             raise ValueError(
                 "trajectory: must begin at 0 s or later and end after that, not last from "

@@ -33,7 +33,6 @@ class Trigonometric(Planar):
         return tuple((1j * k, c) for k, c in self.harmonics)
 
     def curve(self, phase: float) -> tuple[complex, complex, complex]:
-        """See `Planar.curve`."""
         z = dz = ddz = 0j
         for ik, c in self._harmonics:
             term = c * exp(ik * phase)
@@ -52,7 +51,6 @@ class Circle(Trigonometric):
 
     @property
     def harmonics(self) -> Harmonics:
-        """See `Trigonometric.harmonics`."""
         return ((1, self.size),)
 
 
@@ -67,7 +65,6 @@ class Nephroid(Trigonometric):
 
     @property
     def harmonics(self) -> Harmonics:
-        """See `Trigonometric.harmonics`."""
         return (1, 3 * self.size), (3, -self.size)
 
 
@@ -84,7 +81,6 @@ class FourRing(Trigonometric):
 
     @property
     def harmonics(self) -> Harmonics:
-        """See `Trigonometric.harmonics`."""
         return (1, self.size), (-3, self.size * self.ring)
 
 
@@ -101,7 +97,6 @@ class Clover(Trigonometric):
 
     @property
     def harmonics(self) -> Harmonics:
-        """See `Trigonometric.harmonics`."""
         half = self.size / 2
         if self.begin == "tip":
             return (3, half), (-1, half)
@@ -116,5 +111,4 @@ class Deltoid(Trigonometric):
 
     @property
     def harmonics(self) -> Harmonics:
-        """See `Trigonometric.harmonics`."""
         return (1, 2 * self.size), (-2, self.size)

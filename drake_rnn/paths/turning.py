@@ -38,7 +38,6 @@ class SlerpTurning(Turning):
         self._trajectory = trajectory
 
     def at(self, t: float) -> Motion:
-        """See `Turning.at`."""
         R = self._trajectory.orientation(t).rotation()
         w = np.asarray(self._trajectory.angular_velocity(t)).ravel()
         return R, w, np.zeros(3)
@@ -60,7 +59,6 @@ class QuaternionTurning(Turning):
         self._dq, self._ddq = (trajectory.MakeDerivative(order) for order in (1, 2))
 
     def at(self, t: float) -> Motion:
-        """See `Turning.at`."""
         q, dq, ddq = (x.value(t).ravel() for x in (self._q, self._dq, self._ddq))
         square = float(q @ q)
         w = (2.0 / square) * _against(dq, q)

@@ -16,8 +16,6 @@ from ..inputs.complaints import require_type, short
 from ..inputs.fields import Array
 from .structure import joints_to, nearest_frame
 
-_ORIGIN = np.zeros((3, 1))
-
 
 class ArmKinematics:
     """Kinematics and dynamics of an arm as pure functions of its controlled joints.
@@ -43,7 +41,9 @@ class ArmKinematics:
         self._plant = plant
         self._context: Context = plant.CreateDefaultContext()
         self._frame: Frame = plant.GetFrameByName(frame)
-        self._world: Frame = plant.world_frame()
+        world: Frame = plant.world_frame()
+        # What Drake's Jacobians of E's origin in W are asked for with.
+        self._origin = (JacobianWrtVariable.kV, self._frame, np.zeros((3, 1)), world, world)
         self._positions = np.asarray(plant.GetDefaultPositions(), dtype=float)
         controlled = [plant.GetJointByName(name) for name in joints]
         self._indices = np.array([joint.position_start() for joint in controlled])
@@ -131,9 +131,7 @@ class ArmKinematics:
         self._set(q)
         if self._J_spatial is not None:
             return self._J_spatial[3:].copy()
-        J = self._plant.CalcJacobianTranslationalVelocity(
-            self._context, JacobianWrtVariable.kV, self._frame, _ORIGIN, self._world, self._world
-        )
+        J = self._plant.CalcJacobianTranslationalVelocity(self._context, *self._origin)
         return self._columns(J)
 
     def J_omega(self, q: Array) -> Array:
@@ -141,14 +139,7 @@ class ArmKinematics:
         self._set(q)
         if self._J_spatial is None:
             # Callers of this method usually need J as well: compute both.
-            J = self._plant.CalcJacobianSpatialVelocity(
-                self._context,
-                JacobianWrtVariable.kV,
-                self._frame,
-                _ORIGIN,
-                self._world,
-                self._world,
-            )
+            J = self._plant.CalcJacobianSpatialVelocity(self._context, *self._origin)
             self._J_spatial = self._columns(J)
         return self._J_spatial[:3].copy()
 
@@ -156,9 +147,7 @@ class ArmKinematics:
         """Return the part of E's acceleration not due to joint accelerations, (3,) [m/s^2]."""
         self._set(q)
         self._set_velocity(v)
-        bias = self._plant.CalcBiasTranslationalAcceleration(
-            self._context, JacobianWrtVariable.kV, self._frame, _ORIGIN, self._world, self._world
-        )
+        bias = self._plant.CalcBiasTranslationalAcceleration(self._context, *self._origin)
         return bias.ravel()
 
     def M(self, q: Array) -> Array:

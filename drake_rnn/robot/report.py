@@ -112,13 +112,11 @@ def _unknown(arm: Arm) -> list[str]:
     ):
         if names := _names(arm, ~np.isfinite(bound)):
             found.append(f"{name}: not known for {names}: {means}; give it in a file of limits")
-    if limits.acceleration is None or not np.isfinite(limits.acceleration).all():
-        missing = (
-            np.ones(arm.n) if limits.acceleration is None else ~np.isfinite(limits.acceleration)
-        )
+    acceleration = np.full(arm.n, np.inf) if limits.acceleration is None else limits.acceleration
+    if names := _names(arm, ~np.isfinite(acceleration)):
         found.append(
-            f"acceleration: not known for {_names(arm, missing)}; a law that needs it is "
-            "refused without it: give it in a file of limits, or in the experiment's limits"
+            f"acceleration: not known for {names}; a law that needs it is refused without it: give "
+            "it in a file of limits, or in the experiment's limits"
         )
     return found
 

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.geometry import GeometryId, Role, SceneGraph, Sphere
+from pydrake.geometry import GeometryId, Role, SceneGraph, SceneGraphInspector, Sphere
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Body, Frame, Joint
 from pydrake.systems.framework import Context
@@ -78,9 +78,7 @@ def standoff(arm: Arm, q: Array, normal: Array) -> float:
         InvalidInputError: If the arm has no tool, or the tool does not consist of balls only.
     """
     with _scene(arm, q) as scene:
-        tool = find_tool(scene.plant, scene.plant.GetFrameByName(arm.frame))
-        p_WE = scene.plant.GetFrameByName(arm.frame).CalcPoseInWorld(scene.context).translation()
-        return float(np.max(_reaches(scene, tool, p_WE, normal)))
+        return float(np.max(_reaches(scene, normal)))
 
 
 def beyond_tool(arm: Arm, q: Array, normal: Array) -> dict[str, float]:
@@ -100,15 +98,13 @@ def beyond_tool(arm: Arm, q: Array, normal: Array) -> dict[str, float]:
         InvalidInputError: If the arm has no tool.
     """
     with _scene(arm, q) as scene:
-        plant, inspector = scene.plant, scene.scene_graph.model_inspector()
-        tool = find_tool(plant, plant.GetFrameByName(arm.frame))
-        p_WE = plant.GetFrameByName(arm.frame).CalcPoseInWorld(scene.context).translation()
-        outermost = max(_extents(scene, tool.body, tool.geometries, p_WE, normal))
+        plant, tool = scene.plant, scene.tool
+        outermost = max(_extents(scene, tool.body, tool.geometries, normal))
         found = {}
         for body in plant.GetBodiesWeldedTo(tool.body):
             frame = plant.GetBodyFrameIdOrThrow(body.index())
-            drawn = inspector.GetGeometries(frame, Role.kIllustration)
-            extents = _extents(scene, body, drawn, p_WE, normal)
+            drawn = scene.inspector.GetGeometries(frame, Role.kIllustration)
+            extents = _extents(scene, body, drawn, normal)
             if body.index() != tool.body.index() and max(extents, default=-np.inf) > outermost:
                 found[body.name()] = max(extents) - outermost
         return found
@@ -116,14 +112,18 @@ def beyond_tool(arm: Arm, q: Array, normal: Array) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class _Scene:
+    """An arm with its geometry in a posture, its tool, and the origin of E, shape (3,) [m]."""
+
     plant: MultibodyPlant
-    scene_graph: SceneGraph
+    inspector: SceneGraphInspector
     context: Context
+    tool: Tool
+    p_WE: Array
 
 
 @contextmanager
 def _scene(arm: Arm, q: Array) -> Iterator[_Scene]:
-    """Yield a plant of the arm with its geometry, in a posture."""
+    """Yield what the functions of this file see of an arm in a posture."""
     scene_graph = SceneGraph()
     plant = MultibodyPlant(0.0)
     plant.RegisterAsSourceForSceneGraph(scene_graph)
@@ -131,37 +131,37 @@ def _scene(arm: Arm, q: Array) -> Iterator[_Scene]:
     plant.Finalize()
     context = plant.CreateDefaultContext()
     plant.SetPositions(context, arm.posture(plant, q))
-    yield _Scene(plant, scene_graph, context)
-    del plant  # it points to the scene graph, which must outlive it
+    E = plant.GetFrameByName(arm.frame)
+    p_WE, inspector = E.CalcPoseInWorld(context).translation(), scene_graph.model_inspector()
+    yield _Scene(plant, inspector, context, find_tool(plant, E), p_WE)
+    del plant, E  # they point to the scene graph, which must outlive them
 
 
-def _reaches(scene: _Scene, tool: Tool, p_WE: Array, normal: Array) -> list[float]:
-    """Return how far each ball of a tool reaches from a point against ``normal`` [m]."""
-    X_WB = tool.body.EvalPoseInWorld(scene.context)
-    inspector = scene.scene_graph.model_inspector()
+def _reaches(scene: _Scene, normal: Array) -> list[float]:
+    """Return how far each ball of the tool reaches from E's origin against ``normal`` [m]."""
+    tool, X_WB = scene.tool, scene.tool.body.EvalPoseInWorld(scene.context)
     reach = []
     for geometry in tool.geometries:
-        shape = inspector.GetShape(geometry)
+        shape = scene.inspector.GetShape(geometry)
         if not isinstance(shape, Sphere):
             raise InvalidInputError(
                 f"environment.standoff: must be given for the tool {tool.body.name()!r}, which is "
                 "not made of balls only"
             )
-        centre = X_WB.multiply(inspector.GetPoseInFrame(geometry).translation())
-        reach.append(shape.radius() - float(normal.dot(centre - p_WE)))
+        centre = X_WB.multiply(scene.inspector.GetPoseInFrame(geometry).translation())
+        reach.append(shape.radius() - float(normal.dot(centre - scene.p_WE)))
     return reach
 
 
 def _extents(
-    scene: _Scene, body: Body, geometries: Iterable[GeometryId], p_WE: Array, normal: Array
+    scene: _Scene, body: Body, geometries: Iterable[GeometryId], normal: Array
 ) -> list[float]:
-    """Return how far the boxes round geometries reach from a point against ``normal`` [m]."""
-    X_WB = body.EvalPoseInWorld(scene.context)
-    inspector = scene.scene_graph.model_inspector()
+    """Return how far the boxes round geometries reach from E's origin against ``normal`` [m]."""
+    X_WB, inspector = body.EvalPoseInWorld(scene.context), scene.inspector
     extents = []
     for geometry in geometries:
         if (box := inspector.GetObbInGeometryFrame(geometry)) is not None:
             X_WG = X_WB.multiply(inspector.GetPoseInFrame(geometry)).multiply(box.pose())
             half = np.abs(normal @ X_WG.rotation().matrix()) @ box.half_width()
-            extents.append(float(half - normal.dot(X_WG.translation() - p_WE)))
+            extents.append(float(half - normal.dot(X_WG.translation() - scene.p_WE)))
     return extents

@@ -124,14 +124,10 @@ class ToolDescription:
     @property
     def X_MT(self) -> RigidTransform:
         """Pose of T in the frame M that carries the tool."""
-        return RigidTransform(self._R_MT(), self.offset)
-
-    def _R_MT(self) -> RotationMatrix:
+        R_MT = RotationMatrix() if self.axis is None else _shortest_turn(self.axis)
         if self.rpy is not None:
-            return RotationMatrix(RollPitchYaw(self.rpy))
-        if self.axis is None:
-            return RotationMatrix()
-        return _shortest_turn(self.axis)
+            R_MT = RotationMatrix(RollPitchYaw(self.rpy))
+        return RigidTransform(R_MT, self.offset)
 
     @property
     def spatial_inertia(self) -> SpatialInertia:
@@ -166,7 +162,9 @@ class ToolDescription:
         plant.AddFrame(FixedOffsetFrame(self.tip, body.body_frame(), X_TE, instance))
         if plant.geometry_source_is_registered():
             self._add_ball(plant, body, X_TE)
-            self._draw(plant, body)
+            for name, z, shape, colour in self._drawn_parts():
+                X_TG = RigidTransform([0.0, 0.0, z])
+                plant.RegisterVisualGeometry(body, X_TG, shape, name, colour)
 
     def _mount(self, plant: MultibodyPlant, instance: ModelInstanceIndex, model: str) -> Frame:
         for key, name in (("name", self.name), ("tip", self.tip)):
@@ -196,11 +194,6 @@ class ToolDescription:
             properties=properties,
         )
         plant.RegisterCollisionGeometry(body, X_TE, Sphere(self.ball), "ball", properties)
-
-    def _draw(self, plant: MultibodyPlant, body: RigidBody) -> None:
-        for name, z, shape, colour in self._drawn_parts():
-            X_TG = RigidTransform([0.0, 0.0, z])
-            plant.RegisterVisualGeometry(body, X_TG, shape, name, colour)
 
     def _drawn_parts(self) -> list[tuple[str, float, Shape, Any]]:
         """Return name, place along the axis [m], shape and colour of each drawn part."""

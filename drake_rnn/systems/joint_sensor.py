@@ -36,7 +36,7 @@ class JointSensor(LateSensor):
     ) -> None:
         super().__init__(settings, period, WhiteNoise(arm.n, seed, stream=3))
         self._step = settings.step_of(arm)
-        sigma = settings.position_noise_of(arm)
+        sigma = arm.each("sensing.position_noise", settings.position_noise)
         self._sigma = sigma if sigma.any() else None
         position = self.DeclareVectorInputPort("position_true", arm.n)
         velocity = self.DeclareVectorInputPort("velocity_true", arm.n)

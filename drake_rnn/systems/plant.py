@@ -91,9 +91,10 @@ def add_plant(
         around = [geometry for geometry in _touchable(scene_graph) if geometry not in known]
         _ignore_contact(scene_graph, known.difference(tool.geometries), around)
         _set_material(plant, scene_graph, tool, environment)
-        if environment.friction is not None:
+        if (mu := environment.friction) is not None:
+            friction = {("material", "coulomb_friction"): CoulombFriction(mu, mu)}
             for geometry in (*tool.geometries, *around):
-                _set_friction(plant, scene_graph, geometry, environment.friction)
+                _update(plant, scene_graph, geometry, friction)
     plant.Finalize()
     plant.SetDefaultPositions(instance, arm.posture(arm.plant(), start))
     return AddedPlant(plant, scene_graph, instance, gains, tool)
@@ -168,13 +169,6 @@ def _set_material(
     changes = {place: value for place, value in given.items() if value is not None}
     for geometry in tool.geometries:
         _update(plant, scene_graph, geometry, changes)
-
-
-def _set_friction(
-    plant: MultibodyPlant, scene_graph: SceneGraph, geometry: GeometryId, friction: float
-) -> None:
-    changes = {("material", "coulomb_friction"): CoulombFriction(friction, friction)}
-    _update(plant, scene_graph, geometry, changes)
 
 
 def _update(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.controllers import InverseDynamics
 from pydrake.systems.framework import DiagramBuilder
@@ -122,11 +121,7 @@ class PlantArm(Body):
         self._position = builder.GetSubsystemByName("position").get_output_port()
 
     def _feel(
-        self,
-        builder: DiagramBuilder,
-        arm: Arm,
-        instance: ModelInstanceIndex,
-        tool: Tool,
+        self, builder: DiagramBuilder, arm: Arm, instance: ModelInstanceIndex, tool: Tool
     ) -> None:
         plant = self.plant
         # Both frames move with the tool: any posture gives the same transform.
@@ -136,7 +131,9 @@ class PlantArm(Body):
             tool.joint.frame_on_child(),
         )
         R_EJ = X_EJ.rotation().matrix()
-        sensor = ToolForce(arm, _reaction_index(plant, tool), R_EJ, tool.mass, self.kinematics)
+        # Reactions are those of the plant's joints, in their order.
+        joint = [int(index) for index in plant.GetJointIndices()].index(int(tool.joint.index()))
+        sensor = ToolForce(arm, joint, R_EJ, tool.mass, self.kinematics)
         builder.AddNamedSystem("tool_force", sensor)
         builder.Connect(
             plant.get_reaction_forces_output_port(), sensor.GetInputPort("reaction_forces")
@@ -147,8 +144,3 @@ class PlantArm(Body):
         builder.AddNamedSystem("contact_force", contact)
         builder.Connect(plant.get_contact_results_output_port(), contact.get_input_port())
         builder.ExportOutput(contact.get_output_port(), "contact_force")
-
-
-def _reaction_index(plant: MultibodyPlant, tool: Tool) -> int:
-    """Return the index of the tool's joint among the plant's reaction forces."""
-    return [int(index) for index in plant.GetJointIndices()].index(int(tool.joint.index()))

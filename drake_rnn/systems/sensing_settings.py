@@ -74,14 +74,6 @@ class SensingSettings:
         """Whether the end effector is measured from outside, not computed from the joints."""
         return self.p_WE_noise is not None or self.R_WE_noise is not None
 
-    def position_noise_of(self, arm: Arm) -> Array:
-        """Return the standard deviation of each joint's noise, shape (n,) [rad, or m].
-
-        Raises:
-            InvalidInputError: If there are not as many numbers as joints.
-        """
-        return arm.each("sensing.position_noise", self.position_noise)
-
     def step_of(self, arm: Arm) -> Array | None:
         """Return the step of each joint's measured position, shape (n,); None without steps.
 

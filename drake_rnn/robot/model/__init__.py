@@ -1,7 +1,5 @@
 """Model files of robots: what Drake cannot read of them is made readable."""
 
-from .displaced import displaced, moving_joints
-from .mimic import Mimic
-from .model import Model, read_model
-
-__all__ = ["Mimic", "Model", "displaced", "moving_joints", "read_model"]
+from .displaced import displaced as displaced, moving_joints as moving_joints
+from .mimic import Mimic as Mimic
+from .model import Model as Model, read_model as read_model

@@ -12,9 +12,8 @@ from ...errors import InvalidInputError
 from ...inputs.fields import Array
 from ..rotation import rotation_by
 from .model import Model
+from .urdf import MOVING
 from .xml_text import parse_xml, write_xml
-
-_MOVING = frozenset({"revolute", "continuous", "prismatic"})
 
 
 def moving_joints(model: Model) -> list[str]:
@@ -62,7 +61,7 @@ def _root(model: Model) -> Element:
 
 
 def _moving(root: Element) -> list[Element]:
-    return [joint for joint in root.findall("joint") if joint.get("type") in _MOVING]
+    return [joint for joint in root.findall("joint") if joint.get("type") in MOVING]
 
 
 def _numbers(origin: Element, name: str) -> Array:

@@ -31,7 +31,8 @@ def expand_xacro(file: Path, packages: Packages) -> bytes:
     Raises:
         InvalidInputError: If xacro is not installed, or cannot expand the document.
     """
-    by_hand = f"expand it with `xacro {file.name} > {_expanded_name(file)}`"
+    stem = file.name.removesuffix(".xacro").removesuffix(".urdf")
+    by_hand = f"expand it with `xacro {file.name} > {stem}.urdf`"
     if xacro is None:
         raise InvalidInputError(
             f"arm.model: {file} is a xacro file; {by_hand}, or install drake-rnn[xacro]"
@@ -74,8 +75,3 @@ def _finding(packages: Packages) -> Iterator[list[str]]:
         yield lost
     finally:
         substitution._eval_find = of_ros
-
-
-def _expanded_name(file: Path) -> str:
-    stem = file.name.removesuffix(".xacro").removesuffix(".urdf")
-    return f"{stem}.urdf"

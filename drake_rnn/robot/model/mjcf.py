@@ -11,9 +11,6 @@ from .meshes import Meshes
 from .packages import Packages
 from .xml_text import parse_xml
 
-# Attributes of each tag, by the class that sets them.
-_Defaults = Mapping[str, Mapping[str, Mapping[str, str]]]
-
 
 def mend_mjcf(root: Element, meshes: Meshes, packages: Packages) -> list[str]:
     """Change a model in place so that Drake reads it.
@@ -91,7 +88,9 @@ def _sites_as_bodies(root: Element) -> None:
 
 def _state_motors(root: Element) -> None:
     """Turn what drives a joint into one motor with its limit: Drake does not know the others."""
-    defaults = _defaults(root)
+    defaults = {
+        name: tags for top in root.findall("default") for name, tags in _classes(top, "main", {})
+    }
     for actuators in root.findall("actuator"):
         driven = set()
         for drive in list(actuators):
@@ -108,14 +107,6 @@ def _state_motors(root: Element) -> None:
             motor = SubElement(actuators, "motor", name=f"{joint}_motor", joint=joint)
             if limit is not None:
                 motor.set("forcerange", limit)
-
-
-def _defaults(root: Element) -> _Defaults:
-    found: dict[str, dict[str, dict[str, str]]] = {}
-    for top in root.findall("default"):
-        for name, tags in _classes(top, "main", {}):
-            found[name] = tags
-    return found
 
 
 def _classes(

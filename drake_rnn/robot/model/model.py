@@ -69,11 +69,8 @@ class Model:
                 instances = parser.AddModelsFromString(self.text, self.format)
         # Drake exits where a condition of its own code fails, e.g. at a negative velocity limit.
         except (RuntimeError, ValueError, SystemExit) as error:
-            hint = (
-                "; give the package's folder in arm.packages"
-                if "unknown package" in str(error)
-                else ""
-            )
+            lost = "unknown package" in str(error)
+            hint = "; give the package's folder in arm.packages" if lost else ""
             raise InvalidInputError(
                 f"arm.model: {self.file} cannot be read: {_one_line(error)}{hint}"
             ) from None

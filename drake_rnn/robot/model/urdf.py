@@ -13,7 +13,8 @@ from .meshes import Meshes
 from .possible_inertia import nearest_possible
 
 _SIMPLE = "SimpleTransmission"
-_MOVING = frozenset({"revolute", "continuous", "prismatic"})
+#: Types of joints that move.
+MOVING = frozenset({"revolute", "continuous", "prismatic"})
 _POSITIONS = ("lower", "upper")
 # Position limits between two turns in radians and in degrees are suspected to be degrees.
 _TURNS, _DEGREES = 4.0 * math.pi + 0.1, 720.0
@@ -108,7 +109,7 @@ def _drop_lost_mimics(root: Element) -> list[str]:
 def _limits(root: Element) -> Iterator[tuple[Element, Element]]:
     """Yield the joints that move and their limits."""
     for joint in root.findall("joint"):
-        if joint.get("type") in _MOVING and (limit := joint.find("limit")) is not None:
+        if joint.get("type") in MOVING and (limit := joint.find("limit")) is not None:
             yield joint, limit
 
 
@@ -151,7 +152,7 @@ def _state_motors(root: Element) -> None:
     limits = {
         joint.get("name", ""): joint.find("limit")
         for joint in root.findall("joint")
-        if joint.get("type") in _MOVING
+        if joint.get("type") in MOVING
     }
     driven: set[str] = set()
     actuators: set[str] = set()

@@ -7,7 +7,7 @@ import numpy as np
 from ...arrays.namespace import AnyArray
 from ...robot.limits import DERIVATIVE_UNITS
 from ..gathering import Largest, Mean, State, excess
-from ..metrics import violation_metric
+from ..metric import violation_metric
 from ..motion import Motion
 from ..yardsticks import Yardsticks
 from .group import Found

@@ -17,7 +17,7 @@ from ..inputs.documents import construct
 from ..inputs.fields import Array
 from ..inputs.modules import Modules
 from ..laws import LAWS, Circumstances, Law, PostureLaw
-from ..laws.checks import doubts_of
+from ..laws.checks import warnings_of
 from ..paths import Path, PlacedPath, as_path
 from ..robot.arm import Arm
 from ..robot.kinematics import ArmKinematics
@@ -187,7 +187,7 @@ def make_experiment(
         feedback=feedback,
         path_delay=delay.path,
     )
-    unsure = doubts_of(law, _circumstances(found, delay, kinematics))
+    unsure = warnings_of(law, "doubts", _circumstances(found, delay, kinematics))
     return replace(found, warnings=(*warnings, *unsure, *doubts))
 
 

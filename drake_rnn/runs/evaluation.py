@@ -13,7 +13,7 @@ from ..errors import InvalidInputError
 from ..experiment import Experiment, Forecast
 from ..inputs.fields import Array
 from ..laws import Reading, Signals
-from ..laws.checks import caveats_of
+from ..laws.checks import warnings_of
 from ..measures import Motion, RunMetrics, Steps, Yardsticks, last_end, of_one_run
 from .caveats import contact_caveats, limit_caveats, motor_caveats, standing
 from .motion import (
@@ -87,7 +87,7 @@ class Evaluation:
             series = {name: series[name] for name in series if name not in reading.observables}
         caveats: list[str] = []
         try:
-            caveats = caveats_of(reading, metrics)
+            caveats = warnings_of(reading, "caveats", metrics)
         except InvalidInputError as error:
             fault = fault or error
         result = Result(

@@ -96,7 +96,7 @@ from .layout import Layout, Signals
 from .parts.bounded_multipliers import not_outward, within
 from .parts.contact_loss import LOST, ContactLoss
 from .parts.kept_limits import kept_with_lag
-from .parts.learning import gradient, rank_one_update
+from .parts.learning import first_J_hat, gradient, rank_one_update
 from .parts.primal_dual import PrimalDual, substeps
 from .parts.stable_steps import check_substeps
 from .parts.stiffness import FixedStiffness, OnlineStiffness
@@ -238,13 +238,8 @@ class MotionForce(SampledLaw, ContinuousLaw):
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
         parts = {name: np.zeros(shape) for name, (_, shape) in self.state.parts.items()}
-        if self._learns and self.J_hat_initial == "exact":
-            if "J" not in u:
-                raise InvalidInputError(
-                    "law.J_hat_initial: exact needs the arm's J, which this law does not see; "
-                    "set the initial state yourself"
-                )
-            parts["J_hat"] = np.asarray(u["J"])
+        if self._learns:
+            parts["J_hat"] = first_J_hat(self.J_hat_initial, parts["J_hat"].shape, rng, u)
         if self.multipliers_initial > 0.0:
             for name in ("multipliers", "orientation_multipliers"):
                 parts[name] = rng.uniform(0.0, self.multipliers_initial, parts[name].shape)

@@ -90,7 +90,7 @@ from .layout import Layout, Signals
 from .parts.bounded_multipliers import not_outward, within
 from .parts.braking import Braking
 from .parts.kept_limits import kept_with_lag
-from .parts.learning import gradient, rank_one_update
+from .parts.learning import first_J_hat, gradient, rank_one_update
 from .parts.stable_steps import check_substeps, stable_steps
 from .parts.warm_up import WarmUp
 
@@ -264,17 +264,7 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
         at_rest = [np.zeros(n), np.zeros(m)]
         if self.jacobian == "known":
             return self.state.join(*at_rest)
-        if self.J_hat_initial == "uniform":
-            J_hat = rng.uniform(size=(m, n))
-        elif self.J_hat_initial == "zero":
-            J_hat = np.zeros((m, n))
-        elif "J" in u:
-            J_hat = np.asarray(u["J"])
-        else:
-            raise InvalidInputError(
-                "law.J_hat_initial: exact needs the arm's J, which this law does not see; "
-                "set the initial state yourself"
-            )
+        J_hat = first_J_hat(self.J_hat_initial, (m, n), rng, u)
         return self.state.join(*at_rest, J_hat)
 
     def sampled(self, period: float) -> SampledReading:

@@ -157,7 +157,6 @@ class Adaptive(Law):
 
     @property
     def limits_remedy(self) -> str:
-        """See `Law.limits_remedy`."""
         return "a filter behind it, which keeps snap and crackle as well"
 
     @property

@@ -232,9 +232,9 @@ class JointDriftFree(ContinuousLaw):
         pull = scaled(self.velocity_gain, J_T)
         composite = self.composite_gain
         a_v = matmul(pull, scaled(-1.0 - composite * ahead, J))
-        a_0 = matvec(pull, v_desired - composite * error_0 if self._composes else v_desired)
+        a_0 = matvec(pull, v_desired - composite * error_0 if acts(composite) else v_desired)
         a_omega = J_T
-        if self._returns:
+        if self.scheme != "man" and acts(self.return_weight):
             weight = self.return_weight
             stiffness = self.return_beta * self.return_gamma
             drift_v = weight * (self.return_beta + self.return_gamma + stiffness * ahead)
@@ -264,14 +264,6 @@ class JointDriftFree(ContinuousLaw):
         else:
             b_omega = scaled(-eta, gram)
         return LinearForm(a_v, a_omega, a_0, b_v, b_omega, b_0)
-
-    @cached_property
-    def _composes(self) -> bool:
-        return acts(self.composite_gain)
-
-    @cached_property
-    def _returns(self) -> bool:
-        return self.scheme != "man" and acts(self.return_weight)
 
     def _torque_weighted(
         self, u: Signals, a_v: Array, a_omega: Array, a_0: Array

@@ -38,5 +38,4 @@ class PostureLaw(SampledLaw):
 
     @property
     def sampled_gains(self) -> Mapping[str, float]:
-        """See `Law.sampled_gains`."""
         return {"rate": self.rate, "limit_stiffness": self.limit_stiffness}

@@ -54,23 +54,14 @@ Not in the paper:
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import cached_property
+from collections.abc import Callable, Mapping
+from functools import cached_property, partial
 from math import ceil
 from typing import Any, Literal
 
 import numpy as np
 
-from ..arrays.algebra import (
-    Product,
-    chosen,
-    clipped,
-    flat,
-    functions_of,
-    is_one,
-    joined,
-    products,
-)
+from ..arrays.algebra import Product, chosen, clipped, flat, functions_of, is_one, joined, products
 from ..arrays.substeps import Parts, in_steps
 from ..errors import InvalidInputError
 from ..inputs.fields import (
@@ -101,6 +92,8 @@ _CYCLES = 8.0
 
 # v -> J v and y -> J^T y; pull, lower, upper, task velocity; inverse of the acceleration bounds.
 _Held = tuple[Product, Product, Array, Array, Array, Array, Array | None]
+# J_hat, or its rate, that follows from J_hat, joint velocities and the end effector's velocity.
+_Learned = Callable[[Array, Array, Array], Array]
 
 
 @validated
@@ -294,7 +287,12 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
             return self._rates(x, u)
         return chosen(
             t < warm_up.duration(self.limits.size),
-            lambda: self._warm_up_derivatives(warm_up, t, x, u),
+            lambda: self._warming_up(
+                warm_up.joint_acceleration(t, self.limits.size),
+                x,
+                u,
+                partial(gradient, rho=warm_up.rho),
+            ),
             lambda: self._rates(x, u),
         )
 
@@ -322,7 +320,12 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
             return self._task_step(x, u, period)
         return chosen(
             t + period <= warm_up.duration(self.limits.size),
-            lambda: self._warm_up_step(warm_up, t, x, u, period),
+            lambda: self._warming_up(
+                warm_up.joint_velocity(t + period, self.limits.size),
+                x,
+                u,
+                partial(rank_one_update, rho=warm_up.rho, period=period),
+            ),
             lambda: self._task_step(x, u, period),
         )
 
@@ -366,29 +369,15 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
             "saturated": (ratio.max(axis=-1, keepdims=True) > 1.0) * np.ones((*v.shape[:-1], 1)),
         }
 
-    def _warm_up_derivatives(self, warm_up: WarmUp, t: float, x: Array, u: Signals) -> Array:
-        v_dot = self._of_each(warm_up.joint_acceleration(t, self.limits.size), x)
+    def _warming_up(self, motion: Array, x: Array, u: Signals, learned: _Learned) -> Array:
+        """Return velocities or accelerations beside multipliers at rest and what is learned."""
+        # Robots may share the motion; their states have leading axes of their own.
+        motion = functions_of(motion, x).broadcast_to(motion, (*x.shape[:-1], motion.shape[-1]))
         still = np.zeros(self.task_size)
         if self.jacobian == "known":
-            return self.state.join(v_dot, still)
+            return self.state.join(motion, still)
         J_hat = self.state.part(x, "J_hat")
-        return self.state.join(v_dot, still, gradient(J_hat, u["velocity"], u["v_WE"], warm_up.rho))
-
-    def _warm_up_step(
-        self, warm_up: WarmUp, t: float, x: Array, u: Signals, period: float
-    ) -> Array:
-        v = self._of_each(warm_up.joint_velocity(t + period, self.limits.size), x)
-        still = np.zeros(self.task_size)
-        if self.jacobian == "known":
-            return self.state.join(v, still)
-        J_hat = self.state.part(x, "J_hat")
-        learned = rank_one_update(J_hat, u["velocity"], u["v_WE"], warm_up.rho, period)
-        return self.state.join(v, still, learned)
-
-    @staticmethod
-    def _of_each(v: Array, x: Array) -> Array:
-        """Return a velocity that robots may share, with the leading axes of their states."""
-        return functions_of(v, x).broadcast_to(v, (*x.shape[:-1], v.shape[-1]))
+        return self.state.join(motion, still, learned(J_hat, u["velocity"], u["v_WE"]))
 
     def _held(self, u: Signals, J: Array) -> _Held:
         """Return what is constant within a sample."""

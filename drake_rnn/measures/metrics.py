@@ -23,17 +23,7 @@ from .gathering import (
     shortfall,
 )
 from .metric import Metric, Shown, violation_metric
-from .values import (
-    Observed,
-    below,
-    distance,
-    margin,
-    mean,
-    returning,
-    root_of,
-    square,
-    top,
-)
+from .values import Observed, below, distance, margin, mean, returning, root_of, square, top
 
 #: Joint error below which an arm has arrived at its target [rad].
 ARRIVED = 0.01

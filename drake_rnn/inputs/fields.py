@@ -37,14 +37,11 @@ def _vector(value: Any) -> Array:
     return vector
 
 
-def _finite(vector: Array) -> Array:
+def _finite_vector(value: Any) -> Array:
+    vector = _vector(value)
     if not np.isfinite(vector).all():
         raise ValueError("must be finite")
     return vector
-
-
-def _finite_vector(value: Any) -> Array:
-    return _finite(_vector(value))
 
 
 def _point(value: Any) -> Array:

@@ -146,11 +146,6 @@ Count = Annotated[int, Field(strict=True, ge=1)]
 Seed = Annotated[int, Field(strict=True, ge=0)]
 
 
-def _example(cls: type) -> str:
-    names = [name for name in field_names(cls) if name != "kind"]
-    return f"{cls.__name__}({names[0]}=...)"
-
-
 @dataclass_transform(frozen_default=True, kw_only_default=True)
 def validated(cls: type) -> type:
     """Make ``cls`` a frozen, keyword-only dataclass that checks its fields and refuses others.
@@ -164,8 +159,9 @@ def validated(cls: type) -> type:
     @wraps(construct)
     def init(self: Any, *args: Any, **fields: Any) -> None:
         if args:
+            first = next(name for name in field_names(made) if name != "kind")
             raise InvalidInputError(
-                f"{cls.__name__}: takes keyword arguments only, e.g. {_example(made)}"
+                f"{cls.__name__}: takes keyword arguments only, e.g. {cls.__name__}({first}=...)"
             )
         try:
             construct(self, **fields)

@@ -162,13 +162,14 @@ def _smooth(experiment: Experiment, told: Callable[[str], None] | None) -> dict[
 
 def _require_period(experiment: Experiment) -> None:
     """Raise an InvalidInputError for a path whose time no period stretches."""
-    if (experiment.document.path or {}).get("period") is None:
+    path = experiment.document.path or {}
+    if path.get("period") is None:
         kind = type(experiment.path).__name__
         raise InvalidInputError(
             f"path.period: must be given, for the path to be stretched in time; a {kind} without "
             "one has times of its own"
         )
-    if (experiment.document.path or {}).get("blend_time") is not None:
+    if path.get("blend_time") is not None:
         raise InvalidInputError(
             "path.blend_time: would not be stretched with the path; give a blend_radius"
         )

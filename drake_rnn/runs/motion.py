@@ -236,15 +236,10 @@ def _pressing(experiment: Experiment, steps: Steps) -> Pressing | None:
 
 def ticks_of(experiment: Experiment, loop: Loop) -> tuple[float | None, float | None]:
     """Return the times for which arm and law hold their velocities [s]; None if not held."""
-    return _tick(experiment, loop), experiment.document.period
-
-
-def _tick(experiment: Experiment, loop: Loop) -> float | None:
-    """Return the time for which the arm's velocity is held [s]; None if it is not held."""
-    if loop.arm.tick is not None:
-        return loop.arm.tick
-    document = experiment.document
+    document, tick = experiment.document, loop.arm.tick
     dither, period = document.dither, document.period
+    if tick is not None:
+        return tick, period
     if dither is None or dither.model != "actuated" or document.filter is not None:
-        return period
-    return dither.hold if period is None else min(dither.hold, period)
+        return period, period
+    return dither.hold if period is None else min(dither.hold, period), period

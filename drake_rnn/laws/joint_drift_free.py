@@ -196,8 +196,7 @@ class JointDriftFree(ContinuousLaw):
     def measured(self) -> dict[str, tuple[int, ...]]:
         """Shapes of the input signals that come from the arm, by name."""
         n, m = self.limits.size, self.task_size
-        shapes: dict[str, tuple[int, ...]] = {"position": (n,), "p_WE": (m,)}
-        shapes |= {"J": (m, n), "Jdot_v": (m,)}
+        shapes = {"position": (n,), "p_WE": (m,), "J": (m, n), "Jdot_v": (m,)}
         if self.velocity == "measured":
             shapes |= {"velocity": (n,)}
         if self.weighs_torque:
@@ -294,7 +293,7 @@ class JointDriftFree(ContinuousLaw):
 
     def clipped(self, demand: Array) -> Array:
         """Return the accelerations clipped to their bounds, shape (..., n) [rad/s^2]."""
-        return clipped(demand, self._least, self._bound)
+        return clipped(demand, -self._bound, self._bound)
 
     def bounded(self, demand: Array, q: Array, v: Array, period: float) -> Array:
         """Return the accelerations clipped to what ``bounds`` allows, shape (..., n) [rad/s^2].
@@ -307,8 +306,7 @@ class JointDriftFree(ContinuousLaw):
         """
         if self.bounds == "acceleration":
             return self.clipped(demand)
-        lower, upper = self.limits.acceleration_box(q, v, period)
-        return clipped(demand, lower, upper)
+        return clipped(demand, *self.limits.acceleration_box(q, v, period))
 
     @cached_property
     def _damping_matrix(self) -> Array:
@@ -322,10 +320,6 @@ class JointDriftFree(ContinuousLaw):
     def _bound(self) -> Array:
         return self.limits.require("acceleration", f"scheme: {self.scheme}")
 
-    @cached_property
-    def _least(self) -> Array:
-        return -self._bound
-
     @property
     def keeps(self) -> tuple[str, ...]:
         if self.bounds == "acceleration":
@@ -337,7 +331,6 @@ class JointDriftFree(ContinuousLaw):
         return "a sampled law with law.bounds: all does"
 
     def caveats(self, metrics: Mapping[str, float]) -> list[str]:
-        """Return the warnings to show after a run of the continuous law."""
         found = self.broken_assumptions(metrics)
         if metrics.get("saturated_fraction", 0.0) > 0.5:
             found.append(

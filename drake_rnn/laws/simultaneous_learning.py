@@ -254,11 +254,10 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
         n, m = self.limits.size, self.task_size
-        at_rest = [np.zeros(n), np.zeros(m)]
-        if self.jacobian == "known":
-            return self.state.join(*at_rest)
-        J_hat = first_J_hat(self.J_hat_initial, (m, n), rng, u)
-        return self.state.join(*at_rest, J_hat)
+        parts = [np.zeros(n), np.zeros(m)]
+        if self.jacobian == "learned":
+            parts.append(first_J_hat(self.J_hat_initial, (m, n), rng, u))
+        return self.state.join(*parts)
 
     def sampled(self, period: float) -> SampledReading:
         """Return the law itself.
@@ -282,17 +281,13 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
 
     def derivatives(self, t: float, x: Array, u: Signals) -> Array:
         """Return the right-hand side of (16), (19) or (20)."""
-        warm_up = self.warm_up
+        warm_up, n = self.warm_up, self.limits.size
         if warm_up is None:
             return self._rates(x, u)
+        learned = partial(gradient, rho=warm_up.rho)
         return chosen(
-            t < warm_up.duration(self.limits.size),
-            lambda: self._warming_up(
-                warm_up.joint_acceleration(t, self.limits.size),
-                x,
-                u,
-                partial(gradient, rho=warm_up.rho),
-            ),
+            t < warm_up.duration(n),
+            lambda: self._warming_up(warm_up.joint_acceleration(t, n), x, u, learned),
             lambda: self._rates(x, u),
         )
 
@@ -315,17 +310,13 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
         The velocity that is then cut to brake in time is also the network's own, and its
         multipliers are bounded, so that neither winds up.
         """
-        warm_up = self.warm_up
+        warm_up, n = self.warm_up, self.limits.size
         if warm_up is None:
             return self._task_step(x, u, period)
+        learned = partial(rank_one_update, rho=warm_up.rho, period=period)
         return chosen(
-            t + period <= warm_up.duration(self.limits.size),
-            lambda: self._warming_up(
-                warm_up.joint_velocity(t + period, self.limits.size),
-                x,
-                u,
-                partial(rank_one_update, rho=warm_up.rho, period=period),
-            ),
+            t + period <= warm_up.duration(n),
+            lambda: self._warming_up(warm_up.joint_velocity(t + period, n), x, u, learned),
             lambda: self._task_step(x, u, period),
         )
 
@@ -342,9 +333,8 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
             v_dot, multipliers_dot = self._network(v, multipliers, held)
             return v + h * v_dot, multipliers + h * multipliers_dot
 
-        count: Any = self.substeps
-        if count is None:
-            count = stable_steps(self.rate * period, J)
+        given: Any = self.substeps
+        count = stable_steps(self.rate * period, J) if given is None else given
         v, multipliers = in_steps(advance, (before, multipliers), period, count)
         braking = self._braking
         if braking is not None and not braking.is_idle(held[3], held[4], period):

@@ -12,7 +12,7 @@ from ..diagrams import Loop, wiring_graph
 from ..errors import InvalidInputError
 from ..experiment import Experiment, Forecast
 from ..inputs.fields import Array
-from ..laws import Reading, Signals
+from ..laws import Signals
 from ..laws.checks import warnings_of
 from ..measures import Motion, RunMetrics, Steps, Yardsticks, last_end, of_one_run
 from .caveats import contact_caveats, limit_caveats, motor_caveats, standing
@@ -119,7 +119,9 @@ class Evaluation:
         self._metrics.add(motion)
         series = _series(motion) | _contact_series(motion, steps)
         series |= {f"{name}_measured": values for name, values in measured.items()}
-        series |= _state_series(steps.series("state"), loop.controller.reading)
+        states, state = steps.series("state"), loop.controller.reading.state
+        # The law's velocity has a series of its own.
+        series |= {name: state.part(states, name) for name in state.parts if name != "v"}
         changes = {
             "acceleration": motion.joint_acceleration,
             "network_acceleration": motion.network_acceleration,
@@ -166,9 +168,3 @@ def _contact_series(motion: Motion, steps: Steps) -> dict[str, Array]:
     if motion.orientation_error is not None:
         series["orientation_error"] = motion.orientation_error
     return series
-
-
-def _state_series(states: Array, reading: Reading) -> dict[str, Array]:
-    """Return the parts of the law's state, except its velocity, which has its own series."""
-    names = [name for name in reading.state.parts if name != "v"]
-    return {name: reading.state.part(states, name) for name in names}

@@ -16,7 +16,6 @@ from ..experiment import (
     OUTSIDE,
     Described,
     Experiment,
-    ExperimentDocument,
     check_reach,
     forecasts,
     load_experiment,
@@ -26,7 +25,6 @@ from ..laws import Law
 from ..laws.called import unchecked
 from ..measures import PART, Recorder, Take
 from ..systems import (
-    Body,
     ContinuousController,
     Controller,
     DelayedPathSource,
@@ -179,12 +177,20 @@ def build_diagram(experiment: Experiment, law: Law | None = None) -> tuple[Diagr
     document = experiment.document
     law = experiment.law if law is None else law
     builder = DiagramBuilder()
-    controller = _controller(law, document)
+    controller: Controller
+    if document.period is not None:
+        controller = SampledController(law, document.period, document.seed)
+    else:
+        controller = ContinuousController(law, document.seed)
     source = _add_path(builder, experiment, controller)
     filter = _filter(experiment)
+    # Whether the start may lie outside the limits was checked when the experiment was made.
+    body = experiment.level.with_settings(
+        experiment.arm, experiment.start, experiment.contact, document.plant, outside=OUTSIDE
+    )
     loop = AddLoop(
         builder,
-        _body(experiment),
+        body,
         controller,
         source,
         task=document.task,
@@ -198,20 +204,6 @@ def build_diagram(experiment: Experiment, law: Law | None = None) -> tuple[Diagr
     diagram = builder.Build()
     diagram.set_name(experiment.name or "experiment")
     return diagram, loop
-
-
-def _controller(law: Law, document: ExperimentDocument) -> Controller:
-    if document.period is not None:
-        return SampledController(law, document.period, document.seed)
-    return ContinuousController(law, document.seed)
-
-
-def _body(experiment: Experiment) -> Body:
-    arm, start, contact = experiment.arm, experiment.start, experiment.contact
-    # Whether the start may lie outside the limits was checked when the experiment was made.
-    return experiment.level.with_settings(
-        arm, start, contact, experiment.document.plant, outside=OUTSIDE
-    )
 
 
 def _add_path(

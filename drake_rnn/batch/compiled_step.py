@@ -18,8 +18,6 @@ from ..laws.called import unchecked
 from .compiling import compilable, compiled_in_order
 from .robots import Moving, Robots
 
-_FLOAT = np.dtype(float)
-
 
 class CompiledStep:
     """A sample of an experiment's law: from joint positions to a joint velocity.

@@ -136,9 +136,8 @@ class Adaptive(Law):
     takes_many = True
 
     def __post_init__(self) -> None:
+        self.limits.require_size("home", self.home)
         n, target = self.limits.size, self.secondary.target
-        if self.home.size != n:
-            raise ValueError(f"home: must have {n} entries, one per joint, not {self.home.size}")
         if target is not None and target.size != n:
             raise ValueError(
                 f"secondary: target must have {n} entries, one per joint, not {target.size}"

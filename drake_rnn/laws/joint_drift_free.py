@@ -139,10 +139,7 @@ class JointDriftFree(ContinuousLaw):
     takes_many = True
 
     def __post_init__(self) -> None:
-        if self.home.size != self.limits.size:
-            raise ValueError(
-                f"home: must have {self.limits.size} entries, one per joint, not {self.home.size}"
-            )
+        self.limits.require_size("home", self.home)
         self.limits.require("acceleration", f"scheme: {self.scheme}")
         if self.alpha is not None and not self.weighs_torque:
             raise ValueError(

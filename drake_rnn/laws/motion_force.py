@@ -173,10 +173,8 @@ class MotionForce(SampledLaw, ContinuousLaw):
             raise ValueError(
                 "stiffness: must be a number with form: literal, which scales its rows by it"
             )
-        if self.home is not None and self.home.size != self.limits.size:
-            raise ValueError(
-                f"home: must have {self.limits.size} entries, one per joint, not {self.home.size}"
-            )
+        if self.home is not None:
+            self.limits.require_size("home", self.home)
         if self.return_gain > 0.0 and self.home is None:
             raise ValueError("return_gain: needs home, the posture to return to")
 

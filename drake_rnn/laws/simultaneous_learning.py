@@ -147,10 +147,7 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
     takes_many = True
 
     def __post_init__(self) -> None:
-        if self.home.size != self.limits.size:
-            raise ValueError(
-                f"home: must have {self.limits.size} entries, one per joint, not {self.home.size}"
-            )
+        self.limits.require_size("home", self.home)
         if self.acceleration_bound != "none":
             self.limits.require("acceleration", f"acceleration_bound: {self.acceleration_bound}")
         bound = np.inf if self._inverse_bound is None else 1.0 / self._inverse_bound.max()

@@ -27,6 +27,12 @@ from .motion import (
 from .result import Result
 from .stored import StoredSeries
 
+# Series that every run has; a motion has fields of these names.
+_OF_EVERY_RUN = (
+    *("position", "velocity", "network_velocity"),
+    *("p_WE", "v_WE", "p_WE_desired", "v_WE_desired", "J"),
+)
+
 
 class Evaluation:
     """What a run comes to, taken from its steps as they come.
@@ -117,7 +123,8 @@ class Evaluation:
         virtual = seen if experiment.feedback == "unfiltered" else None
         motion = replace(motion, observed=observed, virtual=virtual)
         self._metrics.add(motion)
-        series = _series(motion) | _contact_series(motion, steps)
+        series: dict[str, Array] = {name: getattr(motion, name) for name in _OF_EVERY_RUN}
+        series |= _contact_series(motion, steps)
         series |= {f"{name}_measured": values for name, values in measured.items()}
         states, state = steps.series("state"), loop.controller.reading.state
         # The law's velocity has a series of its own.
@@ -139,20 +146,6 @@ class Evaluation:
         except InvalidInputError as error:
             self._fault = error
             return {}
-
-
-def _series(motion: Motion) -> dict[str, Array]:
-    """Return the series that every run has, at every step."""
-    return {
-        "position": motion.position,
-        "velocity": motion.velocity,
-        "network_velocity": motion.network_velocity,
-        "p_WE": motion.p_WE,
-        "v_WE": motion.v_WE,
-        "p_WE_desired": motion.p_WE_desired,
-        "v_WE_desired": motion.v_WE_desired,
-        "J": motion.J,
-    }
 
 
 def _contact_series(motion: Motion, steps: Steps) -> dict[str, Array]:

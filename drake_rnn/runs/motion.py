@@ -15,6 +15,9 @@ from ..laws.checks import observables_of
 from ..measures import Motion, Pressing, Steps
 from ..robot.rotation import rotation_error
 
+# Signals that a motion has fields of.
+_OF_MOTION = ("position", "p_WE", "p_WE_desired", "v_WE_desired", "J", "velocity", "v_WE")
+
 
 def observed_signals(
     experiment: Experiment, motion: Motion, states: Array, reading: Reading, measured: Signals
@@ -31,15 +34,7 @@ def observed_signals(
     Raises:
         InvalidInputError: If the law fails, or returns something else than it declares.
     """
-    u = {
-        "position": motion.position,
-        "p_WE": motion.p_WE,
-        "p_WE_desired": motion.p_WE_desired,
-        "v_WE_desired": motion.v_WE_desired,
-        "J": motion.J,
-        "velocity": motion.velocity,
-        "v_WE": motion.v_WE,
-    }
+    u: dict[str, Array] = {name: getattr(motion, name) for name in _OF_MOTION}
     u |= measured
     if motion.pressing is not None:
         u["normal_force_desired"] = motion.pressing.desired[:, np.newaxis]

@@ -76,8 +76,8 @@ def able_reading(document: ExperimentDocument, law: Law) -> SampledReading:
         raise InvalidInputError(
             "integrator: is Drake's; a batch needs a sampled law, with a period"
         )
-    for name in ("sensor", "sensing"):
-        if getattr(document, name) is not None:
+    for name, part in {"sensor": document.sensor, "sensing": document.sensing}.items():
+        if part is not None:
             raise InvalidInputError(f"{name}: a batch has none; simulate has")
     if document.filter is not None and document.environment is not None:
         raise InvalidInputError("filter: a batch has none in contact; simulate has")

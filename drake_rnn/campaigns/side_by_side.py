@@ -125,7 +125,7 @@ def _told(many: Many, number: int, robot: Robot) -> Outcome:
 def _fault(robot: Robot, metrics: dict[str, float]) -> str:
     """Return what is wrong with what a law says of its run; empty if nothing is."""
     try:
-        warnings_of(robot.reading, "caveats", metrics)
+        warnings_of(robot.reading, "caveats", lambda: robot.reading.caveats(metrics))
     except InvalidInputError as error:
         return str(error)
     except Exception as error:

@@ -187,7 +187,8 @@ def make_experiment(
         feedback=feedback,
         path_delay=delay.path,
     )
-    unsure = warnings_of(law, "doubts", _circumstances(found, delay, kinematics))
+    circumstances = _circumstances(found, delay, kinematics)
+    unsure = warnings_of(law, "doubts", lambda: law.doubts(circumstances))
     return replace(found, warnings=(*warnings, *unsure, *doubts))
 
 

@@ -15,7 +15,7 @@ from ..inputs.fields import Array
 from ..inputs.own_code import naming
 from ..robot.limits import LIMIT_UNITS
 from .called import FLOAT, is_number
-from .law import Circumstances, ContinuousReading, JointPreview, Law, Reading, SampledReading
+from .law import ContinuousReading, JointPreview, Law, Reading, SampledReading
 from .layout import Layout, Signals
 
 #: Names of recorded series and of ports, which parts of a state and observables must not have.
@@ -34,6 +34,7 @@ RECORDED = frozenset(
 )
 
 _R = TypeVar("_R", bound=Reading)
+_Flaws = Callable[[Any, Reading], Iterator[str]]
 
 
 def _of_state(state: Layout, reading: Reading) -> Iterator[str]:
@@ -80,39 +81,38 @@ def _of_keeps(names: tuple[object, ...], law: Reading) -> Iterator[str]:
     return (said(short(name)) for name in names if name not in LIMIT_UNITS)
 
 
-def _of_nothing_else(value: object, law: Reading) -> Iterator[str]:
+def _fine(value: object, law: Reading) -> Iterator[str]:
     return iter(())
 
 
 _TAKEN = ": {!r} is the name of another recorded signal"
-#: What laws declare: whether every `Reading` does or a `Law` alone, the member's name, the classes
-#: that its value may be of, and what tells the ends of messages about what else is wrong with it.
-#: Later members may rely on earlier ones.
-_DECLARED: tuple[tuple[type, str, tuple[type, ...], Callable[[Any, Reading], Iterator[str]]], ...]
-_DECLARED = (
-    (Reading, "state", (Layout,), _of_state),
-    (Reading, "inputs", (Layout,), _of_inputs),
-    (Reading, "observables", (Layout,), _of_observables),
-    (Reading, "takes_many", (bool,), _of_nothing_else),
-    (Reading, "integration_scheme", (str,), _of_nothing_else),
-    (Law, "loop_gains", (Mapping,), _of_gains),
-    (Law, "sampled_gains", (Mapping,), _of_gains),
-    (Law, "joint_preview", (JointPreview, NoneType), _of_preview),
-    (Law, "keeps", (tuple,), _of_keeps),
-    (Law, "stays_on_path", (bool,), _of_nothing_else),
-    (Law, "levels_are_derivatives", (bool,), _of_nothing_else),
-    (Law, "limits_remedy", (str,), _of_nothing_else),
+#: What laws declare: whether every `Reading` does or a `Law` alone, the member's name, its value of
+#: a law, the classes that this may be of, and what tells the ends of messages about what else is
+#: wrong with it. Later members may rely on earlier ones.
+_DECLARED: tuple[tuple[type, str, Callable[[Any], Any], tuple[type, ...], _Flaws], ...] = (
+    (Reading, "state", lambda law: law.state, (Layout,), _of_state),
+    (Reading, "inputs", lambda law: law.inputs, (Layout,), _of_inputs),
+    (Reading, "observables", lambda law: law.observables, (Layout,), _of_observables),
+    (Reading, "takes_many", lambda law: law.takes_many, (bool,), _fine),
+    (Reading, "integration_scheme", lambda law: law.integration_scheme, (str,), _fine),
+    (Law, "loop_gains", lambda law: law.loop_gains, (Mapping,), _of_gains),
+    (Law, "sampled_gains", lambda law: law.sampled_gains, (Mapping,), _of_gains),
+    (Law, "joint_preview", lambda law: law.joint_preview, (JointPreview, NoneType), _of_preview),
+    (Law, "keeps", lambda law: law.keeps, (tuple,), _of_keeps),
+    (Law, "stays_on_path", lambda law: law.stays_on_path, (bool,), _fine),
+    (Law, "levels_are_derivatives", lambda law: law.levels_are_derivatives, (bool,), _fine),
+    (Law, "limits_remedy", lambda law: law.limits_remedy, (str,), _fine),
 )
 
 
 def check_declared(reading: Reading) -> None:
     """Raise an InvalidInputError if what a law or a reading declares is not what it may be."""
-    for declares, name, kinds, flaws in _DECLARED:
+    for declares, name, read, kinds, flaws in _DECLARED:
         if not isinstance(reading, declares):
             continue
         place = f"{_class(reading)}.{name}"
         with naming(place):
-            value = getattr(reading, name)
+            value = read(reading)
             if isinstance(value, MethodType):
                 raise InvalidInputError(f"{place}: is a method; decorate it with @property")
             require_type(place, value, *kinds)
@@ -156,21 +156,21 @@ def _reading(law: Law, part: str, read: Callable[[], _R], kind: type) -> _R:
 
 
 def warnings_of(
-    reading: Reading, part: Literal["doubts", "caveats"], about: Circumstances | Mapping[str, float]
+    reading: Reading, part: Literal["doubts", "caveats"], tell: Callable[[], object]
 ) -> list[str]:
     """Return the warnings of a law before a run, or of its reading after one.
 
     Args:
         reading: The law, or its reading.
         part: Its method that tells them.
-        about: Properties of the loop that the law is to run in, or metrics of the run by name.
+        tell: Calls this method.
 
     Raises:
-        InvalidInputError: If the law cannot run in these circumstances, or returns something else.
+        InvalidInputError: If the law cannot run so, or returns something else.
     """
     place = f"{_class(reading)}.{part}"
     with naming(place):
-        value = getattr(reading, part)(about)
+        value = tell()
     if isinstance(value, list) and all(isinstance(text, str) for text in value):
         return value
     raise InvalidInputError(f"{place}: must return a list of texts, not {short(value)}")

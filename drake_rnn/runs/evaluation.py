@@ -11,6 +11,7 @@ from pydrake.systems.framework import Diagram
 from ..diagrams import Loop, wiring_graph
 from ..errors import InvalidInputError
 from ..experiment import Experiment, Forecast
+from ..inputs.dataclass_fields import fields_of
 from ..inputs.fields import Array
 from ..laws import Signals
 from ..laws.checks import warnings_of
@@ -93,7 +94,7 @@ class Evaluation:
             series = {name: series[name] for name in series if name not in reading.observables}
         caveats: list[str] = []
         try:
-            caveats = warnings_of(reading, "caveats", metrics)
+            caveats = warnings_of(reading, "caveats", lambda: reading.caveats(metrics))
         except InvalidInputError as error:
             fault = fault or error
         result = Result(
@@ -123,7 +124,8 @@ class Evaluation:
         virtual = seen if experiment.feedback == "unfiltered" else None
         motion = replace(motion, observed=observed, virtual=virtual)
         self._metrics.add(motion)
-        series: dict[str, Array] = {name: getattr(motion, name) for name in _OF_EVERY_RUN}
+        known = fields_of(motion)
+        series: dict[str, Array] = {name: known[name] for name in _OF_EVERY_RUN}
         series |= _contact_series(motion, steps)
         series |= {f"{name}_measured": values for name, values in measured.items()}
         states, state = steps.series("state"), loop.controller.reading.state

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..diagrams import Loop
 from ..experiment import Experiment
+from ..inputs.dataclass_fields import fields_of
 from ..inputs.fields import Array
 from ..laws import Reading, Signals
 from ..laws.checks import observables_of
@@ -34,7 +35,8 @@ def observed_signals(
     Raises:
         InvalidInputError: If the law fails, or returns something else than it declares.
     """
-    u: dict[str, Array] = {name: getattr(motion, name) for name in _OF_MOTION}
+    known = fields_of(motion)
+    u: dict[str, Array] = {name: known[name] for name in _OF_MOTION}
     u |= measured
     if motion.pressing is not None:
         u["normal_force_desired"] = motion.pressing.desired[:, np.newaxis]

@@ -120,7 +120,8 @@ class CompiledRuns:
         """
         law = with_gains(self.law, gains)
         first = replace(self._start, command=law.commanded_velocity(0.0, self._start.x))
-        rows, last = self._split(table)
+        rows = self._jax.tree.map(lambda values: values[:-1], table)
+        last = self._jax.tree.map(lambda values: values[-1], table)
 
         def body(carry: Any, row: _Row) -> tuple[Any, None]:
             now = Moving(*carry[0])
@@ -177,11 +178,6 @@ class CompiledRuns:
             self._robots.all_around(),
             noise,
         )
-
-    def _split(self, table: _Row) -> tuple[_Row, _Row]:
-        """Return the rows of all steps but the last, and that of the last."""
-        rows = self._jax.tree.map(lambda values: values[:-1], table)
-        return rows, self._jax.tree.map(lambda values: values[-1], table)
 
     def _motion(self, law: SampledReading, now: Moving, t: AnyArray, around: Around) -> Motion:
         """Return the motion of a single step."""

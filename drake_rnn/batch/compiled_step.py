@@ -18,8 +18,6 @@ from ..laws.called import unchecked
 from .compiling import compilable, compiled_in_order
 from .robots import Moving, Robots
 
-_FLOAT = np.dtype(float)
-
 
 class CompiledStep:
     """A sample of an experiment's law: from joint positions to a joint velocity.
@@ -43,6 +41,7 @@ class CompiledStep:
     Attributes:
         samples: Number of samples of the experiment.
         period: Sampling period [s].
+        first: Number, law's state and mean velocity before the first sample, an array of JAX.
 
     Raises:
         InvalidInputError: If JAX is not installed, or the experiment cannot be run so.
@@ -67,12 +66,12 @@ class CompiledStep:
         # One array for the table and one for the state: each argument of a call takes time.
         self._table = jax.vmap(lambda row: packed(row)[0])(table)
         x = self._robots.started().x[0]
-        self._first = jax.device_put(np.concatenate(([0.0], x, np.zeros(self.joints))))
+        self.first = jax.device_put(np.concatenate(([0.0], x, np.zeros(self.joints))))
         self._jax = jax
         self._compiled = compiled_in_order(self._step)
         # Compiled here, and not at the first sample.
         for velocity in (None, np.zeros(self.joints)):
-            self._compiled(self._table, self._first, self.home, velocity)
+            self._compiled(self._table, self.first, self.home, velocity)
 
     def start(self) -> SteppedRobot:
         """Return a robot at the start of the experiment; there may be several."""
@@ -113,11 +112,6 @@ class CompiledStep:
             velocity: Joint velocities, shape (n,) [rad/s]; None for those that the law commands.
         """
         return self._compiled(self._table, state, q, velocity)
-
-    @property
-    def first(self) -> AnyArray:
-        """Number, law's state and mean velocity before the first sample."""
-        return self._first
 
 
 class SteppedRobot:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -34,9 +33,9 @@ class Tables:
 
     def __init__(self, experiments: Sequence[Experiment], times: Array, rotates: bool) -> None:
         self._times = times
-        places = [_Place.of(experiment) for experiment in experiments]
-        self._start = np.stack([place.start for place in places], axis=-1)
-        self._positions = _Shared([(place.key, place.position) for place in places], (3,))
+        moving = [_moving(experiment) for experiment in experiments]
+        self._start = np.stack([start for _, _, start in moving], axis=-1)
+        self._positions = _Shared([(key, position) for key, position, _ in moving], (3,))
         self._orientations = None
         if rotates:
             turning = [_turning(experiment) for experiment in experiments]
@@ -68,20 +67,13 @@ class Tables:
         return turned, w.T, alpha.T
 
 
-class _Place(NamedTuple):
-    """A path's displacement from a start: what identifies it, its function, and the start."""
-
-    key: object
-    position: Callable[[float], Motion]
-    start: Array
-
-    @classmethod
-    def of(cls, experiment: Experiment) -> _Place:
-        desired = experiment.desired
-        if (shared := displacement_of(desired)) is None:
-            return cls(id(desired), desired.position, np.zeros(3))
-        path, start = shared
-        return cls(contents(path), path.evaluate, start)
+def _moving(experiment: Experiment) -> tuple[object, Callable[[float], Motion], Array]:
+    """Return what identifies a path's displacement, its function, and where it starts."""
+    desired = experiment.desired
+    if (shared := displacement_of(desired)) is None:
+        return id(desired), desired.position, np.zeros(3)
+    path, start = shared
+    return contents(path), path.evaluate, start
 
 
 def _turning(experiment: Experiment) -> tuple[object, Callable[[float], Motion], Array]:

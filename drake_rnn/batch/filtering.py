@@ -46,11 +46,6 @@ class Filters:
         self._averages.add(states, velocity.T)
 
 
-def filters_of(experiments: Sequence[Experiment]) -> Filters | None:
-    """Return the filters of robots; None if they have none."""
-    return None if experiments[0].document.filter is None else Filters(experiments)
-
-
 def alike(experiment: Experiment) -> object:
     """Return what robots side by side have in common of their filters."""
     settings = experiment.document.filter

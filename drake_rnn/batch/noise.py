@@ -9,7 +9,7 @@ import numpy as np
 from ..arrays.namespace import AnyArray
 from ..experiment import Experiment
 from ..inputs.fields import Array
-from ..systems.dither import DitherSettings, dither_noise
+from ..systems.dither import dither_noise
 from ..systems.white_noise import BLOCK
 
 
@@ -21,7 +21,7 @@ class Noises:
     """
 
     def __init__(self, experiments: Sequence[Experiment]) -> None:
-        settings = [_settings(experiment) for experiment in experiments]
+        settings = [d for each in experiments if (d := each.document.dither) is not None]
         seeds = [experiment.document.seed for experiment in experiments]
         distinct = list(dict.fromkeys(seeds))
         n = experiments[0].arm.n
@@ -44,8 +44,3 @@ class Noises:
     def of_each(self, row: AnyArray) -> AnyArray:
         """Return the noise of each robot, shape (robots, n) [rad/s], of NumPy's row or JAX's."""
         return (self._sigma * row[:, self._which]).T
-
-
-def _settings(experiment: Experiment) -> DitherSettings:
-    assert experiment.document.dither is not None
-    return experiment.document.dither

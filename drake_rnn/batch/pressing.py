@@ -11,7 +11,6 @@ from ..arrays.namespace import AnyArray
 from ..environments import ElasticSurface
 from ..experiment import Experiment
 from ..inputs.fields import Array
-from ..systems import Contact
 from .grouping import contents
 from .snapshot import Pressed
 
@@ -24,11 +23,11 @@ class Surfaces:
     """
 
     def __init__(self, experiments: Sequence[Experiment]) -> None:
-        contacts = [_contact(experiment) for experiment in experiments]
-        surfaces = [contact.surface for contact in contacts]
+        contacts = [each.contact for each in experiments if each.contact is not None]
+        surfaces = [each.surface for each in contacts if isinstance(each.surface, ElasticSurface)]
         self._normal = np.stack([surface.normal_W for surface in surfaces], axis=-1)
         self._believed = np.stack([surface.believed_normal_W for surface in surfaces], axis=-1)
-        self._stiffness = np.array([_stiffness(contact) for contact in contacts])
+        self._stiffness = np.array([surface.stiffness for surface in surfaces])
         places = zip(contacts, experiments, strict=True)
         p_WS = [contact.place(each.arm, each.start) for contact, each in places]
         self._height = _added(self._normal * np.stack(p_WS, axis=-1))
@@ -74,13 +73,3 @@ class Surfaces:
 def _added(rows: AnyArray) -> AnyArray:
     """Return the sum of three rows, shape (robots,)."""
     return rows[0] + rows[1] + rows[2]
-
-
-def _contact(experiment: Experiment) -> Contact:
-    assert experiment.contact is not None
-    return experiment.contact
-
-
-def _stiffness(contact: Contact) -> float:
-    assert isinstance(contact.surface, ElasticSurface)
-    return contact.surface.stiffness

@@ -18,7 +18,7 @@ from ..laws.trial import started
 from ..measures import Yardsticks
 from ..robot.rotation import angle_between
 from .desired import Tables
-from .filtering import filters_of
+from .filtering import Filters
 from .grouping import Robot, arm_of_all
 from .noise import Noises
 from .pressing import Surfaces
@@ -135,7 +135,7 @@ class Robots:
             late = Tables(experiments, times - delay, self.oriented)
         now = Tables(experiments, times, self.oriented)
         self._desired = Desired(now, ahead, late, self._task)
-        self._filters = filters_of(experiments)
+        self._filters = None if document.filter is None else Filters(experiments)
         self._surfaces = None if document.environment is None else Surfaces(experiments)
 
     def started(self) -> Moving:

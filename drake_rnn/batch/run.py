@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from ..errors import InvalidInputError
-from ..experiment import Arms, Described, Experiment, load_experiment
+from ..experiment import Arms, Described, Experiment, ExperimentDocument, load_experiment
 from ..inputs.complaints import require_several
 from ..inputs.fields import Array
 from ..measures import METRIC_NAMES
@@ -104,13 +104,37 @@ def run_robots(
 ) -> Many:
     """Run robots at once; arguments and result are those of `run_many`."""
     groups = blocks(robots)
-    table = _Table(robots)
-    meter = _Meter(progress, groups, robots)
+    documents = [robot.experiment.document for robot in robots]
+    advanced = _counted(progress, [(documents[group[0]], len(group)) for group in groups])
+    count = len(robots)
+    columns: dict[str, Array] = {}
+    until = np.array([document.duration for document in documents])
+    failures: dict[int, Failure] = {}
+    ends, times, series = ([np.empty(0)] * count for _ in range(3))
     for numbers in groups:
         block = Block([robots[number] for number in numbers], recorded="position" in record)
-        found, q = block.run(meter.advance)
-        table.fill(numbers, block, found, q)
-    return table.result(record)
+        found, q = block.run(advanced)
+        for name, values in found.items():
+            column = columns.setdefault(name, np.full(count, np.nan))
+            column[numbers] = np.where(np.isfinite(values), values, np.nan)
+        failures |= {numbers[robot]: failure for robot, failure in block.failures.items()}
+        recorded = np.stack(block.positions) if block.positions else None
+        for robot, number in enumerate(numbers):
+            ends[number] = q[robot].copy()
+            if recorded is not None:
+                times[number], series[number] = block.schedule.times, recorded[:, robot]
+    for number, failure in failures.items():
+        until[number] = failure.time
+    named = {name: columns[name] for name in METRIC_NAMES if name in columns}
+    return Many(
+        metrics={name: values for name, values in named.items() if np.isfinite(values).any()},
+        status=tuple("failed" if row in failures else "complete" for row in range(count)),
+        until=until,
+        failures={row: failures[row].reason for row in sorted(failures)},
+        position=tuple(ends),
+        time=tuple(times) if record else (),
+        series={"position": tuple(series)} if record else {},
+    )
 
 
 def robots_of(described: Sequence[Described]) -> list[Robot]:
@@ -140,76 +164,28 @@ def robots_of(described: Sequence[Described]) -> list[Robot]:
     return robots
 
 
-class _Table:
-    """The rows of a result, filled block by block."""
-
-    def __init__(self, robots: Sequence[Robot]) -> None:
-        count = len(robots)
-        self._metrics: dict[str, Array] = {}
-        self._until = np.array([robot.experiment.document.duration for robot in robots])
-        self._failures: dict[int, Failure] = {}
-        self._positions = [np.empty(0)] * count
-        self._times, self._series = [np.empty(0)] * count, [np.empty(0)] * count
-
-    def fill(self, numbers: list[int], block: Block, found: Mapping[str, Array], q: Array) -> None:
-        """Enter the rows of a block."""
-        for name, values in found.items():
-            column = self._metrics.setdefault(name, np.full(self._until.size, np.nan))
-            column[numbers] = np.where(np.isfinite(values), values, np.nan)
-        for robot, failure in block.failures.items():
-            self._failures[numbers[robot]] = failure
-            self._until[numbers[robot]] = failure.time
-        for robot, number in enumerate(numbers):
-            self._positions[number] = q[robot].copy()
-        if block.positions:
-            recorded = np.stack(block.positions)
-            for robot, number in enumerate(numbers):
-                self._times[number] = block.schedule.times
-                self._series[number] = recorded[:, robot]
-
-    def result(self, record: Sequence[str]) -> Many:
-        """Return the whole table."""
-        rows = range(self._until.size)
-        named = {name: self._metrics[name] for name in METRIC_NAMES if name in self._metrics}
-        return Many(
-            metrics={name: values for name, values in named.items() if np.isfinite(values).any()},
-            status=tuple("failed" if row in self._failures else "complete" for row in rows),
-            until=self._until,
-            failures={row: self._failures[row].reason for row in sorted(self._failures)},
-            position=tuple(self._positions),
-            time=tuple(self._times) if record else (),
-            series={"position": tuple(self._series)} if record else {},
-        )
-
-
-class _Meter:
-    """How far many runs have come.
+def _counted(
+    progress: Progress | None, groups: Sequence[tuple[ExperimentDocument, int]]
+) -> Callable[[int], None]:
+    """Return what counts a step of some robots, and tells the progress some hundred times.
 
     Args:
-        progress: Is told, some hundred times.
-        groups: Numbers of the robots of each block.
-        robots: The robots.
+        progress: Is told the share of all steps that have been made.
+        groups: Document of one robot of each block, and the number of its robots.
     """
+    every, made, told = 0.0, 0.0, 0.0
+    for document, count in groups:
+        steps = document.duration / (document.period or 1.0)
+        if document.dither is not None:
+            steps = max(steps, document.duration / document.dither.hold)
+        every += steps * count
 
-    def __init__(
-        self,
-        progress: Progress | None,
-        groups: Sequence[Sequence[int]],
-        robots: Sequence[Robot],
-    ) -> None:
-        self._progress = progress
-        self._all, self._made, self._told = 0.0, 0.0, 0.0
-        for numbers in groups:
-            document = robots[numbers[0]].experiment.document
-            steps = document.duration / (document.period or 1.0)
-            if document.dither is not None:
-                steps = max(steps, document.duration / document.dither.hold)
-            self._all += steps * len(numbers)
+    def advanced(count: int) -> None:
+        nonlocal made, told
+        made += count
+        share = min(1.0, made / every)
+        if progress is not None and share - told >= 0.01:
+            told = share
+            progress(share)
 
-    def advance(self, count: int) -> None:
-        """Count a step of some robots."""
-        self._made += count
-        share = min(1.0, self._made / self._all)
-        if self._progress is not None and share - self._told >= 0.01:
-            self._told = share
-            self._progress(share)
+    return advanced

@@ -115,21 +115,16 @@ class Desired:
         self, tables: Tables, ahead: Tables | None, late: Tables | None, task: Task
     ) -> None:
         self._tables, self._ahead, self._late = tables, ahead, late
+        self._each = (tables, ahead, late)
         self._axes = slice(task.axes[0], task.axes[-1] + 1)
 
     def row(self, number: int) -> Rows:
         """Return what is known of a step."""
-        ahead, late = (
-            () if tables is None else tables.row(number) for tables in (self._ahead, self._late)
-        )
-        return Rows(self._tables.row(number), ahead, late)
+        return Rows(*(() if tables is None else tables.row(number) for tables in self._each))
 
     def rows(self) -> Rows:
         """Return the same for all steps, with these in front."""
-        ahead, late = (
-            () if tables is None else tables.rows() for tables in (self._ahead, self._late)
-        )
-        return Rows(self._tables.rows(), ahead, late)
+        return Rows(*(() if tables is None else tables.rows() for tables in self._each))
 
     def at(self, rows: Rows, names: Set[str]) -> Found:
         """Return the signals of a step, by name; position and velocity whatever the names are."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from ..errors import InvalidInputError
 from ..experiment import Described, Experiment, ExperimentDocument, load_experiment
 from ..laws import Law, SampledReading
@@ -40,11 +42,7 @@ def why_not_law(document: ExperimentDocument, law: Law) -> str | None:
         document: The document.
         law: Its law.
     """
-    try:
-        able_reading(document, law)
-    except InvalidInputError as error:
-        return str(error)
-    return None
+    return _refusal(lambda: able_reading(document, law))
 
 
 def why_not_arm(arm: Arm) -> str | None:
@@ -53,8 +51,12 @@ def why_not_arm(arm: Arm) -> str | None:
     Args:
         arm: The arm.
     """
+    return _refusal(lambda: screws_of(arm))
+
+
+def _refusal(attempt: Callable[[], object]) -> str | None:
     try:
-        screws_of(arm)
+        attempt()
     except InvalidInputError as error:
         return str(error)
     return None
@@ -74,11 +76,7 @@ def able_reading(document: ExperimentDocument, law: Law) -> SampledReading:
         raise InvalidInputError(
             "integrator: is Drake's; a batch needs a sampled law, with a period"
         )
-    unable = {
-        "sensor": document.sensor,
-        "sensing": document.sensing,
-    }
-    for name, part in unable.items():
+    for name, part in {"sensor": document.sensor, "sensing": document.sensing}.items():
         if part is not None:
             raise InvalidInputError(f"{name}: a batch has none; simulate has")
     if document.filter is not None and document.environment is not None:

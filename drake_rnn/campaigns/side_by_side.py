@@ -13,7 +13,7 @@ from ..batch.run import Many, robots_of, run_robots
 from ..errors import InvalidInputError
 from ..experiment import Experiment, forecasts, make_experiment
 from ..inputs.own_code import at, described
-from ..laws.checks import caveats_of
+from ..laws.checks import warnings_of
 from ..runs.effort import check_effort
 from ..runs.stored import stored_period
 from ..runs.verdict import verdicts_of
@@ -125,7 +125,7 @@ def _told(many: Many, number: int, robot: Robot) -> Outcome:
 def _fault(robot: Robot, metrics: dict[str, float]) -> str:
     """Return the error of a law's caveats about its run; empty if there is none."""
     try:
-        caveats_of(robot.reading, metrics)
+        warnings_of(robot.reading, "caveats", lambda: robot.reading.caveats(metrics))
     except InvalidInputError as error:
         return str(error)
     except Exception as error:

@@ -26,7 +26,7 @@ from ..experiment import (
 from ..inputs.complaints import require_type, short
 from ..inputs.documents import parse_yaml
 from ..inputs.fields import Array
-from ..runs.effort import expected_effort
+from ..runs.effort import effort_of
 from ..runs.simulation import check_experiment
 from .campaign import kept_rows
 from .engine import carry_out
@@ -187,7 +187,7 @@ def planned(
         followed.add(path)
         contents = read_document(base, changed)
         order = order_of(contents, anyway=anyway, learning=True)
-        orders.append(Planned(values, order, expected_effort(loaded).time))
+        orders.append(Planned(values, order, effort_of(loaded.document).time))
     return orders
 
 

@@ -11,7 +11,7 @@ import typer
 from rich.markup import escape
 
 from ..experiment import Experiment
-from ..runs.effort import Effort, expected_effort
+from ..runs.effort import Effort, effort_of
 from .changing import tell_of_window
 from .console import err, out
 from .queue import Task
@@ -38,7 +38,7 @@ def print_plan(
     """
     plan: dict[str, Any] = {}
     for task, experiment, complaints in zip(tasks, experiments, warnings, strict=True):
-        effort = expected_effort(experiment)
+        effort = effort_of(experiment.document)
         plan[task.name] = {
             "folder": str(task.folder),
             "duration_s": experiment.document.duration,

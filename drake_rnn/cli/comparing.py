@@ -15,7 +15,7 @@ from ..errors import InvalidInputError
 from ..experiment import Experiment, load_experiment
 from ..figures.comparison import comparison_figure
 from ..measures import METRICS
-from ..runs.effort import expected_effort
+from ..runs.effort import effort_of
 from ..runs.result import Result
 from ..runs.simulation import check_experiment
 from ..runs.verdict import Verdict
@@ -64,7 +64,7 @@ def _print_plan(loaded: Mapping[str, Experiment | Result], folder: Path, as_json
         if isinstance(each, Result):
             plan[name], told = 0.0, "has run"
         else:
-            effort = expected_effort(each)
+            effort = effort_of(each.document)
             plan[name], told = effort.time if effort.key else None, told_of(effort)
         out.print(escape(f"{name}: {told}"), soft_wrap=True)
     out.print(escape(f"compared in {folder}"), soft_wrap=True)

@@ -14,7 +14,7 @@ from ..inputs.documents import construct
 from ..inputs.fields import Array
 from ..inputs.modules import Modules
 from ..laws import Circumstances, Law, PostureLaw
-from ..laws.checks import doubts_of
+from ..laws.checks import warnings_of
 from ..paths import Path, PlacedPath
 from ..robot.arm import Arm
 from ..robot.kinematics import ArmKinematics
@@ -185,7 +185,8 @@ def make_experiment(
         feedback=parts.feedback,
         path_delay=delay.path,
     )
-    unsure = doubts_of(law, _circumstances(found, delay, kinematics))
+    circumstances = _circumstances(found, delay, kinematics)
+    unsure = warnings_of(law, "doubts", lambda: law.doubts(circumstances))
     return replace(found, warnings=(*parts.warnings, *late, *moved, *unsure, *doubts))
 
 

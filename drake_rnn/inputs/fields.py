@@ -37,14 +37,11 @@ def _vector(value: Any) -> Array:
     return vector
 
 
-def _finite(vector: Array) -> Array:
+def _finite_vector(value: Any) -> Array:
+    vector = _vector(value)
     if not np.isfinite(vector).all():
         raise ValueError("must be finite")
     return vector
-
-
-def _finite_vector(value: Any) -> Array:
-    return _finite(_vector(value))
 
 
 def _point(value: Any) -> Array:
@@ -149,11 +146,6 @@ Count = Annotated[int, Field(strict=True, ge=1)]
 Seed = Annotated[int, Field(strict=True, ge=0)]
 
 
-def _example(cls: type) -> str:
-    names = [name for name in field_names(cls) if name != "kind"]
-    return f"{cls.__name__}({names[0]}=...)"
-
-
 @dataclass_transform(frozen_default=True, kw_only_default=True)
 def validated(cls: type) -> type:
     """Make ``cls`` a frozen, keyword-only dataclass that checks its fields and refuses others.
@@ -167,8 +159,9 @@ def validated(cls: type) -> type:
     @wraps(construct)
     def init(self: Any, *args: Any, **fields: Any) -> None:
         if args:
+            first = next(name for name in field_names(made) if name != "kind")
             raise InvalidInputError(
-                f"{cls.__name__}: takes keyword arguments only, e.g. {_example(made)}"
+                f"{cls.__name__}: takes keyword arguments only, e.g. {cls.__name__}({first}=...)"
             )
         try:
             construct(self, **fields)

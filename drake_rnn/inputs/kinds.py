@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Iterator, Mapping, MutableMapping
 from importlib.metadata import EntryPoint, entry_points
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar, cast
 
 from ..errors import InvalidInputError
 from .complaints import nearest, short
@@ -133,31 +133,20 @@ class Kinds(MutableMapping[str, type[T]], Generic[T]):
 
     def _fitting(self, found: Any, what: str) -> type[T]:
         """Return ``found``, of the key and name ``what``, if a document can describe it."""
-        _require_described(found, self._base, what)
-        return found
-
-
-def _require_described(found: object, base: type, what: str) -> None:
-    """Raise an InvalidInputError unless this is a class that a document can describe.
-
-    Args:
-        found: The class.
-        base: Class that it must extend.
-        what: Its key and name, for messages.
-    """
-    if not (isinstance(found, type) and issubclass(found, base)):
-        raise InvalidInputError(
-            f"{what}: must be a class that extends {base.__name__}, not {_nature(found)}"
-        )
-    if inspect.isabstract(found):
-        lacking = ", ".join(sorted(vars(found)["__abstractmethods__"]))
-        raise InvalidInputError(f"{what}: {found.__name__} must have {lacking} as well")
-    # Inherited fields do not count: pydantic would make an object of the base class.
-    if "__pydantic_fields__" not in vars(found):
-        raise InvalidInputError(
-            f"{what}: {found.__name__} must be decorated with @validated from drake_rnn, "
-            "which checks its fields"
-        )
+        if not (isinstance(found, type) and issubclass(found, self._base)):
+            raise InvalidInputError(
+                f"{what}: must be a class that extends {self._base.__name__}, not {_nature(found)}"
+            )
+        if inspect.isabstract(found):
+            lacking = ", ".join(sorted(vars(found)["__abstractmethods__"]))
+            raise InvalidInputError(f"{what}: {found.__name__} must have {lacking} as well")
+        # Inherited fields do not count: pydantic would make an object of the base class.
+        if "__pydantic_fields__" not in vars(found):
+            raise InvalidInputError(
+                f"{what}: {found.__name__} must be decorated with @validated from drake_rnn, "
+                "which checks its fields"
+            )
+        return cast("type[T]", found)
 
 
 def _name(cls: type) -> str:

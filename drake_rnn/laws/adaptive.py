@@ -136,9 +136,8 @@ class Adaptive(Law):
     takes_many = True
 
     def __post_init__(self) -> None:
+        self.limits.require_size("home", self.home)
         n, target = self.limits.size, self.secondary.target
-        if self.home.size != n:
-            raise ValueError(f"home: must have {n} entries, one per joint, not {self.home.size}")
         if target is not None and target.size != n:
             raise ValueError(
                 f"secondary: target must have {n} entries, one per joint, not {target.size}"
@@ -157,7 +156,6 @@ class Adaptive(Law):
 
     @property
     def limits_remedy(self) -> str:
-        """See `Law.limits_remedy`."""
         return "a filter behind it, which keeps snap and crackle as well"
 
     @property

@@ -67,8 +67,13 @@ def _for_a_period(method: Any) -> Any:
     @wraps(method)
     def sampled(self: Any, period: Any) -> Any:
         _check_period(period)
-        reading = method(self, period)
-        _check_gains(self, period)
+        reading, gains = method(self, period), self.sampled_gains
+        name = max(gains, key=lambda name: gains[name], default="")
+        if name and gains[name] * period >= 1.0:
+            raise InvalidInputError(
+                f"period: must be below {1.0 / gains[name]:g} s with law.{name} at "
+                f"{gains[name]:g} /s, not {period:g}; or give law.{name} below {1.0 / period:g} /s"
+            )
         return reading
 
     return sampled
@@ -77,16 +82,6 @@ def _for_a_period(method: Any) -> Any:
 def _check_period(period: Any) -> None:
     if not is_number(period) or period <= 0.0:
         raise InvalidInputError(f"period: must be a positive time [s], not {short(period)}")
-
-
-def _check_gains(law: Any, period: float) -> None:
-    gains = law.sampled_gains
-    name = max(gains, key=lambda name: gains[name], default="")
-    if name and gains[name] * period >= 1.0:
-        raise InvalidInputError(
-            f"period: must be below {1.0 / gains[name]:g} s with law.{name} at {gains[name]:g} /s, "
-            f"not {period:g}; or give law.{name} below {1.0 / period:g} /s"
-        )
 
 
 def _is_sound(law: Any, t: object, x: object, u: object) -> bool:

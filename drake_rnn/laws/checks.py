@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from numbers import Integral
 from types import MethodType, NoneType
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from ..inputs.fields import Array
 from ..inputs.own_code import naming
 from ..robot.limits import LIMIT_UNITS
 from .called import FLOAT, is_number
-from .law import Circumstances, ContinuousReading, JointPreview, Law, Reading, SampledReading
+from .law import ContinuousReading, JointPreview, Law, Reading, SampledReading
 from .layout import Layout, Signals
 
 #: Names of recorded series and of ports, which parts of a state and observables must not have.
@@ -34,6 +34,7 @@ RECORDED = frozenset(
 )
 
 _R = TypeVar("_R", bound=Reading)
+_Flaws = Callable[[Any, Reading], Iterator[str]]
 
 
 def _of_state(state: Layout, reading: Reading) -> Iterator[str]:
@@ -80,59 +81,42 @@ def _of_keeps(names: tuple[object, ...], law: Reading) -> Iterator[str]:
     return (said(short(name)) for name in names if name not in LIMIT_UNITS)
 
 
+def _fine(value: object, law: Reading) -> Iterator[str]:
+    return iter(())
+
+
 _TAKEN = ": {!r} is the name of another recorded signal"
-
-
-class _Member(NamedTuple):
-    """What laws declare, checked when a controller or an experiment is made of one.
-
-    Attributes:
-        of: Whether every `Reading` declares it, or a `Law` alone.
-        name: Name of the member.
-        read: Returns its value, given the law.
-        kinds: Classes that the value may be of.
-        flaws: Returns what else is wrong with it, given value and law: ends of messages that begin
-            with the member.
-    """
-
-    of: type
-    name: str
-    read: Callable[[Any], Any]
-    kinds: tuple[type, ...]
-    flaws: Callable[[Any, Reading], Iterator[str]] = lambda value, law: iter(())
-
-
-#: Later members may rely on earlier ones.
-_DECLARED = (
-    _Member(Reading, "state", lambda law: law.state, (Layout,), _of_state),
-    _Member(Reading, "inputs", lambda law: law.inputs, (Layout,), _of_inputs),
-    _Member(Reading, "observables", lambda law: law.observables, (Layout,), _of_observables),
-    _Member(Reading, "takes_many", lambda law: law.takes_many, (bool,)),
-    _Member(Reading, "integration_scheme", lambda law: law.integration_scheme, (str,)),
-    _Member(Law, "loop_gains", lambda law: law.loop_gains, (Mapping,), _of_gains),
-    _Member(Law, "sampled_gains", lambda law: law.sampled_gains, (Mapping,), _of_gains),
-    _Member(
-        Law, "joint_preview", lambda law: law.joint_preview, (JointPreview, NoneType), _of_preview
-    ),
-    _Member(Law, "keeps", lambda law: law.keeps, (tuple,), _of_keeps),
-    _Member(Law, "stays_on_path", lambda law: law.stays_on_path, (bool,)),
-    _Member(Law, "levels_are_derivatives", lambda law: law.levels_are_derivatives, (bool,)),
-    _Member(Law, "limits_remedy", lambda law: law.limits_remedy, (str,)),
+#: What laws declare: whether every `Reading` does or a `Law` alone, the member's name, its value of
+#: a law, the classes that this may be of, and what tells the ends of messages about what else is
+#: wrong with it. Later members may rely on earlier ones.
+_DECLARED: tuple[tuple[type, str, Callable[[Any], Any], tuple[type, ...], _Flaws], ...] = (
+    (Reading, "state", lambda law: law.state, (Layout,), _of_state),
+    (Reading, "inputs", lambda law: law.inputs, (Layout,), _of_inputs),
+    (Reading, "observables", lambda law: law.observables, (Layout,), _of_observables),
+    (Reading, "takes_many", lambda law: law.takes_many, (bool,), _fine),
+    (Reading, "integration_scheme", lambda law: law.integration_scheme, (str,), _fine),
+    (Law, "loop_gains", lambda law: law.loop_gains, (Mapping,), _of_gains),
+    (Law, "sampled_gains", lambda law: law.sampled_gains, (Mapping,), _of_gains),
+    (Law, "joint_preview", lambda law: law.joint_preview, (JointPreview, NoneType), _of_preview),
+    (Law, "keeps", lambda law: law.keeps, (tuple,), _of_keeps),
+    (Law, "stays_on_path", lambda law: law.stays_on_path, (bool,), _fine),
+    (Law, "levels_are_derivatives", lambda law: law.levels_are_derivatives, (bool,), _fine),
+    (Law, "limits_remedy", lambda law: law.limits_remedy, (str,), _fine),
 )
 
 
 def check_declared(reading: Reading) -> None:
     """Raise an InvalidInputError if what a law or a reading declares is not what it may be."""
-    for member in _DECLARED:
-        if not isinstance(reading, member.of):
+    for declares, name, read, kinds, flaws in _DECLARED:
+        if not isinstance(reading, declares):
             continue
-        place = f"{_class(reading)}.{member.name}"
+        place = f"{_class(reading)}.{name}"
         with naming(place):
-            value = member.read(reading)
+            value = read(reading)
             if isinstance(value, MethodType):
                 raise InvalidInputError(f"{place}: is a method; decorate it with @property")
-            require_type(place, value, *member.kinds)
-            for complaint in member.flaws(value, reading):
+            require_type(place, value, *kinds)
+            for complaint in flaws(value, reading):
                 raise InvalidInputError(f"{place}{complaint}")
 
 
@@ -171,33 +155,20 @@ def _reading(law: Law, part: str, read: Callable[[], _R], kind: type) -> _R:
     return reading
 
 
-def doubts_of(law: Law, circumstances: Circumstances) -> list[str]:
-    """Return the law's warnings before a run.
+def warnings_of(
+    reading: Reading, part: Literal["doubts", "caveats"], tell: Callable[[], object]
+) -> list[str]:
+    """Return the warnings of a law before a run, or of its reading after one.
 
     Args:
-        law: The law.
-        circumstances: Properties of the loop that the law is to run in.
+        reading: The law, or its reading.
+        part: Its method that tells them.
+        tell: Calls this method.
 
     Raises:
-        InvalidInputError: If the law cannot run in these circumstances, or returns something else.
+        InvalidInputError: If the law cannot run so, or returns something else.
     """
-    return _texts(f"{_class(law)}.doubts", lambda: law.doubts(circumstances))
-
-
-def caveats_of(reading: Reading, metrics: Mapping[str, float]) -> list[str]:
-    """Return the warnings of a law's reading after a run.
-
-    Args:
-        reading: The reading.
-        metrics: Metrics of the run by name.
-
-    Raises:
-        InvalidInputError: If it returns something else.
-    """
-    return _texts(f"{_class(reading)}.caveats", lambda: reading.caveats(metrics))
-
-
-def _texts(place: str, tell: Callable[[], object]) -> list[str]:
+    place = f"{_class(reading)}.{part}"
     with naming(place):
         value = tell()
     if isinstance(value, list) and all(isinstance(text, str) for text in value):

@@ -139,10 +139,7 @@ class JointDriftFree(ContinuousLaw):
     takes_many = True
 
     def __post_init__(self) -> None:
-        if self.home.size != self.limits.size:
-            raise ValueError(
-                f"home: must have {self.limits.size} entries, one per joint, not {self.home.size}"
-            )
+        self.limits.require_size("home", self.home)
         self.limits.require("acceleration", f"scheme: {self.scheme}")
         if self.alpha is not None and not self.weighs_torque:
             raise ValueError(
@@ -196,8 +193,7 @@ class JointDriftFree(ContinuousLaw):
     def measured(self) -> dict[str, tuple[int, ...]]:
         """Shapes of the input signals that come from the arm, by name."""
         n, m = self.limits.size, self.task_size
-        shapes: dict[str, tuple[int, ...]] = {"position": (n,), "p_WE": (m,)}
-        shapes |= {"J": (m, n), "Jdot_v": (m,)}
+        shapes = {"position": (n,), "p_WE": (m,), "J": (m, n), "Jdot_v": (m,)}
         if self.velocity == "measured":
             shapes |= {"velocity": (n,)}
         if self.weighs_torque:
@@ -232,9 +228,9 @@ class JointDriftFree(ContinuousLaw):
         pull = scaled(self.velocity_gain, J_T)
         composite = self.composite_gain
         a_v = matmul(pull, scaled(-1.0 - composite * ahead, J))
-        a_0 = matvec(pull, v_desired - composite * error_0 if self._composes else v_desired)
+        a_0 = matvec(pull, v_desired - composite * error_0 if acts(composite) else v_desired)
         a_omega = J_T
-        if self._returns:
+        if self.scheme != "man" and acts(self.return_weight):
             weight = self.return_weight
             stiffness = self.return_beta * self.return_gamma
             drift_v = weight * (self.return_beta + self.return_gamma + stiffness * ahead)
@@ -265,14 +261,6 @@ class JointDriftFree(ContinuousLaw):
             b_omega = scaled(-eta, gram)
         return LinearForm(a_v, a_omega, a_0, b_v, b_omega, b_0)
 
-    @cached_property
-    def _composes(self) -> bool:
-        return acts(self.composite_gain)
-
-    @cached_property
-    def _returns(self) -> bool:
-        return self.scheme != "man" and acts(self.return_weight)
-
     def _torque_weighted(
         self, u: Signals, a_v: Array, a_omega: Array, a_0: Array
     ) -> tuple[Array, Array, Array]:
@@ -302,7 +290,7 @@ class JointDriftFree(ContinuousLaw):
 
     def clipped(self, demand: Array) -> Array:
         """Return the accelerations clipped to their bounds, shape (..., n) [rad/s^2]."""
-        return clipped(demand, self._least, self._bound)
+        return clipped(demand, -self._bound, self._bound)
 
     def bounded(self, demand: Array, q: Array, v: Array, period: float) -> Array:
         """Return the accelerations clipped to what ``bounds`` allows, shape (..., n) [rad/s^2].
@@ -315,8 +303,7 @@ class JointDriftFree(ContinuousLaw):
         """
         if self.bounds == "acceleration":
             return self.clipped(demand)
-        lower, upper = self.limits.acceleration_box(q, v, period)
-        return clipped(demand, lower, upper)
+        return clipped(demand, *self.limits.acceleration_box(q, v, period))
 
     @cached_property
     def _damping_matrix(self) -> Array:
@@ -330,10 +317,6 @@ class JointDriftFree(ContinuousLaw):
     def _bound(self) -> Array:
         return self.limits.require("acceleration", f"scheme: {self.scheme}")
 
-    @cached_property
-    def _least(self) -> Array:
-        return -self._bound
-
     @property
     def keeps(self) -> tuple[str, ...]:
         if self.bounds == "acceleration":
@@ -345,7 +328,6 @@ class JointDriftFree(ContinuousLaw):
         return "a sampled law with law.bounds: all does"
 
     def caveats(self, metrics: Mapping[str, float]) -> list[str]:
-        """Return the warnings to show after a run of the continuous law."""
         found = self.broken_assumptions(metrics)
         if metrics.get("saturated_fraction", 0.0) > 0.5:
             found.append(

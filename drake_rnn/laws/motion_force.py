@@ -96,7 +96,7 @@ from .layout import Layout, Signals
 from .parts.bounded_multipliers import not_outward, within
 from .parts.contact_loss import LOST, ContactLoss
 from .parts.kept_limits import kept_with_lag
-from .parts.learning import gradient, rank_one_update
+from .parts.learning import first_J_hat, gradient, rank_one_update
 from .parts.primal_dual import PrimalDual, substeps
 from .parts.stable_steps import check_substeps
 from .parts.stiffness import FixedStiffness, OnlineStiffness
@@ -173,10 +173,8 @@ class MotionForce(SampledLaw, ContinuousLaw):
             raise ValueError(
                 "stiffness: must be a number with form: literal, which scales its rows by it"
             )
-        if self.home is not None and self.home.size != self.limits.size:
-            raise ValueError(
-                f"home: must have {self.limits.size} entries, one per joint, not {self.home.size}"
-            )
+        if self.home is not None:
+            self.limits.require_size("home", self.home)
         if self.return_gain > 0.0 and self.home is None:
             raise ValueError("return_gain: needs home, the posture to return to")
 
@@ -192,16 +190,19 @@ class MotionForce(SampledLaw, ContinuousLaw):
         return SurfaceTask(self.gain, surface, measured, self.approach_speed, self.contact_loss)
 
     @cached_property
+    def _dual(self) -> Layout:
+        """State of the network, with which the state begins."""
+        return Layout(
+            v=(self.limits.size,),
+            multipliers=(6,) if self.form == "literal" else (3,),
+            orientation_multipliers=(4,) if self.orientation == "printed" else (3,),
+        )
+
+    @cached_property
     def state(self) -> Layout:
-        n = self.limits.size
-        parts: dict[str, tuple[int, ...]] = {
-            "v": (n,),
-            "multipliers": (6,) if self.form == "literal" else (3,),
-            "orientation_multipliers": (4,) if self.orientation == "printed" else (3,),
-        }
-        if self._learns:
-            parts["J_hat"] = (3, n)
-        return Layout(**parts, **self._task.parts())
+        network = {name: shape for name, (_, shape) in self._dual.parts.items()}
+        learned = {"J_hat": (3, self.limits.size)} if self._learns else {}
+        return Layout(**network, **learned, **self._task.parts())
 
     @cached_property
     def inputs(self) -> Layout:
@@ -238,13 +239,8 @@ class MotionForce(SampledLaw, ContinuousLaw):
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
         parts = {name: np.zeros(shape) for name, (_, shape) in self.state.parts.items()}
-        if self._learns and self.J_hat_initial == "exact":
-            if "J" not in u:
-                raise InvalidInputError(
-                    "law.J_hat_initial: exact needs the arm's J, which this law does not see; "
-                    "set the initial state yourself"
-                )
-            parts["J_hat"] = np.asarray(u["J"])
+        if self._learns:
+            parts["J_hat"] = first_J_hat(self.J_hat_initial, parts["J_hat"].shape, rng, u)
         if self.multipliers_initial > 0.0:
             for name in ("multipliers", "orientation_multipliers"):
                 parts[name] = rng.uniform(0.0, self.multipliers_initial, parts[name].shape)
@@ -270,7 +266,6 @@ class MotionForce(SampledLaw, ContinuousLaw):
 
     @property
     def sampled_gains(self) -> Mapping[str, float]:
-        """See `Law.sampled_gains`."""
         return {
             "gain": self.gain,
             "orientation_gain": self.orientation_gain,
@@ -295,7 +290,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
         """Return the right-hand side of (19), (21) or (22)."""
         self.continuous()  # refuses a law that is not
         J_hat = self.state.part(x, "J_hat") if self._learns else u["J"]
-        z = x[..., : self._dual_end]
+        z = x[..., : self._dual.size]
         z_dot = self._bounded_rate(self._network(x, u, J_hat).rate(z), z, u)
         if not self._learns:
             return z_dot
@@ -306,13 +301,13 @@ class MotionForce(SampledLaw, ContinuousLaw):
         """Integrate the learning exactly, with its inputs held; then the network by Runge-Kutta."""
         x = self._learn(x, u, period)
         J_hat = self.state.part(x, "J_hat") if self._learns else u["J"]
-        end = self._dual_end
+        end = self._dual.size
         z = self._bounded(self._network(x, u, J_hat).after(x[..., :end], period), u)
         return z if end == self.state.size else joined((z, x[..., end:]))
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         J = u["J"] if self.jacobian != "learned" else self.state.part(x, "J_hat")
-        dual = x[..., self.limits.size : self._dual_end]
+        dual = x[..., self.limits.size : self._dual.size]
         _, columns = self._rows(J, J, u)
         xp = functions_of(x, columns)
         sought = -xp.einsum("...m,...mn->...n", dual, columns)
@@ -371,16 +366,12 @@ class MotionForce(SampledLaw, ContinuousLaw):
             found.append(f"law.contact_loss: without contact the end effector {does}")
         return found
 
-    @cached_property
-    def _dual_end(self) -> int:
-        return self.state.parts["orientation_multipliers"][0].stop
-
     def _bounded(self, z: Array, u: Signals) -> Array:
         """Return the network's state with its multipliers bounded."""
         limit = self.multiplier_limit
         if isinstance(limit, str):
             return z
-        v, multipliers, turning = self._parts(z)
+        v, multipliers, turning = self._dual.split(z)
         pushing = within(multipliers, limit, self._split(u))
         return joined((v, pushing, within(turning, limit)))
 
@@ -389,22 +380,10 @@ class MotionForce(SampledLaw, ContinuousLaw):
         limit = self.multiplier_limit
         if isinstance(limit, str):
             return rate
-        _, multipliers, turning = self._parts(z)
-        v_dot, pushing, turning_rate = self._parts(rate)
+        _, multipliers, turning = self._dual.split(z)
+        v_dot, pushing, turning_rate = self._dual.split(rate)
         pushing = not_outward(pushing, multipliers, limit, self._split(u))
         return joined((v_dot, pushing, not_outward(turning_rate, turning, limit)))
-
-    def _parts(self, z: Array) -> tuple[Array, Array, Array]:
-        """Return velocities, multipliers and those of the orientation."""
-        first, second = self._dual_starts
-        return z[..., :first], z[..., first:second], z[..., second:]
-
-    @cached_property
-    def _dual_starts(self) -> tuple[int, int]:
-        first, second = (
-            self.state.parts[name][0].start for name in ("multipliers", "orientation_multipliers")
-        )
-        return first, second
 
     def _split(self, u: Signals) -> Array | None:
         """Return the rows A of the literal form, by which its multipliers act on the tip."""

@@ -50,12 +50,10 @@ class NullSpaceAdjustment(PostureLaw):
 
     @property
     def sampled_gains(self) -> Mapping[str, float]:
-        """See `Law.sampled_gains`."""
         return {**super().sampled_gains, "feedback": self.feedback}
 
     @property
     def keeps(self) -> tuple[str, ...]:
-        """See `Law.keeps`."""
         return ("position", "velocity")
 
     @cached_property

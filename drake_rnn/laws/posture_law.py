@@ -28,15 +28,10 @@ class PostureLaw(SampledLaw):
     task_size: Literal[2, 3, 6] = 3
 
     def __post_init__(self) -> None:
-        if self.target.size != self.limits.size:
-            raise ValueError(
-                f"target: must have {self.limits.size} entries, one per joint, "
-                f"not {self.target.size}"
-            )
+        self.limits.require_size("target", self.target)
         if self.limits.violation(self.target).any():
             raise ValueError(f"target: {self.limits.complaint(self.target)}")
 
     @property
     def sampled_gains(self) -> Mapping[str, float]:
-        """See `Law.sampled_gains`."""
         return {"rate": self.rate, "limit_stiffness": self.limit_stiffness}

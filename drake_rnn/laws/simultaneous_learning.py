@@ -54,23 +54,14 @@ Not in the paper:
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import cached_property
+from collections.abc import Callable, Mapping
+from functools import cached_property, partial
 from math import ceil
 from typing import Any, Literal
 
 import numpy as np
 
-from ..arrays.algebra import (
-    Product,
-    chosen,
-    clipped,
-    flat,
-    functions_of,
-    is_one,
-    joined,
-    products,
-)
+from ..arrays.algebra import Product, chosen, clipped, flat, functions_of, is_one, joined, products
 from ..arrays.substeps import Parts, in_steps
 from ..errors import InvalidInputError
 from ..inputs.fields import (
@@ -90,7 +81,7 @@ from .layout import Layout, Signals
 from .parts.bounded_multipliers import not_outward, within
 from .parts.braking import Braking
 from .parts.kept_limits import kept_with_lag
-from .parts.learning import gradient, rank_one_update
+from .parts.learning import first_J_hat, gradient, rank_one_update
 from .parts.stable_steps import check_substeps, stable_steps
 from .parts.warm_up import WarmUp
 
@@ -101,6 +92,8 @@ _CYCLES = 8.0
 
 # v -> J v and y -> J^T y; pull, lower, upper, task velocity; inverse of the acceleration bounds.
 _Held = tuple[Product, Product, Array, Array, Array, Array, Array | None]
+# J_hat, or its rate, that follows from J_hat, joint velocities and the end effector's velocity.
+_Learned = Callable[[Array, Array, Array], Array]
 
 
 @validated
@@ -154,10 +147,7 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
     takes_many = True
 
     def __post_init__(self) -> None:
-        if self.home.size != self.limits.size:
-            raise ValueError(
-                f"home: must have {self.limits.size} entries, one per joint, not {self.home.size}"
-            )
+        self.limits.require_size("home", self.home)
         if self.acceleration_bound != "none":
             self.limits.require("acceleration", f"acceleration_bound: {self.acceleration_bound}")
         bound = np.inf if self._inverse_bound is None else 1.0 / self._inverse_bound.max()
@@ -261,21 +251,10 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
         n, m = self.limits.size, self.task_size
-        at_rest = [np.zeros(n), np.zeros(m)]
-        if self.jacobian == "known":
-            return self.state.join(*at_rest)
-        if self.J_hat_initial == "uniform":
-            J_hat = rng.uniform(size=(m, n))
-        elif self.J_hat_initial == "zero":
-            J_hat = np.zeros((m, n))
-        elif "J" in u:
-            J_hat = np.asarray(u["J"])
-        else:
-            raise InvalidInputError(
-                "law.J_hat_initial: exact needs the arm's J, which this law does not see; "
-                "set the initial state yourself"
-            )
-        return self.state.join(*at_rest, J_hat)
+        parts = [np.zeros(n), np.zeros(m)]
+        if self.jacobian == "learned":
+            parts.append(first_J_hat(self.J_hat_initial, (m, n), rng, u))
+        return self.state.join(*parts)
 
     def sampled(self, period: float) -> SampledReading:
         """Return the law itself.
@@ -299,12 +278,13 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
 
     def derivatives(self, t: float, x: Array, u: Signals) -> Array:
         """Return the right-hand side of (16), (19) or (20)."""
-        warm_up = self.warm_up
+        warm_up, n = self.warm_up, self.limits.size
         if warm_up is None:
             return self._rates(x, u)
+        learned = partial(gradient, rho=warm_up.rho)
         return chosen(
-            t < warm_up.duration(self.limits.size),
-            lambda: self._warm_up_derivatives(warm_up, t, x, u),
+            t < warm_up.duration(n),
+            lambda: self._warming_up(warm_up.joint_acceleration(t, n), x, u, learned),
             lambda: self._rates(x, u),
         )
 
@@ -327,12 +307,13 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
         The velocity that is then cut to brake in time is also the network's own, and its
         multipliers are bounded, so that neither winds up.
         """
-        warm_up = self.warm_up
+        warm_up, n = self.warm_up, self.limits.size
         if warm_up is None:
             return self._task_step(x, u, period)
+        learned = partial(rank_one_update, rho=warm_up.rho, period=period)
         return chosen(
-            t + period <= warm_up.duration(self.limits.size),
-            lambda: self._warm_up_step(warm_up, t, x, u, period),
+            t + period <= warm_up.duration(n),
+            lambda: self._warming_up(warm_up.joint_velocity(t + period, n), x, u, learned),
             lambda: self._task_step(x, u, period),
         )
 
@@ -349,9 +330,8 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
             v_dot, multipliers_dot = self._network(v, multipliers, held)
             return v + h * v_dot, multipliers + h * multipliers_dot
 
-        count: Any = self.substeps
-        if count is None:
-            count = stable_steps(self.rate * period, J)
+        given: Any = self.substeps
+        count = stable_steps(self.rate * period, J) if given is None else given
         v, multipliers = in_steps(advance, (before, multipliers), period, count)
         braking = self._braking
         if braking is not None and not braking.is_idle(held[3], held[4], period):
@@ -376,29 +356,15 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
             "saturated": (ratio.max(axis=-1, keepdims=True) > 1.0) * np.ones((*v.shape[:-1], 1)),
         }
 
-    def _warm_up_derivatives(self, warm_up: WarmUp, t: float, x: Array, u: Signals) -> Array:
-        v_dot = self._of_each(warm_up.joint_acceleration(t, self.limits.size), x)
+    def _warming_up(self, motion: Array, x: Array, u: Signals, learned: _Learned) -> Array:
+        """Return velocities or accelerations beside multipliers at rest and what is learned."""
+        # Robots may share the motion; their states have leading axes of their own.
+        motion = functions_of(motion, x).broadcast_to(motion, (*x.shape[:-1], motion.shape[-1]))
         still = np.zeros(self.task_size)
         if self.jacobian == "known":
-            return self.state.join(v_dot, still)
+            return self.state.join(motion, still)
         J_hat = self.state.part(x, "J_hat")
-        return self.state.join(v_dot, still, gradient(J_hat, u["velocity"], u["v_WE"], warm_up.rho))
-
-    def _warm_up_step(
-        self, warm_up: WarmUp, t: float, x: Array, u: Signals, period: float
-    ) -> Array:
-        v = self._of_each(warm_up.joint_velocity(t + period, self.limits.size), x)
-        still = np.zeros(self.task_size)
-        if self.jacobian == "known":
-            return self.state.join(v, still)
-        J_hat = self.state.part(x, "J_hat")
-        learned = rank_one_update(J_hat, u["velocity"], u["v_WE"], warm_up.rho, period)
-        return self.state.join(v, still, learned)
-
-    @staticmethod
-    def _of_each(v: Array, x: Array) -> Array:
-        """Return a velocity that robots may share, with the leading axes of their states."""
-        return functions_of(v, x).broadcast_to(v, (*x.shape[:-1], v.shape[-1]))
+        return self.state.join(motion, still, learned(J_hat, u["velocity"], u["v_WE"]))
 
     def _held(self, u: Signals, J: Array) -> _Held:
         """Return what is constant within a sample."""

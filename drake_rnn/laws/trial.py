@@ -67,7 +67,7 @@ def try_reading(
     """
     if not all(np.isfinite(value).all() for value in (x, *u.values())):
         return
-    one, two = _shown(x, u), _shown(*_twice(x, u))
+    one, two = _shown(x, u), _shown(x, u, 2)
     for place, shape, call in _calls(reading, period):
         with naming(place, t):
             value = call(t, *one)
@@ -167,18 +167,7 @@ class _Seen(dict[str, Array]):
         raise KeyError(f"{name} is not among its inputs, {', '.join(self) or 'none'}")
 
 
-def _twice(x: Array, u: Signals) -> tuple[Array, Signals]:
-    return np.stack((x, x)), {name: np.stack((value, value)) for name, value in u.items()}
-
-
-def _shown(x: Array, u: Signals) -> tuple[Array, Signals]:
-    """Return a state and signals that cannot be modified."""
-    seen = _Seen({name: _fixed(value) for name, value in u.items()})
-    return _fixed(x), MappingProxyType(seen)
-
-
-def _fixed(value: Array) -> Array:
-    """Return a copy that cannot be modified."""
-    value = value.copy()
-    value.setflags(write=False)
-    return value
+def _shown(x: Array, u: Signals, *robots: int) -> tuple[Array, Signals]:
+    """Return a state and signals that cannot be modified, the same for a number of robots."""
+    seen = {name: np.broadcast_to(value, (*robots, *value.shape)) for name, value in u.items()}
+    return np.broadcast_to(x, (*robots, *x.shape)), MappingProxyType(_Seen(seen))

@@ -1,7 +1,8 @@
 """Recording of a run, and the metrics taken from it."""
 
 from .groups import FollowingMetrics, Found, GapMetrics
-from .metrics import ARRIVED, METRIC_NAMES, METRICS, Metric, shown_in, violation_metric
+from .metric import Metric, violation_metric
+from .metrics import ARRIVED, METRIC_NAMES, METRICS, shown_in
 from .motion import Motion, Pressing
 from .recorder import PART, Recorder, Steps, Take
 from .run_metrics import RunMetrics, of_one_run

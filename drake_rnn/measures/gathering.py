@@ -71,33 +71,35 @@ def shortfall(value: AnyArray) -> AnyArray:
 
 
 @dataclass(frozen=True)
-class Largest:
-    """The largest of all values."""
+class _OfOneNumber:
+    """A gathering whose metric follows from one number for each robot."""
 
     finish: Finish = _same
-    differentiable = True
-    start = (-np.inf,)
-
-    def added(self, state: State, values: AnyArray, time: AnyArray) -> State:
-        return (functions_of(values).maximum(state[0], values.max(axis=0)),)
 
     def value(self, state: State) -> AnyArray:
         return self.finish(state[0])
 
 
 @dataclass(frozen=True)
-class Smallest:
+class Largest(_OfOneNumber):
+    """The largest of all values."""
+
+    differentiable = True
+    start = (-np.inf,)
+
+    def added(self, state: State, values: AnyArray, time: AnyArray) -> State:
+        return (functions_of(values).maximum(state[0], values.max(axis=0)),)
+
+
+@dataclass(frozen=True)
+class Smallest(_OfOneNumber):
     """The smallest of all values."""
 
-    finish: Finish = _same
     differentiable = True
     start = (np.inf,)
 
     def added(self, state: State, values: AnyArray, time: AnyArray) -> State:
         return (functions_of(values).minimum(state[0], values.min(axis=0)),)
-
-    def value(self, state: State) -> AnyArray:
-        return self.finish(state[0])
 
 
 @dataclass(frozen=True)
@@ -130,7 +132,7 @@ class Share(Mean):
 
 
 @dataclass(frozen=True)
-class Last:
+class Last(_OfOneNumber):
     """The value of the last step."""
 
     differentiable = True
@@ -138,9 +140,6 @@ class Last:
 
     def added(self, state: State, values: AnyArray, time: AnyArray) -> State:
         return (values[-1],)
-
-    def value(self, state: State) -> AnyArray:
-        return state[0]
 
 
 @dataclass(frozen=True)
@@ -160,7 +159,8 @@ class Change:
         begins = xp.isnan(first)
         first = xp.where(begins, values[0], first)
         if len(values) > 1:
-            return first, values[-1]
+            # A copy: the next part may be written to the same place.
+            return first, xp.array(values[-1])
         return first, xp.where(begins, last, values[-1])
 
     def value(self, state: State) -> AnyArray:
@@ -169,7 +169,7 @@ class Change:
 
 
 @dataclass(frozen=True)
-class FirstTime:
+class FirstTime(_OfOneNumber):
     """The time at which something is first so, of truth values."""
 
     differentiable = False
@@ -181,12 +181,9 @@ class FirstTime:
         now = np.where(so.any(axis=0), time[np.argmax(so, axis=0)], np.nan)
         return (np.where(np.isnan(known), now, known),)
 
-    def value(self, state: State) -> AnyArray:
-        return state[0]
-
 
 @dataclass(frozen=True)
-class Settling:
+class Settling(_OfOneNumber):
     """The time from which on something stays so, of truth values; none if it is not in the end."""
 
     differentiable = False
@@ -198,9 +195,6 @@ class Settling:
         after = len(values) - np.argmax(otherwise[::-1], axis=0)
         again = np.where(after < len(values), time[np.minimum(after, len(values) - 1)], np.inf)
         return (np.where(otherwise.any(axis=0), again, np.minimum(state[0], time[0])),)
-
-    def value(self, state: State) -> AnyArray:
-        return state[0]
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,9 @@ from .groups import (
     HigherMetrics,
     NetworkMetrics,
 )
-from .metrics import METRICS, Values
+from .metrics import METRICS
 from .motion import Motion
+from .values import Values
 from .yardsticks import Yardsticks
 
 _TAKEN = tuple(metric for metric in METRICS if metric.of is not None)

@@ -324,6 +324,13 @@ class JointLimits:
             raise InvalidInputError(f"q: must have {self.size} entries, not {short(q)}")
         return np.maximum(np.maximum(self.position_lower - q, q - self.position_upper), 0.0)
 
+    def require_size(self, name: str, posture: Array) -> None:
+        """Raise a ValueError that begins with a name unless a posture has an entry per joint."""
+        if posture.size != self.size:
+            raise ValueError(
+                f"{name}: must have {self.size} entries, one per joint, not {posture.size}"
+            )
+
     def complaint(
         self,
         q: Array,

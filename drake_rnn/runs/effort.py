@@ -34,20 +34,11 @@ class Effort:
     time: float = 0.0
 
 
-def expected_effort(experiment: Experiment) -> Effort:
+def effort_of(document: ExperimentDocument) -> Effort:
     """Return what a run is expected to take; nothing is known of an integrator's own steps.
 
     Args:
-        experiment: The experiment.
-    """
-    return effort_of(experiment.document)
-
-
-def effort_of(document: ExperimentDocument) -> Effort:
-    """Return what the run of a document is expected to take.
-
-    Args:
-        document: The document.
+        document: Document of the experiment.
     """
     held = {
         "period": document.period,
@@ -72,7 +63,7 @@ def check_effort(experiment: Experiment, stored_period: float) -> None:
         stored_period: Time between two stored samples [s].
     """
     document = experiment.document
-    require_effort(expected_effort(experiment), document.duration)
+    require_effort(effort_of(document), document.duration)
     samples = document.duration / stored_period
     if samples > MOST_SAMPLES:
         raise InvalidInputError(

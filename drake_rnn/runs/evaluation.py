@@ -11,9 +11,10 @@ from pydrake.systems.framework import Diagram
 from ..diagrams import Loop, wiring_graph
 from ..errors import InvalidInputError
 from ..experiment import Experiment, Forecast
+from ..inputs.dataclass_fields import fields_of
 from ..inputs.fields import Array
-from ..laws import Reading, Signals
-from ..laws.checks import caveats_of
+from ..laws import Signals
+from ..laws.checks import warnings_of
 from ..measures import Motion, RunMetrics, Steps, Yardsticks, last_end, of_one_run
 from .caveats import contact_caveats, limit_caveats, motor_caveats, standing
 from .motion import (
@@ -26,6 +27,12 @@ from .motion import (
 )
 from .result import Result
 from .stored import StoredSeries
+
+# Series that every run has; a motion has fields of these names.
+_OF_EVERY_RUN = (
+    *("position", "velocity", "network_velocity"),
+    *("p_WE", "v_WE", "p_WE_desired", "v_WE_desired", "J"),
+)
 
 
 class Evaluation:
@@ -87,7 +94,7 @@ class Evaluation:
             series = {name: series[name] for name in series if name not in reading.observables}
         caveats: list[str] = []
         try:
-            caveats = caveats_of(reading, metrics)
+            caveats = warnings_of(reading, "caveats", lambda: reading.caveats(metrics))
         except InvalidInputError as error:
             fault = fault or error
         result = Result(
@@ -117,9 +124,13 @@ class Evaluation:
         virtual = seen if experiment.feedback == "unfiltered" else None
         motion = replace(motion, observed=observed, virtual=virtual)
         self._metrics.add(motion)
-        series = _series(motion) | _contact_series(motion, steps)
+        known = fields_of(motion)
+        series: dict[str, Array] = {name: known[name] for name in _OF_EVERY_RUN}
+        series |= _contact_series(motion, steps)
         series |= {f"{name}_measured": values for name, values in measured.items()}
-        series |= _state_series(steps.series("state"), loop.controller.reading)
+        states, state = steps.series("state"), loop.controller.reading.state
+        # The law's velocity has a series of its own.
+        series |= {name: state.part(states, name) for name in state.parts if name != "v"}
         changes = {
             "acceleration": motion.joint_acceleration,
             "network_acceleration": motion.network_acceleration,
@@ -139,20 +150,6 @@ class Evaluation:
             return {}
 
 
-def _series(motion: Motion) -> dict[str, Array]:
-    """Return the series that every run has, at every step."""
-    return {
-        "position": motion.position,
-        "velocity": motion.velocity,
-        "network_velocity": motion.network_velocity,
-        "p_WE": motion.p_WE,
-        "v_WE": motion.v_WE,
-        "p_WE_desired": motion.p_WE_desired,
-        "v_WE_desired": motion.v_WE_desired,
-        "J": motion.J,
-    }
-
-
 def _contact_series(motion: Motion, steps: Steps) -> dict[str, Array]:
     """Return the series of a target posture, an orientation to hold and a contact, if any."""
     series = {}
@@ -166,9 +163,3 @@ def _contact_series(motion: Motion, steps: Steps) -> dict[str, Array]:
     if motion.orientation_error is not None:
         series["orientation_error"] = motion.orientation_error
     return series
-
-
-def _state_series(states: Array, reading: Reading) -> dict[str, Array]:
-    """Return the parts of the law's state, except its velocity, which has its own series."""
-    names = [name for name in reading.state.parts if name != "v"]
-    return {name: reading.state.part(states, name) for name in names}

@@ -71,7 +71,9 @@ def fastest(experiment: Experiment, told: Callable[[str], None] | None = None) -
     stretch = 1.0
     asked = float(document["path"]["period"])
     for _ in range(_TRIES):
-        tried = _stretched(document, asked * stretch)
+        period = asked * stretch
+        path = {**document["path"], "period": period}
+        tried = make_experiment({**document, "path": path, "duration": period})
         result = simulate(tried)
         ratios = _ratios(result)
         _require_position_limits(result)
@@ -108,7 +110,11 @@ def check_stretchable(experiment: Experiment) -> None:
             "path: must be given, and of another kind than rest, to be run faster"
         )
     _require_period(experiment)
-    _require_bounds(experiment)
+    bounds = (experiment.limits.bounds[name] for name in DERIVATIVE_UNITS)
+    if not any(bound is not None and np.isfinite(bound).any() for bound in bounds):
+        raise InvalidInputError(
+            "limits: must bound at least one derivative; without bounds any speed is allowed"
+        )
     _require_that_it_scales(experiment)
 
 
@@ -156,32 +162,17 @@ def _smooth(experiment: Experiment, told: Callable[[str], None] | None) -> dict[
 
 def _require_period(experiment: Experiment) -> None:
     """Raise an InvalidInputError for a path whose time no period stretches."""
-    if (experiment.document.path or {}).get("period") is None:
+    path = experiment.document.path or {}
+    if path.get("period") is None:
         kind = type(experiment.path).__name__
         raise InvalidInputError(
             f"path.period: must be given, for the path to be stretched in time; a {kind} without "
             "one has times of its own"
         )
-    if (experiment.document.path or {}).get("blend_time") is not None:
+    if path.get("blend_time") is not None:
         raise InvalidInputError(
             "path.blend_time: would not be stretched with the path; give a blend_radius"
         )
-
-
-def _require_bounds(experiment: Experiment) -> None:
-    limits = experiment.limits
-    for name in DERIVATIVE_UNITS:
-        bound = limits.bounds[name]
-        if bound is not None and np.isfinite(bound).any():
-            return
-    raise InvalidInputError(
-        "limits: must bound at least one derivative; without bounds any speed is allowed"
-    )
-
-
-def _stretched(document: dict[str, Any], period: float) -> Experiment:
-    path = {**document["path"], "period": period}
-    return make_experiment({**document, "path": path, "duration": period})
 
 
 def _ratios(result: Result) -> dict[int, float]:

@@ -9,11 +9,15 @@ import numpy as np
 
 from ..diagrams import Loop
 from ..experiment import Experiment
+from ..inputs.dataclass_fields import fields_of
 from ..inputs.fields import Array
 from ..laws import Reading, Signals
 from ..laws.checks import observables_of
 from ..measures import Motion, Pressing, Steps
 from ..robot.rotation import rotation_error
+
+# Signals that a motion has fields of.
+_OF_MOTION = ("position", "p_WE", "p_WE_desired", "v_WE_desired", "J", "velocity", "v_WE")
 
 
 def observed_signals(
@@ -31,15 +35,8 @@ def observed_signals(
     Raises:
         InvalidInputError: If the law fails, or returns something else than it declares.
     """
-    u = {
-        "position": motion.position,
-        "p_WE": motion.p_WE,
-        "p_WE_desired": motion.p_WE_desired,
-        "v_WE_desired": motion.v_WE_desired,
-        "J": motion.J,
-        "velocity": motion.velocity,
-        "v_WE": motion.v_WE,
-    }
+    known = fields_of(motion)
+    u: dict[str, Array] = {name: known[name] for name in _OF_MOTION}
     u |= measured
     if motion.pressing is not None:
         u["normal_force_desired"] = motion.pressing.desired[:, np.newaxis]
@@ -236,15 +233,10 @@ def _pressing(experiment: Experiment, steps: Steps) -> Pressing | None:
 
 def ticks_of(experiment: Experiment, loop: Loop) -> tuple[float | None, float | None]:
     """Return the times for which arm and law hold their velocities [s]; None if not held."""
-    return _tick(experiment, loop), experiment.document.period
-
-
-def _tick(experiment: Experiment, loop: Loop) -> float | None:
-    """Return the time for which the arm's velocity is held [s]; None if it is not held."""
-    if loop.arm.tick is not None:
-        return loop.arm.tick
-    document = experiment.document
+    document, tick = experiment.document, loop.arm.tick
     dither, period = document.dither, document.period
+    if tick is not None:
+        return tick, period
     if dither is None or dither.model != "actuated" or document.filter is not None:
-        return period
-    return dither.hold if period is None else min(dither.hold, period)
+        return period, period
+    return dither.hold if period is None else min(dither.hold, period), period

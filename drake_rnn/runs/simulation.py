@@ -16,7 +16,6 @@ from ..experiment import (
     OUTSIDE,
     Described,
     Experiment,
-    ExperimentDocument,
     check_reach,
     forecasts,
     load_experiment,
@@ -26,7 +25,6 @@ from ..laws import Law
 from ..laws.called import unchecked
 from ..measures import PART, Recorder
 from ..systems import (
-    Body,
     ContinuousController,
     Controller,
     JointReference,
@@ -188,11 +186,19 @@ def _built(builder: DiagramBuilder, experiment: Experiment) -> Diagram:
 def _add_experiment(builder: DiagramBuilder, experiment: Experiment, law: Law | None) -> Loop:
     require_type("experiment", experiment, Experiment)
     document = experiment.document
-    controller = _controller(experiment.law if law is None else law, document)
+    law = experiment.law if law is None else law
+    controller: Controller
+    if document.period is not None:
+        controller = SampledController(law, document.period, document.seed)
+    else:
+        controller = ContinuousController(law, document.seed)
     source = _add_path(builder, experiment, controller)
+    arm, start, contact = experiment.arm, experiment.start, experiment.contact
+    # Whether the start may lie outside the limits was checked when the experiment was made.
+    body = experiment.level(arm, start, contact, document.plant, outside=OUTSIDE)
     return AddLoop(
         builder,
-        _body(experiment),
+        body,
         controller,
         source,
         task=document.task,
@@ -203,18 +209,6 @@ def _add_experiment(builder: DiagramBuilder, experiment: Experiment, law: Law | 
         signals=_add_previews(builder, experiment, controller),
         seed=document.seed,
     )
-
-
-def _controller(law: Law, document: ExperimentDocument) -> Controller:
-    if document.period is not None:
-        return SampledController(law, document.period, document.seed)
-    return ContinuousController(law, document.seed)
-
-
-def _body(experiment: Experiment) -> Body:
-    arm, start, contact = experiment.arm, experiment.start, experiment.contact
-    # Whether the start may lie outside the limits was checked when the experiment was made.
-    return experiment.level(arm, start, contact, experiment.document.plant, outside=OUTSIDE)
 
 
 def _add_path(

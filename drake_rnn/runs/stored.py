@@ -66,7 +66,9 @@ class StoredSeries:
     """
 
     def __init__(self, period: float, duration: float) -> None:
-        self._samples = _Samples(period)
+        self._period = period
+        # Number of the last step's period, and time of the last sample.
+        self._number, self._time = 0.0 if period == inf else -1.0, -inf
         # For the first sample and for the last.
         self._room = min(ceil(duration / period) + 2, _MOST_ROOM)
         self._kept: dict[str, _Column] = {}
@@ -89,7 +91,7 @@ class StoredSeries:
                 since the last sample is stored as ``*_peak``, in addition to the value.
             last: Whether this part ends the run.
         """
-        at = self._samples.choose(time, last=last)
+        at = self._chosen(time, last=last)
         self._keep("time", time[at])
         for name, values in series.items():
             self._keep(name, values[at])
@@ -101,6 +103,20 @@ class StoredSeries:
     def taken(self) -> dict[str, Array]:
         """Return the series, ``time`` included, by name."""
         return {name: column.values for name, column in self._kept.items()}
+
+    def _chosen(self, time: Array, *, last: bool) -> NDArray[np.intp]:
+        """Return the numbers of the steps to store, each period's first and the last, (j,)."""
+        number = np.floor(time / self._period + 1e-6)
+        kept = np.diff(number, prepend=self._number) != 0
+        if kept.any():
+            self._time = time[kept][-1]
+        # A last step only a rounding error after a stored one is not stored again.
+        since = time[-1] - self._time if last and time.size else 0.0
+        if since == inf or since > 1e-6 * self._period:
+            kept[-1] = True
+        if time.size:
+            self._number = number[-1]
+        return np.flatnonzero(kept)
 
     def _keep(self, name: str, values: Array) -> None:
         if name not in self._kept:
@@ -142,33 +158,3 @@ class _Column:
     def values(self) -> Array:
         """All samples, shape (k, ...)."""
         return self._values[: self._count]
-
-
-class _Samples:
-    """The choice of the steps to store: each period's first, and the last.
-
-    Args:
-        period: The period [s]; infinite to choose the last step alone.
-    """
-
-    def __init__(self, period: float) -> None:
-        self._period = period
-        # Number of the last step's period, and time of the last sample.
-        self._number, self._time = 0.0 if period == inf else -1.0, -inf
-
-    def choose(self, time: Array, *, last: bool) -> NDArray[np.intp]:
-        """Return the numbers of the steps of a part to store, shape (j,)."""
-        number = np.floor(time / self._period + 1e-6)
-        kept = np.diff(number, prepend=self._number) != 0
-        if kept.any():
-            self._time = time[kept][-1]
-        # A last step only a rounding error after a stored one is not stored again.
-        if last and time.size and (self._time == -inf or time[-1] - self._time > self._least):
-            kept[-1] = True
-        if time.size:
-            self._number = number[-1]
-        return np.flatnonzero(kept)
-
-    @property
-    def _least(self) -> float:
-        return 1e-6 * self._period

@@ -22,9 +22,11 @@ NUMBERS = RNG.normal(size=(12, 5))
 
 
 def gathered(gathering, values, cuts=()):
-    state = gathering.start
+    """The parts come in one place of memory, as from a recorder: what is kept must be a copy."""
+    state, place = gathering.start, values.copy()
     for part in np.split(np.arange(len(values)), cuts):
-        state = gathering.added(state, values[part], TIME[part])
+        place[: len(part)] = values[part]
+        state = gathering.added(state, place[: len(part)], TIME[part])
     return gathering.value(state)
 
 

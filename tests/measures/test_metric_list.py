@@ -16,7 +16,7 @@ from drake_rnn.measures import (
     Yardsticks,
     shown_in,
 )
-from drake_rnn.measures.metrics import Over, Shown
+from drake_rnn.measures.metric import Over, Shown
 
 #: How a name ends that has this unit.
 ENDINGS = {
@@ -68,7 +68,7 @@ def test_a_metric_says_what_it_is(metric):
     assert re.fullmatch("[a-z][a-z0-9_]*(_N)?", metric.name)
     assert metric.meaning
     assert metric.over in get_args(Over)
-    assert metric.shown <= {*get_args(Shown)}
+    assert {*metric.shown} <= {*get_args(Shown)}
 
 
 @pytest.mark.parametrize("metric", METRICS, ids=METRIC_NAMES)

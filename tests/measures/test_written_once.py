@@ -12,9 +12,8 @@ import drake_rnn
 ENTRY = """METRICS: tuple[Metric, ...] = (
     Metric(
         "joint_speed_rms_rad_s",
-        "rad/s",
         "root mean square of the joints' speeds",
-        of=lambda motion, against: _mean(motion.speed**2),
+        of=lambda motion, against: mean(motion.speed**2),
         by=RootMean,
     ),
 """

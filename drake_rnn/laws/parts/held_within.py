@@ -103,7 +103,9 @@ class WithinJerk:
         J, b, along, g, softness = program
         lower, upper = self.limits.held_acceleration_box(q, v, kept["a"], period)
         x = wanted(J, along, g, softness)
-        a_r = self._reference((x - kept["v_path"]) / period, kept["a_path"])
+        largest = self.limits.require("acceleration", "its bound")
+        newest = clipped((x - kept["v_path"]) / period, -largest, largest)
+        a_r = kept["a_path"] + self.smoothing * (newest - kept["a_path"])
         d = self.limits.require("jerk", "its bound") * period
         base = v + period * a_r
         least, most = (base + period * d * _signed(gained, (a - a_r) / d) for a in (lower, upper))
@@ -111,10 +113,6 @@ class WithinJerk:
         a = a_r + d * _signed(gaining, (z - base) / (period * d))
         a = clipped(a, lower, upper)
         return v + period * a, {"a": a, "a_path": a_r, "v_path": x}
-
-    def _reference(self, newest: Array, before: Array) -> Array:
-        most = self.limits.require("acceleration", "its bound")
-        return before + self.smoothing * (clipped(newest, -most, most) - before)
 
 
 def _signed(of: Any, x: Array) -> Any:

@@ -56,13 +56,7 @@ class MiddleJacobian:
     def advanced(
         self, kept: dict[str, Array], u: Signals, period: float
     ) -> tuple[Array, dict[str, Array]]:
-        """Return the Jacobian, shape (..., m, n), and its parts of the next state.
-
-        Args:
-            kept: Its parts of the state, by name.
-            u: Signals at the sample.
-            period: Time until the next sample [s].
-        """
+        """Return Jacobian and parts of the next state, as `LearnedJacobian.advanced` does."""
         J = u["J"]
         before = kept["J_before"]
         return J + self._ahead * (J - before[..., -1, :, :]), {"J_before": pushed(before, J, -3)}

@@ -21,11 +21,11 @@ from typing import Any, Literal
 import numpy as np
 
 from ...arrays.algebra import dot, joined, matvec, outer, scaled
-from ...errors import InvalidInputError
 from ...inputs.fields import Array
 from ...robot.rotation import rotation_error
 from ..layout import Signals
 from .late import pushed
+from .learning import first_J_hat
 
 
 def kalman_update(
@@ -85,15 +85,7 @@ class LearnedJacobian:
             InvalidInputError: If ``initial`` is ``exact`` and there is no J among the signals.
         """
         shapes = self.shapes
-        if self.initial == "exact" and "J" not in u:
-            raise InvalidInputError(
-                "law.J_hat_initial: exact needs the arm's J, which this law does not see; "
-                "set the initial state yourself"
-            )
-        if self.initial == "uniform":
-            J_hat = rng.uniform(size=shapes["J_hat"])
-        else:
-            J_hat = np.zeros(shapes["J_hat"]) if self.initial == "zero" else np.asarray(u["J"])
+        J_hat = first_J_hat(self.initial, shapes["J_hat"], rng, u)
         found = {"J_hat": J_hat, "covariance": np.eye(self.size)}
         measured = {"q_before": "position", "p_before": "p_WE", "R_before": "R_WE"}
         for part in shapes.keys() & measured.keys():

@@ -15,7 +15,29 @@ from typing import Any
 import numpy as np
 
 from ...arrays.algebra import dot, functions_of, is_one, matvec, outer
+from ...errors import InvalidInputError
 from ...inputs.fields import Array
+from ..layout import Signals
+
+
+def first_J_hat(
+    initial: str, shape: tuple[int, ...], rng: np.random.Generator, u: Signals
+) -> Array:
+    """Return the first J_hat: ``uniform`` in [0, 1], ``zero``, or ``exact``, the arm's own J.
+
+    Raises:
+        InvalidInputError: If ``initial`` is ``exact`` and there is no J among the signals.
+    """
+    if initial == "uniform":
+        return rng.uniform(size=shape)
+    if initial == "zero":
+        return np.zeros(shape)
+    if "J" not in u:
+        raise InvalidInputError(
+            "law.J_hat_initial: exact needs the arm's J, which this law does not see; "
+            "set the initial state yourself"
+        )
+    return np.asarray(u["J"])
 
 
 def gradient(J_hat: Array, v: Array, v_WE: Array, rho: Any) -> Array:

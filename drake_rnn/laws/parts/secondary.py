@@ -64,7 +64,8 @@ def pushed_back(q: Array, limits: JointLimits, weight: Any, zone: Any) -> Array:
     if is_one(q) and not _is_in_zone(q, limits, zone):
         return 0.0 * q
     xp = functions_of(q)
-    into = [xp.maximum(1.0 - gap / zone, 0.0) for gap in _gaps(q, limits)]
+    gaps = q - limits.position_lower, limits.position_upper - q
+    into = [xp.maximum(1.0 - gap / zone, 0.0) for gap in gaps]
     return weight * (into[0] * into[0] - into[1] * into[1])
 
 
@@ -75,10 +76,6 @@ def _is_in_zone(q: Array, limits: JointLimits, zone: float) -> bool:
         if x - low < zone or high - x < zone:
             return True
     return False
-
-
-def _gaps(q: Array, limits: JointLimits) -> tuple[Array, Array]:
-    return q - limits.position_lower, limits.position_upper - q
 
 
 def manipulability_gradient(J: Array, J_omega: Array) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 from ...arrays.namespace import AnyArray
 from ...robot.limits import DERIVATIVE_UNITS
 from ..gathering import Largest, Mean, State, excess
-from ..metrics import violation_metric
+from ..metric import violation_metric
 from ..motion import Motion
 from ..yardsticks import Yardsticks
 from .group import Found
@@ -32,16 +32,16 @@ class Bound:
     def add(self, values: AnyArray, time: AnyArray) -> None:
         """Add magnitudes, shape (k, ..., n), at times, shape (k,) [s]."""
         if self.bound is not None and len(values):
-            self._ratio = _LARGEST.added(self._ratio, (values / self.bound).max(axis=-1), time)
-            self._excess = _LARGEST.added(self._excess, (values - self.bound).max(axis=-1), time)
+            self._ratio = Largest().added(self._ratio, (values / self.bound).max(axis=-1), time)
+            self._excess = Largest().added(self._excess, (values - self.bound).max(axis=-1), time)
 
     def found(self) -> Found:
         """Return the metrics, by name; none without a bound, NaN for robots without one."""
         if self.bound is None:
             return {}
         order = 1 + list(DERIVATIVE_UNITS).index(self._name)
-        beyond = excess(_LARGEST.value(self._excess))
-        ratio = np.where(np.isnan(beyond), np.nan, _LARGEST.value(self._ratio))
+        beyond = excess(Largest().value(self._excess))
+        ratio = np.where(np.isnan(beyond), np.nan, Largest().value(self._ratio))
         return {f"limit_ratio_{order}_max": ratio, violation_metric(self._name): beyond}
 
 
@@ -81,7 +81,7 @@ class _Reached:
         self._beyond.add(values, time)
         if self._near is not None and len(values):
             at = values >= self._near
-            self._any = _MEAN.added(self._any, at.any(axis=-1).astype(float), time)
+            self._any = Mean().added(self._any, at.any(axis=-1).astype(float), time)
             self._often = self._often + at.sum(axis=0)
 
     def found(self) -> Found:
@@ -91,9 +91,6 @@ class _Reached:
         reached = np.any(self._often, axis=-1)
         often = 1.0 + np.argmax(self._often, axis=-1)
         return found | {
-            f"{self._name}_bound_fraction": np.where(bounded, _MEAN.value(self._any), np.nan),
+            f"{self._name}_bound_fraction": np.where(bounded, Mean().value(self._any), np.nan),
             f"{self._name}_bound_joint": np.where(reached, often, np.nan),
         }
-
-
-_LARGEST, _MEAN = Largest(), Mean()

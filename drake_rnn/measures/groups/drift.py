@@ -1,4 +1,4 @@
-"""Drift of the joints over the last lap, and of the end effector from its start."""
+"""Drift of joints and end effector, and what a law tells of how far it has moved the latter."""
 
 from __future__ import annotations
 
@@ -57,3 +57,26 @@ class DriftMetrics:
             "end_effector_drift_max_m": Largest().value(self._moved),
             "end_effector_drift_end_m": self._moved_in_the_end,
         }
+
+
+class DisplacementMetrics:
+    """Differences of the end effector's displacement from that in the law's multipliers."""
+
+    def __init__(self) -> None:
+        self._invariant: State = Largest.start
+        # End effector and displacement at the start.
+        self._start: tuple[AnyArray, AnyArray] | None = None
+
+    def add(self, motion: Motion) -> None:
+        """Add the next part of the run."""
+        if (displacement := motion.observed.get("displacement")) is None:
+            return
+        p_WE = motion.seen.p_WE
+        if self._start is None:
+            self._start = p_WE[0].copy(), displacement[0].copy()
+        moved, told = p_WE - self._start[0], displacement - self._start[1]
+        self._invariant = Largest().added(self._invariant, lengths(moved - told), motion.time)
+
+    def found(self) -> Found:
+        """Return the metric, by name."""
+        return {"invariant_error_max_m": Largest().value(self._invariant)}

@@ -1,0 +1,86 @@
+"""Values of metrics at the steps of a motion, where they are more than a field of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+
+from ..arrays.algebra import functions_of, root
+from ..arrays.namespace import AnyArray
+from ..arrays.series import lengths, summed
+from .motion import Motion
+from .yardsticks import Yardsticks
+
+#: Values of a metric at the steps of a motion, shape (k, ...), or of the last k - 1 of them; None
+#: if the motion has none.
+Values = Callable[[Motion, Yardsticks], AnyArray | None]
+
+
+def top(vectors: AnyArray) -> AnyArray:
+    """Return the largest magnitude of an entry of each vector."""
+    return abs(vectors).max(axis=-1)
+
+
+def mean(vectors: AnyArray) -> AnyArray:
+    """Return the mean magnitude of the entries of each vector."""
+    return summed(abs(vectors)) / vectors.shape[-1]
+
+
+def root_of(squares: AnyArray) -> AnyArray:
+    """Return the roots of squares, which rounding may have made negative."""
+    return root(functions_of(squares).maximum(0.0, squares))
+
+
+def square(values: AnyArray | None) -> AnyArray | None:
+    """Return the squares of values, if there are any."""
+    return None if values is None else values**2
+
+
+def below(values: AnyArray | None, bound: float) -> AnyArray | None:
+    """Return whether values, if there are any, are below a bound."""
+    return None if values is None else values < bound
+
+
+def distance(places: AnyArray, others: AnyArray | None) -> AnyArray | None:
+    """Return the distances of places from others, if there are any."""
+    return None if others is None else lengths(places - others)
+
+
+def margin(motion: Motion, against: Yardsticks) -> AnyArray | None:
+    """Return the smallest distance of a joint to its position limits, if there are any [rad]."""
+    lower, upper = (against.limits[f"position_{side}"] for side in ("lower", "upper"))
+    gaps = []
+    if lower is not None:
+        gaps.append((motion.position - lower).min(axis=-1))
+    if upper is not None:
+        gaps.append((upper - motion.position).min(axis=-1))
+    return reduce(functions_of(motion.position).minimum, gaps) if gaps else None
+
+
+def returning(motion: Motion, against: Yardsticks) -> AnyArray | None:
+    """Return the joint positions of arms on closed paths; NaN for other arms."""
+    if motion.target is not None or not np.any(motion.returns):
+        return None
+    if np.all(motion.returns):
+        return motion.position
+    xp = functions_of(motion.position)
+    return xp.where(motion.returns[:, None], motion.position, np.nan)
+
+
+@dataclass(frozen=True)
+class Observed:
+    """The largest magnitude in an observable of the law.
+
+    Attributes:
+        name: Name of the observable.
+    """
+
+    name: str
+
+    def __call__(self, motion: Motion, against: Yardsticks) -> AnyArray | None:
+        """Return the values; None if the law does not tell it."""
+        told = motion.observed.get(self.name)
+        return None if told is None else top(told)

@@ -12,7 +12,6 @@ import numpy as np
 from ..inputs.fields import Array
 from ..inputs.own_code import described
 from ..laws.called import unchecked
-from ..laws.stacked import stacked
 from ..measures import Found, RunMetrics
 from .grouping import Robot
 from .robots import Moving, Robots, restarted
@@ -117,7 +116,7 @@ class Block:
             return np.stack(alone, axis=-1).T
 
     def _stepped_alone(self, robot: int, t: float, x: Array, u: Mapping[str, Array]) -> Array:
-        law, only = stacked([self._robots.readings[robot]]), slice(robot, robot + 1)
+        law, only = self._robots.readings[robot], slice(robot, robot + 1)
         seen = {name: values[only] for name, values in u.items()}
         try:
             after: Array = unchecked(law.step)(t, x[only], seen, self.schedule.period)

@@ -80,7 +80,10 @@ class CompiledRuns:
         for name in metrics or ():
             if name not in known:
                 told = nearest(str(name), list(known))
-                raise InvalidInputError(f"metric: {name!r} cannot be taken of this run; {told}")
+                raise InvalidInputError(
+                    f"metric: {name!r} cannot be taken of this run: it does not apply, has no "
+                    f"derivative, or needs several steps at once; {told}"
+                )
         self._taken = [known[name] for name in (known if metrics is None else metrics)]
         samples = self._robots.schedule.samples[:-1]
         self._always = bool(samples.all())

@@ -11,8 +11,8 @@ from ..arrays.namespace import AnyArray
 from ..environments import ElasticSurface
 from ..experiment import Experiment
 from ..inputs.fields import Array
+from ..measures import Pressing
 from .grouping import contents
-from .snapshot import Pressed
 
 
 class Surfaces:
@@ -44,7 +44,7 @@ class Surfaces:
         """Return the desired force of each profile at a time [s], shape (profiles,) [N]."""
         return np.array([profile.at(t) for profile in self._profiles])
 
-    def pressed(self, row: AnyArray, p_WE: AnyArray) -> Pressed:
+    def pressed(self, row: AnyArray, p_WE: AnyArray) -> Pressing:
         """Return the forces, in NumPy or in JAX.
 
         Args:
@@ -54,9 +54,9 @@ class Surfaces:
         depth = self._height - _added(self._normal * p_WE.T)
         pushes = functions_of(depth).where(depth > 0.0, self._stiffness * depth, 0.0)
         force = _added(pushes * self._normal * self._normal)
-        return Pressed(self._normal.T, force, row[self._which], self._desired_end)
+        return Pressing(self._normal.T, force, row[self._which], self._desired_end)
 
-    def signals(self, pressed: Pressed) -> dict[str, Array]:
+    def signals(self, pressed: Pressing) -> dict[str, Array]:
         """Return what the laws are told of the contact, by name.
 
         Args:

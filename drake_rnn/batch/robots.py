@@ -15,7 +15,7 @@ from ..inputs.fields import Array
 from ..laws import SampledReading
 from ..laws.stacked import stacked
 from ..laws.trial import started
-from ..measures import Yardsticks
+from ..measures import Pressing, Yardsticks
 from ..robot.rotation import angle_between
 from .desired import Tables
 from .filtering import Filters
@@ -24,7 +24,7 @@ from .noise import Noises
 from .pressing import Surfaces
 from .schedule import Schedule, schedule_of
 from .signals import PREVIEWS, Desired, Rows, Sight
-from .snapshot import Pressed, Snapshot
+from .snapshot import Snapshot
 
 # Signals of the path that a law sees late if its arm is late.
 _LATE = frozenset(("p_WE_desired", "R_WE_desired"))
@@ -92,7 +92,7 @@ class Look(NamedTuple):
     sight: Sight
     rows: Rows
     around: Mapping[str, AnyArray]
-    pressed: Pressed | None
+    pressed: Pressing | None
 
 
 class Robots:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,37 +15,20 @@ from ..measures import Motion, Pressing
 
 
 @dataclass(frozen=True)
-class Pressed:
-    """The contact of robots with their surfaces.
-
-    Attributes:
-        normal: Outward unit normals of the surfaces, shape (robots, 3).
-        force: Pressing forces along these, shape (robots,) [N].
-        desired: Desired ones, likewise.
-        desired_end: Desired ones at the end of the run, likewise.
-    """
-
-    normal: AnyArray
-    force: AnyArray
-    desired: AnyArray
-    desired_end: AnyArray
-
-
-@dataclass(frozen=True)
 class Snapshot:
     """Robots at the end of a step, before the updates at its time.
 
     Attributes:
         time: Time of the step [s].
         values: Fields of a `Motion` by name, each of shape (robots, ...).
-        pressed: Contact with surfaces; None without these.
+        pressing: Contact with surfaces, without an axis of steps; None without surfaces.
         virtual: Fields of the motion of the arms that the laws see, where these are virtual.
         observed: Observables of the laws, each of shape (robots, size).
     """
 
     time: AnyArray
     values: dict[str, AnyArray]
-    pressed: Pressed | None
+    pressing: Pressing | None
     virtual: dict[str, AnyArray] | None
     observed: Signals
 
@@ -58,20 +41,16 @@ def motion_of(steps: Sequence[Snapshot], **fixed: Any) -> Motion:
         fixed: Fields of the motion that do not vary from step to step.
     """
     first = steps[0]
-    fields = {"J_hat": None, **_together([step.values for step in steps])}
+    fields = _together([step.values for step in steps])
     # A law whose velocity is the arm's has it once.
     fields.setdefault("network_velocity", fields["velocity"])
     xp = functions_of(fields["position"], first.time)
     time = xp.asarray([step.time for step in steps])
     pressing = None
-    if first.pressed is not None:
-        pressed = [step.pressed for step in steps if step.pressed is not None]
-        pressing = Pressing(
-            first.pressed.normal,
-            _stacked([each.force for each in pressed]),
-            _stacked([each.desired for each in pressed]),
-            first.pressed.desired_end,
-        )
+    if first.pressing is not None:
+        each = [step.pressing for step in steps if step.pressing is not None]
+        force, desired = _stacked([p.force for p in each]), _stacked([p.desired for p in each])
+        pressing = replace(first.pressing, force=force, desired=desired)
     virtual = None
     if first.virtual is not None:
         seen = _together([step.virtual for step in steps if step.virtual is not None])

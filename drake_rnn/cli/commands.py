@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from pathlib import Path
@@ -72,6 +73,8 @@ def main() -> None:
     """
     if not sys.flags.safe_path:
         sys.path.append(str(Path.cwd()))
+    # Figures are written to files, whatever windows the environment asks for.
+    os.environ["MPLBACKEND"] = "Agg"
     # What stops a job on a server stops it as Ctrl-C does: what it had is kept.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     app()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from importlib.resources import files
 from pathlib import Path
 from typing import NamedTuple
@@ -86,11 +87,12 @@ def write_shipped(name: str, root: Path) -> list[Path]:
         InvalidInputError: If there are no such sources, the name is taken there, or a file has no
             place for the law.
     """
-    if not (root / _LAWS).is_file():
-        raise InvalidInputError(
-            f"--shipped: needs the sources of drake_rnn in the current folder; {root / _LAWS} is "
-            "not there"
-        )
+    for entry in _ENTRIES:
+        if not (root / entry.file).is_file():
+            raise InvalidInputError(
+                "--shipped: needs the sources of drake_rnn in the current folder; "
+                f"{root / entry.file} is not there"
+            )
     words = name.split("_")
     title, sentence = "".join(map(str.capitalize, words)), " ".join(words)
 
@@ -106,9 +108,7 @@ def write_shipped(name: str, root: Path) -> list[Path]:
         root / named(file): named((_TEMPLATES / each).read_text(encoding="utf-8"))
         for each, file in _FILES.items()
     }
-    for file in written:
-        if file.exists():
-            raise InvalidInputError(f"{file}: is there already, and is not overwritten")
+    _require_free(written)
     for entry in _ENTRIES:
         file = root / entry.file
         text = written.get(file) or file.read_text(encoding="utf-8")
@@ -117,6 +117,14 @@ def write_shipped(name: str, root: Path) -> list[Path]:
         file.parent.mkdir(exist_ok=True)
         file.write_text(text, encoding="utf-8")
     return list(written)
+
+
+def _require_free(files: Iterable[Path]) -> None:
+    for file in files:
+        # A package hides a module of the same name.
+        for taken in (file, file.with_suffix("")) if file.suffix == ".py" else (file,):
+            if taken.exists():
+                raise InvalidInputError(f"{taken}: is there already, and is not overwritten")
 
 
 def _entered(text: str, entry: _Entry, lines: str) -> str:

@@ -12,7 +12,7 @@ from ..inputs.complaints import short
 from ..inputs.dataclass_fields import fields_of, unchecked
 from .called import require_many
 from .law import Reading
-from .trial import try_two
+from .trial import try_pair
 
 _R = TypeVar("_R", bound=Reading)
 
@@ -29,13 +29,19 @@ def stacked(readings: Sequence[_R]) -> _R:
 
     Raises:
         InvalidInputError: If there are none, they differ in more than numbers, or are of a law
-            that runs one robot at a time; or if two robots do not get what one gets.
+            that runs one robot at a time; or if two of them, tried side by side, do not get what
+            each gets alone.
     """
     if not len(readings):
         raise InvalidInputError("laws: must be given")
-    require_many(readings[0])
-    try_two(readings[0])
-    return _stacked("", list(readings))
+    first = readings[0]
+    require_many(first)
+    differing: set[int] = set()
+    together: _R = _stacked("", list(readings), differing)
+    for other in sorted(differing) or [0]:
+        pair = [first, readings[other]]
+        try_pair(pair, _stacked("", pair, set()))
+    return together
 
 
 def with_gains(reading: _R, gains: Mapping[str, Any]) -> _R:
@@ -55,17 +61,24 @@ def with_gains(reading: _R, gains: Mapping[str, Any]) -> _R:
     return reading
 
 
-def _stacked(path: str, values: list[Any]) -> Any:
+def _stacked(path: str, values: list[Any], differing: set[int]) -> Any:
+    """Return values of a field together; of each that differs add a robot with another number."""
     first = values[0]
     kinds = {type(value) for value in values}
     if all(isinstance(value, float) for value in values):
-        return first if len(set(values)) == 1 else np.array(values)[:, np.newaxis]
+        others = [robot for robot, value in enumerate(values) if value != first]
+        differing.update(others[:1])
+        return np.array(values)[:, np.newaxis] if others else first
     if kinds == {np.ndarray} and len({value.shape for value in values}) == 1:
         together = np.stack(values)
-        return first if (together == first).all() else together
+        others = np.flatnonzero((together != first).reshape(len(values), -1).any(axis=1)).tolist()
+        differing.update(others[:1])
+        return together if others else first
     if len(kinds) == 1 and fields_of(first):
         parts = {
-            name: _stacked(f"{path}.{name}".lstrip("."), [fields_of(v)[name] for v in values])
+            name: _stacked(
+                f"{path}.{name}".lstrip("."), [fields_of(v)[name] for v in values], differing
+            )
             for name in fields_of(first)
         }
         return unchecked(first, **parts)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType
-from weakref import WeakValueDictionary
 
 import numpy as np
 
@@ -18,13 +17,13 @@ from .law import ContinuousReading, Reading, SampledReading
 from .layout import Signals
 
 _Call = Callable[[float, Array, Signals], Array]
-# What two robots at once get and one alone gets may differ by this share: sums are added in another
-# order, and a network's equations enlarge rounding by a million.
+# What a controller calls: its name, the shape of the result, and the function.
+_Part = tuple[str, tuple[int, ...], _Call]
+# Largest relative difference between a robot's result alone and among others: sums are added in
+# another order, and a network's equations enlarge rounding by a million.
 _ROUNDING = 1e-6
-# Of a trial before the law is to run [s].
+# Period of a trial before the law is to run [s].
 _PERIOD = 1e-3
-# Readings that `try_two` has tried, by their identity.
-_TRIED: WeakValueDictionary[int, Reading] = WeakValueDictionary()
 
 
 def started(reading: Reading, rng: np.random.Generator, u: Signals, t: float) -> Array:
@@ -68,54 +67,59 @@ def try_reading(
     if not all(np.isfinite(value).all() for value in (x, *u.values())):
         return
     one, two = _shown(x, u), _shown(x, u, 2)
-    for place, shape, call in _calls(reading, period):
-        with naming(place, t):
-            value = call(t, *one)
-        _require_array(place, value, shape, t)
+    for part in _calls(reading, period):
+        value = _checked(part, t, *one)
         if reading.takes_many:
-            _require_both(place, value, call, t, two)
+            _require_both(part[0], [value, value], part[2], t, two)
     observables_of(reading, t, *one)
     # Recorded runs are computed in one call for all instants.
     observables_of(reading, np.array([t, t]), *two)
 
 
-def try_two(reading: Reading) -> None:
-    """Try a reading that takes many robots with two, of signals made up, before a batch begins.
+def try_pair(pair: Sequence[Reading], together: Reading) -> None:
+    """Try two readings side by side with made-up signals, before a batch begins.
 
     Args:
-        reading: The reading; it is tried once.
+        pair: Both readings, each of one robot.
+        together: One reading with the numbers of both.
 
     Raises:
-        InvalidInputError: If two robots do not get what one gets; the message names the law, the
-            part and the shapes. What fails for one, of signals that no arm has, is left to the run.
+        InvalidInputError: If the robots do not get side by side what each gets alone; the message
+            names the law, the part and the shapes. An error of a robot alone, with signals that no
+            arm has, is left to the run.
     """
-    if _TRIED.get(id(reading)) is reading:
-        return
-    _TRIED[id(reading)] = reading
     rng = np.random.default_rng(0)
-    (_, (n,)), inputs = reading.state.parts["v"], reading.inputs.parts
-    u = {name: _likely(name, shape, rng) for name, (_, shape) in inputs.items()}
     try:
         with np.errstate(all="ignore"):
-            # The initial state may depend on a J that the law cannot see.
-            x = started(reading, rng, {"J": _likely("J", (3, n), rng), **u}, 0.0)
-            try_reading(reading, 0.0, x, u, _PERIOD)
-    except _NotOfManyError:
-        raise
+            each = [_made_up(reading, rng) for reading in pair]
+            parts = zip(*(_calls(reading, _PERIOD) for reading in pair), strict=True)
+            alone = [
+                [_checked(part, 0.0, *seen) for part, seen in zip(both, each, strict=True)]
+                for both in parts
+            ]
     except InvalidInputError:
         return
+    x = np.stack([state for state, _ in each])
+    u = {name: np.stack([signals[name] for _, signals in each]) for name in together.inputs.parts}
+    two = _shown(x, u)
+    for (place, _, call), values in zip(_calls(together, _PERIOD), alone, strict=True):
+        with np.errstate(all="ignore"):
+            _require_both(place, values, call, 0.0, two)
 
 
-class _NotOfManyError(InvalidInputError):
-    """Two robots do not get what one gets."""
+def _made_up(reading: Reading, rng: np.random.Generator) -> tuple[Array, Signals]:
+    """Return a state and signals of the size of an arm's; rotations and inertias are identities."""
+
+    def likely(name: str, shape: tuple[int, ...]) -> Array:
+        return np.eye(shape[0]) if name == "M" or name[:2] == "R_" else rng.uniform(0.1, 0.5, shape)
+
+    u = {name: likely(name, shape) for name, (_, shape) in reading.inputs.parts.items()}
+    # The initial state may depend on a J that the law cannot see.
+    J = likely("J", (3, *reading.state.parts["v"][1]))
+    return _shown(started(reading, rng, {"J": J, **u}, 0.0), u)
 
 
-def _likely(name: str, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
-    """Return a signal of the size of an arm's; rotations and inertias are the identity."""
-    return np.eye(shape[0]) if name == "M" or name[:2] == "R_" else rng.uniform(0.1, 0.5, shape)
-
-
-def _calls(reading: Reading, period: float | None) -> Iterator[tuple[str, tuple[int, ...], _Call]]:
+def _calls(reading: Reading, period: float | None) -> Iterator[_Part]:
     """Yield what a controller calls: name, shape of the result, and function."""
     name, size = type(reading).__name__, reading.state.size
     (_, v_shape) = reading.state.parts["v"]
@@ -125,6 +129,15 @@ def _calls(reading: Reading, period: float | None) -> Iterator[tuple[str, tuple[
         yield f"{name}.step", (size,), lambda t, x, u: step(t, x, u, period)
     elif isinstance(reading, ContinuousReading):
         yield f"{name}.derivatives", (size,), unchecked(reading.derivatives)
+
+
+def _checked(part: _Part, t: float, x: Array, u: Signals) -> Array:
+    """Return what a part of a law returns to one robot, checked."""
+    place, shape, call = part
+    with naming(place, t):
+        value = call(t, x, u)
+    _require_array(place, value, shape, t)
+    return value
 
 
 def _require_array(place: str, value: Array, shape: tuple[int, ...], t: float) -> None:
@@ -137,26 +150,26 @@ def _require_array(place: str, value: Array, shape: tuple[int, ...], t: float) -
 
 
 def _require_both(
-    place: str, alone: Array, call: _Call, t: float, two: tuple[Array, Signals]
+    place: str, alone: Sequence[Array], call: _Call, t: float, two: tuple[Array, Signals]
 ) -> None:
-    """Raise an InvalidInputError unless each of two robots gets what one alone gets."""
+    """Raise an InvalidInputError unless each of two robots gets what it gets alone."""
     x, u = two
-    cause = None
+    cause, wanted = None, np.stack(alone)
     try:
         both = call(t, x, u)
     except Exception as error:
         cause, complaint = error, f"raised {described(error)}"
     else:
-        scale = _ROUNDING * (1.0 + np.abs(alone).max(initial=0.0))
-        if complaint := flaw(both, (2, *alone.shape)):
+        scale = _ROUNDING * (1.0 + np.abs(wanted).max(initial=0.0))
+        if complaint := flaw(both, wanted.shape):
             complaint = f"must return {complaint}"
-        elif not np.allclose(both, alone, rtol=0.0, atol=scale):
-            complaint = f"must return for each {short(alone)}, as for one, not {short(both)}"
+        elif not np.allclose(both, wanted, rtol=0.0, atol=scale):
+            complaint = f"must return {short(wanted)}, what each gets alone, not {short(both)}"
     if complaint:
         given = ", ".join(f"{name} {value.shape}" for name, value in {"x": x, **u}.items())
-        raise _NotOfManyError(
-            f"{place}: with takes_many it must take robots along leading axes; of two, with "
-            f"{given}: {complaint}{at(t)}"
+        raise InvalidInputError(
+            f"{place}: called with two robots, as takes_many allows, {complaint}{at(t)}; arguments "
+            f"were {given}"
         ) from cause
 
 

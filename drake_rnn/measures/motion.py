@@ -102,7 +102,7 @@ class Motion:
     p_WE_desired: AnyArray
     v_WE_desired: AnyArray
     J: AnyArray
-    J_hat: AnyArray | None
+    J_hat: AnyArray | None = None
     target: AnyArray | None = None
     orientation_error: AnyArray | None = None
     pressing: Pressing | None = None

@@ -129,7 +129,7 @@ def test_the_command_of_a_row_sets_its_values_bit_for_bit():
         ({"vary": {}}, "vary: must name what varies"),
         (
             {"vary": {"duration": [1]}},
-            "vary.duration: is also in changes; it is either varied or changed",
+            "vary.duration: is also in changes; it cannot be both",
         ),
         ({"vary": {"seed": [1]}, "vayr": 3}, "vayr: no such key; nearest: vary"),
         ({"vary": {"seed": [1]}, "metrics": ["error"]}, "metrics: no metric 'error'"),

@@ -70,6 +70,16 @@ def test_what_draws_nothing_imports_no_pictures(arguments):
     assert not found & PICTURES
 
 
+def test_a_run_draws_to_files_whatever_windows_are_asked_for(tmp_path):
+    environment = {**os.environ, "MPLBACKEND": "nope"}
+    short = ("--set", "duration=0.01", "--set", "window=null", "--set", "accept=null")
+    command = [sys.executable, "-m", "drake_rnn", "run", "slc_nephroid_known", *short]
+    options = ["--out", str(tmp_path), "--no-playback"]
+    done = subprocess.run([*command, *options], env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert list(tmp_path.glob("*/figures/overview.png"))
+
+
 def test_a_run_imports_matplotlib_only_to_draw():
     assert "matplotlib" not in imported(CALL, "run", "pinv_line", "--dry-run")
 

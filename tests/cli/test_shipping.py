@@ -78,8 +78,9 @@ def test_imports_and_names_stay_in_their_order(sources, name):
     assert ship(name).exit_code == 0
     ruff = [sys.executable, "-m", "ruff", "check", "--no-cache", "--isolated", "--line-length=100"]
     # The stub lends several names in a line.
-    order = ["--select=I,RUF022", "--config", "lint.isort.combine-as-imports=true"]
-    subprocess.run([*ruff, *order, *ENTERED[:2]], check=True, capture_output=True)
+    order = ["--select=I,RUF022,E501", "--config", "lint.isort.combine-as-imports=true"]
+    files = [*ENTERED[:2], MADE[0].format(name), MADE[2].format(name)]
+    subprocess.run([*ruff, *order, *files], check=True, capture_output=True)
 
 
 @pytest.mark.parametrize(
@@ -105,6 +106,17 @@ def test_without_sources_or_for_a_path_it_is_refused(tmp_path, monkeypatch):
     result = CliRunner().invoke(app, ["new", "path", "mine", "--shipped"])
     assert "--shipped: is for a law, not for path" in result.stderr
     assert not list(tmp_path.iterdir())
+
+
+def test_a_name_of_a_package_of_laws_is_refused(sources):
+    """A package hides a module of its name."""
+    (sources / "drake_rnn/laws/parts").mkdir()
+    assert ship("parts").stderr.startswith("error drake_rnn/laws/parts: is there already")
+
+
+def test_without_a_file_that_every_law_is_entered_in_it_is_refused(sources):
+    (sources / "CHANGELOG.md").unlink()
+    assert ship("mine").stderr.endswith("in the current folder; CHANGELOG.md is not there\n")
 
 
 def test_a_file_that_is_there_or_has_no_place_is_named_and_nothing_is_written(sources):

@@ -41,7 +41,7 @@ def test_tune_writes_a_document_that_runs_and_a_picture(tmp_path):
         ((KNOWN, *OVER, "--least", "error"), "metric: 'error' cannot be taken of this run"),
         (
             (KNOWN, *OVER, "--set", "law.rho=1", "--set", "law={kind: simultaneous_learning}"),
-            "changes: law.rho is lost, as law, which it is in, is set after it",
+            "changes: law is set after law.rho and replaces it",
         ),
         (("slc_nephroid_dynamic", *OVER), "level: dynamic needs Drake's plant"),
     ],

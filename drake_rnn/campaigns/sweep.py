@@ -197,6 +197,8 @@ def _check_axes(over: Mapping[str, Sequence[Any]]) -> None:
     if not over:
         raise InvalidInputError("over: must have one key or more, not {}")
     for key, values in over.items():
+        if not isinstance(key, str):
+            raise InvalidInputError(f"over: keys must be dotted keys, e.g. law.kappa, not {key!r}")
         require_type(f"over.{key}", values, list, tuple)
         if not values:
             raise InvalidInputError(f"over.{key}: must have one value or more, not []")

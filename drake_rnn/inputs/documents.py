@@ -99,7 +99,7 @@ def read_named(name: str, shipped: Mapping[str, Path], section: str) -> tuple[di
     file = shipped.get(name, Path(name))
     if file.suffix not in {".yaml", ".yml"}:
         raise InvalidInputError(
-            f"{section}: no {section} {name!r}; {nearest(name, list(shipped))}, or a .yaml file"
+            f"{section}: no {section} {name!r}; {nearest(name, sorted(shipped))}, or a .yaml file"
         )
     document = read_yaml(file)
     if not isinstance(document, dict):

@@ -1,18 +1,7 @@
 """Kinematic runs side by side, without Drake: in NumPy, or compiled by JAX with derivatives."""
 
-from .compiled_runs import CompiledRuns
-from .compiled_step import CompiledStep, SteppedRobot
-from .run import Many, run_many
-from .slopes import Slopes, value_and_gradient
-from .why_not import why_not
-
-__all__ = [
-    "CompiledRuns",
-    "CompiledStep",
-    "Many",
-    "Slopes",
-    "SteppedRobot",
-    "run_many",
-    "value_and_gradient",
-    "why_not",
-]
+from .compiled_runs import CompiledRuns as CompiledRuns
+from .compiled_step import CompiledStep as CompiledStep, SteppedRobot as SteppedRobot
+from .run import Many as Many, run_many as run_many
+from .slopes import Slopes as Slopes, value_and_gradient as value_and_gradient
+from .why_not import why_not as why_not

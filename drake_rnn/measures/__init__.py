@@ -1,41 +1,24 @@
 """Recording of a run, and the metrics taken from it."""
 
-from .groups import FollowingMetrics, Found, GapMetrics
-from .metric import Metric, violation_metric
-from .metrics import ARRIVED, METRIC_NAMES, METRICS, shown_in
-from .motion import Motion, Pressing
-from .recorder import PART, Recorder, Steps, Take
-from .run_metrics import RunMetrics, of_one_run
-from .series import UNITS
-from .ticks import last_end
-from .units import LEAST, PREFIXED_UNITS, PREFIXES, prefixed, raised, told
-from .yardsticks import Yardsticks
-
-__all__ = [
-    "ARRIVED",
-    "LEAST",
-    "METRICS",
-    "METRIC_NAMES",
-    "PART",
-    "PREFIXED_UNITS",
-    "PREFIXES",
-    "UNITS",
-    "FollowingMetrics",
-    "Found",
-    "GapMetrics",
-    "Metric",
-    "Motion",
-    "Pressing",
-    "Recorder",
-    "RunMetrics",
-    "Steps",
-    "Take",
-    "Yardsticks",
-    "last_end",
-    "of_one_run",
-    "prefixed",
-    "raised",
-    "shown_in",
-    "told",
-    "violation_metric",
-]
+from .groups import FollowingMetrics as FollowingMetrics, Found as Found, GapMetrics as GapMetrics
+from .metric import Metric as Metric, violation_metric as violation_metric
+from .metrics import (
+    ARRIVED as ARRIVED,
+    METRIC_NAMES as METRIC_NAMES,
+    METRICS as METRICS,
+    shown_in as shown_in,
+)
+from .motion import Motion as Motion, Pressing as Pressing
+from .recorder import PART as PART, Recorder as Recorder, Steps as Steps, Take as Take
+from .run_metrics import RunMetrics as RunMetrics, of_one_run as of_one_run
+from .series import UNITS as UNITS
+from .ticks import last_end as last_end
+from .units import (
+    LEAST as LEAST,
+    PREFIXED_UNITS as PREFIXED_UNITS,
+    PREFIXES as PREFIXES,
+    prefixed as prefixed,
+    raised as raised,
+    told as told,
+)
+from .yardsticks import Yardsticks as Yardsticks

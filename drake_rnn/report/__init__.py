@@ -1,6 +1,9 @@
 """The report of the papers: pages and data, made from runs that are kept."""
 
-from .gathering import Done
-from .report import Format, Report, ReportSettings, make_report
-
-__all__ = ["Done", "Format", "Report", "ReportSettings", "make_report"]
+from .gathering import Done as Done
+from .report import (
+    Format as Format,
+    Report as Report,
+    ReportSettings as ReportSettings,
+    make_report as make_report,
+)

@@ -1,22 +1,9 @@
 """Groups of metrics, each taken from the parts of a run as they come."""
 
-from .bounds import BoundMetrics
-from .drift import DisplacementMetrics, DriftMetrics
-from .following import FollowingMetrics
-from .gap import GapMetrics
-from .group import Found, Group
-from .higher import HeldJerkMetrics, HigherMetrics
-from .network import NetworkMetrics
-
-__all__ = [
-    "BoundMetrics",
-    "DisplacementMetrics",
-    "DriftMetrics",
-    "FollowingMetrics",
-    "Found",
-    "GapMetrics",
-    "Group",
-    "HeldJerkMetrics",
-    "HigherMetrics",
-    "NetworkMetrics",
-]
+from .bounds import BoundMetrics as BoundMetrics
+from .drift import DisplacementMetrics as DisplacementMetrics, DriftMetrics as DriftMetrics
+from .following import FollowingMetrics as FollowingMetrics
+from .gap import GapMetrics as GapMetrics
+from .group import Found as Found, Group as Group
+from .higher import HeldJerkMetrics as HeldJerkMetrics, HigherMetrics as HigherMetrics
+from .network import NetworkMetrics as NetworkMetrics

@@ -1,6 +1,7 @@
 """How a metric is gathered from values of steps that come in parts.
 
-A gathering is a pure function from what was gathered so far and new values to what is gathered now.
+A gathering is a function from what was gathered so far and new values to what is gathered now; the
+state that it was given is not used again (the histogram of a median is updated in place).
 It serves one run, many side by side, and a run that JAX traces. What is gathered is a tuple of
 arrays of shape (...): nothing for one run, or the number of robots.
 

@@ -1,0 +1,223 @@
+"""Tell which tables of the pages are older than what made them.
+
+A table of measured numbers stands below a line that names its command, and the digest of what the
+command is made of::
+
+    <!-- made by python benchmarks/recursive_tables.py; of 1f0c93ab -->
+
+What a table is made of: the script with its own modules, the experiments and campaigns that
+command, script or table name, and the files of their laws. Comments and docstrings do not count.
+
+::
+
+    python docs/stale_tables.py                      # lists the tables that are older
+    python docs/stale_tables.py --remade docs/recursive.md
+
+The second notes the digests of today in a page: after its tables were made again, or after
+`benchmarks/bits.py compare` has shown that no bit of their runs has changed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import hashlib
+import io
+import json
+import re
+import shlex
+import sys
+import tokenize
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+
+ROOT = Path(__file__).parents[1]
+PAGES = ("README.md", "docs/*.md", "docs/schemes/*.md")
+_MARK = re.compile(r"<!-- made by (?P<command>.+?); of (?P<digest>\w+) -->")
+_FIELD = re.compile(r"\{[^{}]*\}")
+_LAWS = Path("drake_rnn/laws")
+#: Modules of it without the algebra of any law, which no number follows from.
+_NO_ALGEBRA = ("__init__", "called", "law", "layout")
+#: What the documents say of a run that does not change the run.
+_SAID = ("accept", "expect", "paper")
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table that a command made.
+
+    Attributes:
+      page: Path of its page, relative to the root.
+      line: Number of the line that names its command.
+      command: The command.
+      noted: Digest of what the command was made of when it was run.
+      text: The table.
+    """
+
+    page: str
+    line: int
+    command: str
+    noted: str
+    text: str
+
+
+def tables(root: Path = ROOT) -> Iterator[Table]:
+    """Yield the tables of all pages that name their commands."""
+    for file in (file for pattern in PAGES for file in sorted(root.glob(pattern))):
+        lines = file.read_text().splitlines()
+        for number, line in enumerate(lines, 1):
+            if mark := _MARK.fullmatch(line):
+                below = lines[number : _end(lines, number)]
+                page = str(file.relative_to(root))
+                yield Table(page, number, mark["command"], mark["digest"], "\n".join(below))
+
+
+def _end(lines: list[str], begin: int) -> int:
+    """Return the index of the first line at or after another that is not of a table."""
+    return next((k for k in range(begin, len(lines)) if not lines[k].startswith("|")), len(lines))
+
+
+def digest(command: str, text: str = "", root: Path = ROOT) -> str:
+    """Return the digest of what a command is made of.
+
+    Args:
+      command: The command, as one would type it in the root.
+      text: The table; experiments that it names belong to the command.
+      root: Root of the sources.
+    """
+    found = hashlib.sha256(command.encode())
+    for file in made_of(command, text, root):
+        found.update(str(file.relative_to(root)).encode())
+        found.update(_what_counts(file).encode())
+    return found.hexdigest()[:8]
+
+
+def made_of(command: str, text: str = "", root: Path = ROOT) -> list[Path]:
+    """Return the files that a command is made of, as `digest` has them."""
+    scripts = [root / word for word in shlex.split(command) if word.endswith(".py")]
+    scripts = _with_imports(scripts, lambda script: script.parent)
+    trees = [ast.parse(script.read_text()) for script in scripts]
+    words = {re.escape(word) for word in re.findall(r"\w+", f"{command} {text}")}
+    named = re.compile("|".join(words.union(*map(_strings, trees))))
+    shipped = sorted(root.glob("diagrams/*/**/*.yaml"))
+    contents = {file.stem: _contents(file) for file in shipped}
+    names = {name for name in contents if named.fullmatch(name)}
+    names |= {contents[name]["experiment"] for name in names if "experiment" in contents[name]}
+    documents = [file for file in shipped if file.stem in names]
+    kinds = {contents[name]["law"]["kind"] for name in names if "law" in contents[name]}
+    laws = [
+        file
+        for file in (root / _LAWS).glob("*.py")
+        if file.stem not in _NO_ALGEBRA and (file.stem in kinds or named.fullmatch(file.stem))
+    ]
+    return scripts + documents + _with_imports(laws, lambda _: root / _LAWS)
+
+
+def _strings(tree: ast.Module) -> set[str]:
+    """Return expressions for the words of a module's strings.
+
+    A field that is formatted stands for any letters, beside at least four that are given.
+    """
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.JoinedStr):
+            parts = (p.value if isinstance(p, ast.Constant) else "{}" for p in node.values)
+            found |= set("".join(map(str, parts)).split())
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            found |= set(node.value.split())
+    plain = {re.escape(word) for word in found if "{" not in word}
+    formatted = [_FIELD.split(word) for word in found if "{" in word]
+    return plain | {
+        r"\w*".join(map(re.escape, given)) for given in formatted if len("".join(given)) >= 4
+    }
+
+
+def _contents(document: Path) -> Any:
+    return YAML(typ="safe").load(document)
+
+
+def _with_imports(files: Iterable[Path], folder_of: Callable[[Path], Path]) -> list[Path]:
+    """Return modules with those that they import in turn from a folder."""
+    found: set[Path] = set()
+    waiting = list(files)
+    while waiting:
+        file = waiting.pop()
+        if file in found:
+            continue
+        found.add(file)
+        waiting += _imported(file, folder_of(file))
+    return sorted(found)
+
+
+def _imported(file: Path, folder: Path) -> Iterator[Path]:
+    """Yield the modules in a folder, or below it, that a module imports."""
+    for node in ast.walk(ast.parse(file.read_text())):
+        if not isinstance(node, ast.Import | ast.ImportFrom):
+            continue
+        names = [alias.name for alias in node.names]
+        if isinstance(node, ast.Import):
+            places = [folder.joinpath(*name.split(".")) for name in names]
+        else:
+            # Of an import from ..parts the folder is as many levels up as there are dots.
+            base = file.parents[node.level - 1] if node.level else folder
+            place = base.joinpath(*(node.module or "").split("."))
+            places = [place, *(place / name for name in names)]
+        for place in places:
+            for module in (place.with_suffix(".py"), place / "__init__.py"):
+                inside = module.is_file() and module.is_relative_to(folder)
+                if inside and module.stem not in _NO_ALGEBRA:
+                    yield module
+
+
+def _what_counts(file: Path) -> str:
+    """Return a file's text without what changes no number."""
+    if file.suffix == ".yaml":
+        counts = {key: value for key, value in _contents(file).items() if key not in _SAID}
+        return json.dumps(counts, sort_keys=True, default=str)
+    text = file.read_text()
+    lines = text.splitlines()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            for number in range(node.lineno, (node.end_lineno or node.lineno) + 1):
+                lines[number - 1] = ""
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        if token.type == tokenize.COMMENT:
+            lines[token.start[0] - 1] = lines[token.start[0] - 1][: token.start[1]]
+    return "\n".join(line.rstrip() for line in lines if line.strip())
+
+
+def stale(root: Path = ROOT) -> list[Table]:
+    """Return the tables that are older than what made them."""
+    return [
+        table for table in tables(root) if digest(table.command, table.text, root) != table.noted
+    ]
+
+
+def note(page: Path, root: Path = ROOT) -> None:
+    """Note the digests of today in a page."""
+    lines = page.read_text().splitlines(keepends=True)
+    for table in tables(root):
+        if root / table.page == page.resolve():
+            now = digest(table.command, table.text, root)
+            lines[table.line - 1] = f"<!-- made by {table.command}; of {now} -->\n"
+    page.write_text("".join(lines))
+
+
+def main() -> int:
+    """Carry out the command line."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--remade", nargs="+", type=Path, default=[], metavar="PAGE")
+    for page in parser.parse_args().remade:
+        note(page)
+    older = stale()
+    for table in older:
+        print(f"{table.page}:{table.line}: older than what made it: {table.command}")
+    return int(bool(older))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

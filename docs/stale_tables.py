@@ -30,6 +30,7 @@ import sys
 import tokenize
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +38,8 @@ from ruamel.yaml import YAML
 
 ROOT = Path(__file__).parents[1]
 PAGES = ("README.md", "docs/*.md", "docs/schemes/*.md")
-_MARK = re.compile(r"<!-- made by (?P<command>.+?); of (?P<digest>\w+) -->")
+#: The line above a table that a command made.
+MARK = re.compile(r"<!-- made by (?P<command>.+?); of (?P<digest>\w+) -->")
 _FIELD = re.compile(r"\{[^{}]*\}")
 _LAWS = Path("drake_rnn/laws")
 #: Modules of it without the algebra of any law, which no number follows from.
@@ -70,7 +72,7 @@ def tables(root: Path = ROOT) -> Iterator[Table]:
     for file in (file for pattern in PAGES for file in sorted(root.glob(pattern))):
         lines = file.read_text().splitlines()
         for number, line in enumerate(lines, 1):
-            if mark := _MARK.fullmatch(line):
+            if mark := MARK.fullmatch(line):
                 below = lines[number : _end(lines, number)]
                 page = str(file.relative_to(root))
                 yield Table(page, number, mark["command"], mark["digest"], "\n".join(below))
@@ -100,9 +102,9 @@ def made_of(command: str, text: str = "", root: Path = ROOT) -> list[Path]:
     """Return the files that a command is made of, as `digest` has them."""
     scripts = [root / word for word in shlex.split(command) if word.endswith(".py")]
     scripts = _with_imports(scripts, lambda script: script.parent)
-    trees = [ast.parse(script.read_text()) for script in scripts]
     words = {re.escape(word) for word in re.findall(r"\w+", f"{command} {text}")}
-    named = re.compile("|".join(words.union(*map(_strings, trees))))
+    words = words.union(*(_strings(script.read_text()) for script in scripts))
+    named = re.compile("|".join(words))
     shipped = sorted(root.glob("diagrams/*/**/*.yaml"))
     contents = {file.stem: _contents(file) for file in shipped}
     names = {name for name in contents if named.fullmatch(name)}
@@ -117,13 +119,14 @@ def made_of(command: str, text: str = "", root: Path = ROOT) -> list[Path]:
     return scripts + documents + _with_imports(laws, lambda _: root / _LAWS)
 
 
-def _strings(tree: ast.Module) -> set[str]:
+@cache
+def _strings(text: str) -> set[str]:
     """Return expressions for the words of a module's strings.
 
     A field that is formatted stands for any letters, beside at least four that are given.
     """
     found = set()
-    for node in ast.walk(tree):
+    for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.JoinedStr):
             parts = (p.value if isinstance(p, ast.Constant) else "{}" for p in node.values)
             found |= set("".join(map(str, parts)).split())
@@ -137,7 +140,12 @@ def _strings(tree: ast.Module) -> set[str]:
 
 
 def _contents(document: Path) -> Any:
-    return YAML(typ="safe").load(document)
+    return _loaded(document.read_text())
+
+
+@cache
+def _loaded(text: str) -> Any:
+    return YAML(typ="safe").load(text)
 
 
 def _with_imports(files: Iterable[Path], folder_of: Callable[[Path], Path]) -> list[Path]:
@@ -155,30 +163,43 @@ def _with_imports(files: Iterable[Path], folder_of: Callable[[Path], Path]) -> l
 
 def _imported(file: Path, folder: Path) -> Iterator[Path]:
     """Yield the modules in a folder, or below it, that a module imports."""
-    for node in ast.walk(ast.parse(file.read_text())):
-        if not isinstance(node, ast.Import | ast.ImportFrom):
-            continue
-        names = [alias.name for alias in node.names]
+    for level, name in _imports(file.read_text()):
+        # Of an import from ..parts the folder is as many levels up as there are dots.
+        base = file.parents[level - 1] if level else folder
+        module = base.joinpath(*name.split(".")).with_suffix(".py")
+        inside = module.is_file() and module.is_relative_to(folder)
+        if inside and module.stem not in _NO_ALGEBRA:
+            yield module
+
+
+@cache
+def _imports(text: str) -> list[tuple[int, str]]:
+    """Return what a module imports: the number of dots, and a name that may be a module's."""
+    found = []
+    for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
-            places = [folder.joinpath(*name.split(".")) for name in names]
-        else:
-            # Of an import from ..parts the folder is as many levels up as there are dots.
-            base = file.parents[node.level - 1] if node.level else folder
-            place = base.joinpath(*(node.module or "").split("."))
-            places = [place, *(place / name for name in names)]
-        for place in places:
-            for module in (place.with_suffix(".py"), place / "__init__.py"):
-                inside = module.is_file() and module.is_relative_to(folder)
-                if inside and module.stem not in _NO_ALGEBRA:
-                    yield module
+            found += [(0, alias.name) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            inside = f"{node.module}." if node.module else ""
+            names = [f"{inside}{alias.name}" for alias in node.names]
+            found += [(node.level, name) for name in [*names, *filter(None, [node.module])]]
+    return found
 
 
 def _what_counts(file: Path) -> str:
     """Return a file's text without what changes no number."""
-    if file.suffix == ".yaml":
-        counts = {key: value for key, value in _contents(file).items() if key not in _SAID}
-        return json.dumps(counts, sort_keys=True, default=str)
     text = file.read_text()
+    return _run_of(text) if file.suffix == ".yaml" else _code_of(text)
+
+
+@cache
+def _run_of(text: str) -> str:
+    counts = {key: value for key, value in _loaded(text).items() if key not in _SAID}
+    return json.dumps(counts, sort_keys=True, default=str)
+
+
+@cache
+def _code_of(text: str) -> str:
     lines = text.splitlines()
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):

@@ -1,0 +1,86 @@
+"""A table of measured numbers names its command, and is no older than what makes it."""
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+from doc_pages import PAGES, ROOT, text_of
+from stale_tables import MARK, stale
+
+#: Pages of which a test compares every row with what makes it.
+MADE_WHOLE = ("docs/claims.md", "docs/metrics.md")
+#: Tables of numbers that nobody measured, by the first words of their head.
+NOT_MEASURED = {
+    "| arm | joints |": "models",
+    "| printed | here |": "corrections of a paper",
+    "| scheme | `rise_time` T |": "choices",
+}
+_NUMBER = re.compile(r"\d")
+_WORDS = re.compile(r"[A-Za-z]")
+
+
+def test_no_table_is_older_than_what_made_it() -> None:
+    older = [f"{table.page}:{table.line}: {table.command}" for table in stale()]
+    assert not older, (
+        "make these tables again, or show with benchmarks/bits.py that no run has changed; "
+        f"then note it: python docs/stale_tables.py --remade PAGE: {older}"
+    )
+
+
+def _all_tables(page: str) -> list[tuple[str, list[str]]]:
+    """Return the line above each table of a page, and the table's lines."""
+    lines = text_of(page).splitlines()
+    begins = [k for k in range(1, len(lines) - 1) if re.fullmatch(r"\|[-:| ]+\|", lines[k + 1])]
+    found = []
+    for begin in begins:
+        end = next((k for k in range(begin, len(lines)) if lines[k][:1] != "|"), len(lines))
+        found.append((lines[begin - 1], lines[begin:end]))
+    return found
+
+
+def _is_measured(rows: list[str]) -> bool:
+    """Return whether at least two cells of five are numbers, with a unit or a few words."""
+    cells = [cell for row in rows for cell in row.strip("|").split("|")]
+    numbers = [cell for cell in cells if _NUMBER.search(cell) and len(_WORDS.findall(cell)) < 15]
+    return len(numbers) >= 0.4 * len(cells)
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page not in MADE_WHOLE])
+def test_a_table_of_numbers_names_its_command(page: str) -> None:
+    for above, (head, _, *rows) in _all_tables(page):
+        if head.startswith(tuple(NOT_MEASURED)) or not _is_measured(rows):
+            continue
+        wanted = "<!-- made by COMMAND; of 0 -->"
+        assert MARK.fullmatch(above), f"{page}: write {wanted} above the table: {head}"
+
+
+@pytest.fixture(scope="module")
+def copied(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("root")
+    for folder in ("benchmarks", "diagrams", "docs", "drake_rnn/laws"):
+        shutil.copytree(ROOT / folder, root / folder)
+    shutil.copy(ROOT / "README.md", root)
+    return root
+
+
+@pytest.mark.parametrize(
+    ("file", "before", "after", "older"),
+    [
+        ("benchmarks/recursive_tables.py", "(1, 2, 3, 4)", "(1, 2, 3)", "docs/recursive.md"),
+        ("benchmarks/recursive_tables.py", '"""Print', '"""Show', None),
+        ("drake_rnn/laws/recursive.py", "class ", "# A note.\nclass ", None),
+        ("drake_rnn/laws/parts/rise.py", "return", "return 1.0 *", "docs/state_adjustment.md"),
+    ],
+)
+def test_what_is_edited_makes_its_tables_old(
+    copied: Path, file: str, before: str, after: str, older: str | None
+) -> None:
+    text = (copied / file).read_text()
+    assert before in text
+    try:
+        (copied / file).write_text(text.replace(before, after, 1))
+        pages = {table.page for table in stale(copied)}
+    finally:
+        (copied / file).write_text(text)
+    assert older in pages if older else not pages

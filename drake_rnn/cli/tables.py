@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Literal
 
 import numpy as np
@@ -16,6 +16,7 @@ from ..campaigns.sweep import Row
 from ..measures import shown_in
 from ..robot.limits import DERIVATIVE_UNITS
 from ..robot.report import ArmReport
+from ..runs.limit_use import uses
 from ..runs.result import Result
 from ..runs.verdict import Verdict
 from .console import WIDE as WIDE
@@ -99,12 +100,25 @@ def metrics_table(result: Result) -> Table:
     table.add_column("value", justify="right", no_wrap=True)
     table.add_column("bound", justify="right")
     table.add_column("")
+    commanded = dict(_commanded_bounds(result))
     for name, value in result.metrics.items():
-        table.add_row(name, f"{value:.4g}", *_bound_and_verdict(verdicts.get(name)))
+        bound = commanded.get(name) or _bound_and_verdict(verdicts.get(name))
+        table.add_row(name, f"{value:.4g}", *bound)
     for name, verdict in verdicts.items():
         if verdict.value is None:
             table.add_row(name, "not reached", *_bound_and_verdict(verdict))
     return table
+
+
+def _commanded_bounds(result: Result) -> Iterator[tuple[str, tuple[str, str]]]:
+    """Yield ratios to limits that the law keeps of its command alone, with what the arm did."""
+    judged = {verdict.metric for verdict in result.verdicts}
+    for use in uses(result):
+        if use.name in result.experiment.commanded_limits and use.name in DERIVATIVE_UNITS:
+            metric = f"limit_ratio_{list(DERIVATIVE_UNITS).index(use.name) + 1}_max"
+            if metric not in judged:
+                passed = "[yellow]the arm passed it[/]" if use.broken else ""
+                yield metric, ("1, of the command", passed)
 
 
 def _bound_and_verdict(verdict: Verdict | None) -> tuple[str, str]:

@@ -114,6 +114,11 @@ class Experiment:
         return ("position", *kept) if means and {"position", "velocity"} <= {*keeps} else kept
 
     @property
+    def commanded_limits(self) -> tuple[str, ...]:
+        """Names of the limits that the law keeps of its command, but nothing keeps of the arm."""
+        return tuple(name for name in self.law.keeps if name not in self.kept_limits)
+
+    @property
     def target(self) -> Array | None:
         """Target posture of the law, shape (n,) [rad]; None without one."""
         return self.law.target if isinstance(self.law, PostureLaw) else None

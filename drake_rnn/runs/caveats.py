@@ -14,7 +14,7 @@ from ..systems import Body
 # Distance from the command beyond which an arm is said not to follow it: of the end effector [m]
 # and of a joint [rad].
 _FAR, _FAR_JOINT = 5e-3, 0.02
-# Excess of a limit that is no rounding error [rad, rad/s].
+# Excess of a limit that is no rounding error [rad, rad/s and so on].
 _BEYOND = 1e-6
 
 
@@ -34,15 +34,17 @@ def standing(found: Sequence[Forecast], metrics: Mapping[str, float]) -> list[st
 
 
 def limit_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[str]:
-    """Return warnings about limits of position and velocity that an arm cannot exceed, and did.
+    """Return warnings about limits that the arm exceeded.
 
-    Those that are kept by construction have a verdict of their own. Of what the
-    path itself asks for too much there was a warning before the run.
+    Those that are kept by construction have a verdict of their own. Limits of position and velocity
+    no arm can exceed; higher ones count if the law keeps them of its command. Of what the path
+    itself asks for too much there was a warning before the run.
     """
     caveats = []
-    for name in ("position", "velocity"):
-        excess, unit = metrics.get(violation_metric(name), 0.0), LIMIT_UNITS[name]
-        if excess > _BEYOND and name not in experiment.kept_limits:
+    counted = {"position", "velocity", *experiment.commanded_limits}
+    for name, unit in LIMIT_UNITS.items():
+        excess = metrics.get(violation_metric(name), 0.0)
+        if name in counted and excess > _BEYOND and name not in experiment.kept_limits:
             caveats.append(
                 f"limits: the arm exceeds a limit of {name} by {excess:.3g} {unit}; "
                 f"{_why(name, experiment)}"

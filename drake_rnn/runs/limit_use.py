@@ -37,8 +37,8 @@ class Use:
 def counted_limits(experiment: Experiment) -> list[str]:
     """Return the limits that count in a run, of `LIMIT_UNITS`.
 
-    These are what the law or a filter keeps by construction, what the document's ``limits`` sets,
-    and what its ``accept`` bounds, as far as any joint has a bound.
+    These are what the law or a filter keeps by construction, be it of the command alone, what the
+    document's ``limits`` sets, and what its ``accept`` bounds, as far as any joint has a bound.
     """
     document = experiment.document
     asked = set(document.limits) if isinstance(document.limits, dict) else set()
@@ -50,7 +50,7 @@ def counted_limits(experiment: Experiment) -> list[str]:
             metrics.add("joint_limit_margin_min_rad")
         if metrics & document.accept.keys():
             asked.add(name)
-    counted = asked | set(experiment.kept_limits)
+    counted = asked | {*experiment.kept_limits, *experiment.commanded_limits}
     return [name for name in LIMIT_UNITS if name in counted and _is_bounded(experiment, name)]
 
 

@@ -7,8 +7,10 @@ the worst::
     drake-rnn campaign warm_up_anywhere --samples 2000
     python benchmarks/evidence.py --out out --figure docs/evidence.png
     python benchmarks/evidence.py --out out --otherwise 100
+    python benchmarks/evidence.py --out out --paired 300
 
-The last one runs so many of the rows that do not stay on the path with other laws and limits.
+The last two run rows again: so many of those that do not stay on the path, with other laws and
+limits; and the first so many, with each of the laws that learn a Jacobian or know it.
 """
 
 from __future__ import annotations
@@ -53,6 +55,17 @@ KNOWN = {
     "jacobian": "known",
     "kappa": 15,
     "feedback_limit": 0.1,
+}
+#: Laws that the same rows are run with; None is the campaign's own.
+PAIRED: dict[str, dict[str, Any] | None] = {
+    "simultaneous learning, after a warm-up": None,
+    "adaptive, Jacobian learned": {
+        "kind": "adaptive",
+        "jacobian": "learned",
+        "kappa": 1000,
+        "braking": 0.08,
+    },
+    "adaptive, Jacobian known": {"kind": "adaptive", "kappa": 1000},
 }
 #: Metrics of limits: none of a row that keeps them exceeds 1, but for the rounding of a secant.
 MARGIN = "joint_limit_margin_min_rad"
@@ -125,6 +138,18 @@ def otherwise(folder: Path, count: int) -> None:
         for way in ("the Jacobian known", "limits doubled", "rho 1e-6"):
             error = run_many([changed(line, way) for line in some]).metrics[ERROR]
             row(name, way, len(some), (error < NEAR).sum(), (error < FAR).sum())
+
+
+def paired(folder: Path, count: int) -> None:
+    """Print how the same rows end with each law: same starts, links, limits and seeds."""
+    document = read_document(str(folder / "experiment.yaml"))
+    rows = [changes_of(line) for line in lines_of(folder)[:count]]
+    head("law", "rows", "within 1 um", "within 0.5 mm", "within 2 cm", "median [m]", "worst [m]")
+    for name, law in PAIRED.items():
+        own = {} if law is None else {"law": law}
+        error = run_many([read_document(document, values | own) for values in rows]).metrics[ERROR]
+        shares = (f"{(error < bound).mean():.1%}" for bound in (1e-6, NEAR, FAR))
+        row(name, len(rows), *shares, f"{np.median(error):.2g}", f"{error.max():.2g}")
 
 
 def fates(folder: Path) -> None:
@@ -219,9 +244,12 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("out"))
     parser.add_argument("--figure", type=Path)
     parser.add_argument("--otherwise", type=int, default=0, metavar="ROWS")
+    parser.add_argument("--paired", type=int, default=0, metavar="ROWS")
     options = parser.parse_args()
-    if options.otherwise:
-        otherwise(options.out / f"campaign_{LEARNING}", options.otherwise)
+    for again, count in ((otherwise, options.otherwise), (paired, options.paired)):
+        if count:
+            again(options.out / f"campaign_{LEARNING}", count)
+    if options.otherwise or options.paired:
         return
     columns = ("largest ratio to a limit", "keep `accept`", "median", "95 %", "99 %", "worst")
     head("campaign", "rows", "complete", "keep their limits", *columns)

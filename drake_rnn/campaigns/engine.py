@@ -111,6 +111,8 @@ class _Engine:
 
     def _count_crash(self, task: Sequence[Order], error: BaseException) -> None:
         """Count a crash of a task's worker, and decide whether to retry its orders."""
+        if reason := self._workers.lost():
+            raise LostWorkersError(reason) from error
         for order in task:
             self._deaths[order.key] = self._deaths.get(order.key, 0) + 1
         if len(task) > 1:

@@ -9,6 +9,7 @@ from concurrent.futures import BrokenExecutor, CancelledError, Future, ProcessPo
 from functools import partial
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
+from multiprocessing.synchronize import Event
 from threading import Thread
 from typing import Any, Protocol
 
@@ -112,8 +113,12 @@ class Processes(Workers):
 
     def __init__(self, jobs: int) -> None:
         super().__init__(self, jobs)
+        # Drake has started threads, which a forked process would not inherit.
+        self._context = get_context("spawn")
         self._idle: list[ProcessPoolExecutor] = []
         self._lifelines: list[Connection] = []
+        self._any_began = self._context.Event()
+        self._any_died = False
 
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Handle:
         """Submit a task, and return a handle of its result."""
@@ -125,6 +130,15 @@ class Processes(Workers):
                 # The process ended while it was idle.
                 continue
         return self._handed(self._started(), task, *arguments)
+
+    def lost(self) -> str:
+        """Return why no further results can arrive: processes end before they begin to work."""
+        if self._any_began.is_set() or not self._any_died:
+            return ""
+        return (
+            "its processes end as soon as they start; each imports the script that started them, "
+            'so what the script runs must stand below `if __name__ == "__main__":`'
+        )
 
     def stop(self) -> None:
         """Stop all processes at once, also those with a task."""
@@ -144,17 +158,18 @@ class Processes(Workers):
         # this while it holds the lock that a shutdown waits for.
         if future.cancelled() or not isinstance(future.exception(), BrokenExecutor):
             self._idle.append(process)
+        else:
+            self._any_died = True
 
     def _started(self) -> ProcessPoolExecutor:
-        # Drake has started threads, which a forked process would not inherit.
-        context = get_context("spawn")
-        end, lifeline = context.Pipe(duplex=False)
+        end, lifeline = self._context.Pipe(duplex=False)
         self._lifelines.append(lifeline)
         # One process per pool: a larger pool loses all its tasks if one process crashes.
-        return ProcessPoolExecutor(1, context, _begin, (end,))
+        return ProcessPoolExecutor(1, self._context, _begin, (end, self._any_began))
 
 
-def _begin(lifeline: Connection) -> None:
+def _begin(lifeline: Connection, began: Event) -> None:
+    began.set()
     # Ctrl-C in a terminal reaches all processes; the main process decides what to do.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     Thread(target=_end_with, args=(lifeline,), daemon=True).start()

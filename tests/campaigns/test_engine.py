@@ -1,6 +1,7 @@
 """The engine alone, with workers and runs that are none: what is lost, what is tried again."""
 
 import math
+import sys
 from concurrent.futures import BrokenExecutor, CancelledError, ThreadPoolExecutor
 from threading import Lock
 
@@ -10,7 +11,7 @@ from drake_rnn import DrakeRnnError, InvalidInputError
 from drake_rnn.campaigns.engine import carry_out
 from drake_rnn.campaigns.outcome import Order, Outcome
 from drake_rnn.campaigns.tasks import tasks_of
-from drake_rnn.campaigns.workers import LostWorkersError, ThisProcess, Workers
+from drake_rnn.campaigns.workers import LostWorkersError, Processes, ThisProcess, Workers
 
 
 class DeathError(Exception):
@@ -170,3 +171,15 @@ def test_an_interrupt_keeps_what_had_come():
 
     assert not carry_out(each(20), Runs(), ThisProcess(), take)
     assert len(found) == 4
+
+
+def test_processes_that_end_as_they_start_are_lost_at_once(tmp_path, monkeypatch):
+    """Each imports the script that started it, which here runs on without a guard."""
+    script = tmp_path / "script.py"
+    script.write_text("raise SystemExit(1)")
+    monkeypatch.setattr(sys.modules["__main__"], "__file__", str(script), raising=False)
+    monkeypatch.setattr(sys.modules["__main__"], "__spec__", None)
+    taken = []
+    with pytest.raises(LostWorkersError, match="__main__"):
+        carry_out([orders(4)], len, Processes(1), lambda *outcome: taken.append(outcome))
+    assert not taken

@@ -339,6 +339,7 @@ def test_killed_at_ten_moments_the_table_is_the_same(tmp_path):
     assert (tmp_path / "workers" / "table.csv").read_bytes() == table
 
 
+@pytest.mark.long
 def test_a_worker_killed_with_9_costs_nothing(tmp_path, undisturbed):
     killed = []
 

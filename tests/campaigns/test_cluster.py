@@ -109,6 +109,7 @@ def scheduler(tmp_path):
     process.communicate()
 
 
+@pytest.mark.long
 def test_a_scheduler_that_is_lost_is_a_sentence_and_the_table_goes_on(
     scheduler, tmp_path, undisturbed
 ):

@@ -50,6 +50,7 @@ def test_run_writes_a_folder_with_everything(tmp_path, drawn):
         assert name in result.stdout
 
 
+@pytest.mark.long
 def test_a_run_can_be_shown_beside_another(tmp_path, drawn):
     """Both are run; the one asked for has the other in its playback."""
     result = call("run", KNOWN, "--beside", LEARNED, "--out", tmp_path, *SHORT)
@@ -128,6 +129,7 @@ def test_what_a_run_has_written_runs_again_to_the_same_numbers(tmp_path):
     assert (first / "experiment.yaml").read_text() == (second / "experiment.yaml").read_text()
 
 
+@pytest.mark.long
 def test_a_seed_gives_the_same_numbers_again_and_in_another_process(tmp_path):
     """Bit for bit; and a run in a pipe has nothing to say on stderr."""
     arguments = ("--duration", "0.02", "--seed", "5")

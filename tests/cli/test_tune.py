@@ -11,6 +11,7 @@ OVER = ("--over", "law.kappa")
 TWICE = ("--between", "law.kappa=1,9") * 2
 
 
+@pytest.mark.long
 def test_tune_writes_a_document_that_runs_and_a_picture(tmp_path):
     pytest.importorskip("jax")
     # On its path from the start on, so that a short run depends on the gain.

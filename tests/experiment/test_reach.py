@@ -86,12 +86,13 @@ def test_the_place_of_a_miss_is_where_the_path_leaves_the_reach(rods):
         check_reach(rods(0.5, centre=[0.55, 0, 0]))
 
 
-@pytest.mark.parametrize("radius", [0.9, 0.999, 0.99999, 1.0])
+@pytest.mark.parametrize("radius", [0.9, 0.999, 0.99999, pytest.param(1.0, marks=pytest.mark.long)])
 def test_a_path_just_within_reach_is_found(rods, radius):
     """1e-7 m: where the arm is straight, J is singular, and Newton's method merely halves."""
     assert follow(rods(radius)).miss.max() < 1e-7
 
 
+@pytest.mark.long
 def test_a_path_beyond_reach_by_less_than_a_millimetre_is_followed_as_near_as_can_be(rods):
     """Of 1.0005 m one can reach 1 m; the 1e-6 m are an elbow that is not quite straight."""
     np.testing.assert_allclose(follow(rods(1.0005)).miss, 0.0005, atol=1e-6)

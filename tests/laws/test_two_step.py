@@ -102,6 +102,7 @@ def test_halving_the_period_quarters_the_error(scheme):
     np.testing.assert_allclose([off[0] / off[1], off[1] / off[2]], 4.0, rtol=0.05)
 
 
+@pytest.mark.long
 def test_with_accelerations_cut_it_still_nears_the_differential_equation():
     """Of first order then, in MOALJDF; Heun's method at 0.1 ms is the reference."""
     law = make("moaljdf", limits=FREE.replace(acceleration=0.03), velocity_gain=1e3)

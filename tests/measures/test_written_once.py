@@ -52,6 +52,7 @@ def package(tmp_path):
     return tmp_path
 
 
+@pytest.mark.long
 def test_a_metric_added_to_the_list_is_taken_everywhere(package):
     done = subprocess.run(
         [sys.executable, "-c", RUNS], cwd=package, capture_output=True, text=True, timeout=300

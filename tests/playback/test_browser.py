@@ -87,7 +87,13 @@ def test_a_film_is_seen_without_bars(browser: Any, known: Any, tmp_path: Path) -
     assert ask(browser, "document.getElementById('bar').offsetHeight") > 0
 
 
-@pytest.mark.parametrize("size", [(240, 140), (140, 240), (320, 200), (1000, 250)])
+@pytest.mark.parametrize(
+    "size",
+    [
+        (140, 240),
+        *(pytest.param(s, marks=pytest.mark.long) for s in ((240, 140), (320, 200), (1000, 250))),
+    ],
+)
 def test_the_arm_is_in_a_picture_of_any_shape(
     browser: Any, known: Any, tmp_path: Path, size: tuple[int, int]
 ) -> None:
@@ -105,6 +111,7 @@ def test_the_arm_is_in_a_picture_of_any_shape(
         assert 0.5 < reach.max() < 1.0
 
 
+@pytest.mark.long
 def test_a_frame_of_a_notebook_has_room_for_the_arm(
     browser: Any, known: Any, tmp_path: Path
 ) -> None:

@@ -1,8 +1,11 @@
 """The pages of a report in a browser without a network."""
 
+import pytest
+
 from browsing import DESKTOP, PHONE, requests, set_size
 
 
+@pytest.mark.long
 def test_pages_open_fit_filter_and_lead_to_their_rows(browser, tiny, report):
     folder = report(tiny(), pictures=True).folder
     pages = [folder / "index.html", folder / "joint_drift_free.html"]

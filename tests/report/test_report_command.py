@@ -74,6 +74,7 @@ def kept(folder):
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+@pytest.mark.long
 def test_killed_it_goes_on_where_it_was(number, folders, tmp_path, report, tiny, simulated):
     command = [sys.executable, "-m", "drake_rnn", "report", *map(str, folders(MANY))]
     process = subprocess.Popen(

@@ -19,7 +19,7 @@ pytest.importorskip("jax")
 jax = require_jax()
 
 
-@pytest.fixture(params=["panda", "askew"])
+@pytest.fixture(params=["panda", pytest.param("askew", marks=pytest.mark.long)])
 def screws(request, tmp_path):
     arm = load_arm("panda") if request.param == "panda" else askew(tmp_path / "askew.urdf")
     return screws_of(arm)

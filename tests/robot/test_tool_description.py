@@ -180,6 +180,7 @@ def test_shaft_and_ball_are_drawn(tool, drawn):
     assert in_scene(ur5(tool=tool), look) == drawn
 
 
+@pytest.mark.long
 def test_a_tool_touches_as_one_that_is_written_into_the_model(tmp_path):
     """To the last bit: it is the same body at the same place in Drake's order."""
     text, home = (MODELS / "iiwa14" / "iiwa14.urdf").read_text(), IIWA.home.tolist()
@@ -216,6 +217,7 @@ def test_a_gripper_beside_the_tool_passes_through_the_surface_and_is_told(tmp_pa
     assert not any(text.startswith("arm.tool: ") for text in one.warnings)
 
 
+@pytest.mark.long
 def test_another_tool_presses_as_hard():
     """5 N within 0.1 N, with a ball of more than twice the size, mounted aside."""
     tool = {"ball": 0.03, "length": 0.06, "mass": 0.4, "offset": [0.02, 0.0, 0.01], "friction": 0.1}

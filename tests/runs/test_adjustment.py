@@ -50,7 +50,10 @@ def runs():
     return get
 
 
-@pytest.mark.parametrize("name", [*EXPERIMENTS, *ELSEWHERE])
+@pytest.mark.parametrize(
+    "name",
+    [*EXPERIMENTS, *(pytest.param(name, marks=pytest.mark.long) for name in ELSEWHERE)],
+)
 def test_it_comes_to_what_its_document_expects(runs, name):
     result = runs(name)
     for metric, accepted in result.experiment.document.accept.items():
@@ -94,6 +97,7 @@ def test_the_displacement_is_what_the_multipliers_say(runs, name):
     assert runs(name).metrics["invariant_error_max_m"] < most
 
 
+@pytest.mark.long
 def test_the_invariant_is_lost_by_eulers_method():
     """What keeps the end effector in place is an integral: rounding it is not made good."""
     lost = run(CASE[1], integrator={"scheme": "explicit_euler", "step": 1e-4}).metrics
@@ -161,6 +165,7 @@ class TestPastItsTime:
         moved = result.position_error[after]
         assert (np.diff(moved) <= 1e-13).all()
 
+    @pytest.mark.long
     def test_the_printed_envelope_would_throw_it_about(self):
         """Negative after twice its rise time, it inverts the bounds."""
 
@@ -256,7 +261,10 @@ class TestEveryLawOnEveryArm:
         assert found["end_effector_drift_max_m"] <= moved
         assert found["end_effector_drift_end_m"] <= left
 
-    @pytest.mark.parametrize("law", LAWS)
+    @pytest.mark.parametrize(
+        "law",
+        [pytest.param(law, marks=() if law == "SA" else pytest.mark.long) for law in LAWS],
+    )
     def test_a_limit_in_the_way_is_kept_and_gone_along(self, law):
         """Without it, the UR5's fourth joint goes 0.2 rad and more beyond its target, and back."""
         arm = load_arm("ur5")

@@ -95,6 +95,7 @@ def test_it_learns_behind_the_chain_and_keeps_all_bounds():
         assert bounds.holds(found[metric]), metric
 
 
+@pytest.mark.long
 def test_without_precompensation_the_error_is_three_times_as_large():
     without = metrics(CIRCLE, **COARSE, **{"filter.precompensate": False, "accept": None})
     assert 1.1e-2 < without["position_error_max_m"] < 1.3e-2
@@ -210,6 +211,7 @@ def test_the_loop_is_stable_while_gain_times_delay_is_below_one(known, monkeypat
     assert largest_ratio(beyond) <= 1 + 1e-9
 
 
+@pytest.mark.long
 def test_the_desired_position_has_to_be_late_too(known):
     """Else the feedback asks the arm to be where it can only be in .22 s: 3 times the error."""
     now = metrics(LEARNING, **KNOWN, **{"filter.delay_desired": False})

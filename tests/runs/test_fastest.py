@@ -29,6 +29,7 @@ def found():
     return fastest(circle(), said.append), said
 
 
+@pytest.mark.long
 def test_the_largest_ratio_is_just_admissible(found):
     metrics = found[0].result.metrics
     ratios = [metrics[f"limit_ratio_{order}_max"] for order in range(1, 6)]
@@ -68,9 +69,10 @@ def test_it_says_what_was_tried(found):
     ("changes", "message"),
     [
         ({"limits": "none"}, "limits: must bound at least one derivative"),
-        (
+        pytest.param(
             {"limits": {**BOUNDS, "position_lower": [-2, -2, -2, -1.22, -2, -2, -2]}},
             "limits.position: iiwa_joint_4 reaches",
+            marks=pytest.mark.long,
         ),
         (
             {"path": {"kind": "circle", "plane": "yz", "size": 0.15, "period": 2}, "duration": 2},

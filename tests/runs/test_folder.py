@@ -39,6 +39,7 @@ def save_for_ever(results, folder):
 
 # JAX, where another test has loaded it, is not used by what is forked here.
 @pytest.mark.filterwarnings("ignore:os.fork:RuntimeWarning")
+@pytest.mark.long
 def test_killed_at_any_moment_it_is_one_result_or_incomplete(result, tmp_path):
     rng = np.random.default_rng(0)
     results = [told(result, number) for number in range(2)]

@@ -27,8 +27,6 @@ QUICK = (
     "man_clover",
     "galjdf_clover",
     "naljdf_clover",
-    "moaljdf_parallelogram",
-    "naljdf_clover_dynamic",
 )
 # Runs that are there to be cut to their bound.
 CUT = ("galjdf_clover_bound", "naljdf_nephroid")
@@ -139,6 +137,7 @@ class TestTrends:
 class TestTheBoundOfFigure2:
     """Of 2.5 rad/s^2, at the figure's gains, on paths whose size the paper does not give."""
 
+    @pytest.mark.long
     def test_it_is_reached_on_large_leaves_alone(self):
         """By demands in a hundredth of the steps; a clip keeps it to rounding, 1e-9."""
         large = run("galjdf_clover_bound")
@@ -217,6 +216,7 @@ def test_faster_roots_return_the_joints():
 
 class TestMoaljdf:
     @pytest.mark.parametrize(("mass", "largest"), [("", (120, 140)), ("_2kg", (50, 60))])
+    @pytest.mark.long
     def test_the_torques_are_those_of_the_papers_figure(self, mass, largest):
         """-20 to 140 Nm there, which five kilograms a link fit; the error there, two."""
         torque = run(f"moaljdf_parallelogram_printed{mass}").series["torque"]
@@ -313,7 +313,7 @@ class TestReference:
     @pytest.mark.parametrize(
         ("name", "bound"),
         [
-            ("naljdf_clover", 5e-8),
+            pytest.param("naljdf_clover", 5e-8, marks=pytest.mark.long),
             pytest.param("galjdf_clover", 5e-8, marks=pytest.mark.long),
             pytest.param("moaljdf_parallelogram", 1.5e-5, marks=pytest.mark.long),
         ],

@@ -12,8 +12,9 @@ from drake_rnn import InvalidInputError, SimulationError, load_experiment, simul
 from limit_helpers import broken
 from shared_runs import shared_run
 
-QUICK = ["motion_force_tricuspid", "motion_force_cat"]
+QUICK = ["motion_force_tricuspid"]
 LONG = [
+    "motion_force_cat",
     "motion_force_tricuspid_w",
     "motion_force_tricuspid_learned",
     "contact_approach",
@@ -165,6 +166,7 @@ class TestKinematic:
 
 
 class TestContact:
+    @pytest.mark.long
     def test_the_force_is_held_along_the_path(self):
         """The first 6 s of the circle."""
         found = shared_run("contact_circle", SIX_SECONDS).metrics
@@ -312,6 +314,7 @@ class TestContact:
 
 
 class TestOtherLawsWithFullDynamics:
+    @pytest.mark.long
     def test_a_law_that_knows_its_jacobian_follows(self):
         found = metrics("slc_nephroid_dynamic", duration=12, window=[4, 12])
         assert found["position_error_max_m"] < 1.15e-3
@@ -322,6 +325,7 @@ class TestOtherLawsWithFullDynamics:
         assert found["end_effector_drift_max_m"] == pytest.approx(5.2e-5, rel=0.05)
         assert found["end_effector_drift_end_m"] < 1e-8
 
+    @pytest.mark.long
     def test_a_posture_law_may_see_the_measured_arm(self):
         """Its feedback of 50/s is slower than the motors; around 2000 Nm/rad it oscillates."""
         found = metrics("null_space_adjustment_dynamic", feedback="measured")

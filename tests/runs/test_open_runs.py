@@ -101,7 +101,7 @@ def test_joints_drift_only_from_a_path_that_returns():
     assert "joint_drift" not in drawable(open_run)
 
 
-@pytest.mark.parametrize("duration", [0.5, 1.0, 1.2])
+@pytest.mark.parametrize("duration", [0.5, 1.0, pytest.param(1.2, marks=pytest.mark.long)])
 def test_the_end_is_marked_once_it_is_reached(tmp_path, duration):
     result = run(LINE, duration=duration)
     write_figures(result, tmp_path / "figures")
@@ -162,6 +162,7 @@ def pose_trajectory():
     return PiecewisePose.MakeLinear([0.0, 0.5, 1.0], poses)
 
 
+@pytest.mark.long
 def test_an_experiment_takes_a_path_in_place_of_its_documents(tmp_path):
     line = Line(by=LINE["by"], period=1.0, timing="quintic")
     written, made = run(LINE), make_experiment(BASE, line)

@@ -55,8 +55,10 @@ def command(folder, *arguments):
     ("changes", "bound"),
     [
         ([], 1e-4),
-        (["--set", "level=dynamic"], 1e-3),
-        (["--set", FILTER, "--set", "feedback=unfiltered"], 1e-3),
+        pytest.param(["--set", "level=dynamic"], 1e-3, marks=pytest.mark.long),
+        pytest.param(
+            ["--set", FILTER, "--set", "feedback=unfiltered"], 1e-3, marks=pytest.mark.long
+        ),
     ],
     ids=["kinematic", "dynamic", "filter"],
 )
@@ -149,12 +151,14 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.long
 def test_a_law_registered_in_a_script_is_known_to_the_processes_of_a_sweep(folder):
     (folder / "script.py").write_text(REGISTERED)
     run = python(folder, "script.py")
     assert run.stdout == "[None, None]\n", run.stderr
 
 
+@pytest.mark.long
 def test_one_that_other_processes_cannot_know_is_named_with_the_remedy(folder):
     """Typed in, there is no file that they could read it from."""
     run = python(folder, "-c", REGISTERED)

@@ -38,6 +38,7 @@ CASES = {
     "error control of joint drift": ("galjdf_clover", {"duration": 0.5}),
     "sensing": ("slc_nephroid_known", {"duration": 0.2, "sensing": {"resolution": 1e-4}}),
 }
+LONG = ("contact", "filter", "filter behind a law that learns of its own arm")
 MEANS = {"rms", "mean", "fraction"}
 
 
@@ -82,7 +83,13 @@ def same(parts, whole):
     assert parts.warnings == whole.warnings
 
 
-@pytest.mark.parametrize(("name", "changes"), CASES.values(), ids=CASES)
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        pytest.param(*CASES[case], id=case, marks=pytest.mark.long if case in LONG else ())
+        for case in CASES
+    ],
+)
 def test_what_a_run_comes_to_does_not_depend_on_its_parts(name, changes, in_parts, monkeypatch):
     experiment = load_experiment(name, {**FREE, **changes})
     whole = in_one(experiment, monkeypatch)
@@ -187,6 +194,7 @@ def grown(duration):
     return peak
 
 
+@pytest.mark.long
 def test_memory_does_not_grow_with_the_duration(monkeypatch):
     """Four times as many steps; all of them would take 1 kB each, the 1200 that are more 1.2 MB."""
     monkeypatch.setattr(simulation, "PART", FEW)

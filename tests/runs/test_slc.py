@@ -93,6 +93,7 @@ def test_the_bound_costs_settling_time(unbounded, known):
     assert unbounded["settling_time_s"] < 1.3 < known["settling_time_s"]
 
 
+@pytest.mark.long
 def test_without_the_pull_home_the_joints_drift():
     """Repetitive motion is what return_gain buys: .13 rad without, 1e-7 with it."""
     assert metrics("slc_nephroid_known", **{"law.return_gain": 0})["joint_drift_max_rad"] > 0.05
@@ -128,7 +129,9 @@ def test_gains_for_precision_hold_every_bound_and_join_the_path():
     assert broken(wild, 1e-9) == {}
 
 
-@pytest.mark.parametrize("changes", [{"law.kappa": 15.0}, {"law.rate": 5e3}])
+@pytest.mark.parametrize(
+    "changes", [pytest.param({"law.kappa": 15.0}, marks=pytest.mark.long), {"law.rate": 5e3}]
+)
 def test_the_error_is_in_inverse_proportion_to_kappa_and_to_rate(changes):
     """Half of either doubles it; 10 %: at such rates the sample of 1 ms has a part in it."""
     short = {"duration": 6, "window": [4, 6], "accept": {}}
@@ -354,6 +357,7 @@ class TestContinuousAndSampled:
         grid = np.linspace(0.0, load_experiment(name, changes).document.duration, 21)
         return np.array([np.interp(grid, result.time, q) for q in result.series["position"].T])
 
+    @pytest.mark.long
     def test_samples_approach_the_differential_equation_at_first_order(self):
         """Joint angles over the first 2 s; the feedback's delay of a sample is first order.
 
@@ -409,7 +413,10 @@ class TestRepeatability:
 OTHER_ARMS = {"iiwa14": ("yz", 0.02), "ur5": ("yz", 0.01), "planar6": ("xy", 0.02)}
 
 
-@pytest.mark.parametrize("arm", OTHER_ARMS)
+@pytest.mark.parametrize(
+    "arm",
+    [pytest.param(arm, marks=() if arm == "iiwa14" else pytest.mark.long) for arm in OTHER_ARMS],
+)
 @pytest.mark.parametrize(
     "name", ["slc_nephroid_known", pytest.param("slc_nephroid", marks=pytest.mark.long)]
 )

@@ -138,6 +138,7 @@ def test_sliding_the_plate_pulls_by_friction_times_what_presses(friction):
     assert shares[-1] == pytest.approx(friction, rel=0.01, abs=1e-9)
 
 
+@pytest.mark.long
 def test_a_softer_ball_presses_less():
     forces = [
         pressed(1e-3, tip=TipMaterial(hydroelastic_modulus=modulus))["contact_force"][2]
@@ -146,6 +147,7 @@ def test_a_softer_ball_presses_less():
     assert (np.diff(forces) > 0).all()
 
 
+@pytest.mark.long
 def test_a_softer_plate_presses_less():
     forces = [
         pressed(1e-3, hydroelastic_modulus=modulus)["contact_force"][2] for modulus in (1e5, 1e6)
@@ -272,6 +274,7 @@ def test_two_runs_are_the_same_to_the_last_bit():
         np.testing.assert_array_equal(first[name], again[name])
 
 
+@pytest.mark.long
 def test_drakes_ways_to_compute_contact_agree_at_rest():
     """``sap`` within 10 %: the joints creep while the tool sticks."""
     forces = [

@@ -46,11 +46,11 @@ CASES = [
     ("slc_nephroid", 0.3, {"law.kappa": 1e-6, "law.rho": 1e-6}, RMS),
     ("naljdf_table1", 1.0, {"law.position_gain": 1e-5}, "position_error_max_m"),
     ("motion_force_cat", 0.5, {"law.gain": 1e-5}, "force_error_rms_N"),
-    ("slc_nephroid_known", 0.3, {"law.kappa": 1e-3}, "singular_value_min"),
-    ("slc_nephroid_known", 0.3, {"law.kappa": 1e-3}, "joint_limit_margin_min_rad"),
 ]
 #: Other metrics and laws, whose runs take longer to compile.
 FURTHER = [
+    ("slc_nephroid_known", 0.3, {"law.kappa": 1e-3}, "singular_value_min"),
+    ("slc_nephroid_known", 0.3, {"law.kappa": 1e-3}, "joint_limit_margin_min_rad"),
     ("slc_nephroid_warm_up", 2.5, {"law.kappa": 1e-3, "law.rho": 1e-6}, RMS),
     ("slc_nephroid_known", 3.0, {"law.kappa": 1e-3}, "joint_drift_max_rad"),
     ("slc_nephroid_known", 3.0, {"law.kappa": 1e-5}, "velocity_error_max_m_s"),

@@ -99,7 +99,7 @@ def test_a_document_can_be_run_or_is_a_part_of_one(page, line, code, tmp_path, m
         assert not check_reach(make_experiment({**tracked, "path": path}))
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("page", "line", "code"),
     [

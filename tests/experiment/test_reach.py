@@ -64,7 +64,7 @@ def has_a_smooth_path(name):
     return "adjustment" not in name and name not in raw
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", [*filter(has_a_smooth_path, shipped_experiments())])
 def test_the_paths_of_shipped_experiments_come_close_to_nothing(name):
     assert check_reach(load_experiment(name)) == []

@@ -113,7 +113,10 @@ def test_targets_that_no_arm_can_follow_break_no_bound(name, desired):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("period", [1e-3, 4e-3, 1e-2])
+@pytest.mark.parametrize(
+    "period",
+    [1e-3, *(pytest.param(period, marks=pytest.mark.nightly) for period in (4e-3, 1e-2))],
+)
 @pytest.mark.parametrize("name", LAWS)
 def test_no_bound_is_broken_in_a_narrow_cage(name, period):
     """Each joint may move by 0.1 rad to either side, while the target jumps for 20 s."""

@@ -20,17 +20,11 @@ QUICK = ("slc_known", "naljdf_all")
 LONG = (
     "adaptive_pose_learned",
     "adaptive_jerk",
-    "adaptive_terms",
     "slc_warm_up",
-    "slc_per_joint",
-    "galjdf",
     "moaljdf",
-    "pseudoinverse_pose",
     "recursive_filters",
-    "motion_force_return",
     "motion_force_contact",
     "msa",
-    "nsa_pose",
 )
 
 

@@ -236,10 +236,9 @@ def test_the_trapezoidal_rule_would_not_do():
     assert 1e-8 < slip < PERIOD**2 / 12 * 2 * BOUNDS["circle"][1]
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize(
-    ("shape", "duration", "error"),
-    [("circle", 30, 1e-2), pytest.param("square", 40, 5e-3, marks=pytest.mark.nightly)],
+    ("shape", "duration", "error"), [("circle", 30, 1e-2), ("square", 40, 5e-3)]
 )
 def test_raw_paths_are_reached_within_all_bounds(shape, duration, error):
     path = PATHS[shape]

@@ -71,8 +71,13 @@ def test_no_bound_is_broken_whatever_is_wished_for(period):
     assert max(excess.values()) < 1e-11, excess
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("period", PERIODS)
+@pytest.mark.parametrize(
+    "period",
+    [
+        pytest.param(period, marks=pytest.mark.nightly if period > 1e-3 else pytest.mark.long)
+        for period in PERIODS
+    ],
+)
 def test_no_bound_is_broken_in_long_runs_of_many_joints(period):
     limits = joints(np.random.default_rng(6), 2800)
     excess = driven(limits, period, 3000, seed=7)

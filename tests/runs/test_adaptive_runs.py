@@ -10,6 +10,8 @@ from drake_rnn import load_experiment, shipped_experiments, simulate
 from shared_runs import shared_run
 
 NAMES = [name for name in shipped_experiments() if name.startswith("adaptive_")]
+# Of each kind of bound, task and level one; the others differ in the arm or in what is measured.
+LONG = ("adaptive_nephroid", "adaptive_jerk_learned", "adaptive_pose_learned", "adaptive_dynamic")
 ERROR = "position_error_max_m"
 
 
@@ -17,8 +19,13 @@ def metrics(name, **changes):
     return simulate(load_experiment(name, {"accept": None, **changes})).metrics
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.long if name in LONG else pytest.mark.nightly)
+        for name in NAMES
+    ],
+)
 def test_an_experiment_does_what_it_accepts(name):
     result = shared_run(name)
     assert result.verdicts

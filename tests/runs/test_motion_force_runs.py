@@ -18,14 +18,14 @@ LONG = [
     "motion_force_tricuspid_w",
     "motion_force_tricuspid_learned",
     "contact_approach",
-    "contact_cat",
     "contact_deltoid_fast",
-    "contact_edge",
     "contact_inclined",
     "contact_open_loop",
 ]
 # Another force, pad or arm; of the circle with 5 N, the first 6 s are looked at below.
 NIGHTLY = [
+    "contact_cat",
+    "contact_edge",
     "motion_force_tricuspid_literal",
     "contact_circle",
     "contact_circle_1N",
@@ -84,7 +84,7 @@ class TestKinematic:
             assert np.array_equal(values, second.series[name]), name
         assert first.metrics == second.metrics
 
-    @pytest.mark.long
+    @pytest.mark.nightly
     def test_position_errors_fall_as_the_gain_rises(self):
         """Feedback of 1/s leaves ten times the lateral error of 10/s."""
         slow, fast = (
@@ -199,7 +199,7 @@ class TestContact:
         assert fast["force_error_rms_N"] < 5e-4
         assert 5.5 < fast["normal_force_peak_N"] < 6.2
 
-    @pytest.mark.long
+    @pytest.mark.nightly
     def test_around_weak_motors_it_bounces(self):
         """Equal gains, with which the arm is slower than the force loop."""
         plant = {"stiffness": 2000, "damping": 60}
@@ -208,7 +208,7 @@ class TestContact:
         assert fast["force_error_rms_N"] > 3.7
         assert fast["normal_force_peak_N"] > 10.0
 
-    @pytest.mark.long
+    @pytest.mark.nightly
     def test_a_loop_that_is_ten_times_too_slow_is_not_there_yet(self):
         slow = metrics("contact_circle", duration=4, window=[2, 4], law__stiffness=80000)
         assert slow["force_error_mean_N"] < -1.5
@@ -233,7 +233,7 @@ class TestContact:
         assert result.metrics["normal_force_peak_N"] < 1.02 * force
         assert abs(result.metrics["force_error_mean_N"]) < 0.02 * force
 
-    @pytest.mark.long
+    @pytest.mark.nightly
     def test_around_weak_motors_a_ramp_makes_up_for_a_prior_ten_times_too_soft(self):
         """With motors that fit the arm there is nothing to make up for."""
         soft = {"law.stiffness": {"initial": 1e3, "initial_force": 5}, "environment.gap": 0.0}
@@ -292,7 +292,7 @@ class TestContact:
         assert wrong["force_error_max_N"] < 1.4
         assert wrong["contact_lost_fraction"] == 0.0
 
-    @pytest.mark.long
+    @pytest.mark.nightly
     def test_the_network_lags_behind_a_change_of_direction(self):
         """Half the time constant, half the force error: 0.42 and 0.22 N."""
         slow, fast = (

@@ -161,7 +161,7 @@ def test_at_1_khz_the_squares_second_third_gain_makes_the_same_run():
         np.testing.assert_array_equal(*(result.series[name] for result in runs))
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_no_period_mends_the_printed_law():
     for period in (2e-3, 5e-4):
         found = run("recursive_circle_printed", duration=8.0, period=period)

@@ -259,7 +259,7 @@ class TestOnAnArmWithMotors:
 class TestAsPrinted:
     """Negative: v_WE = J v while the law sees v - n. See docs/simultaneous_learning.md."""
 
-    @pytest.mark.long
+    @pytest.mark.nightly
     def test_it_does_not_follow_the_path(self):
         got = metrics("slc_nephroid_printed", accept={}, **SETTLED)
         assert got["position_error_max_m"] > 50e-3
@@ -269,7 +269,7 @@ class TestAsPrinted:
         little = {"law.J_hat_initial": "exact", "dither.sigma": 1e-4}
         assert metrics("slc_nephroid_printed", **little)["position_error_max_m"] <= 2e-3
 
-    @pytest.mark.long
+    @pytest.mark.nightly
     def test_the_exact_jacobian_is_lost_to_more_noise(self):
         more = {"law.J_hat_initial": "exact", "dither.sigma": 1e-2, "accept": {}, **SETTLED}
         assert metrics("slc_nephroid_printed", **more)["position_error_max_m"] > 50e-3
@@ -292,7 +292,7 @@ def test_it_starts_from_nothing_if_it_is_excited():
 PRINTED = {"law.multiplier_limit": "none", "law.position_bound": "printed"}
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_large_gain_without_bounded_feedback_cycles_for_ever():
     """What slowing by eta costs: kappa 15 from .1 m off asks for more than it can accelerate."""
     free = metrics("slc_nephroid_known", **{"law.kappa": 15, **PRINTED})
@@ -379,7 +379,7 @@ class TestContinuousAndSampled:
         assert (orders > 0.85).all(), f"errors {errors}, orders {orders}"
         assert errors[-1] < 1e-3
 
-    @pytest.mark.long
+    @pytest.mark.nightly
     def test_the_continuous_reading_meets_the_same_figures(self):
         got = metrics("slc_nephroid_known_continuous")
         assert got["position_error_max_m"] <= 0.9e-3

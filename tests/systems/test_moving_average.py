@@ -77,7 +77,7 @@ def garbage(rng, kind, count):
     return 0.1 * np.sin(np.arange(count) * 1e-3) + spikes
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize("seed", range(3))
 def test_garbage_for_a_minute_keeps_every_bound(seed):
     """Sixteen joints at once, half of them with bounds of their own."""

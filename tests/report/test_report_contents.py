@@ -273,11 +273,13 @@ def shipped():
     chosen = [(paper, list(paper.claims)) for paper in map(read_claims, schemes_in())]
 
     def met(claim: Claim):
-        stated, corrected = (
-            tuple(Finding(each, True, 1.0) for each in criteria)
-            for criteria in (claim.as_stated, claim.corrected)
+        return Judgement(
+            claim,
+            {
+                part: tuple(Finding(each, True, 1.0) for each in criteria)
+                for part, criteria in claim.parts.items()
+            },
         )
-        return Judgement(claim, stated, corrected)
 
     judgements = {claim.id: met(claim) for _, claims in chosen for claim in claims}
     return contents_of(chosen, judgements, NoRuns())
@@ -291,7 +293,8 @@ def test_every_shipped_claim_has_its_row(shipped):
         html, md = paper_html(shipped, paper, page_of), paper_page(shipped, paper)
         for row in paper["claims"]:
             ids.append(row["id"])
-            assert html.count(f'<article id="{row["id"]}" data-claim="holds">') == 1
+            shown = f'<article id="{row["id"]}" data-claim="{row["verdict"]}">'
+            assert html.count(shown) == 1
             assert f'href="{page_of[paper["scheme"]]}#{row["id"]}"' in index
             assert md.count(f"| `{row['id']}` |") == 1
         assert claims_table(paper) in md

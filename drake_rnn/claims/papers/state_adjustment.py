@@ -17,7 +17,6 @@ from ...robot.self_motion import SelfMotion
 from ...runs.result import Result
 from ..measuring import Run
 
-
 # |q - q_d| of Tables 1 and 2 [rad], by case.
 _TABLES = {
     1: (1.289461e-5, 1.177066e-5, 4.891301e-6, 1.499467e-5, 4.350270e-5, 3.934844e-5, 4.115238e-5),

@@ -71,14 +71,13 @@ def claims_table(paper: Claims, claims: Sequence[Claim]) -> Table:
     for column in ("claim", "place", "the paper says", "judged by"):
         table.add_column(column, overflow="fold", no_wrap=column == "claim")
     for claim in claims:
-        judged = [
+        judged = [claim.unchecked] if claim.unchecked else []
+        judged += [
             f"{_note(part)}{criterion}: {criterion.bounds}"
             for part, criteria in claim.parts.items()
             for criterion in criteria
         ]
-        table.add_row(
-            *map(escape, (claim.id, claim.where, claim.says, "\n".join(judged) or claim.unchecked))
-        )
+        table.add_row(*map(escape, (claim.id, claim.where, claim.says, "\n".join(judged))))
     return table
 
 

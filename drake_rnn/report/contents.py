@@ -131,13 +131,15 @@ def _row(
 
 def why(judgement: Judgement) -> str:
     """Return the reason for a verdict, in one sentence that is computed from the findings."""
-    if judgement.verdict == "cannot be checked":
-        return "There is nothing to measure it by."
     if judgement.verdict == "failed":
         broken = sum(bool(finding.error) for finding in judgement.findings)
         return f"{broken} of {len(judgement.findings)} numbers could not be measured."
     told = [f"{part}, {_kept(found)}" for part, found in judgement.parts.items() if found]
-    sentence = "; ".join(told[:1] if judgement.verdict == "holds" else told)
+    if judgement.verdict == "holds":
+        told = told[:1]
+    if judgement.verdict == "cannot be checked":
+        told.insert(0, "there is nothing to measure it by")
+    sentence = "; ".join(told)
     return f"{sentence[0].upper()}{sentence[1:]}."
 
 

@@ -50,6 +50,30 @@ def test_verdicts_follow_from_what_was_measured(tiny, report):
         "As stated, the one number is not as asked; "
         "with the correction, the one number is as asked."
     )
+    assert rows(made)["jdf-C3"]["why"] == (
+        "As stated, the one number is not as asked; instead, the one number is as asked."
+    )
+    assert rows(made)["jdf-C4"]["why"] == "There is nothing to measure it by."
+
+
+def test_what_holds_instead_stands_below_the_claim(tiny, report):
+    made = report(tiny())
+    assert [finding["part"] for finding in rows(made)["jdf-C3"]["findings"]] == [
+        "as stated",
+        "instead",
+    ]
+    html = (made.folder / "joint_drift_free.html").read_text()
+    assert html.count('<tr class="part"><th colspan="5">instead</th></tr>') == 1
+    assert "wide: an &lt;i&gt;example&lt;/i&gt;" in html
+    table = claims_table(made.contents["papers"][0])
+    assert "<br>*instead:*<br>`drake-rnn run pinv_line --set duration=0.05`" in table
+    assert "(wide: an <i>example</i>)" in table
+
+
+def test_rows_that_rest_on_one_number_name_each_other(tiny, report):
+    found = rows(report(tiny()))
+    assert found["jdf-C1"]["because"] == "Shares a number with jdf-C2, jdf-C3."
+    assert found["jdf-C4"]["because"] == "Its cells are lost."
 
 
 def test_the_data_hold_every_digit(tiny, report):

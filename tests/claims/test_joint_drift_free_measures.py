@@ -87,9 +87,9 @@ def test_an_error_that_comes_with_every_lap_lasts_and_one_of_the_start_does_not(
     for error, left in ((every_lap, 1.0), (of_the_start, np.exp(-10.0))):
         series = {"v_WE": np.outer(2.0 * error, [0.0, 0.0, 1.0]), "v_WE_desired": 0.0}
         result = SimpleNamespace(time=time, position_error=error, series=series)
-        run = lambda name, changes, result=result: result
-        assert measures.lasting_error(run, "any", 2) == pytest.approx(left)
-        assert measures.lasting_error(run, "any", 2, velocity=True) == pytest.approx(left)
+        for velocity in (False, True):
+            found = measures.lasting_error(lambda *_, of=result: of, "any", 2, velocity)
+            assert found == pytest.approx(left)
 
 
 def test_the_offsets_own_part_is_what_it_adds_to_the_error():

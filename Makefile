@@ -47,8 +47,7 @@ cross: $(VENV)/installed
 	$(BIN)/python benchmarks/cross.py > docs/cross.md
 
 claims: $(VENV)/installed
-	$(BIN)/python docs/make_claims.py > docs/claims.md.new
-	mv docs/claims.md.new docs/claims.md
+	$(BIN)/python docs/make_claims.py docs
 
 # The site, in build/site: open build/site/index.html. It needs no network.
 docs: $(VENV)/installed-docs

@@ -1,7 +1,9 @@
-"""Judge the papers' claims and print their page: make claims."""
+"""Judge the papers' claims, and write their page and its data: make claims."""
 
+import json
 import os
 import sys
+from pathlib import Path
 from typing import Any
 
 from drake_rnn.claims import read_claims, schemes_in
@@ -11,7 +13,7 @@ from drake_rnn.report.markdown import claims_table, counts_table, title_of
 _HEAD = """\
 # What the papers claim, and what holds
 
-<!-- Made by `make claims`; long and nightly tests compare the verdicts. -->
+<!-- Made by `make claims`, with claims.json; long and nightly tests compare the verdicts. -->
 
 This page lists every numbered table, figure, theorem and remark of the five papers, and what their
 text states in numbers, row by row. The rows are data, a file for each paper in
@@ -22,10 +24,20 @@ claims, with figures and playbacks of the runs.
 A claim *holds* if the measurements meet all criteria of the claim as stated. "As stated" means as
 printed; where the text leaves a choice, and for a physical experiment, which is simulated, it means
 the reading that the last column names. A claim *holds with correction* if it does not hold as
-stated, but holds with the change to the printed text that the last column names. Otherwise the
-claim *does not hold*. A claim *cannot be checked* if the text does not say enough. The name of a
-claim is made of the scheme and the place: T is a table, F a figure, Th a theorem, L a lemma, R a
-remark, S a section, C a claim in the text. Photographs and schematics state nothing to check.
+stated, but holds with the change to the printed law, parameter or formula that the last column
+names. A weaker claim is no correction: with another bound, another quantity, another time, or
+without one of its halves, the claim *does not hold*, and below *instead* stands what does. A claim
+*cannot be checked* if the text does not give what the outcome depends on; below *instead* stands
+what can be said all the same.
+
+A number that the paper prints is asked for from both sides, a bound that it prints as printed. Any
+other bound is at most five times away from what was measured, or says why it is wide: *round-off*
+is a number that is zero but for the arithmetic of the computer. Claims that rest on the same number
+say so. Misprints that change nothing else are no claims; they are on the pages of the schemes.
+
+The name of a claim is made of the scheme and the place: T is a table, F a figure, Th a theorem, L a
+lemma, R a remark, S a section, C a claim in the text. Photographs and schematics state nothing to
+check.
 """
 
 
@@ -39,19 +51,38 @@ def page(contents: dict[str, Any]) -> str:
     return "\n".join(parts) + "\n"
 
 
+def measured(contents: dict[str, Any]) -> dict[str, Any]:
+    """Return verdicts and numbers of all claims, by name, from the data of a report."""
+    return {
+        claim["id"]: {
+            "verdict": claim["verdict"],
+            "findings": [
+                [finding[key] for key in ("number", "asked", "value", "met")]
+                for finding in claim["findings"]
+            ],
+        }
+        for paper in contents["papers"]
+        for claim in paper["claims"]
+    }
+
+
 def _told(what: str, ended: int, total: int) -> None:
     print(f"{ended} of {total} {what}", file=sys.stderr)
 
 
-def main(folder: str = "out/report") -> None:
-    """Print the page; runs that a report has made in its folder are not made again."""
+def main(place: Path, folder: str = "out/report") -> None:
+    """Write page and data; runs that a report has made in its folder are not made again."""
     chosen = [(claims, claims.claims) for claims in map(read_claims, schemes_in())]
     settings = ReportSettings(jobs=os.cpu_count() or 1, pictures=False)
     made = make_report(chosen, folder, settings, _told)
     if made.failures or not made.complete:
         sys.exit("\n".join(f"{name}: {error}" for name, error in made.failures) or "interrupted")
-    print(page(made.contents), end="")
+    rows = (
+        f"{json.dumps(name)}: {json.dumps(row)}" for name, row in measured(made.contents).items()
+    )
+    (place / "claims.json").write_text("{\n" + ",\n".join(rows) + "\n}\n")
+    (place / "claims.md").write_text(page(made.contents))
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main(Path(sys.argv[1]), *sys.argv[2:])

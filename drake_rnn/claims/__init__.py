@@ -1,6 +1,6 @@
 """The claims of the papers, and verdicts on them that are computed from runs."""
 
-from .claim import Claim, Criterion, Paper, Quantity
+from .claim import Claim, Criterion, Paper, Part, Quantity
 from .judging import ClaimVerdict, Finding, Judge, Judgement
 from .reading import SCHEMES, Claims, read_claims, schemes_in
 from .run_source import RunSource, SimulatedRuns
@@ -15,6 +15,7 @@ __all__ = [
     "Judge",
     "Judgement",
     "Paper",
+    "Part",
     "Quantity",
     "RunSource",
     "SimulatedRuns",

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import Field
 
 from ..errors import InvalidInputError
 from ..experiment.document import Acceptance
 from ..inputs.fields import Finite, validated
+
+#: Parts of the criteria of a claim, as the pages name them.
+Part = Literal["as stated", "with the correction", "instead"]
 
 #: A claim's name consists of the scheme and the place in the paper.
 _ID = re.compile(r"[a-z]+-(?:T|F|Th|L|R|S|C)\d[\da-z.]*")
@@ -66,6 +69,8 @@ class Criterion(Quantity):
         refused: Part of the message with which the run is refused, if it is known to be; empty if
             it is expected to run. The criterion is then not met.
         paper: The paper's own figure, for a reader.
+        wide_because: Why a bound is far from both the number that was measured and the paper's
+            figure; ``round-off`` for a number that would be zero in exact arithmetic.
         timed: Whether the number is a ratio of times, which a busy machine disturbs.
     """
 
@@ -74,6 +79,7 @@ class Criterion(Quantity):
     at_most: Finite | None = None
     refused: str = ""
     paper: str = ""
+    wide_because: str = ""
     timed: bool = False
 
     def __post_init__(self) -> None:
@@ -100,7 +106,9 @@ class Claim:
 
     As stated is what is printed: equations and settings. Where the text leaves a choice, and for a
     physical experiment, which is simulated, it is the reading that ``because`` names. A correction
-    changes what is printed.
+    changes what is printed: a law, a parameter or a formula. A weaker claim, such as one with
+    another bound, another quantity or without one of its halves, is no correction: it is what holds
+    instead.
 
     Args:
         id: Scheme and place in the paper, e.g. ``slc-F2a`` for Fig. 2(a): T table, F figure,
@@ -109,7 +117,9 @@ class Claim:
         says: What the paper says, in our words.
         as_stated: Criteria that must be met for the claim to hold.
         corrected: Criteria for it to hold with the correction that ``because`` names.
-        unchecked: Why the claim cannot be checked; in place of criteria.
+        instead: Criteria of what holds instead, or can be said all the same; they do not change the
+            verdict.
+        unchecked: Why the claim cannot be checked; in place of criteria as stated.
         because: Why it does not hold as stated, what is corrected, or what was chosen where the
             paper is silent.
         tests: Tests that show it too, as pytest names them.
@@ -120,6 +130,7 @@ class Claim:
     says: str
     as_stated: list[Criterion] = Field(default_factory=list)
     corrected: list[Criterion] = Field(default_factory=list)
+    instead: list[Criterion] = Field(default_factory=list)
     unchecked: str = ""
     because: str = ""
     tests: list[str] = Field(default_factory=list)
@@ -138,9 +149,18 @@ class Claim:
         return f"drake-rnn claims {self.id} --judge"
 
     @property
+    def parts(self) -> dict[Part, list[Criterion]]:
+        """The criteria by part."""
+        return {
+            "as stated": self.as_stated,
+            "with the correction": self.corrected,
+            "instead": self.instead,
+        }
+
+    @property
     def criteria(self) -> list[Criterion]:
-        """All criteria: first of the claim as stated, then with a correction."""
-        return [*self.as_stated, *self.corrected]
+        """All criteria, part by part."""
+        return [criterion for part in self.parts.values() for criterion in part]
 
 
 @validated

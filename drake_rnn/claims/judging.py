@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import nan
 from typing import Literal
 
 from ..errors import DrakeRnnError, InvalidInputError
-from .claim import Claim, Criterion, Quantity
+from .claim import Claim, Criterion, Part, Quantity
 from .reading import Claims
 from .run_source import RunSource, SimulatedRuns
 
@@ -48,35 +49,39 @@ class Judgement:
     """The findings on one claim, and the verdict that follows.
 
     A claim holds if all its criteria as stated are met; else it holds with correction if it has
-    corrected criteria and all of them are met; else it does not hold. Where a run or a measure
-    failed that was expected to work, the judgement itself has failed: it says nothing of the claim.
+    corrected criteria and all of them are met; else it does not hold, whatever holds instead. Where
+    a run or a measure failed that was expected to work, the judgement itself has failed: it says
+    nothing of the claim.
 
     Attributes:
         claim: The claim.
-        as_stated, corrected: Findings, criterion by criterion.
+        parts: Findings on each part of its criteria, criterion by criterion.
     """
 
     claim: Claim
-    as_stated: tuple[Finding, ...] = ()
-    corrected: tuple[Finding, ...] = ()
+    parts: Mapping[Part, tuple[Finding, ...]] = field(default_factory=dict)
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """All findings: first on the claim as stated, then with a correction."""
-        return (*self.as_stated, *self.corrected)
+        """All findings, part by part."""
+        return tuple(finding for part in self.parts.values() for finding in part)
 
     @property
     def verdict(self) -> ClaimVerdict:
         """The verdict."""
-        if self.claim.unchecked:
-            return "cannot be checked"
         if any(finding.error for finding in self.findings):
             return "failed"
-        if all(finding.holds for finding in self.as_stated):
+        if self.claim.unchecked:
+            return "cannot be checked"
+        if self._met("as stated"):
             return "holds"
-        if self.corrected and all(finding.holds for finding in self.corrected):
+        if self._met("with the correction"):
             return "holds with correction"
         return "does not hold"
+
+    def _met(self, part: Part) -> bool:
+        findings = self.parts.get(part, ())
+        return bool(findings) and all(finding.holds for finding in findings)
 
 
 @dataclass(frozen=True)
@@ -99,7 +104,8 @@ class Judge:
                 nothing then.
         """
         return Judgement(
-            claim, tuple(map(self.find, claim.as_stated)), tuple(map(self.find, claim.corrected))
+            claim,
+            {part: tuple(map(self.find, criteria)) for part, criteria in claim.parts.items()},
         )
 
     def find(self, criterion: Criterion) -> Finding:

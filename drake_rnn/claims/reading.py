@@ -50,6 +50,22 @@ class Claims:
     claims: tuple[Claim, ...]
     measures: Mapping[str, Callable[..., float]]
 
+    def sharing(self, claim: Claim) -> tuple[str, ...]:
+        """Return the names of the other claims that are judged by a number of this one."""
+        numbers = set(map(str, claim.criteria))
+        return tuple(
+            other.id
+            for other in self.claims
+            if other.id != claim.id and not numbers.isdisjoint(map(str, other.criteria))
+        )
+
+    def reason(self, claim: Claim) -> str:
+        """Return why the verdict is what it is, with the claims that rest on the same numbers."""
+        told = claim.because or claim.unchecked
+        if shared := ", ".join(self.sharing(claim)):
+            told = f"{told} Shares a number with {shared}.".strip()
+        return told
+
 
 def schemes_in(folder: Path | None = None) -> tuple[str, ...]:
     """Return the schemes that have a claims file in a folder; by default `SCHEMES`.

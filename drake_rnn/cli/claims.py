@@ -15,6 +15,7 @@ from ..claims import (
     Finding,
     Judge,
     Judgement,
+    Part,
     SimulatedRuns,
     read_claims,
     schemes_in,
@@ -70,27 +71,33 @@ def claims_table(paper: Claims, claims: Sequence[Claim]) -> Table:
     for column in ("claim", "place", "the paper says", "judged by"):
         table.add_column(column, overflow="fold", no_wrap=column == "claim")
     for claim in claims:
-        judged = [f"{criterion}: {criterion.bounds}" for criterion in claim.as_stated]
-        judged += [f"corrected: {criterion}: {criterion.bounds}" for criterion in claim.corrected]
-        table.add_row(
-            *map(escape, (claim.id, claim.where, claim.says, "\n".join(judged) or claim.unchecked))
-        )
+        judged = [claim.unchecked] if claim.unchecked else []
+        judged += [
+            f"{_note(part)}{criterion}: {criterion.bounds}"
+            for part, criteria in claim.parts.items()
+            for criterion in criteria
+        ]
+        table.add_row(*map(escape, (claim.id, claim.where, claim.says, "\n".join(judged))))
     return table
 
 
-def judgement_table(judgement: Judgement) -> Table:
-    """Return a table of what was measured for one claim."""
+def judgement_table(paper: Claims, judgement: Judgement) -> Table:
+    """Return a table of what was measured for one claim of a paper."""
     claim = judgement.claim
     colour = VERDICT_COLOURS[judgement.verdict]
     title = f"{escape(claim.id)}: [{colour}]{judgement.verdict}[/]"
-    table = Table(box=SIMPLE_HEAD, title=title, caption=escape(claim.because or claim.unchecked))
+    table = Table(box=SIMPLE_HEAD, title=title, caption=escape(paper.reason(claim)))
     table.add_column("of", overflow="fold")
     for column in ("measured", "asked", "paper"):
         table.add_column(column, overflow="fold", justify="right")
-    for findings, note in ((judgement.as_stated, ""), (judgement.corrected, "corrected: ")):
+    for part, findings in judgement.parts.items():
         for finding in findings:
-            table.add_row(*map(escape, _cells(finding, note)))
+            table.add_row(*map(escape, _cells(finding, _note(part))))
     return table
+
+
+def _note(part: Part) -> str:
+    return "" if part == "as stated" else f"{part}: "
 
 
 def _cells(finding: Finding, note: str) -> tuple[str, str, str, str]:
@@ -108,4 +115,4 @@ def show_claims(asked: ShowClaims) -> None:
                 continue
             judging = Judge(paper, runs)
             for claim in claims:
-                out.print(judgement_table(judging.judge(claim)))
+                out.print(judgement_table(paper, judging.judge(claim)))

@@ -49,6 +49,10 @@ Corrected:
     so ``orientation: printed`` drifts there. ``rotation`` uses the angular velocity instead,
     H = J_omega, with feedback of the rotation error, and follows a path that turns the tool.
 
+Left out:
+    The rate of the desired force in W of (14) and (15). It is zero for a constant force, as in the
+    paper; a force that rises is followed with a lag of its rate over the gain.
+
 Not in the paper:
     ``form: normalised`` divides the force rows by eta, so that A = [P_n; P_t], and merges the
     two multipliers of each direction, which have the same effect on the joints. It has three

@@ -21,7 +21,7 @@ from .origin import origin
 from .pictures import FIGURE, PLAYBACK, pictures_of
 
 #: Version of the format of ``report.json``; within a version, no key changes its meaning.
-SCHEMA = 1
+SCHEMA = 2
 #: The verdicts, in the order in which they are shown.
 VERDICTS: tuple[ClaimVerdict, ...] = get_args(ClaimVerdict)
 _METRICS = {metric.name: metric for metric in METRICS}
@@ -51,20 +51,27 @@ def contents_of(chosen: Chosen, judgements: dict[str, Judgement], runs: KeptRuns
 
 
 def main_runs(contents: dict[str, Any]) -> set[str]:
-    """Return the keys of each claim's main runs: the first as stated, the first corrected."""
+    """Return the keys of each claim's main runs: the first of each part of its criteria."""
     found = set()
     for paper in contents["papers"]:
         for claim in paper["claims"]:
-            for corrected in (False, True):
+            for findings in parts_of(claim).values():
                 keys = [
                     key
-                    for finding in claim["findings"]
-                    if finding["corrected"] is corrected
+                    for finding in findings
                     for key in finding["runs"]
                     if contents["runs"][key]["status"] == "complete"
                 ]
                 found.update(keys[:1])
     return found
+
+
+def parts_of(row: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
+    """Return the findings of a claim's row by the part of the criteria, without empty parts."""
+    parts: dict[str, list[dict[str, Any]]] = {}
+    for finding in row["findings"]:
+        parts.setdefault(finding["part"], []).append(finding)
+    return parts
 
 
 def failures(contents: dict[str, Any]) -> list[tuple[str, str]]:
@@ -104,8 +111,8 @@ def _row(
 ) -> dict[str, Any]:
     claim = judgement.claim
     findings = [
-        {"corrected": corrected, **_finding(claims, finding, runs, used)}
-        for corrected, several in ((False, judgement.as_stated), (True, judgement.corrected))
+        {"part": part, **_finding(claims, finding, runs, used)}
+        for part, several in judgement.parts.items()
         for finding in several
     ]
     return {
@@ -114,7 +121,7 @@ def _row(
         "says": claim.says,
         "verdict": judgement.verdict,
         "why": why(judgement),
-        "because": claim.because or claim.unchecked,
+        "because": claims.reason(claim),
         "command": claim.command,
         "findings": findings,
         "runs": list(dict.fromkeys(key for finding in findings for key in finding["runs"])),
@@ -124,15 +131,16 @@ def _row(
 
 def why(judgement: Judgement) -> str:
     """Return the reason for a verdict, in one sentence that is computed from the findings."""
-    if judgement.verdict == "cannot be checked":
-        return "There is nothing to measure it by."
     if judgement.verdict == "failed":
         broken = sum(bool(finding.error) for finding in judgement.findings)
         return f"{broken} of {len(judgement.findings)} numbers could not be measured."
-    stated = f"As stated, {_kept(judgement.as_stated)}"
-    if judgement.verdict == "holds" or not judgement.corrected:
-        return f"{stated}."
-    return f"{stated}; with the correction, {_kept(judgement.corrected)}."
+    told = [f"{part}, {_kept(found)}" for part, found in judgement.parts.items() if found]
+    if judgement.verdict == "holds":
+        told = told[:1]
+    if judgement.verdict == "cannot be checked":
+        told.insert(0, "there is nothing to measure it by")
+    sentence = "; ".join(told)
+    return f"{sentence[0].upper()}{sentence[1:]}."
 
 
 def _kept(findings: Sequence[Finding]) -> str:
@@ -166,6 +174,7 @@ def _finding(
         "at_most": criterion.at_most,
         "asked": str(criterion.bounds),
         "paper": criterion.paper,
+        "wide_because": criterion.wide_because,
         "value": finding.value if isfinite(finding.value) else None,
         "shown": str(finding),
         "met": finding.holds,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from .contents import VERDICTS
+from .contents import VERDICTS, parts_of
 
 _COLUMNS = ("claim", "place", "the paper says", "measured", "verdict", "why")
 _RUN_COLUMNS = ("run", "seed", "simulated [s]", "wall time [s]", "status", "to look at")
@@ -73,13 +73,15 @@ def title_of(paper: dict[str, Any]) -> str:
 
 
 def _claim(claim: dict[str, Any]) -> list[str]:
-    stated = [_finding(each) for each in claim["findings"] if not each["corrected"]]
-    corrected = [_finding(each) for each in claim["findings"] if each["corrected"]]
+    measured: list[str] = []
+    for part, findings in parts_of(claim).items():
+        measured += [] if part == "as stated" else [f"*{part}:*"]
+        measured += map(_finding, findings)
     return [
         f"`{claim['id']}`",
         claim["where"],
         claim["says"],
-        "<br>".join([*stated, *(["*corrected:*", *corrected] if corrected else [])]),
+        "<br>".join(measured),
         claim["verdict"],
         claim["because"],
     ]
@@ -91,7 +93,8 @@ def _finding(finding: dict[str, Any]) -> str:
         per = f", per `{finding['per']}`" if finding["per"] is not None else ""
         what = f"`{finding['command']}`: {finding['metric']}{per}"
     paper = f" (paper: {finding['paper']})" if finding["paper"] else ""
-    return f"{what}: **{finding['shown']}**, asked {finding['asked']}{paper}"
+    wide = f" (wide: {finding['wide_because']})" if finding["wide_because"] else ""
+    return f"{what}: **{finding['shown']}**, asked {finding['asked']}{paper}{wide}"
 
 
 def _run(run: dict[str, Any]) -> list[str]:

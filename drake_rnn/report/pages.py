@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ..inputs.page_templates import page_templates
-from .contents import VERDICTS
+from .contents import VERDICTS, parts_of
 from .markdown import title_of
 
 #: A sign for each verdict, so that no reader depends on its colour.
@@ -18,7 +18,7 @@ SIGNS = {
     "failed": "!",
 }
 _ENVIRONMENT = page_templates(Path(__file__).parent / "templates")
-_ENVIRONMENT.filters["title_of"] = title_of
+_ENVIRONMENT.filters.update(title_of=title_of, parts_of=parts_of)
 _ENVIRONMENT.globals.update(verdicts=VERDICTS, signs=SIGNS)
 
 

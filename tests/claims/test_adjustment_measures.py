@@ -48,6 +48,23 @@ def test_speeds():
     run = lambda *_: falling  # noqa: E731
     assert measures.time_until_slow(run, "any", 0.05) == pytest.approx(2.86, abs=0.011)
     assert measures.mean_speed(run, "any", 0.0, 3.0) == pytest.approx(0.75 * np.sqrt(7))
-    assert measures.joints_at_speed_limit(run, "any") == 7
-    at_most_half = result(np.ones(301), 0.75 - 0.25 * TIME)
-    assert measures.joints_at_speed_limit(lambda *_: at_most_half, "any") == 0
+    assert measures.speed_at(run, "any", 1.0) == pytest.approx(1.0)
+
+
+def test_the_time_at_the_speed_limit_is_that_of_one_joint():
+    """Joint 6 is at its limit for the first half second, and joint 7 never."""
+    limited = result(np.ones(301), np.where(TIME <= 0.5, 1.5, 0.5))
+    limited.series["velocity"][:, 6] = 1.4
+    run = lambda *_: limited  # noqa: E731
+    assert measures.time_at_speed_limit(run, "any", 6) == pytest.approx(0.5)
+    assert measures.time_at_speed_limit(run, "any", 7) == 0.0
+
+
+def test_the_factor_to_the_table_is_of_the_worst_joint_either_way():
+    ends = result(np.ones(301), np.zeros(301))
+    ends.series["joint_error"] = np.outer(np.ones(301), measures._TABLES[2])
+    run = lambda *_: ends  # noqa: E731
+    assert measures.factor_to_table(run, "any", 2) == 1.0
+    ends.series["joint_error"][-1, 2] *= -4.0
+    ends.series["joint_error"][-1, 5] /= 8.0
+    assert measures.factor_to_table(run, "any", 2) == pytest.approx(8.0)

@@ -73,3 +73,33 @@ def test_algebra_of_the_remarks():
     assert measures.block_mismatch(made(), "joints") > 0.1
     assert measures.optimality_gap(made(), "moaljdf") < 1e-12
     assert measures.optimality_gap(made(), "moaljdf_printed") > 1.0
+
+
+def test_networks_converge_from_anywhere_once_all_else_stands_still():
+    assert measures.growth_rate(made(), "moaljdf_printed") < -1.0
+    assert measures.growth_rate(made(), "moaljdf") < -1.0
+
+
+def test_an_error_that_comes_with_every_lap_lasts_and_one_of_the_start_does_not():
+    """Two laps, of 10 s."""
+    time = np.linspace(0.0, 20.0, 2001)
+    every_lap, of_the_start = np.sin(np.pi * time / 10.0) ** 2, np.exp(-time)
+    for error, left in ((every_lap, 1.0), (of_the_start, np.exp(-10.0))):
+        series = {"v_WE": np.outer(2.0 * error, [0.0, 0.0, 1.0]), "v_WE_desired": 0.0}
+        result = SimpleNamespace(time=time, position_error=error, series=series)
+        for velocity in (False, True):
+            found = measures.lasting_error(lambda *_, of=result: of, "any", 2, velocity)
+            assert found == pytest.approx(left)
+
+
+def test_the_offsets_own_part_is_what_it_adds_to_the_error():
+    """Here a quarter of it, beside an error that both runs have and a path that is moved."""
+
+    def run(name, changes):
+        offset = np.array(changes.get("path.offset", [0.0, 0.0, 0.0]))
+        desired = np.tile(offset, (TIME.size, 1))
+        return SimpleNamespace(
+            time=TIME, series={"p_WE_desired": desired, "p_WE": 1.25 * desired + 3e-6}
+        )
+
+    assert measures.offset_part_left(run, "any", 5) == pytest.approx(0.25)

@@ -51,8 +51,8 @@ def judge_of(**fields):
 def test_a_claim_holds_if_all_its_criteria_are_met():
     found = judge_of(as_stated=[error_below(1.0), {"measure": "half", "at_least": 0.5}])
     assert found.verdict == "holds"
-    assert found.as_stated[0].value < 1e-3
-    assert [finding.holds for finding in found.as_stated] == [True, True]
+    assert found.findings[0].value < 1e-3
+    assert [finding.holds for finding in found.findings] == [True, True]
 
 
 def test_a_claim_edited_to_be_false_does_not_hold():
@@ -67,33 +67,66 @@ def test_a_correction_counts_only_if_the_claim_fails_as_stated():
     assert judge_of(as_stated=fails, corrected=fails, because="no").verdict == "does not hold"
 
 
+def test_what_holds_instead_is_judged_and_turns_no_verdict():
+    fails, holds = [error_below(0.0)], [error_below(1.0)]
+    found = judge_of(as_stated=fails, instead=holds)
+    assert found.verdict == "does not hold"
+    assert [finding.holds for finding in found.parts["instead"]] == [True]
+    assert judge_of(as_stated=holds, instead=fails).verdict == "holds"
+    both = judge_of(as_stated=fails, corrected=fails, instead=holds, because="no")
+    assert both.verdict == "does not hold"
+
+
 def test_what_cannot_be_checked_says_so():
     assert judge_of(unchecked="its cells are lost").verdict == "cannot be checked"
+    found = judge_of(unchecked="its arm is not printed", instead=[error_below(1.0)])
+    assert found.verdict == "cannot be checked"
+    assert [finding.holds for finding in found.findings] == [True]
+
+
+def test_claims_that_rest_on_one_number_say_so():
+    """Whatever is asked of it; another run, or another divisor, is another number."""
+    first, second, third, fourth = (
+        Claim(id=f"slc-C{k}", where="here", says="x", as_stated=[asked], because=because)
+        for k, (asked, because) in enumerate(
+            (
+                (error_below(1.0), "Our reading."),
+                (error_below(2.0), ""),
+                (error_below(1.0) | {"set": {"duration": 0.2}}, ""),
+                (error_below(1.0) | {"per": {"measure": "half"}}, "Ours."),
+            ),
+            start=1,
+        )
+    )
+    claims = Claims("test", Paper(title="A paper"), "README.md", (first, second, third, fourth), {})
+    assert claims.reason(first) == "Our reading. Shares a number with slc-C2."
+    assert claims.reason(second) == "Shares a number with slc-C1."
+    assert [claims.reason(third), claims.reason(fourth)] == ["", "Ours."]
 
 
 def test_a_number_may_be_the_ratio_of_two():
     per = run_it(metric="position_error_max_m")
-    (found,) = judge_of(as_stated=[error_below(1.0) | {"per": per}]).as_stated
+    (found,) = judge_of(as_stated=[error_below(1.0) | {"per": per}]).findings
     assert found.value == 1.0
     per = {"measure": "half"}
     (found,) = judge_of(
         as_stated=[{"measure": "half", "given": {"of": 8.0}, "at_most": 8.0, "per": per}]
-    ).as_stated
+    ).findings
     assert found.value == 8.0
     (found,) = judge_of(
         as_stated=[{"measure": "half", "at_most": 1e9, "per": {"measure": "half", "given": ZERO}}]
-    ).as_stated
+    ).findings
     assert not found.holds
 
 
 def test_a_measure_may_look_at_a_whole_run():
-    (found,) = judge_of(as_stated=[{"measure": "longest", "at_least": 0.1}]).as_stated
+    (found,) = judge_of(as_stated=[{"measure": "longest", "at_least": 0.1}]).findings
     assert found.value == 0.1
 
 
 def test_a_run_that_is_known_to_be_refused_does_not_meet_its_criterion():
     fields = error_below(1.0) | {"set": {"law.damping": -1.0}}
-    (found,) = judge_of(as_stated=[fields | {"refused": "law.damping: must be"}]).as_stated
+    (found,) = judge_of(as_stated=[fields | {"refused": "law.damping: must be"}]).findings
     assert not found.holds
     assert str(found).startswith("refused: law.damping: must be")
 
@@ -107,7 +140,7 @@ def test_a_run_that_is_refused_otherwise_is_no_verdict(refused):
 
 
 def test_a_criterion_whose_run_lacks_the_number_is_not_met():
-    (found,) = judge_of(as_stated=[run_it(metric="force_error_rms_N", at_most=1.0)]).as_stated
+    (found,) = judge_of(as_stated=[run_it(metric="force_error_rms_N", at_most=1.0)]).findings
     assert not found.holds
     assert found.failure == "no force_error_rms_N in this run"
 
@@ -123,9 +156,10 @@ def test_a_judgement_with_an_error_is_none():
     """Whatever else was found."""
     one = Claim(id="slc-C1", where="here", says="x", as_stated=[error_below(1.0)] * 2)
     met, broken = (Finding(each, True) for each in one.as_stated)
-    assert Judgement(one, (met, met)).verdict == "holds"
+    assert Judgement(one, {"as stated": (met, met)}).verdict == "holds"
     broken = replace(broken, holds=False, error="it broke")
-    assert Judgement(one, (met, broken)).verdict == "failed"
+    assert Judgement(one, {"as stated": (met, broken)}).verdict == "failed"
+    assert Judgement(one, {"as stated": (met,), "instead": (broken,)}).verdict == "failed"
     assert str(broken) == "it broke"
 
 

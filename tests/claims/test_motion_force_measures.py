@@ -5,9 +5,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from drake_rnn import InvalidInputError
 from drake_rnn.claims import SimulatedRuns, read_claims
-from drake_rnn.claims.papers.motion_force import effort, residual_at_rest, tip_off_the_start
+from drake_rnn.claims.papers.motion_force import (
+    effort,
+    network_speed,
+    residual_at_rest,
+    tip_off_the_start,
+    work,
+)
 
 TIME = np.linspace(0.0, 2.0, 201)
 
@@ -16,11 +21,31 @@ def moved(name, changes):
     """Two joints at 0.3 and 0.4 rad/s for 2 s; a tip that also sinks."""
     velocity = np.tile([0.3, -0.4], (TIME.size, 1))
     p_WE = np.column_stack((0.03 * TIME, -0.04 * TIME, -0.5 * TIME))
-    return SimpleNamespace(time=TIME, series={"velocity": velocity, "p_WE": p_WE})
+    series = {
+        "velocity": velocity,
+        "p_WE": p_WE,
+        "position": velocity,
+        "network_velocity": velocity,
+    }
+    experiment = SimpleNamespace(
+        limits=SimpleNamespace(require=lambda *_: np.array([0.5, 0.5])),
+        arm=SimpleNamespace(
+            kinematics=lambda: SimpleNamespace(gravity=lambda q: np.array([2.0, 5.0]))
+        ),
+    )
+    return SimpleNamespace(time=TIME, series=series, experiment=experiment)
 
 
 def test_effort_is_the_square_of_the_speed_over_time():
     assert effort(moved, "any") == pytest.approx(0.25 * 2.0)
+
+
+def test_work_is_against_gravity_whichever_way_the_joints_turn():
+    assert work(moved, "any") == pytest.approx((2.0 * 0.3 + 5.0 * 0.4) * 2.0)
+
+
+def test_the_networks_speed_is_a_share_of_its_bound():
+    assert network_speed(moved, "any") == pytest.approx(0.8)
 
 
 def test_the_tips_distance_is_that_along_the_surface():
@@ -39,10 +64,3 @@ def test_a_law_that_learns_is_told_no_jacobian_but_that_of_the_rotation():
     assert count(run, "motion_force_cat") == 1.0
     assert count(run, "motion_force_cat", position_only=True) == 0.0
     assert count(run, "motion_force_tricuspid_printed") == 2.0
-
-
-def test_the_eight_angles_of_the_paper_are_refused():
-    claims = read_claims("motion_force")
-    (claim,) = (claim for claim in claims.claims if claim.id == "mf-C5")
-    with pytest.raises(InvalidInputError, match="8 entries for 7 joints"):
-        SimulatedRuns().run("contact_cat_learned", claim.as_stated[0].set)

@@ -43,3 +43,12 @@ def test_two_levels_reach_a_target_at_rest_and_five_do_not():
     name = "recursive_circle_printed"
     assert measures.first_level_off_target(None, name, 2, 1e-5, 0.2) < 1.0
     assert measures.first_level_off_target(None, name, 5, 1e-2, 20.0) > 1e4
+
+
+def test_what_changes_do_to_the_posture_is_the_largest_difference_of_a_joint():
+    def run(name, changes=None):
+        position = np.zeros((4, 7))
+        position[2, 5] = -0.25 if changes else 0.0
+        return SimpleNamespace(series={"position": position})
+
+    assert measures.posture_apart(run, "any", {"limits.acceleration": 1.0}) == 0.25

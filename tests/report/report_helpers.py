@@ -34,6 +34,7 @@ CLAIMS = {
                     "at_least": 1.0,
                 }
             ],
+            instead=[error_below(1.0) | {"wide_because": "an <i>example</i>"}],
         ),
         claim(4, unchecked="Its cells are lost."),
     ],

@@ -29,7 +29,7 @@ def test_pages_open_fit_filter_and_lead_to_their_rows(browser, tiny, report):
     browser.find_element("css selector", ".copy").click()
     assert browser.find_element("css selector", ".copy").text == "copied"
     script = "return [...document.images].map(image => {image.loading = 'eager'; return image.src})"
-    assert len(browser.execute_script(script)) == 4
+    assert len(browser.execute_script(script)) == 5
 
     assert browser.get_log("browser") == []
     for sent in requests(browser):

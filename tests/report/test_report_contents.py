@@ -50,6 +50,30 @@ def test_verdicts_follow_from_what_was_measured(tiny, report):
         "As stated, the one number is not as asked; "
         "with the correction, the one number is as asked."
     )
+    assert rows(made)["jdf-C3"]["why"] == (
+        "As stated, the one number is not as asked; instead, the one number is as asked."
+    )
+    assert rows(made)["jdf-C4"]["why"] == "There is nothing to measure it by."
+
+
+def test_what_holds_instead_stands_below_the_claim(tiny, report):
+    made = report(tiny())
+    assert [finding["part"] for finding in rows(made)["jdf-C3"]["findings"]] == [
+        "as stated",
+        "instead",
+    ]
+    html = (made.folder / "joint_drift_free.html").read_text()
+    assert html.count('<tr class="part"><th colspan="5">instead</th></tr>') == 1
+    assert "wide: an &lt;i&gt;example&lt;/i&gt;" in html
+    table = claims_table(made.contents["papers"][0])
+    assert "<br>*instead:*<br>`drake-rnn run pinv_line --set duration=0.05`" in table
+    assert "(wide: an <i>example</i>)" in table
+
+
+def test_rows_that_rest_on_one_number_name_each_other(tiny, report):
+    found = rows(report(tiny()))
+    assert found["jdf-C1"]["because"] == "Shares a number with jdf-C2, jdf-C3."
+    assert found["jdf-C4"]["because"] == "Its cells are lost."
 
 
 def test_the_data_hold_every_digit(tiny, report):
@@ -273,11 +297,13 @@ def shipped():
     chosen = [(paper, list(paper.claims)) for paper in map(read_claims, schemes_in())]
 
     def met(claim: Claim):
-        stated, corrected = (
-            tuple(Finding(each, True, 1.0) for each in criteria)
-            for criteria in (claim.as_stated, claim.corrected)
+        return Judgement(
+            claim,
+            {
+                part: tuple(Finding(each, True, 1.0) for each in criteria)
+                for part, criteria in claim.parts.items()
+            },
         )
-        return Judgement(claim, stated, corrected)
 
     judgements = {claim.id: met(claim) for _, claims in chosen for claim in claims}
     return contents_of(chosen, judgements, NoRuns())
@@ -291,7 +317,8 @@ def test_every_shipped_claim_has_its_row(shipped):
         html, md = paper_html(shipped, paper, page_of), paper_page(shipped, paper)
         for row in paper["claims"]:
             ids.append(row["id"])
-            assert html.count(f'<article id="{row["id"]}" data-claim="holds">') == 1
+            shown = f'<article id="{row["id"]}" data-claim="{row["verdict"]}">'
+            assert html.count(shown) == 1
             assert f'href="{page_of[paper["scheme"]]}#{row["id"]}"' in index
             assert md.count(f"| `{row['id']}` |") == 1
         assert claims_table(paper) in md

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Literal, cast
 
 import numpy as np
@@ -9,18 +10,31 @@ import numpy as np
 from ...experiment import load_experiment
 from ...inputs.fields import Array
 from ...laws import JointDriftFree
+from ...laws.parts.two_step import LinearForm
 from ..measuring import Run
 
 # The paper's Table I: MPE [m], MVE [m/s] and JD [rad], by scheme and lambda.
 _TABLE_1 = {
     "galjdf": {
+        0.1: (5.14e-5, 1.68e-4, 5.37e-2),
+        0.5: (2.77e-4, 2.45e-4, 9.10e-3),
         1.0: (5.59e-4, 4.54e-4, 2.80e-3),
+        2.0: (1.10e-3, 9.44e-4, 1.60e-3),
+        3.0: (1.70e-3, 1.30e-3, 6.84e-4),
+        5.0: (2.80e-3, 2.20e-3, 3.74e-4),
         10.0: (5.50e-3, 4.40e-3, 6.37e-4),
+        50.0: (2.46e-2, 1.91e-2, 2.80e-3),
         100.0: (4.42e-2, 3.27e-2, 5.20e-3),
     },
     "naljdf": {
+        0.1: (4.06e-5, 1.06e-4, 5.37e-2),
+        0.5: (4.46e-5, 1.70e-4, 9.10e-3),
         1.0: (4.43e-5, 1.09e-4, 2.90e-3),
+        2.0: (4.41e-5, 1.62e-4, 1.62e-3),
+        3.0: (4.41e-5, 1.01e-4, 7.26e-4),
+        5.0: (4.41e-5, 1.05e-4, 1.38e-4),
         10.0: (4.42e-5, 1.10e-4, 1.03e-4),
+        50.0: (4.41e-5, 1.31e-4, 2.57e-4),
         100.0: (4.42e-5, 1.27e-4, 2.75e-4),
     },
 }
@@ -31,12 +45,14 @@ _COLUMNS = (
 )
 # Error of the first position, as one typed to four digits may have [m].
 _OFFSET = 44e-6
+# Time of a lap of the clovers [s].
+_LAP = 10.0
 # Time after which a motion from rest has settled [s].
 _SETTLED = 1.0
 
 
 def ratio_to_table_1(run: Run, experiment: str) -> float:
-    """Largest factor, either way, between Table I and an experiment, at lambda 1, 10 and 100.
+    """Largest factor, either way, between Table I and an experiment, in all rows and columns.
 
     Args:
         run: Returns the result of an experiment with changes.
@@ -49,18 +65,20 @@ def ratio_to_table_1(run: Run, experiment: str) -> float:
     return float(max(np.max(factors), 1.0 / np.min(factors)))
 
 
-def joint_speed_at_end(run: Run, experiment: str) -> float:
+def joint_speed_at_end(
+    run: Run, experiment: str, changes: Mapping[str, Any] | None = None
+) -> float:
     """Largest speed of a joint at the end of a run [rad/s]."""
-    return float(np.abs(run(experiment, None).series["velocity"][-1]).max())
+    return float(np.abs(run(experiment, changes).series["velocity"][-1]).max())
 
 
-def error_at_end(run: Run, experiment: str) -> float:
+def error_at_end(run: Run, experiment: str, changes: Mapping[str, Any] | None = None) -> float:
     """Position error at the end of a run over the largest one; 1 if it never stops growing."""
-    error = run(experiment, None).position_error
+    error = run(experiment, changes).position_error
     return float(error[-1] / error.max())
 
 
-def sigma_misfit(run: Run, experiment: str, return_weight: float | None = None) -> float:
+def sigma_misfit(run: Run, experiment: str, changes: Mapping[str, Any] | None = None) -> float:
     """Difference of the velocity error from Theorem 1's, over that error, from 1 s on.
 
     Norms over all samples and axes.
@@ -68,16 +86,76 @@ def sigma_misfit(run: Run, experiment: str, return_weight: float | None = None) 
     Args:
         run: Returns the result of an experiment with changes.
         experiment: Name of the experiment.
-        return_weight: The law's lambda; by default the experiment's own.
+        changes: Its changes, by dotted key.
     """
-    changes = None
-    if return_weight is not None:
-        changes = {"law.return_weight": return_weight}
     result = run(experiment, changes)
     late = result.time >= _SETTLED
     error = (result.series["v_WE"] - result.series["v_WE_desired"])[late]
     sigma = result.series["velocity_error_predicted"][late]
     return float(np.linalg.norm(error - sigma) / np.linalg.norm(error))
+
+
+def omega_misfit(run: Run, experiment: str) -> float:
+    """Difference of omega from (J J^T)^-1 (r_a - delta d), over omega, from 1 s on [1].
+
+    Norms over all samples that are kept, and axes.
+    """
+    result = run(experiment, None)
+    law, arm, series = _law(result.experiment), result.experiment.arm.kinematics(), result.series
+    off, all_omega = [], []
+    for k in np.flatnonzero(result.time >= _SETTLED):
+        p, v, a = result.experiment.desired.position(float(result.time[k]))
+        velocity, J = series["velocity"][k], series["J"][k]
+        d = (law.task_beta + law.task_gamma) * (J @ velocity - v)
+        d = d + law.task_beta * law.task_gamma * (series["p_WE"][k] - p)
+        wanted = a - arm.Jdot_v(series["position"][k], velocity) - law.position_gain * d
+        off.append(series["omega"][k] - np.linalg.solve(J @ J.T, wanted))
+        all_omega.append(series["omega"][k])
+    return float(np.linalg.norm(off) / np.linalg.norm(all_omega))
+
+
+def growth_rate(run: Run, scheme: Literal["moaljdf", "moaljdf_printed"]) -> float:
+    """Largest real part of the roots of velocity and omega, all else standing still [1/s].
+
+    At the start of the parallelogram, without the bounds; less than 0 if both converge from
+    anywhere.
+
+    Args:
+        run: Not needed.
+        scheme: The scheme.
+    """
+    form = _parallelogram(scheme)[1]
+    roots = np.linalg.eigvals(np.block([[form.a_v, form.a_omega], [form.b_v, form.b_omega]]))
+    return float(roots.real.max())
+
+
+def lasting_error(run: Run, experiment: str, laps: int, velocity: bool = False) -> float:
+    """Largest error of the last lap over that of the first; 0 if errors converge to zero.
+
+    Args:
+        run: Returns the result of an experiment with changes.
+        experiment: Name of the experiment, of 10 s a lap, which starts on its path.
+        laps: Number of laps.
+        velocity: Whether the error is that of the velocity, and not of the position.
+    """
+    result = run(experiment, _laps(laps))
+    error = result.position_error
+    if velocity:
+        error = np.linalg.norm(result.series["v_WE"] - result.series["v_WE_desired"], axis=1)
+    first, last = result.time <= _LAP, result.time >= _LAP * (laps - 1)
+    return float(error[last].max() / error[first].max())
+
+
+def offset_part_left(run: Run, experiment: str, laps: int) -> float:
+    """Share that is left after laps of what an error of the first position, of 44 um, adds.
+
+    The difference between a run with this error and one without it.
+    """
+    without, with_it = (
+        run(experiment, _laps(laps, *given)) for given in ((), ([_OFFSET, 0.0, 0.0],))
+    )
+    error, own = (r.series["p_WE"][-1] - r.series["p_WE_desired"][-1] for r in (with_it, without))
+    return float(np.linalg.norm(error - own) / _OFFSET)
 
 
 def offset_left(run: Run, experiment: str, laps: int = 1, composite_gain: float = 0.0) -> float:
@@ -89,9 +167,8 @@ def offset_left(run: Run, experiment: str, laps: int = 1, composite_gain: float 
         laps: Number of laps.
         composite_gain: The law's k_p, ours [1/s].
     """
-    changes = {"path.laps": laps, "law.composite_gain": composite_gain}
-    changes["duration"] = 10.0 * laps
-    error = run(experiment, {**changes, "path.offset": [_OFFSET, 0.0, 0.0]}).position_error
+    changes = _laps(laps, [_OFFSET, 0.0, 0.0]) | {"law.composite_gain": composite_gain}
+    error = run(experiment, changes).position_error
     return float(error[-1] / error[0])
 
 
@@ -165,6 +242,36 @@ def optimality_gap(run: Run, scheme: Literal["moaljdf", "moaljdf_printed"]) -> f
         run: Not needed.
         scheme: The scheme.
     """
+    law, form, u, p_WE = _parallelogram(scheme)
+    n, m = form.a_omega.shape
+    p, p_dot, p_ddot = (u[f"{name}_WE_desired"] for name in ("p", "v", "a"))
+    omega = -np.linalg.solve(form.b_omega, form.b_0)
+    found = form.a_omega @ omega + form.a_0
+
+    # At rest, c and the pull home are zero; the task determines what J v_dot has to be.
+    zeta = 1.0 - cast(float, law.alpha)
+    torques = u["bias"] - u["gravity"]
+    slip, feedback = law.task_beta + law.task_gamma, law.task_beta * law.task_gamma
+    d = feedback * (p_WE - p) - slip * p_dot
+    conditions = np.zeros((n + m, n + m))
+    conditions[:n, :n] = (1.0 - zeta) * np.eye(n) + zeta * u["M"] @ u["M"]
+    conditions[:n, n:], conditions[n:, :n] = -u["J"].T, u["J"]
+    wanted = p_ddot - law.position_gain * d
+    best = np.linalg.solve(conditions, np.concatenate((-zeta * u["M"] @ torques, wanted)))[:n]
+    return float(np.linalg.norm(found - best) / np.linalg.norm(best))
+
+
+def _laps(laps: int, offset: list[float] | None = None) -> dict[str, Any]:
+    """Return the changes of a clover to laps without the gain of ours, which start off the path."""
+    changes: dict[str, Any] = {"path.laps": laps, "duration": _LAP * laps}
+    return changes if offset is None else changes | {"path.offset": offset}
+
+
+def _parallelogram(scheme: str) -> tuple[JointDriftFree, LinearForm, dict[str, Array], Array]:
+    """Return law, its linear form, signals and position at rest at the parallelogram's start.
+
+    The desired signals are those of 0.5 s later.
+    """
     experiment = load_experiment("moaljdf_parallelogram", {"law.scheme": scheme})
     law = _law(experiment)
     m, n = law.task_size, experiment.arm.n
@@ -173,21 +280,8 @@ def optimality_gap(run: Run, scheme: Literal["moaljdf", "moaljdf_printed"]) -> f
     u = {"J": arm.J(q)[:m], "Jdot_v": np.zeros(m), "M": arm.M(q)}
     u |= {"bias": arm.bias(q, v), "gravity": arm.gravity(q)}
     u |= {"p_WE_desired": p, "v_WE_desired": p_dot, "a_WE_desired": p_ddot}
-    form = law.linear_form(u, q, arm.p_WE(q)[:m])
-    omega = -np.linalg.solve(form.b_omega, form.b_0)
-    found = form.a_omega @ omega + form.a_0
-
-    # At rest, c and the pull home are zero; the task determines what J v_dot has to be.
-    zeta = 1.0 - cast(float, law.alpha)
-    torques = u["bias"] - u["gravity"]
-    slip, feedback = law.task_beta + law.task_gamma, law.task_beta * law.task_gamma
-    d = feedback * (arm.p_WE(q)[:m] - p) - slip * p_dot
-    conditions = np.zeros((n + m, n + m))
-    conditions[:n, :n] = (1.0 - zeta) * np.eye(n) + zeta * u["M"] @ u["M"]
-    conditions[:n, n:], conditions[n:, :n] = -u["J"].T, u["J"]
-    wanted = p_ddot - law.position_gain * d
-    best = np.linalg.solve(conditions, np.concatenate((-zeta * u["M"] @ torques, wanted)))[:n]
-    return float(np.linalg.norm(found - best) / np.linalg.norm(best))
+    p_WE = arm.p_WE(q)[:m]
+    return law, law.linear_form(u, q, p_WE), u, p_WE
 
 
 def _law(experiment: Any) -> JointDriftFree:

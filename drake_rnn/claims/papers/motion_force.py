@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ...inputs.fields import Array
 from ...laws.parts.primal_dual import PrimalDual
 from ..measuring import Run, signals_of_structure
 
@@ -34,18 +35,45 @@ def effort(run: Run, name: str, changes: Mapping[str, Any] | None = None) -> flo
         changes: Its changes.
     """
     result = run(name, changes)
-    squares = (result.series["velocity"] ** 2).sum(axis=1)
-    return float((squares[1:] + squares[:-1]) @ np.diff(result.time) / 2.0)
+    return _integral((result.series["velocity"] ** 2).sum(axis=1), result.time)
 
 
-def tip_off_the_start(run: Run, name: str) -> float:
+def work(run: Run, name: str, changes: Mapping[str, Any] | None = None) -> float:
+    """Work of all joints against gravity over the run, each taken as positive [J].
+
+    Args:
+        run: Makes a run.
+        name: Experiment.
+        changes: Its changes.
+    """
+    result = run(name, changes)
+    arm = result.experiment.arm.kinematics()
+    torque = np.array([arm.gravity(q) for q in result.series["position"]])
+    return _integral(np.abs(torque * result.series["velocity"]).sum(axis=1), result.time)
+
+
+def network_speed(run: Run, name: str, changes: Mapping[str, Any] | None = None) -> float:
+    """Largest joint velocity of the network, before noise is added, over its bound [1].
+
+    Args:
+        run: Makes a run.
+        name: Experiment.
+        changes: Its changes.
+    """
+    result = run(name, changes)
+    bound = result.experiment.limits.require("velocity", "the claim")
+    return float((np.abs(result.series["network_velocity"]) / bound).max())
+
+
+def tip_off_the_start(run: Run, name: str, changes: Mapping[str, Any] | None = None) -> float:
     """Distance of the tip along the surface, at the end of the run, from its start [m].
 
     Args:
         run: Makes a run.
         name: Experiment, on a horizontal surface.
+        changes: Its changes.
     """
-    p_WE = run(name, None).series["p_WE"]
+    p_WE = run(name, changes).series["p_WE"]
     return float(np.linalg.norm(p_WE[-1, :2] - p_WE[0, :2]))
 
 
@@ -69,3 +97,7 @@ def residual_at_rest(run: Run, seconds: float) -> float:
         z = network.after(np.zeros(_JOINTS + _ROWS), seconds)
         worst = max(worst, float(np.abs(rows @ z[:_JOINTS] - aims).max()))
     return worst
+
+
+def _integral(values: Array, time: Array) -> float:
+    return float((values[1:] + values[:-1]) @ np.diff(time) / 2.0)

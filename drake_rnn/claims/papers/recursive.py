@@ -47,6 +47,17 @@ def displayed_ratio(run: Run, name: str, changes: Mapping[str, Any] | None = Non
     return float((shown / np.array(bounds[: len(shown)])).max())
 
 
+def posture_apart(run: Run, name: str, changes: Mapping[str, Any]) -> float:
+    """Largest difference that changes of an experiment make to its joint positions [rad]."""
+    apart = run(name, {"accept": None, **changes}).series["position"] - run(name).series["position"]
+    return float(np.abs(apart).max())
+
+
+def step_cost(run: Run, name: str) -> float:
+    """Median time of one sample of the run's law alone [us]."""
+    return run(name).timings["control_step_us"]
+
+
 def growth_rate(run: Run, name: str, third_gain: float | None = None) -> float:
     """Largest real part of the roots of the printed chain while nothing saturates [1/s].
 

@@ -17,6 +17,25 @@ from ...robot.self_motion import SelfMotion
 from ...runs.result import Result
 from ..measuring import Run
 
+# |q - q_d| of Tables 1 and 2 [rad], by case.
+_TABLES = {
+    1: (1.289461e-5, 1.177066e-5, 4.891301e-6, 1.499467e-5, 4.350270e-5, 3.934844e-5, 4.115238e-5),
+    2: (5.007557e-8, 9.679112e-8, 3.814844e-8, 2.349258e-7, 9.339705e-9, 1.783016e-7, 1.185032e-8),
+}
+
+
+def factor_to_table(run: Run, name: str, case: int) -> float:
+    """Largest factor, either way, between a joint's error at the end and that of the table [1]."""
+    factors = np.abs(run(name, None).series["joint_error"][-1]) / _TABLES[case]
+    return float(max(factors.max(), 1.0 / factors.min()))
+
+
+def speed_at(run: Run, name: str, time: float) -> float:
+    """Speed of the fastest joint at a time of the run [rad/s]."""
+    result = run(name, None)
+    k = int(np.searchsorted(result.time, time - 1e-9))
+    return float(np.abs(result.series["velocity"][k]).max())
+
 
 def joint_error(run: Run, name: str, joint: int) -> float:
     """Distance of a joint, counted from 1, from its target at the end of the run [rad]."""
@@ -57,12 +76,12 @@ def time_until_slow(run: Run, name: str, share: float) -> float:
     return float(np.append(result.time, np.inf)[above[-1] + 1])
 
 
-def joints_at_speed_limit(run: Run, name: str) -> float:
-    """Number of joints that are at their speed limit at some time, to within a thousandth [1]."""
+def time_at_speed_limit(run: Run, name: str, joint: int) -> float:
+    """Time that a joint, counted from 1, is at its speed limit, to within a thousandth [s]."""
     result = run(name, None)
-    limit = result.experiment.limits.require("velocity", "the claim")
-    at_limit = np.abs(result.series["velocity"]) > limit * (1 - 1e-3)
-    return float(at_limit.any(axis=0).sum())
+    limit = result.experiment.limits.require("velocity", "the claim")[joint - 1]
+    at_limit = np.abs(result.series["velocity"][:, joint - 1]) > limit * (1 - 1e-3)
+    return float(np.diff(result.time, prepend=0.0)[at_limit].sum())
 
 
 def printed_opening(run: Run, rise_times: float) -> float:

@@ -1,0 +1,143 @@
+"""Criteria are no wider than what was measured gives reason for, and nothing is counted twice.
+
+Measured numbers are those that `make claims` wrote to docs/claims.json; no run is made here.
+"""
+
+import json
+import math
+import re
+from dataclasses import replace
+
+import pytest
+from doc_pages import ROOT
+
+from drake_rnn.claims import SCHEMES, Finding, Judgement, read_claims
+
+MEASURED = json.loads((ROOT / "docs" / "claims.json").read_text())
+CLAIMS = {claim.id: claim for scheme in SCHEMES for claim in read_claims(scheme).claims}
+every_claim = pytest.mark.parametrize("name", CLAIMS)
+
+#: How many times a bound may be as far from zero, or as near to it, as what was measured.
+WIDEST = 5.0
+_NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e-?\d+)?")
+
+
+def factor(bound, number):
+    """Return how many times one number is the other, either way; infinite across zero."""
+    if bound * number <= 0.0:
+        return math.inf
+    return max(bound / number, number / bound)
+
+
+def is_wide(criterion, value):
+    """Return whether a bound that is kept is far from the number, and the paper's figure too.
+
+    Zero is a bound that cannot be too wide.
+    """
+    if value is None or not criterion.bounds.holds(value):
+        return False
+    figures = [value, *map(float, _NUMBER.findall(criterion.paper))]
+    bounds = [bound for bound in (criterion.at_least, criterion.at_most) if bound]
+    return any(min(factor(bound, each) for each in figures) > WIDEST for bound in bounds)
+
+
+def complaints(claim):
+    """Return what is wrong with a claim's criteria, beside what was measured."""
+    told = []
+    for criterion, (number, asked, value, _) in zip(
+        claim.criteria, MEASURED[claim.id]["findings"], strict=True
+    ):
+        if (str(criterion), str(criterion.bounds)) != (number, asked):
+            told.append(
+                f"{criterion}: {criterion.bounds} is not what docs/claims.json has: {asked}"
+            )
+        if is_wide(criterion, value) and not criterion.wide_because:
+            told.append(f"{criterion}: {criterion.bounds}, measured {value:.3g}: no wide_because")
+    return told
+
+
+def ten_times_wider(criterion):
+    """Return a criterion with bounds ten times as far from what they let through."""
+
+    def moved(bound, up):
+        return bound if bound is None else bound * (10.0 if (bound > 0.0) == up else 0.1)
+
+    return replace(
+        criterion, at_least=moved(criterion.at_least, False), at_most=moved(criterion.at_most, True)
+    )
+
+
+@every_claim
+def test_criteria_are_as_narrow_as_what_was_measured(name):
+    assert complaints(CLAIMS[name]) == []
+
+
+def test_a_criterion_made_ten_times_wider_is_found():
+    """Each in turn; also if its number is measured anew, if it is met and has no reason."""
+    tried = 0
+    for name, claim in CLAIMS.items():
+        for part, criteria in claim.parts.items():
+            key = {"as stated": "as_stated", "with the correction": "corrected"}.get(part, part)
+            for k, criterion in enumerate(criteria):
+                wider = ten_times_wider(criterion)
+                if str(wider.bounds) == str(criterion.bounds):
+                    continue  # zero
+                tampered = replace(claim, **{key: [*criteria[:k], wider, *criteria[k + 1 :]]})
+                assert complaints(tampered), (name, str(criterion))
+                value = MEASURED[name]["findings"][claim.criteria.index(criterion)][2]
+                if value and criterion.bounds.holds(value) and not criterion.wide_because:
+                    assert is_wide(wider, value), (name, str(criterion))
+                tried += 1
+    assert tried > 150
+
+
+def found(criterion, value):
+    return Finding(criterion, value is not None and criterion.bounds.holds(value))
+
+
+@every_claim
+def test_the_verdict_follows_from_the_data_and_what_holds_instead_does(name):
+    claim, values = CLAIMS[name], (value for _, _, value, _ in MEASURED[name]["findings"])
+    parts = {part: tuple(map(found, criteria, values)) for part, criteria in claim.parts.items()}
+    judgement = Judgement(claim, parts)
+    assert judgement.verdict == MEASURED[name]["verdict"]
+    assert [each.holds for each in judgement.findings] == [
+        met for *_, met in MEASURED[name]["findings"]
+    ]
+    assert all(finding.holds for finding in parts["instead"])
+
+
+@every_claim
+def test_a_number_that_the_paper_prints_is_asked_for_from_both_sides(name):
+    for criterion in CLAIMS[name].criteria:
+        printed = re.match(r"(?:about |around |of order )?(\d\S*)", criterion.paper)
+        if printed and float(printed[1]) != 0.0:
+            assert None not in (criterion.at_least, criterion.at_most), str(criterion)
+
+
+@every_claim
+def test_a_reason_to_be_wide_is_needed(name):
+    """A reason that outlives its bound would hide the next one."""
+    for criterion, (_, _, value, _) in zip(
+        CLAIMS[name].criteria, MEASURED[name]["findings"], strict=True
+    ):
+        if criterion.wide_because:
+            assert is_wide(criterion, value), str(criterion)
+        if criterion.wide_because == "round-off":
+            assert abs(value) < 1e-10, str(criterion)
+
+
+def test_no_claim_holds_twice_by_one_number_without_saying_so():
+    """Rows of the page that rest on the same numbers name each other."""
+    page = (ROOT / "docs" / "claims.md").read_text()
+    rows = {line.split("`")[1]: line for line in page.splitlines() if line.startswith("| `")}
+    numbers = {name: {row[0] for row in MEASURED[name]["findings"]} for name in CLAIMS}
+    shared = 0
+    for one in CLAIMS:
+        for other in CLAIMS:
+            if one != other and one.partition("-")[0] == other.partition("-")[0]:
+                told = re.search(r"Shares a number with ([^|]*)\. \|$", rows[one])
+                named = told[1].split(", ") if told else []
+                assert (other in named) is (not numbers[one].isdisjoint(numbers[other]))
+                shared += other in named
+    assert shared >= 10

@@ -90,15 +90,8 @@ def test_the_page_has_a_row_for_every_claim():
     assert sorted(page_rows()) == sorted(claim.id for _, claim in ALL)
 
 
-#: Papers whose runs are five minutes of the arm's time together, at up to 10 kHz.
-SLOW = ("motion_force", "simultaneous_learning")
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(
-    "scheme",
-    [pytest.param(name, marks=pytest.mark.nightly if name in SLOW else ()) for name in SCHEMES],
-)
+@pytest.mark.nightly
+@pytest.mark.parametrize("scheme", SCHEMES)
 def test_the_verdicts_are_those_on_the_page(scheme):
     claims, rows = read_claims(scheme), page_rows()
     judge = Judge(claims, SharedRuns())

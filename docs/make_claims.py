@@ -13,7 +13,7 @@ from drake_rnn.report.markdown import claims_table, counts_table, title_of
 _HEAD = """\
 # What the papers claim, and what holds
 
-<!-- Made by `make claims`, with claims.json; long and nightly tests compare the verdicts. -->
+<!-- Made by `make claims`, with claims.json; nightly tests compare the verdicts. -->
 
 This page lists every numbered table, figure, theorem and remark of the five papers, and what their
 text states in numbers, row by row. The rows are data, a file for each paper in

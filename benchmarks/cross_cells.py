@@ -49,6 +49,8 @@ _ALONG: dict[str, dict[str, Any]] = {
         "law": _slc(),
         "dither": {"model": "actuated", "sigma": 0.03, "hold": 1e-3},
     },
+    "adaptive, known J": {"law": {"kind": "adaptive"}},
+    "adaptive, learned": {"law": {"kind": "adaptive", "jacobian": "learned"}},
     "man": {"law": _jdf("man")},
     "galjdf": {"law": _jdf("galjdf")},
     "naljdf": {"law": _jdf("naljdf")},

@@ -13,6 +13,7 @@ from typing import Any, TypeVar, dataclass_transform, get_type_hints
 import typer
 
 from ..inputs.lending import lent
+from .interrupting import begun
 
 T = TypeVar("T")
 
@@ -38,7 +39,9 @@ def add_command(app: typer.Typer, name: str, place: str, asked: type) -> None:
     """
 
     def carry_out(**given: Any) -> None:
-        lent(f"{__package__}.{place}")(asked(**given))
+        function = lent(f"{__package__}.{place}")
+        begun()
+        function(asked(**given))
 
     vars(carry_out)["__signature__"] = Signature(_parameters(asked))
     app.command(name, help=getdoc(asked))(carry_out)

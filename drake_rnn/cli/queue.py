@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import takewhile
 from multiprocessing import active_children, get_context
@@ -94,7 +95,7 @@ def run_in_turn(
     outcomes: list[Outcome] = []
     shown: list[Result] = []
     for task, experiment in zip(tasks, experiments, strict=True):
-        with errors():
+        with errors(), _naming(tasks[len(outcomes) + 1 :]):
             beside = shown if len(outcomes) >= ahead else []
             result = _perform(task, experiment, beside)
         if len(outcomes) < ahead:
@@ -103,6 +104,17 @@ def run_in_turn(
         if result.status == "interrupted":
             break
     return outcomes
+
+
+@contextmanager
+def _naming(left: Sequence[Task]) -> Iterator[None]:
+    """Add to an interrupt what is not run because of it."""
+    try:
+        yield
+    except KeyboardInterrupt as interrupt:
+        said = str(interrupt) or "interrupted"
+        named = f"; not run: {', '.join(task.name for task in left)}" if left else ""
+        raise KeyboardInterrupt(said + named) from None
 
 
 def run_at_once(tasks: Sequence[Task], jobs: int) -> list[Outcome]:
@@ -172,19 +184,20 @@ def _perform_apart(task: Task, width: int, quiet: bool) -> tuple[Outcome, str, s
     out.width, out.quiet = width, quiet
     signal.signal(signal.SIGINT, _interrupt_once)
     outcome = Outcome(task.name, task.folder, {"status": "interrupted", "accept": {}}, {})
-    with out.capture() as said, err.capture() as complained:
+    with out.capture() as told, err.capture() as complained:
         try:
             result = _perform(task, load_experiment(task.experiment, task.changes), (), bar=False)
             outcome = Outcome(task.name, task.folder, result.record, result.metrics)
-        except KeyboardInterrupt:
-            err.print(f"[red]failed[/] {escape(task.name)}: interrupted")
+        except KeyboardInterrupt as interrupt:
+            said = str(interrupt) or "interrupted"
+            err.print(f"[red]failed[/] {escape(f'{task.name}: {said}')}")
         except (DrakeRnnError, OSError) as error:
             err.print(f"[red]error[/] {escape(f'{task.name}: {error}')}")
             record = {"status": "failed", "failure": str(error), "accept": {}}
             outcome = Outcome(task.name, task.folder, record, {})
         finally:
             _wait_quietly()
-    return outcome, said.get(), complained.get()
+    return outcome, told.get(), complained.get()
 
 
 def _perform(

@@ -22,9 +22,9 @@ from ..tuning import Trial, Tuned, Tuning
 from ..tuning.bounds import Between, parse_between
 from .asked import Tune
 from .changing import changes_of, require_writable, tell_of_window
-from .command import FAILED
 from .comparing import comparison_table
 from .console import err, errors, finish, out, print_whole, silenced, status
+from .interrupting import INTERRUPTED
 
 
 def tune_gains(asked: Tune) -> None:
@@ -68,7 +68,7 @@ def _left_at_once() -> Iterator[None]:
         err.print("[red]failed[/] interrupted; nothing was written")
         for stream in (sys.stdout, sys.stderr):
             stream.flush()
-        os._exit(FAILED)
+        os._exit(INTERRUPTED)
 
 
 def _bounds(between: list[str] | None) -> dict[str, Between]:

@@ -1,4 +1,4 @@
-"""Wrong usage of the command line, refused in one sentence like any other input."""
+"""How a command is called, and left before its end: in one sentence, like any other refusal."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import typer
 from typer.core import TyperGroup
 
 from .command import BAD_INPUT
+from .interrupting import INTERRUPTED
 
 # The class that typer's errors of usage share has no public name.
 _UsageError: Any = typer.BadParameter.__mro__[1]
@@ -43,6 +44,10 @@ def _plainly() -> Iterator[None]:
         typer.secho("error", fg="red", nl=False, err=True)
         typer.echo(f" {said[:1].lower() + said[1:]}; see `{command} --help`", err=True)
         raise typer.Exit(BAD_INPUT) from error
+    except KeyboardInterrupt as interrupt:
+        # Typer would say nothing.
+        typer.echo(str(interrupt) or "interrupted", err=True)
+        raise typer.Exit(INTERRUPTED) from None
 
 
 def _name(ctx: Any) -> str:

@@ -5,16 +5,15 @@ from __future__ import annotations
 import os
 import shutil
 import signal
-import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import FrameType
 from typing import Any
 
 from ..errors import InvalidInputError
+from ..inputs.signals_held import signals_held
 
 #: Names under which Chromium and its relatives are installed; the first one found is used.
 _NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
@@ -81,14 +80,14 @@ def open_browser(
         service = webdriver.ChromeService(program, popen_kw={"start_new_session": True})
         driver = None
         try:
-            with _uninterrupted():
+            with signals_held():
                 driver = _started(webdriver, options, service)
             driver.set_page_load_timeout(_PATIENCE)
             driver.set_script_timeout(_PATIENCE)
             _fit_page(driver, size)
             yield driver
         finally:
-            with _uninterrupted():
+            with signals_held():
                 _end(driver, service)
 
 
@@ -163,25 +162,3 @@ def _end(driver: Any, service: Any) -> None:
     if process is not None:
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(process.pid, signal.SIGKILL)
-
-
-@contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Let Ctrl-C and SIGTERM wait until the block has ended."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    waiting: list[int] = []
-
-    def note(number: int, frame: FrameType | None) -> None:
-        waiting.append(number)
-
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.signal(number, note) for number in numbers]
-    try:
-        yield
-    finally:
-        for number, handler in zip(numbers, before, strict=True):
-            signal.signal(number, handler)
-        if waiting:
-            signal.raise_signal(waiting[0])

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 from drake_rnn import InvalidInputError, simulate
 from drake_rnn.campaigns import perform, run_campaign
-from drake_rnn.cli import app
+from drake_rnn.cli.commands import app
 from drake_rnn.experiment import load_experiment, parse_change
 from drake_rnn.figures.campaign import strongest
 from drake_rnn.inputs.documents import to_yaml

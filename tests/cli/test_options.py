@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from drake_rnn import Result
-from drake_rnn.cli import app
+from drake_rnn.cli.commands import app
 from drake_rnn.runs import simulation
 
 LINE, OTHER = "pinv_line", "pinv_line_ur5"

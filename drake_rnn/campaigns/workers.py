@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import os
-import signal
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, CancelledError, Future, ProcessPoolExecutor
 from functools import partial
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
-from threading import Thread
 from typing import Any, Protocol
 
 from ..errors import DrakeRnnError
+from ..inputs.lifeline import begin, deaf_children
 
 
 class Handle(Protocol):
@@ -105,13 +104,16 @@ class Processes(Workers):
 
     Args:
         jobs: Number of processes.
+        deaf: Whether they leave Ctrl-C, which in a terminal reaches all processes, to this one;
+            otherwise it ends those whose task does not say better.
     """
 
     deaths = (BrokenExecutor,)
     losses = ()
 
-    def __init__(self, jobs: int) -> None:
+    def __init__(self, jobs: int, deaf: bool = True) -> None:
         super().__init__(self, jobs)
+        self._deaf = deaf
         self._idle: list[ProcessPoolExecutor] = []
         self._lifelines: list[Connection] = []
 
@@ -135,7 +137,8 @@ class Processes(Workers):
     def _handed(
         self, process: ProcessPoolExecutor, task: Callable[..., Any], *arguments: Any
     ) -> Future[Any]:
-        future = process.submit(task, *arguments)
+        with deaf_children():
+            future = process.submit(task, *arguments)
         future.add_done_callback(partial(self._back, process))
         return future
 
@@ -151,18 +154,4 @@ class Processes(Workers):
         end, lifeline = context.Pipe(duplex=False)
         self._lifelines.append(lifeline)
         # One process per pool: a larger pool loses all its tasks if one process crashes.
-        return ProcessPoolExecutor(1, context, _begin, (end,))
-
-
-def _begin(lifeline: Connection) -> None:
-    # Ctrl-C in a terminal reaches all processes; the main process decides what to do.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    Thread(target=_end_with, args=(lifeline,), daemon=True).start()
-
-
-def _end_with(lifeline: Connection) -> None:
-    """End this process when the other end of a pipe is closed, or its process has ended."""
-    try:
-        lifeline.recv()
-    except (EOFError, OSError):
-        os._exit(1)
+        return ProcessPoolExecutor(1, context, begin, (end, self._deaf))

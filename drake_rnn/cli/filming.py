@@ -50,7 +50,7 @@ def film(asked: Film) -> None:
             with _bar() as progress:
                 written = write_film(result, file, settings, others, progress)
         except KeyboardInterrupt:
-            err.print("[red]failed[/] film: interrupted; nothing is written")
+            err.print("interrupted: no film was written")
             raise typer.Exit(INTERRUPTED) from None
     out.print(escape(f"film      {written}"), soft_wrap=True)
 

@@ -6,16 +6,17 @@ import os
 import signal
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import takewhile
-from multiprocessing import active_children, get_context
+from multiprocessing import active_children
 from pathlib import Path
 from typing import Any
 
 from rich.markup import escape
 
+from ..campaigns.workers import Processes
 from ..errors import DrakeRnnError
 from ..experiment import Experiment, load_experiment
 from ..runs.result import Result
@@ -124,33 +125,40 @@ def run_at_once(tasks: Sequence[Task], jobs: int) -> list[Outcome]:
         tasks: The tasks.
         jobs: Number of processes.
     """
-    # Drake has started threads, which a forked process would not inherit.
-    context = get_context("spawn")
     outcomes: list[Outcome] = []
     futures: list[_Apart] = []
-    with ProcessPoolExecutor(jobs, mp_context=context, initializer=_wait_quietly) as pool:
-        try:
-            for task in tasks:
-                # What is handed over cannot be taken back, so only what can begin is.
-                if len(running := [each for each in futures if not each.done()]) >= jobs:
-                    wait(running, return_when=FIRST_COMPLETED)
-                outcomes += _due(futures[len(outcomes) :])
-                futures.append(pool.submit(_perform_apart, task, out.width, out.quiet))
-            for future in futures[len(outcomes) :]:
-                wait([future])
-                outcomes += _due([future])
-        except KeyboardInterrupt:
-            _interrupt(futures)
-            outcomes += map(_told, futures[len(outcomes) :])
+    workers = Processes(jobs, deaf=False)
+    try:
+        for task in tasks:
+            # What is handed over cannot be taken back, so only what can begin is.
+            if len(running := [each for each in futures if not each.done()]) >= jobs:
+                wait(running, return_when=FIRST_COMPLETED)
+            outcomes += _due(tasks, futures, len(outcomes))
+            futures.append(workers.submit(_perform_apart, task, out.width, out.quiet))
+        while len(outcomes) < len(futures):
+            wait(futures[: len(outcomes) + 1])
+            outcomes += _due(tasks, futures, len(outcomes))
+    except KeyboardInterrupt:
+        _interrupt(futures)
+        # A process that has not begun has nothing to keep, and has ended at once.
+        outcomes += [
+            _told(task, future)
+            for task, future in zip(tasks[len(outcomes) :], futures[len(outcomes) :], strict=False)
+            if future.exception() is None
+        ]
+    finally:
+        workers.stop()
     return outcomes
 
 
-def _due(futures: Sequence[_Apart]) -> list[Outcome]:
-    """Return and tell of the first tasks as far as they are done, if none was interrupted."""
-    done = list(takewhile(Future.done, futures))
-    if any(future.result()[0].record["status"] == "interrupted" for future in done):
-        raise KeyboardInterrupt
-    return list(map(_told, done))
+def _due(tasks: Sequence[Task], futures: Sequence[_Apart], told: int) -> list[Outcome]:
+    """Return and tell of the next tasks as far as they are done, if none was interrupted."""
+    due: list[Outcome] = []
+    for task, future in zip(tasks[told:], takewhile(Future.done, futures[told:]), strict=False):
+        due.append(_told(task, future))
+        if due[-1].record["status"] == "interrupted":
+            raise KeyboardInterrupt
+    return due
 
 
 def _interrupt(futures: Sequence[_Apart]) -> None:
@@ -161,16 +169,17 @@ def _interrupt(futures: Sequence[_Apart]) -> None:
                 os.kill(child.pid, signal.SIGINT)
 
 
-def _told(future: _Apart) -> Outcome:
-    outcome, said, complained = future.result()
+def _told(task: Task, future: _Apart) -> Outcome:
+    try:
+        outcome, said, complained = future.result()
+    except BrokenExecutor:
+        failure = "its process was killed, perhaps for want of memory"
+        err.print(f"[red]failed[/] {escape(f'{task.name}: {failure}')}")
+        record = {"status": "failed", "failure": failure, "accept": {}}
+        return Outcome(task.name, task.folder, record, {})
     sys.stdout.write(said)
     sys.stderr.write(complained)
     return outcome
-
-
-def _wait_quietly() -> None:
-    # A process without a task has nothing to keep, and nothing to say when it is stopped.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _interrupt_once(number: int, frame: Any) -> None:
@@ -196,7 +205,8 @@ def _perform_apart(task: Task, width: int, quiet: bool) -> tuple[Outcome, str, s
             record = {"status": "failed", "failure": str(error), "accept": {}}
             outcome = Outcome(task.name, task.folder, record, {})
         finally:
-            _wait_quietly()
+            # A process without a task has nothing to keep.
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
     return outcome, told.get(), complained.get()
 
 

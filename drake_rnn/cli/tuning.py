@@ -12,7 +12,7 @@ from typing import Any
 from rich.markup import escape
 
 from ..arrays.jax_module import require_jax
-from ..errors import InvalidInputError
+from ..errors import InterruptedRunError, InvalidInputError
 from ..experiment import load_experiment, read_document
 from ..figures.tuning import tuning_figure
 from ..inputs.documents import to_yaml
@@ -64,8 +64,8 @@ def _left_at_once() -> Iterator[None]:
     """
     try:
         yield
-    except KeyboardInterrupt:
-        err.print("[red]failed[/] interrupted; nothing was written")
+    except (KeyboardInterrupt, InterruptedRunError):
+        err.print("interrupted: nothing was written")
         for stream in (sys.stdout, sys.stderr):
             stream.flush()
         os._exit(INTERRUPTED)

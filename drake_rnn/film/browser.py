@@ -78,7 +78,6 @@ def open_browser(
         options.set_capability("goog:loggingPrefs", logs or {"browser": "ALL"})
         # Ctrl-C goes to a whole group: in another one the driver can still end the browser.
         service = webdriver.ChromeService(program, popen_kw={"start_new_session": True})
-        driver = None
         try:
             with signals_held():
                 driver = _started(webdriver, options, service)
@@ -86,9 +85,13 @@ def open_browser(
             driver.set_script_timeout(_PATIENCE)
             _fit_page(driver, size)
             yield driver
+            with signals_held(), suppress(Exception):
+                # A browser that has crashed cannot be asked to quit; others are asked only where
+                # nobody waits for it.
+                driver.quit()
         finally:
             with signals_held():
-                _end(driver, service)
+                _end(service)
 
 
 def complaints(driver: Any) -> list[str]:
@@ -150,15 +153,12 @@ def _fit_page(driver: Any, size: tuple[int, int]) -> None:
     driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
 
 
-def _end(driver: Any, service: Any) -> None:
+def _end(service: Any) -> None:
     """End the browser, its driver and all processes that they have started."""
     process = service.process
-    # A browser that has crashed cannot be asked to quit.
-    with suppress(Exception):
-        if driver is not None:
-            driver.quit()
-    with suppress(Exception):
-        service.stop()
     if process is not None:
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(process.pid, signal.SIGKILL)
+    # It takes a second to find that out.
+    with suppress(Exception):
+        service.stop()

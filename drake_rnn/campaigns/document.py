@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -15,6 +14,7 @@ from ..experiment import require_none_lost
 from ..inputs.complaints import nearest, require_type
 from ..inputs.documents import construct, read_named
 from ..inputs.fields import Count, Seed, validated
+from ..inputs.names import require_folder_name
 from ..measures import METRIC_NAMES
 from .variation import Axis, Distribution, variation_of
 
@@ -73,8 +73,7 @@ class CampaignDocument:
     method: Literal["auto", "simulate", "batch"] = "auto"
 
     def __post_init__(self) -> None:
-        if re.search(r"[/\\\x00-\x1f]|^\.+$", self.name):
-            raise ValueError(f"name: must be a valid folder name, not {self.name!r}")
+        require_folder_name("name", self.name)
         for metric in self.metrics:
             if metric not in METRIC_NAMES:
                 raise ValueError(

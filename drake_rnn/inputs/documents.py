@@ -16,12 +16,15 @@ from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
 from ..errors import InvalidInputError
 from .complaints import nearest, plain, sentence
+from .given_file import content_of
 from .own_code import naming
 
 T = TypeVar("T")
 
 #: Values that a document may hold; tables of points belong into CSV files.
 _MOST_VALUES = 1_000_000
+# Size of a document, which takes some 5 s to read for each of its megabytes [bytes].
+_MOST_BYTES = 1_000_000
 
 
 def parse_yaml(text: str, source: str) -> Any:
@@ -77,11 +80,13 @@ def read_yaml(file: Path) -> Any:
         InvalidInputError: If the file is missing, unreadable, not YAML, or holds a key twice.
     """
     try:
-        text = file.read_text()
+        text = content_of(file, _MOST_BYTES).decode("utf-8-sig")
     except OSError as error:
         raise InvalidInputError(f"{file}: {error.strerror}") from None
     except UnicodeDecodeError:
         raise InvalidInputError(f"{file}: not a text file") from None
+    except ValueError as error:
+        raise InvalidInputError(f"{file}: {error}") from None
     return parse_yaml(text, str(file))
 
 

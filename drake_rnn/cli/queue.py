@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from itertools import takewhile
 from multiprocessing import active_children
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from rich.markup import escape
 
@@ -134,7 +134,8 @@ def run_at_once(tasks: Sequence[Task], jobs: int) -> list[Outcome]:
             if len(running := [each for each in futures if not each.done()]) >= jobs:
                 wait(running, return_when=FIRST_COMPLETED)
             outcomes += _due(tasks, futures, len(outcomes))
-            futures.append(workers.submit(_perform_apart, task, out.width, out.quiet))
+            handle = workers.submit(_perform_apart, task, out.width, out.quiet)
+            futures.append(cast("_Apart", handle))
         while len(outcomes) < len(futures):
             wait(futures[: len(outcomes) + 1])
             outcomes += _due(tasks, futures, len(outcomes))

@@ -159,7 +159,7 @@ def _table(
     return Table(rows, dict(zip(names, values.T, strict=True)))
 
 
-def _refuse_first(cells: Sequence[Any], row: int, number: Callable[[Any], float]) -> None:
+def _refuse_first(cells: Iterable[Any], row: int, number: Callable[[Any], float]) -> None:
     """Raise a ValueError that names the first cell that is no number."""
     for column, cell in enumerate(cells, 1):
         try:

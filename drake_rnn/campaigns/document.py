@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from ..diagrams import CAMPAIGNS
-from ..experiment import require_none_lost
+from ..experiment import require_apart, require_distinct, require_none_lost
 from ..inputs.complaints import nearest, require_type
 from ..inputs.documents import construct, read_named
 from ..inputs.fields import Count, Seed, validated
@@ -85,10 +85,13 @@ class CampaignDocument:
             if key in self.changes:
                 raise ValueError(f"vary.{key}: is also in changes; it cannot be both")
         require_none_lost({**self.changes, **self.vary}, "vary")
+        require_apart(self.vary, "vary")
         self._check_samples()
         self._check_together()
         if self.count > MOST_ROWS:
             raise ValueError(f"vary: makes {self.count} rows; there may be {MOST_ROWS}")
+        if self.samples is None:
+            self._check_steps()
 
     def _check_samples(self) -> None:
         if self.distributions and self.samples is None:
@@ -112,6 +115,14 @@ class CampaignDocument:
             if len(set(counts.values())) > 1:
                 told = ", ".join(f"{key} has {count}" for key, count in counts.items())
                 raise ValueError(f"together: must have as many values as one another; {told}")
+
+    def _check_steps(self) -> None:
+        """Raise an InvalidInputError if a value, or values that advance together, come twice."""
+        axes = self.axes
+        for group in self.groups:
+            listed = [axes[key].listed() for key in group]
+            steps = listed[0] if len(group) == 1 else list(zip(*listed, strict=True))
+            require_distinct(f"vary.{' and '.join(group)}", steps)
 
     @property
     def variations(self) -> dict[str, Axis | Distribution]:

@@ -21,6 +21,8 @@ from ..experiment import (
     Experiment,
     load_experiment,
     read_document,
+    require_apart,
+    require_distinct,
     require_none_lost,
 )
 from ..inputs.complaints import require_type, short
@@ -202,9 +204,8 @@ def _check_axes(over: Mapping[str, Sequence[Any]]) -> None:
         require_type(f"over.{key}", values, list, tuple)
         if not values:
             raise InvalidInputError(f"over.{key}: must have one value or more, not []")
-        told = [short(value) for value in values]
-        if twice := [each for each in told if told.count(each) > 1]:
-            raise InvalidInputError(f"over.{key}: has the value {twice[0]} twice")
+        require_distinct(f"over.{key}", values)
+    require_apart(over, "over")
 
 
 #: Keys that decide whether a path is in reach, besides whether the law holds the orientation.

@@ -14,11 +14,9 @@ import typer
 
 from ..inputs.lending import lent
 from .interrupting import begun
+from .usage import Command
 
 T = TypeVar("T")
-
-#: Exit statuses.
-FAILED, BAD_INPUT, NOT_MET = 1, 2, 3
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
@@ -44,7 +42,7 @@ def add_command(app: typer.Typer, name: str, place: str, asked: type) -> None:
         function(asked(**given))
 
     vars(carry_out)["__signature__"] = Signature(_parameters(asked))
-    app.command(name, help=getdoc(asked))(carry_out)
+    app.command(name, cls=Command, help=getdoc(asked))(carry_out)
 
 
 def _parameters(asked: type) -> list[Parameter]:

@@ -23,8 +23,8 @@ from .announcing import print_data, told_of
 from .asked import Compare
 from .changing import changes_of, require_writable, tell_of_window
 from .console import err, errors, finish, out, print_whole, silenced
-from .interrupting import INTERRUPTED
 from .simulating import simulated
+from .statuses import INTERRUPTED
 
 # Names that a folder of a comparison is called after.
 _NAMED = 3

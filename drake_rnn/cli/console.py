@@ -12,8 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from ..errors import DrakeRnnError, InterruptedRunError, SimulationError
-from .command import BAD_INPUT, FAILED, NOT_MET
-from .interrupting import INTERRUPTED
+from .statuses import BAD_INPUT, FAILED, INTERRUPTED, NOT_MET
 
 # Width of tables in a pipe or a file [characters].
 _WIDTH = None if sys.stdout.isatty() else 140

@@ -16,7 +16,7 @@ from ..film import FilmProgress, FilmSettings, write_film
 from ..runs.result import Result
 from .asked import Film
 from .console import err, errors, out
-from .interrupting import INTERRUPTED
+from .statuses import INTERRUPTED
 
 _UNITS = {"": 1, "B": 1, "KB": 1_000, "MB": 1_000_000}
 #: Options that have other names than the settings that they are.

@@ -10,8 +10,8 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
-#: Exit status of a command that was told to end before it was done.
-INTERRUPTED = 130
+from .statuses import INTERRUPTED
+
 # The first two calls stop what is being done, and what is being written of it; the next one waits
 # for nothing.
 _PATIENCE = 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 from pathlib import Path
@@ -21,5 +22,7 @@ def main() -> None:
             sys.path.append(str(Path.cwd()))
         # Figures are written to files, whatever windows the environment asks for.
         os.environ["MPLBACKEND"] = "Agg"
+        # Where its cache cannot be written to, it works nevertheless, and says so at length.
+        logging.getLogger("matplotlib").setLevel(logging.ERROR)
         # Importing it takes long enough to be interrupted.
         lent(f"{__package__}.commands:app")()

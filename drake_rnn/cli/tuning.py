@@ -24,7 +24,7 @@ from .asked import Tune
 from .changing import changes_of, require_writable, tell_of_window
 from .comparing import comparison_table
 from .console import err, errors, finish, out, print_whole, silenced, status
-from .interrupting import INTERRUPTED
+from .statuses import INTERRUPTED
 
 
 def tune_gains(asked: Tune) -> None:

@@ -7,13 +7,26 @@ from contextlib import contextmanager
 from typing import Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
-from .command import BAD_INPUT
-from .interrupting import INTERRUPTED
+from .statuses import BAD_INPUT, INTERRUPTED
 
 # The class that typer's errors of usage share has no public name.
 _UsageError: Any = typer.BadParameter.__mro__[1]
+
+
+class Command(TyperCommand):
+    """A command; an option that takes one value is refused if it is given twice."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> Any:
+        """See `TyperCommand.parse_args`."""
+        parser: Any = self.make_parser(ctx)
+        _, _, given = parser.parse_args(list(args))
+        for option in given:
+            one = not option.multiple and not getattr(option, "is_flag", True)
+            if one and given.count(option) > 1:
+                raise _UsageError(f"option {option.opts[0]!r} is given twice", ctx)
+        return super().parse_args(ctx, args)
 
 
 class Commands(TyperGroup):

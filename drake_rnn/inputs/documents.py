@@ -102,6 +102,11 @@ def read_named(name: str, shipped: Mapping[str, Path], section: str) -> tuple[di
         InvalidInputError: If there is no such document, or the file is not a YAML mapping.
     """
     file = shipped.get(name, Path(name))
+    if (file / f"{section}.yaml").is_file():
+        raise InvalidInputError(
+            f"{section}: {name} is the folder of a run; its document is {file / section}.yaml, and "
+            f"`drake-rnn plot`, `replay`, `film` and `compare` take the folder"
+        )
     if file.suffix not in {".yaml", ".yml"}:
         raise InvalidInputError(
             f"{section}: no {section} {name!r}; {nearest(name, sorted(shipped))}, or a .yaml file"

@@ -16,7 +16,7 @@ from ..inputs.documents import construct, read_named
 from ..inputs.fields import Count, Seed, validated
 from ..inputs.names import require_folder_name
 from ..measures import METRIC_NAMES
-from .variation import Axis, Distribution, variation_of
+from .variation import Axis, Distribution, Values, variation_of
 
 _Share = Annotated[float, Field(strict=True, gt=0, lt=1)]
 #: Largest number of rows of a campaign; each row is a file while the campaign runs.
@@ -120,6 +120,8 @@ class CampaignDocument:
         """Raise an InvalidInputError if a value, or values that advance together, come twice."""
         axes = self.axes
         for group in self.groups:
+            if not all(isinstance(axes[key], Values) for key in group):
+                continue
             listed = [axes[key].listed() for key in group]
             steps = listed[0] if len(group) == 1 else list(zip(*listed, strict=True))
             require_distinct(f"vary.{' and '.join(group)}", steps)
@@ -180,7 +182,7 @@ def read_campaign(
 
 def _read(name: str) -> dict[str, Any]:
     shipped = {file.stem: file for file in CAMPAIGNS.glob("*.yaml")}
-    contents, file = read_named(name, shipped, "campaign")
+    contents, file = read_named(name, shipped, "campaign", CampaignDocument)
     experiment = contents.get("experiment")
     if isinstance(experiment, str) and (file.parent / experiment).is_file():
         # Relative to the campaign, as files in an experiment are relative to it.

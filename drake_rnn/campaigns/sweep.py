@@ -177,6 +177,7 @@ def planned(
     if both := sorted(over.keys() & changes.keys()):
         raise InvalidInputError(f"--over: {both[0]!r} is also set; it cannot be both")
     require_none_lost({**changes, **over}, "--over")
+    require_apart(over, "--over")
     base = shared_document(experiment, changes)
     arms, followed = Arms(), set[str]()
     orders = []
@@ -205,7 +206,6 @@ def _check_axes(over: Mapping[str, Sequence[Any]]) -> None:
         if not values:
             raise InvalidInputError(f"over.{key}: must have one value or more, not []")
         require_distinct(f"over.{key}", values)
-    require_apart(over, "over")
 
 
 #: Keys that decide whether a path is in reach, besides whether the law holds the orientation.

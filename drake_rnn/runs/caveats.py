@@ -16,6 +16,8 @@ from ..systems import Body
 _FAR, _FAR_JOINT = 5e-3, 0.02
 # Excess of a limit that is no rounding error [rad, rad/s].
 _BEYOND = 1e-6
+# Excess of a limit of acceleration that is more than motors that follow well make [rad/s^2].
+_BEYOND_BY_MOTORS = 0.1
 
 
 def standing(found: Sequence[Forecast], metrics: Mapping[str, float]) -> list[str]:
@@ -36,13 +38,17 @@ def standing(found: Sequence[Forecast], metrics: Mapping[str, float]) -> list[st
 def limit_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[str]:
     """Return warnings about limits of position and velocity that an arm cannot exceed, and did.
 
-    Those that are kept by construction have a verdict of their own. Of what the
-    path itself asks for too much there was a warning before the run.
+    With motors also about a limit of acceleration that the law keeps of its command. Limits that
+    are kept by construction have a verdict of their own. Of what the path itself asks for too much
+    there was a warning before the run.
     """
     caveats = []
-    for name in ("position", "velocity"):
+    watched = {"position": _BEYOND, "velocity": _BEYOND}
+    if experiment.level.has_motors and "acceleration" in experiment.law.keeps:
+        watched["acceleration"] = _BEYOND_BY_MOTORS
+    for name, most in watched.items():
         excess, unit = metrics.get(violation_metric(name), 0.0), LIMIT_UNITS[name]
-        if excess > _BEYOND and name not in experiment.kept_limits:
+        if excess > most and name not in experiment.kept_limits:
             caveats.append(
                 f"limits: the arm exceeds a limit of {name} by {excess:.3g} {unit}; "
                 f"{_why(name, experiment)}"

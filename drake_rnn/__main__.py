@@ -1,6 +1,6 @@
 """Entry point of ``python -m drake_rnn``."""
 
-from .cli.commands import main
+from .cli import main
 
 if __name__ == "__main__":
     main()

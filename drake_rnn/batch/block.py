@@ -110,7 +110,9 @@ class Block:
         try:
             after: Array = self._step(t, x, u, period)
             return after
-        except Exception:
+        except KeyboardInterrupt:
+            raise
+        except BaseException:
             # The error of one robot, e.g. a singular matrix, stops the step of all.
             alone = [self._stepped_alone(k, t, x, u) for k in range(len(x))]
             return np.stack(alone, axis=-1).T
@@ -121,7 +123,9 @@ class Block:
         try:
             after: Array = unchecked(law.step)(t, x[only], seen, self.schedule.period)
             return after[0]
-        except Exception as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
             reason = f"{type(law).__name__}.step raised {described(error)}"
             self.failures.setdefault(robot, Failure(t, reason))
             return np.full(x.shape[-1], np.nan)

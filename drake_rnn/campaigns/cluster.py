@@ -31,11 +31,8 @@ def cluster_at(address: str) -> DaskWorkers:
     Raises:
         InvalidInputError: If Dask is not installed, or no scheduler answers.
     """
+    require_address(address)
     distributed = _dask()
-    if not re.fullmatch(r"([a-z]+://)?\S+:\d+", str(address)):
-        raise InvalidInputError(
-            f"--scheduler: must be an address such as tcp://10.0.0.1:8786, not {address!r}"
-        )
     # Dask logs at length what the message below says in one sentence.
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     try:
@@ -44,6 +41,14 @@ def cluster_at(address: str) -> DaskWorkers:
         told = " ".join(str(error).split()) or type(error).__name__
         raise InvalidInputError(f"--scheduler: no scheduler answers at {address}: {told}") from None
     return DaskWorkers(client, owned=True)
+
+
+def require_address(address: str) -> None:
+    """Raise an InvalidInputError unless a text is the address of a scheduler."""
+    if not re.fullmatch(r"([a-z]+://)?\S+:\d+", str(address)):
+        raise InvalidInputError(
+            f"--scheduler: must be an address such as tcp://10.0.0.1:8786, not {address!r}"
+        )
 
 
 class DaskWorkers(Workers):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -11,12 +10,13 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from ..diagrams import CAMPAIGNS
-from ..experiment import require_none_lost
+from ..experiment import require_apart, require_distinct, require_none_lost
 from ..inputs.complaints import nearest, require_type
 from ..inputs.documents import construct, read_named
 from ..inputs.fields import Count, Seed, validated
+from ..inputs.names import require_folder_name
 from ..measures import METRIC_NAMES
-from .variation import Axis, Distribution, variation_of
+from .variation import Axis, Distribution, Values, variation_of
 
 _Share = Annotated[float, Field(strict=True, gt=0, lt=1)]
 #: Largest number of rows of a campaign; each row is a file while the campaign runs.
@@ -73,8 +73,7 @@ class CampaignDocument:
     method: Literal["auto", "simulate", "batch"] = "auto"
 
     def __post_init__(self) -> None:
-        if re.search(r"[/\\\x00-\x1f]|^\.+$", self.name):
-            raise ValueError(f"name: must be a valid folder name, not {self.name!r}")
+        require_folder_name("name", self.name)
         for metric in self.metrics:
             if metric not in METRIC_NAMES:
                 raise ValueError(
@@ -86,10 +85,13 @@ class CampaignDocument:
             if key in self.changes:
                 raise ValueError(f"vary.{key}: is also in changes; it cannot be both")
         require_none_lost({**self.changes, **self.vary}, "vary")
+        require_apart(self.vary, "vary")
         self._check_samples()
         self._check_together()
         if self.count > MOST_ROWS:
             raise ValueError(f"vary: makes {self.count} rows; there may be {MOST_ROWS}")
+        if self.samples is None:
+            self._check_steps()
 
     def _check_samples(self) -> None:
         if self.distributions and self.samples is None:
@@ -113,6 +115,16 @@ class CampaignDocument:
             if len(set(counts.values())) > 1:
                 told = ", ".join(f"{key} has {count}" for key, count in counts.items())
                 raise ValueError(f"together: must have as many values as one another; {told}")
+
+    def _check_steps(self) -> None:
+        """Raise an InvalidInputError if a value, or values that advance together, come twice."""
+        axes = self.axes
+        for group in self.groups:
+            if not all(isinstance(axes[key], Values) for key in group):
+                continue
+            listed = [axes[key].listed() for key in group]
+            steps = listed[0] if len(group) == 1 else list(zip(*listed, strict=True))
+            require_distinct(f"vary.{' and '.join(group)}", steps)
 
     @property
     def variations(self) -> dict[str, Axis | Distribution]:
@@ -170,7 +182,7 @@ def read_campaign(
 
 def _read(name: str) -> dict[str, Any]:
     shipped = {file.stem: file for file in CAMPAIGNS.glob("*.yaml")}
-    contents, file = read_named(name, shipped, "campaign")
+    contents, file = read_named(name, shipped, "campaign", CampaignDocument)
     experiment = contents.get("experiment")
     if isinstance(experiment, str) and (file.parent / experiment).is_file():
         # Relative to the campaign, as files in an experiment are relative to it.

@@ -21,6 +21,8 @@ from ..experiment import (
     Experiment,
     load_experiment,
     read_document,
+    require_apart,
+    require_distinct,
     require_none_lost,
 )
 from ..inputs.complaints import require_type, short
@@ -175,6 +177,7 @@ def planned(
     if both := sorted(over.keys() & changes.keys()):
         raise InvalidInputError(f"--over: {both[0]!r} is also set; it cannot be both")
     require_none_lost({**changes, **over}, "--over")
+    require_apart(over, "--over")
     base = shared_document(experiment, changes)
     arms, followed = Arms(), set[str]()
     orders = []
@@ -202,9 +205,7 @@ def _check_axes(over: Mapping[str, Sequence[Any]]) -> None:
         require_type(f"over.{key}", values, list, tuple)
         if not values:
             raise InvalidInputError(f"over.{key}: must have one value or more, not []")
-        told = [short(value) for value in values]
-        if twice := [each for each in told if told.count(each) > 1]:
-            raise InvalidInputError(f"over.{key}: has the value {twice[0]} twice")
+        require_distinct(f"over.{key}", values)
 
 
 #: Keys that decide whether a path is in reach, besides whether the law holds the orientation.

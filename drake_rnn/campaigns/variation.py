@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest, short
 from ..inputs.documents import construct, without_kind
-from ..inputs.fields import Array, Count, Finite, FiniteEach, Positive, validated
+from ..inputs.fields import Array, Count, Finite, FiniteEach, Positive, Whole, validated
 
 
 class Axis(ABC):
@@ -74,8 +74,8 @@ class Range(Axis):
         spacing: ``linear`` for equal distances, ``log`` for equal ratios.
     """
 
-    low: int | Finite
-    high: int | Finite
+    low: Whole | Finite
+    high: Whole | Finite
     count: Count
     spacing: Literal["linear", "log"] = "linear"
 
@@ -165,8 +165,8 @@ class Integers(Distribution):
         low, high: The bounds, both included.
     """
 
-    low: int
-    high: int
+    low: Whole
+    high: Whole
 
     def __post_init__(self) -> None:
         if not -(2**62) <= self.low <= self.high <= 2**62:

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import os
-import signal
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, CancelledError, Future, ProcessPoolExecutor
 from functools import partial
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
-from multiprocessing.synchronize import Event
-from threading import Thread
 from typing import Any, Protocol
 
 from ..errors import DrakeRnnError
+from ..inputs.lifeline import begin, deaf_children
 
 
 class Handle(Protocol):
@@ -106,13 +104,16 @@ class Processes(Workers):
 
     Args:
         jobs: Number of processes.
+        deaf: Whether they leave Ctrl-C, which in a terminal reaches all processes, to this one;
+            otherwise it ends those whose task does not say better.
     """
 
     deaths = (BrokenExecutor,)
     losses = ()
 
-    def __init__(self, jobs: int) -> None:
+    def __init__(self, jobs: int, deaf: bool = True) -> None:
         super().__init__(self, jobs)
+        self._deaf = deaf
         # Drake has started threads, which a forked process would not inherit.
         self._context = get_context("spawn")
         self._idle: list[ProcessPoolExecutor] = []
@@ -149,7 +150,8 @@ class Processes(Workers):
     def _handed(
         self, process: ProcessPoolExecutor, task: Callable[..., Any], *arguments: Any
     ) -> Future[Any]:
-        future = process.submit(task, *arguments)
+        with deaf_children():
+            future = process.submit(task, *arguments)
         future.add_done_callback(partial(self._back, process))
         return future
 
@@ -165,19 +167,4 @@ class Processes(Workers):
         end, lifeline = self._context.Pipe(duplex=False)
         self._lifelines.append(lifeline)
         # One process per pool: a larger pool loses all its tasks if one process crashes.
-        return ProcessPoolExecutor(1, self._context, _begin, (end, self._any_began))
-
-
-def _begin(lifeline: Connection, began: Event) -> None:
-    began.set()
-    # Ctrl-C in a terminal reaches all processes; the main process decides what to do.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    Thread(target=_end_with, args=(lifeline,), daemon=True).start()
-
-
-def _end_with(lifeline: Connection) -> None:
-    """End this process when the other end of a pipe is closed, or its process has ended."""
-    try:
-        lifeline.recv()
-    except (EOFError, OSError):
-        os._exit(1)
+        return ProcessPoolExecutor(1, self._context, begin, (end, self._any_began, self._deaf))

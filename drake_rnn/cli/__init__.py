@@ -1,3 +1,3 @@
 """The command line."""
 
-from .commands import app as app, main as main
+from .starting import main as main

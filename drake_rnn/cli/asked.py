@@ -18,6 +18,7 @@ from .completing import (
     complete_paths,
 )
 from .options import (
+    MOST_JOBS,
     Anyway,
     Beside,
     Changed,
@@ -357,7 +358,7 @@ class Report:
     folder: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the report.")] = (
         Path("out/report")
     )
-    jobs: Jobs = os.cpu_count() or 1
+    jobs: Jobs = min(os.cpu_count() or 1, MOST_JOBS)
     form: Annotated[
         Literal["html", "md"], typer.Option("--format", help="Pages as html or md.")
     ] = "html"

@@ -16,6 +16,7 @@ from ..campaigns import (
     read_campaign,
     run_campaign,
 )
+from ..campaigns.cluster import require_address
 from ..campaigns.plan import unique_orders
 from ..campaigns.store import RowStore
 from ..figures.campaign_page import write_campaign_page
@@ -32,6 +33,8 @@ _TOLD = 10
 def campaign(asked: Campaign) -> None:
     """Run the rows of a campaign that have not ended, and write what all of them say."""
     with silenced(asked.quiet or asked.as_json), errors():
+        if asked.scheduler is not None:
+            require_address(asked.scheduler)
         given = {"samples": asked.samples, "method": asked.method}
         given = {key: value for key, value in given.items() if value is not None}
         with status(f"{asked.campaign}: checking the rows"):

@@ -13,11 +13,10 @@ from typing import Any, TypeVar, dataclass_transform, get_type_hints
 import typer
 
 from ..inputs.lending import lent
+from .interrupting import begun
+from .usage import Command
 
 T = TypeVar("T")
-
-#: Exit statuses.
-FAILED, BAD_INPUT, NOT_MET = 1, 2, 3
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
@@ -38,10 +37,12 @@ def add_command(app: typer.Typer, name: str, place: str, asked: type) -> None:
     """
 
     def carry_out(**given: Any) -> None:
-        lent(f"{__package__}.{place}")(asked(**given))
+        function = lent(f"{__package__}.{place}")
+        begun()
+        function(asked(**given))
 
     vars(carry_out)["__signature__"] = Signature(_parameters(asked))
-    app.command(name, help=getdoc(asked))(carry_out)
+    app.command(name, cls=Command, help=getdoc(asked))(carry_out)
 
 
 def _parameters(asked: type) -> list[Parameter]:

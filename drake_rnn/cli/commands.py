@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import sys
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -63,18 +59,3 @@ for _name, _place, _options in (
     ("report", "report:report", asked.Report),
 ):
     add_command(app, _name, _place, _options)
-
-
-def main() -> None:
-    """Run the command line ``drake-rnn``.
-
-    Modules in the current folder can be named in a document, as with ``python -m``. The folder
-    comes last, so that no file in it stands in for an installed module.
-    """
-    if not sys.flags.safe_path:
-        sys.path.append(str(Path.cwd()))
-    # Figures are written to files, whatever windows the environment asks for.
-    os.environ["MPLBACKEND"] = "Agg"
-    # What stops a job on a server stops it as Ctrl-C does: what it had is kept.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    app()

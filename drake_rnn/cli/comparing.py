@@ -22,9 +22,9 @@ from ..runs.verdict import Verdict
 from .announcing import print_data, told_of
 from .asked import Compare
 from .changing import changes_of, require_writable, tell_of_window
-from .command import FAILED
 from .console import err, errors, finish, out, print_whole, silenced
 from .simulating import simulated
+from .statuses import INTERRUPTED
 
 # Names that a folder of a comparison is called after.
 _NAMED = 3
@@ -108,7 +108,7 @@ def _results(loaded: Mapping[str, Experiment | Result]) -> dict[str, Result]:
         if results[name].status == "interrupted":
             if left := list(loaded)[len(results) :]:
                 err.print(f"[red]not run[/] {escape(', '.join(left))}")
-            raise typer.Exit(FAILED)
+            raise typer.Exit(INTERRUPTED)
     return results
 
 

@@ -11,8 +11,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from ..errors import DrakeRnnError, SimulationError
-from .command import BAD_INPUT, FAILED, NOT_MET
+from ..errors import DrakeRnnError, InterruptedRunError, SimulationError
+from .statuses import BAD_INPUT, FAILED, INTERRUPTED, NOT_MET
 
 # Width of tables in a pipe or a file [characters].
 _WIDTH = None if sys.stdout.isatty() else 140
@@ -28,6 +28,9 @@ def errors() -> Iterator[None]:
     """Turn this package's errors into a message and an exit status, without a traceback."""
     try:
         yield
+    except InterruptedRunError as error:
+        err.print(escape(str(error)))
+        raise typer.Exit(INTERRUPTED) from error
     except SimulationError as error:
         err.print(f"[red]failed[/] {escape(str(error))}")
         raise typer.Exit(FAILED) from error

@@ -15,8 +15,8 @@ from ..errors import InvalidInputError
 from ..film import FilmProgress, FilmSettings, write_film
 from ..runs.result import Result
 from .asked import Film
-from .command import FAILED
 from .console import err, errors, out
+from .statuses import INTERRUPTED
 
 _UNITS = {"": 1, "B": 1, "KB": 1_000, "MB": 1_000_000}
 #: Options that have other names than the settings that they are.
@@ -50,8 +50,8 @@ def film(asked: Film) -> None:
             with _bar() as progress:
                 written = write_film(result, file, settings, others, progress)
         except KeyboardInterrupt:
-            err.print("[red]failed[/] film: interrupted; nothing is written")
-            raise typer.Exit(FAILED) from None
+            err.print("interrupted: no film was written")
+            raise typer.Exit(INTERRUPTED) from None
     out.print(escape(f"film      {written}"), soft_wrap=True)
 
 

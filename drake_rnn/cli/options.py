@@ -36,7 +36,9 @@ Anyway = Annotated[
 ]
 Figures = Annotated[bool, typer.Option("--figures/--no-figures", help="Draw figures.")]
 Playback = Annotated[bool, typer.Option(help="Write playback.html.")]
-Jobs = Annotated[int, typer.Option(min=1, help="Number of parallel runs.")]
+#: Each run of several at a time is made by a process of its own, of some 200 MB.
+MOST_JOBS = 256
+Jobs = Annotated[int, typer.Option(min=1, max=MOST_JOBS, help="Number of parallel runs.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print only warnings and errors.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print metrics and verdicts as JSON only.")]
 DryRun = Annotated[

@@ -5,16 +5,18 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import takewhile
-from multiprocessing import active_children, get_context
+from multiprocessing import active_children
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from rich.markup import escape
 
+from ..campaigns.workers import Processes
 from ..errors import DrakeRnnError
 from ..experiment import Experiment, load_experiment
 from ..runs.result import Result
@@ -94,7 +96,7 @@ def run_in_turn(
     outcomes: list[Outcome] = []
     shown: list[Result] = []
     for task, experiment in zip(tasks, experiments, strict=True):
-        with errors():
+        with errors(), _naming(tasks[len(outcomes) + 1 :]):
             beside = shown if len(outcomes) >= ahead else []
             result = _perform(task, experiment, beside)
         if len(outcomes) < ahead:
@@ -105,6 +107,17 @@ def run_in_turn(
     return outcomes
 
 
+@contextmanager
+def _naming(left: Sequence[Task]) -> Iterator[None]:
+    """Add to an interrupt what is not run because of it."""
+    try:
+        yield
+    except KeyboardInterrupt as interrupt:
+        said = str(interrupt) or "interrupted"
+        named = f"; not run: {', '.join(task.name for task in left)}" if left else ""
+        raise KeyboardInterrupt(said + named) from None
+
+
 def run_at_once(tasks: Sequence[Task], jobs: int) -> list[Outcome]:
     """Run tasks in processes of their own, until one is interrupted; print each when it is due.
 
@@ -112,33 +125,41 @@ def run_at_once(tasks: Sequence[Task], jobs: int) -> list[Outcome]:
         tasks: The tasks.
         jobs: Number of processes.
     """
-    # Drake has started threads, which a forked process would not inherit.
-    context = get_context("spawn")
     outcomes: list[Outcome] = []
     futures: list[_Apart] = []
-    with ProcessPoolExecutor(jobs, mp_context=context, initializer=_wait_quietly) as pool:
-        try:
-            for task in tasks:
-                # What is handed over cannot be taken back, so only what can begin is.
-                if len(running := [each for each in futures if not each.done()]) >= jobs:
-                    wait(running, return_when=FIRST_COMPLETED)
-                outcomes += _due(futures[len(outcomes) :])
-                futures.append(pool.submit(_perform_apart, task, out.width, out.quiet))
-            for future in futures[len(outcomes) :]:
-                wait([future])
-                outcomes += _due([future])
-        except KeyboardInterrupt:
-            _interrupt(futures)
-            outcomes += map(_told, futures[len(outcomes) :])
+    workers = Processes(jobs, deaf=False)
+    try:
+        for task in tasks:
+            # What is handed over cannot be taken back, so only what can begin is.
+            if len(running := [each for each in futures if not each.done()]) >= jobs:
+                wait(running, return_when=FIRST_COMPLETED)
+            outcomes += _due(tasks, futures, len(outcomes))
+            handle = workers.submit(_perform_apart, task, out.width, out.quiet)
+            futures.append(cast("_Apart", handle))
+        while len(outcomes) < len(futures):
+            wait(futures[: len(outcomes) + 1])
+            outcomes += _due(tasks, futures, len(outcomes))
+    except KeyboardInterrupt:
+        _interrupt(futures)
+        # A process that has not begun has nothing to keep, and has ended at once.
+        outcomes += [
+            _told(task, future)
+            for task, future in zip(tasks[len(outcomes) :], futures[len(outcomes) :], strict=False)
+            if future.exception() is None
+        ]
+    finally:
+        workers.stop()
     return outcomes
 
 
-def _due(futures: Sequence[_Apart]) -> list[Outcome]:
-    """Return and tell of the first tasks as far as they are done, if none was interrupted."""
-    done = list(takewhile(Future.done, futures))
-    if any(future.result()[0].record["status"] == "interrupted" for future in done):
-        raise KeyboardInterrupt
-    return list(map(_told, done))
+def _due(tasks: Sequence[Task], futures: Sequence[_Apart], told: int) -> list[Outcome]:
+    """Return and tell of the next tasks as far as they are done, if none was interrupted."""
+    due: list[Outcome] = []
+    for task, future in zip(tasks[told:], takewhile(Future.done, futures[told:]), strict=False):
+        due.append(_told(task, future))
+        if due[-1].record["status"] == "interrupted":
+            raise KeyboardInterrupt
+    return due
 
 
 def _interrupt(futures: Sequence[_Apart]) -> None:
@@ -149,16 +170,17 @@ def _interrupt(futures: Sequence[_Apart]) -> None:
                 os.kill(child.pid, signal.SIGINT)
 
 
-def _told(future: _Apart) -> Outcome:
-    outcome, said, complained = future.result()
+def _told(task: Task, future: _Apart) -> Outcome:
+    try:
+        outcome, said, complained = future.result()
+    except BrokenExecutor:
+        failure = "its process was killed, perhaps for want of memory"
+        err.print(f"[red]failed[/] {escape(f'{task.name}: {failure}')}")
+        record = {"status": "failed", "failure": failure, "accept": {}}
+        return Outcome(task.name, task.folder, record, {})
     sys.stdout.write(said)
     sys.stderr.write(complained)
     return outcome
-
-
-def _wait_quietly() -> None:
-    # A process without a task has nothing to keep, and nothing to say when it is stopped.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _interrupt_once(number: int, frame: Any) -> None:
@@ -172,19 +194,21 @@ def _perform_apart(task: Task, width: int, quiet: bool) -> tuple[Outcome, str, s
     out.width, out.quiet = width, quiet
     signal.signal(signal.SIGINT, _interrupt_once)
     outcome = Outcome(task.name, task.folder, {"status": "interrupted", "accept": {}}, {})
-    with out.capture() as said, err.capture() as complained:
+    with out.capture() as told, err.capture() as complained:
         try:
             result = _perform(task, load_experiment(task.experiment, task.changes), (), bar=False)
             outcome = Outcome(task.name, task.folder, result.record, result.metrics)
-        except KeyboardInterrupt:
-            err.print(f"[red]failed[/] {escape(task.name)}: interrupted")
+        except KeyboardInterrupt as interrupt:
+            said = str(interrupt) or "interrupted"
+            err.print(f"[red]failed[/] {escape(f'{task.name}: {said}')}")
         except (DrakeRnnError, OSError) as error:
             err.print(f"[red]error[/] {escape(f'{task.name}: {error}')}")
             record = {"status": "failed", "failure": str(error), "accept": {}}
             outcome = Outcome(task.name, task.folder, record, {})
         finally:
-            _wait_quietly()
-    return outcome, said.get(), complained.get()
+            # A process without a task has nothing to keep.
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+    return outcome, told.get(), complained.get()
 
 
 def _perform(

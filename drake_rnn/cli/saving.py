@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rich.markup import escape
 
+from ..inputs.signals_held import signals_held
 from ..playback import write_playback
 from ..runs.folder import filled
 from ..runs.result import Result
@@ -33,7 +34,11 @@ class Pictures:
 def write_result(
     result: Result, folder: Path, pictures: Pictures, beside: Sequence[Result] = ()
 ) -> None:
-    """Write a result with its pictures, and print what came out."""
+    """Write a result with its pictures, and print what came out.
+
+    Raises:
+        KeyboardInterrupt: If it is interrupted while pictures are made; the result is kept.
+    """
     for warning in result.warnings:
         err.print(f"[yellow]warning[/] {escape(warning)}")
     out.print(metrics_table(result))
@@ -41,17 +46,40 @@ def write_result(
         out.print(joints)
     cost = result.timings["wall_time_s"]
     out.print(f"time      {result.record['until_s']:g} s simulated in {cost:.3g} s")
+    interrupted: KeyboardInterrupt | None = None
     with filled(folder, result.record):
-        result.write(folder)
-        draw_beside(folder / "diagram.dot")
-        out.print(escape(f"results   {folder}"), soft_wrap=True)
-        if pictures.figures:
-            with status(f"{result.experiment.name}: drawing figures"):
-                figures = draw_figures(result, folder / "figures")
-            drawn = f"{folder / 'figures'} ({len(figures)})" if figures else "none"
-            out.print(escape(f"figures   {drawn}"), soft_wrap=True)
-        if pictures.playback and result.time.size > 1:
-            write_page(result, folder, beside)
+        # What was computed is kept; pictures can be made again.
+        with signals_held():
+            result.write(folder)
+        try:
+            _make(pictures, result, folder, beside)
+        except KeyboardInterrupt:
+            interrupted = KeyboardInterrupt(
+                f"interrupted: {folder} has the result; {_again(folder)}"
+            )
+    if interrupted is not None:
+        raise interrupted
+
+
+def _make(pictures: Pictures, result: Result, folder: Path, beside: Sequence[Result]) -> None:
+    """Make what there is to look at; of a run that was interrupted nobody wants to wait for it."""
+    draw_beside(folder / "diagram.dot")
+    out.print(escape(f"results   {folder}"), soft_wrap=True)
+    if result.status == "interrupted":
+        if pictures.figures or pictures.playback:
+            out.print(escape(f"pictures  none: {_again(folder)}"), soft_wrap=True)
+        return
+    if pictures.figures:
+        with status(f"{result.experiment.name}: drawing figures"):
+            figures = draw_figures(result, folder / "figures")
+        drawn = f"{folder / 'figures'} ({len(figures)})" if figures else "none"
+        out.print(escape(f"figures   {drawn}"), soft_wrap=True)
+    if pictures.playback and result.time.size > 1:
+        write_page(result, folder, beside)
+
+
+def _again(folder: Path) -> str:
+    return f"`drake-rnn plot {folder}` and `drake-rnn replay {folder}` draw it"
 
 
 def write_page(result: Result, folder: Path, beside: Sequence[Result]) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 from rich.markup import escape
 
 from ..arrays.jax_module import require_jax
-from ..errors import InvalidInputError
+from ..errors import InterruptedRunError, InvalidInputError
 from ..experiment import load_experiment, read_document
 from ..figures.tuning import tuning_figure
 from ..inputs.documents import to_yaml
@@ -22,9 +22,9 @@ from ..tuning import Trial, Tuned, Tuning
 from ..tuning.bounds import Between, parse_between
 from .asked import Tune
 from .changing import changes_of, require_writable, tell_of_window
-from .command import FAILED
 from .comparing import comparison_table
 from .console import err, errors, finish, out, print_whole, silenced, status
+from .statuses import INTERRUPTED
 
 
 def tune_gains(asked: Tune) -> None:
@@ -64,11 +64,11 @@ def _left_at_once() -> Iterator[None]:
     """
     try:
         yield
-    except KeyboardInterrupt:
-        err.print("[red]failed[/] interrupted; nothing was written")
+    except (KeyboardInterrupt, InterruptedRunError):
+        err.print("interrupted: nothing was written")
         for stream in (sys.stdout, sys.stderr):
             stream.flush()
-        os._exit(FAILED)
+        os._exit(INTERRUPTED)
 
 
 def _bounds(between: list[str] | None) -> dict[str, Between]:

@@ -1,4 +1,4 @@
-"""Wrong usage of the command line, refused in one sentence like any other input."""
+"""How a command is called, and left before its end: in one sentence, like any other refusal."""
 
 from __future__ import annotations
 
@@ -7,12 +7,26 @@ from contextlib import contextmanager
 from typing import Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
-from .command import BAD_INPUT
+from .statuses import BAD_INPUT, INTERRUPTED
 
 # The class that typer's errors of usage share has no public name.
 _UsageError: Any = typer.BadParameter.__mro__[1]
+
+
+class Command(TyperCommand):
+    """A command; an option that takes one value is refused if it is given twice."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> Any:
+        """See `TyperCommand.parse_args`."""
+        parser: Any = self.make_parser(ctx)
+        _, _, given = parser.parse_args(list(args))
+        for option in given:
+            one = not option.multiple and not getattr(option, "is_flag", True)
+            if one and given.count(option) > 1:
+                raise _UsageError(f"option {option.opts[0]!r} is given twice", ctx)
+        return super().parse_args(ctx, args)
 
 
 class Commands(TyperGroup):
@@ -43,6 +57,10 @@ def _plainly() -> Iterator[None]:
         typer.secho("error", fg="red", nl=False, err=True)
         typer.echo(f" {said[:1].lower() + said[1:]}; see `{command} --help`", err=True)
         raise typer.Exit(BAD_INPUT) from error
+    except KeyboardInterrupt as interrupt:
+        # Typer would say nothing.
+        typer.echo(str(interrupt) or "interrupted", err=True)
+        raise typer.Exit(INTERRUPTED) from None
 
 
 def _name(ctx: Any) -> str:

@@ -11,6 +11,9 @@ from pydrake.multibody.plant import MultibodyPlant
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Angles, Array, Point, validated, zeros
+from ..inputs.given_file import content_of
+from ..robot.contact_mesh import require_coarse_balls
+from ..robot.model.xml_text import MOST_BYTES, parse_xml
 from .contact_model import ContactModel
 
 
@@ -39,6 +42,9 @@ class ModelSurface(ContactModel):
         super().__post_init__()
         if not Path(self.model).is_file():
             raise ValueError(f"model: no file {self.model!r}")
+        root = parse_xml(content_of(self.model, MOST_BYTES))
+        if root is not None:
+            require_coarse_balls("model", root)
 
     def add_to(self, plant: MultibodyPlant, p_WS: Array) -> None:
         """See `ContactModel.add_to`.

@@ -3,6 +3,8 @@
 from .arms import Arms as Arms
 from .changes import (
     parse_change as parse_change,
+    require_apart as require_apart,
+    require_distinct as require_distinct,
     require_none_lost as require_none_lost,
     set_key as set_key,
 )

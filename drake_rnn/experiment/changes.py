@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from ..errors import InvalidInputError
-from ..inputs.complaints import short
+from ..inputs.complaints import plain, short
 from ..inputs.documents import parse_yaml
 
 #: Keys of which a document has one: to set it removes the other.
@@ -66,6 +66,44 @@ def require_none_lost(changes: Mapping[str, Any], place: str = "changes") -> Non
                 )
     if {key.split(".")[0] for key in keys if changes[key] is not None} >= _RIVALS.keys():
         raise InvalidInputError("period: cannot be combined with integrator; change one of them")
+
+
+def require_apart(keys: Iterable[str], place: str) -> None:
+    """Refuse keys that vary if one is a part of another, whose values it would change silently.
+
+    Args:
+        keys: Dotted keys.
+        place: What names them, for messages.
+
+    Raises:
+        InvalidInputError: If one is a part of another.
+    """
+    known = set(keys)
+    for key in sorted(known):
+        names = key.split(".")
+        for count in range(1, len(names)):
+            if (whole := ".".join(names[:count])) in known:
+                raise InvalidInputError(
+                    f"{place}: {key} is a part of {whole}, which varies too; give its values in "
+                    f"those of {whole}"
+                )
+
+
+def require_distinct(place: str, values: Sequence[Any]) -> None:
+    """Refuse values that vary if one is given twice: the same run would be counted twice.
+
+    Args:
+        place: What names them, for messages.
+        values: The values.
+
+    Raises:
+        InvalidInputError: If one is given twice.
+    """
+    seen = set()
+    for value in values:
+        if (told := repr(plain(value))) in seen:
+            raise InvalidInputError(f"{place}: has the value {short(value)} twice")
+        seen.add(told)
 
 
 def set_key(document: dict[str, Any], key: str, value: Any) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import is_dataclass
 from typing import Annotated, Any, Literal
 
@@ -14,6 +13,7 @@ from ..inputs.complaints import nearest, plain
 from ..inputs.dataclass_fields import field_names, fields_of
 from ..inputs.documents import to_yaml
 from ..inputs.fields import Finite, NonNegative, Positive, Seed, Vector, between, validated
+from ..inputs.names import require_folder_name
 from ..measures import METRIC_NAMES
 from ..robot.task import TASKS
 from ..systems import BODIES
@@ -185,8 +185,7 @@ class ExperimentDocument:
                 raise ValueError(f"over.{key}: no such key; {nearest(first, known)}")
 
     def _check_names(self) -> None:
-        if re.search(r"[/\\\x00-\x1f]|^\.+$", self.name):
-            raise ValueError(f"name: must be a valid folder name, not {self.name!r}")
+        require_folder_name("name", self.name)
         for key, value, known in (("task", self.task, TASKS), ("level", self.level, BODIES)):
             if value not in known:
                 raise ValueError(f"{key}: may be {', '.join(known)}, not {value!r}")

@@ -121,7 +121,7 @@ def _contents(experiment: Described) -> tuple[dict[str, Any], str]:
 
 def _read(name: str) -> tuple[dict[str, Any], str]:
     """Return the contents of a shipped document or of a YAML file, and the file's name."""
-    document, file = read_named(name, _shipped(), "experiment")
+    document, file = read_named(name, _shipped(), "experiment", ExperimentDocument)
     # Names of models and CSV files are relative to the document's folder.
     _resolve_files(document, file.parent)
     return document, file.stem

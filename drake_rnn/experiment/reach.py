@@ -20,6 +20,8 @@ _SAMPLES, _MOST_SAMPLES = 400, 10_000
 _SPACING = 0.01
 #: Distance from its path that a posture may miss it by [m].
 MISS = 1e-3
+# Miss that only a slip of the unit explains [m].
+_FAR = 10.0
 _DAMPING = 1e-6
 # Lever that converts a rotation to a length [m].
 _LEVER = 0.2
@@ -163,6 +165,8 @@ def forecasts(experiment: Experiment) -> list[Forecast]:
             f"t = {reach.time[first]:.4g} s, by {reach.miss[first] * 1e3:.3g} mm; "
             f"the largest miss is {reach.miss[worst]:.3g} m at t = {reach.time[worst]:.4g} s"
         )
+        if reach.miss[worst] > _FAR:
+            missed += "; lengths are in metres: are these millimetres?"
         if experiment.document.on_unreachable == "follow":
             return [Forecast(missed)]
         raise InvalidInputError(missed)

@@ -5,16 +5,15 @@ from __future__ import annotations
 import os
 import shutil
 import signal
-import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import FrameType
 from typing import Any
 
 from ..errors import InvalidInputError
+from ..inputs.signals_held import signals_held
 
 #: Names under which Chromium and its relatives are installed; the first one found is used.
 _NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
@@ -79,17 +78,20 @@ def open_browser(
         options.set_capability("goog:loggingPrefs", logs or {"browser": "ALL"})
         # Ctrl-C goes to a whole group: in another one the driver can still end the browser.
         service = webdriver.ChromeService(program, popen_kw={"start_new_session": True})
-        driver = None
         try:
-            with _uninterrupted():
+            with signals_held():
                 driver = _started(webdriver, options, service)
             driver.set_page_load_timeout(_PATIENCE)
             driver.set_script_timeout(_PATIENCE)
             _fit_page(driver, size)
             yield driver
+            with signals_held(), suppress(Exception):
+                # A browser that has crashed cannot be asked to quit; others are asked only where
+                # nobody waits for it.
+                driver.quit()
         finally:
-            with _uninterrupted():
-                _end(driver, service)
+            with signals_held():
+                _end(service)
 
 
 def complaints(driver: Any) -> list[str]:
@@ -151,37 +153,12 @@ def _fit_page(driver: Any, size: tuple[int, int]) -> None:
     driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
 
 
-def _end(driver: Any, service: Any) -> None:
+def _end(service: Any) -> None:
     """End the browser, its driver and all processes that they have started."""
     process = service.process
-    # A browser that has crashed cannot be asked to quit.
-    with suppress(Exception):
-        if driver is not None:
-            driver.quit()
-    with suppress(Exception):
-        service.stop()
     if process is not None:
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(process.pid, signal.SIGKILL)
-
-
-@contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Let Ctrl-C and SIGTERM wait until the block has ended."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    waiting: list[int] = []
-
-    def note(number: int, frame: FrameType | None) -> None:
-        waiting.append(number)
-
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.signal(number, note) for number in numbers]
-    try:
-        yield
-    finally:
-        for number, handler in zip(numbers, before, strict=True):
-            signal.signal(number, handler)
-        if waiting:
-            signal.raise_signal(waiting[0])
+    # It takes a second to find that out.
+    with suppress(Exception):
+        service.stop()

@@ -16,12 +16,16 @@ from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
 from ..errors import InvalidInputError
 from .complaints import nearest, plain, sentence
+from .dataclass_fields import field_names
+from .given_file import content_of
 from .own_code import naming
 
 T = TypeVar("T")
 
 #: Values that a document may hold; tables of points belong into CSV files.
 _MOST_VALUES = 1_000_000
+# Size of a document, which takes some 5 s to read for each of its megabytes [bytes].
+_MOST_BYTES = 1_000_000
 
 
 def parse_yaml(text: str, source: str) -> Any:
@@ -77,26 +81,37 @@ def read_yaml(file: Path) -> Any:
         InvalidInputError: If the file is missing, unreadable, not YAML, or holds a key twice.
     """
     try:
-        text = file.read_text()
+        text = content_of(file, _MOST_BYTES).decode("utf-8-sig")
     except OSError as error:
         raise InvalidInputError(f"{file}: {error.strerror}") from None
     except UnicodeDecodeError:
         raise InvalidInputError(f"{file}: not a text file") from None
+    except ValueError as error:
+        raise InvalidInputError(f"{file}: {error}") from None
     return parse_yaml(text, str(file))
 
 
-def read_named(name: str, shipped: Mapping[str, Path], section: str) -> tuple[dict[str, Any], Path]:
+def read_named(
+    name: str, shipped: Mapping[str, Path], section: str, cls: type
+) -> tuple[dict[str, Any], Path]:
     """Return the contents of a shipped document or of a YAML file, and the file.
 
     Args:
         name: Name of a shipped document, or of a ``.yaml`` or ``.yml`` file.
         shipped: Files of the shipped documents by name.
         section: Kind of document, for messages.
+        cls: Class that the document describes.
 
     Raises:
-        InvalidInputError: If there is no such document, or the file is not a YAML mapping.
+        InvalidInputError: If there is no such document, the file is not a YAML mapping, or has a
+            key that only holds what others refer to.
     """
     file = shipped.get(name, Path(name))
+    if (file / f"{section}.yaml").is_file():
+        raise InvalidInputError(
+            f"{section}: {name} is the folder of a run; its document is {file / section}.yaml, and "
+            f"`drake-rnn plot`, `replay`, `film` and `compare` take the folder"
+        )
     if file.suffix not in {".yaml", ".yml"}:
         raise InvalidInputError(
             f"{section}: no {section} {name!r}; {nearest(name, sorted(shipped))}, or a .yaml file"
@@ -104,7 +119,23 @@ def read_named(name: str, shipped: Mapping[str, Path], section: str) -> tuple[di
     document = read_yaml(file)
     if not isinstance(document, dict):
         raise InvalidInputError(f"{file}: must be a mapping of keys to values")
+    _require_no_store(document, cls)
     return document, file
+
+
+def _require_no_store(document: Mapping[str, Any], cls: type) -> None:
+    """Raise an InvalidInputError for an unknown key to whose value others refer by an alias."""
+    for key in document.keys() - set(field_names(cls)):
+        others = [value for name, value in document.items() if name != key]
+        while others:
+            other = others.pop()
+            if other is document[key] and isinstance(other, (dict, list)):
+                raise InvalidInputError(
+                    f"{key}: no such key; give what several keys share where it is needed first, "
+                    "with the anchor there"
+                )
+            if isinstance(other, (dict, list)):
+                others += other.values() if isinstance(other, dict) else other
 
 
 def to_yaml(document: Mapping[str, Any]) -> str:

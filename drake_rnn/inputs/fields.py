@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import wraps
 from math import pi
-from numbers import Real
 from typing import Annotated, Any, dataclass_transform
 
 import numpy as np
@@ -15,6 +14,7 @@ from pydantic.dataclasses import dataclass
 from ..errors import InvalidInputError
 from .complaints import sentence
 from .dataclass_fields import field_names
+from .numbers import is_number
 
 Array = NDArray[np.float64]
 
@@ -28,13 +28,37 @@ def _vector(value: Any) -> Array:
     except ValueError:
         raise ValueError("must be one list of numbers") from None
     # Neither true nor "4" is a number.
-    if given.size and given.dtype.kind not in "iuf":
+    if (given.size and given.dtype.kind not in "iuf") or _has_flags(value):
         raise ValueError("must be a list of numbers")
     vector = given.astype(float)
     if vector.ndim != 1 or np.isnan(vector).any():
         raise ValueError("must be one list of numbers, none of them NaN")
     vector.setflags(write=False)
     return vector
+
+
+def _has_flags(value: Any) -> bool:
+    """Return whether true or false is among numbers, where NumPy would take it for one."""
+    if isinstance(value, np.ndarray):
+        return False
+    if isinstance(value, (list, tuple)):
+        return any(map(_has_flags, value))
+    return isinstance(value, (bool, np.bool_))
+
+
+def rows_of_numbers(value: Any, width: int) -> Array | None:
+    """Return rows of finite numbers, read-only, shape (k, width); None if a value is no such."""
+    try:
+        array = np.array(value)
+    except (TypeError, ValueError):
+        return None
+    if array.dtype.kind not in "iuf" or array.ndim != 2 or array.shape[1] != width:
+        return None
+    if _has_flags(value) or not np.isfinite(array).all():
+        return None
+    array = array.astype(float)
+    array.setflags(write=False)
+    return array
 
 
 def _finite_vector(value: Any) -> Array:
@@ -83,7 +107,7 @@ def zeros() -> Array:
 def _number_or_vector(value: Any) -> float | Array:
     if isinstance(value, (list, tuple, np.ndarray)):
         return _finite_vector(value)
-    if not isinstance(value, Real) or isinstance(value, bool) or not np.isfinite(float(value)):
+    if not is_number(value):
         raise ValueError("must be a number or a list of numbers")
     return float(value)
 
@@ -142,6 +166,8 @@ Length = Annotated[float, Field(strict=True, ge=1e-6, le=1e3, allow_inf_nan=Fals
 FiniteEach = Annotated[float | Array, BeforeValidator(_number_or_vector)]
 PositiveEach = Annotated[float | Array, BeforeValidator(_positive)]
 NonNegativeEach = Annotated[float | Array, BeforeValidator(_non_negative)]
+# Any whole number.
+Whole = Annotated[int, Field(strict=True)]
 Count = Annotated[int, Field(strict=True, ge=1)]
 Seed = Annotated[int, Field(strict=True, ge=0)]
 

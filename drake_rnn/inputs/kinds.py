@@ -124,7 +124,9 @@ class Kinds(MutableMapping[str, type[T]], Generic[T]):
     def _loaded(self, offer: EntryPoint, key: str) -> type[T]:
         try:
             found = offer.load()
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
             raise InvalidInputError(
                 f"{key}: {offer.name!r} is offered by {_offer(offer)}, which cannot be loaded: "
                 f"{described(error)}"

@@ -71,8 +71,10 @@ def _imported(name: str, key: str) -> ModuleType:
                 "command line that includes the current folder and PYTHONPATH"
             ) from None
         raise InvalidInputError(_failure(name, key, error)) from error
-    # A module that is a script may also end the program.
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    # A module that is a script may also end the program, or raise an exception of another kind.
+    except BaseException as error:
         raise InvalidInputError(_failure(name, key, error)) from error
 
 

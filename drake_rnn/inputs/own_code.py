@@ -23,9 +23,9 @@ def naming(
     """
     try:
         yield
-    except (DrakeRnnError, but):
+    except (DrakeRnnError, KeyboardInterrupt, but):
         raise
-    except Exception as error:
+    except BaseException as error:
         raise InvalidInputError(f"{place} raised {described(error)}{at(t)}") from error
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import wraps
 from math import isfinite
-from numbers import Real
 from types import FunctionType, MethodType
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -19,6 +18,7 @@ import numpy as np
 from ..arrays.namespace import is_foreign, namespace
 from ..errors import InvalidInputError
 from ..inputs.complaints import short
+from ..inputs.numbers import is_number
 
 #: Methods that are checked; all take time, state and signals, and `step` the period as well.
 CHECKED = ("step", "derivatives")
@@ -157,8 +157,3 @@ def _require(name: str, value: Any, shape: tuple[int, ...], *, of_many: bool) ->
     if not foreign and not np.isfinite(value).all():
         raise InvalidInputError(f"{name}: must be finite, not {short(value)}")
     return robots
-
-
-def is_number(value: Any) -> bool:
-    """Return whether a value is a finite number."""
-    return isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)

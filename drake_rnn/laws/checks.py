@@ -12,9 +12,10 @@ import numpy as np
 from ..errors import InvalidInputError
 from ..inputs.complaints import require_type, short
 from ..inputs.fields import Array
+from ..inputs.numbers import is_number
 from ..inputs.own_code import naming
 from ..robot.limits import LIMIT_UNITS
-from .called import FLOAT, is_number
+from .called import FLOAT
 from .law import ContinuousReading, JointPreview, Law, Reading, SampledReading
 from .layout import Layout, Signals
 

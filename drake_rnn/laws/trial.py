@@ -157,7 +157,9 @@ def _require_both(
     cause, wanted = None, np.stack(alone)
     try:
         both = call(t, x, u)
-    except Exception as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         cause, complaint = error, f"raised {described(error)}"
     else:
         scale = _ROUNDING * (1.0 + np.abs(wanted).max(initial=0.0))

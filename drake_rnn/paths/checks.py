@@ -42,9 +42,9 @@ def require_values(
         where = f"path: {name}({argument} = {value:.4g})"
         try:
             returned = function(value)
-        except InvalidInputError:
+        except (InvalidInputError, KeyboardInterrupt):
             raise
-        except Exception as error:
+        except BaseException as error:
             raise InvalidInputError(
                 f"{where}: fails with {type(error).__name__}: {error}; it {wanted}"
             ) from error

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from io import StringIO
 from typing import Any
 
 import numpy as np
 
+from ..inputs.complaints import short
 from ..inputs.fields import Array
+from ..inputs.given_file import content_of
+from ..inputs.numbers import decimal, is_number
 
 #: Columns that a file of points may have: of positions [m], of times [s], of unit quaternions, and
 #: of roll, pitch and yaw [rad].
@@ -19,6 +23,10 @@ QUATERNION, RPY = ("qw", "qx", "qy", "qz"), ("roll", "pitch", "yaw")
 _GROUPS = (POSITION, TIME, QUATERNION, RPY)
 _KNOWN = [name for group in _GROUPS for name in group]
 _OTHER_NAMES = {"time": "t"}
+#: Points of a path: a tenth of a millimetre apart, they make ten metres.
+MOST_POINTS = 100_000
+# Size of a file of so many rows with eight columns [bytes].
+_MOST_BYTES = 25_000_000
 
 
 @dataclass(frozen=True)
@@ -59,7 +67,8 @@ def listed(value: Any) -> Array:
     rows = value.tolist() if isinstance(value, np.ndarray) else value
     if not isinstance(rows, (list, tuple)):
         raise ValueError("must be a list of points [x, y, z]")
-    points = _table(POSITION, enumerate(rows, 1)).points
+    _require_few(len(rows), "points")
+    points = _table(POSITION, enumerate(rows, 1), _given).points
     points.setflags(write=False)
     return points
 
@@ -74,15 +83,16 @@ def read_table(file: str) -> Table:
         ValueError: If it cannot be read; the message names file, row and column.
     """
     try:
-        with open(file, newline="", encoding="utf-8-sig") as lines:
-            reader = csv.reader(lines)
-            rows = [(reader.line_num, [cell.strip() for cell in cells]) for cells in reader]
+        text = content_of(file, _MOST_BYTES).decode("utf-8-sig")
+        _require_few(max(text.count("\n"), text.count("\r")) - 1, "rows")
+        reader = csv.reader(StringIO(text, newline=""))
+        rows = [(reader.line_num, [cell.strip() for cell in cells]) for cells in reader]
         rows = [(row, cells) for row, cells in rows if any(cells)]
         if not rows:
             raise ValueError("is empty")
         if not any(map(_is_number, rows[0][1])):
-            return _table(_header(*rows[0]), rows[1:])
-        return _table(POSITION, rows)
+            return _table(_header(*rows[0]), rows[1:], decimal)
+        return _table(POSITION, rows, decimal)
     except OSError as error:
         raise ValueError(f"file {file}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:
@@ -91,7 +101,17 @@ def read_table(file: str) -> Table:
         raise ValueError(f"file {file}: {error}") from None
 
 
+def _require_few(count: int, what: str) -> None:
+    """Raise a ValueError if there are more points than any robot needs."""
+    if count > MOST_POINTS:
+        share = math.ceil(count / MOST_POINTS)
+        raise ValueError(
+            f"has {count} {what}, and may have {MOST_POINTS}; keep one of {share} of them"
+        )
+
+
 def _is_number(cell: str) -> bool:
+    # NaN, infinity and what is no decimal are told of as numbers, not as names of columns.
     try:
         float(cell)
     except ValueError:
@@ -119,7 +139,9 @@ def _header(row: int, cells: Sequence[str]) -> list[str]:
     return names
 
 
-def _table(names: Sequence[str], numbered: Iterable[tuple[int, Any]]) -> Table:
+def _table(
+    names: Sequence[str], numbered: Iterable[tuple[int, Any]], number: Callable[[Any], float]
+) -> Table:
     rows: list[int] = []
     table: list[list[float]] = []
     for row, cells in numbered:
@@ -129,16 +151,26 @@ def _table(names: Sequence[str], numbered: Iterable[tuple[int, Any]]) -> Table:
                 f"row {row}: must be {len(names)} numbers, {', '.join(some)} and {last}"
             )
         rows.append(row)
-        table.append([_number(cell, row, column) for column, cell in enumerate(cells, 1)])
+        try:
+            table.append([number(cell) for cell in cells])
+        except (TypeError, ValueError):
+            _refuse_first(cells, row, number)
     values = np.array(table).reshape(-1, len(names))
     return Table(rows, dict(zip(names, values.T, strict=True)))
 
 
-def _number(cell: Any, row: int, column: int) -> float:
-    try:
-        number = float(cell)
-    except (TypeError, ValueError, OverflowError):
-        number = math.nan
-    if not math.isfinite(number):
-        raise ValueError(f"row {row}, column {column}: {cell!r} is not a finite number")
-    return number
+def _refuse_first(cells: Iterable[Any], row: int, number: Callable[[Any], float]) -> None:
+    """Raise a ValueError that names the first cell that is no number."""
+    for column, cell in enumerate(cells, 1):
+        try:
+            number(cell)
+        except (TypeError, ValueError):
+            raise ValueError(
+                f"row {row}, column {column}: {short(cell)} is not a finite number"
+            ) from None
+
+
+def _given(cell: Any) -> float:
+    if not is_number(cell):
+        raise ValueError
+    return float(cell)

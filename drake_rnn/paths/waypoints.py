@@ -9,7 +9,7 @@ from pydantic import BeforeValidator
 from pydrake.math import RollPitchYaw
 
 from ..inputs.dataclass_fields import fields_of
-from ..inputs.fields import Array, Positive, Speed, Time, Vector, validated
+from ..inputs.fields import Array, Positive, Speed, Time, Vector, rows_of_numbers, validated
 from .pieces import Blend, blended, cubic_spline, quintic_spline, rest_to_rest
 from .table import QUATERNION, RPY, Table, listed, read_table
 from .timed import TimedPath
@@ -27,14 +27,8 @@ def _rows(width: int, what: str) -> BeforeValidator:
     """Return a validator of lists of rows of this many finite numbers."""
 
     def rows(value: Any) -> Array:
-        fault = f"must be a list of rows of {width} finite numbers, {what}"
-        try:
-            array = np.array(value, dtype=float)
-        except (TypeError, ValueError):
-            raise ValueError(fault) from None
-        if array.ndim != 2 or array.shape[1] != width or not np.isfinite(array).all():
-            raise ValueError(fault)
-        array.setflags(write=False)
+        if (array := rows_of_numbers(value, width)) is None:
+            raise ValueError(f"must be a list of rows of {width} finite numbers, {what}")
         return array
 
     return BeforeValidator(rows)

@@ -11,7 +11,7 @@ from ..inputs.page_templates import page_templates
 from .recorded import Recorded
 
 # The scripts in the order in which they run; they share one scope.
-_SCRIPTS = ("numbers.js", "scene.js", "camera.js", "chart.js", "player.js", "main.js")
+_SCRIPTS = ("numbers.js", "scene.js", "camera.js", "picture.js", "chart.js", "player.js", "main.js")
 
 
 def rendered(

@@ -25,6 +25,9 @@ DERIVATIVE_UNITS = {
     "crackle": "rad/s^5",
 }
 
+# Of any derivative, in its unit: what is slower than a micrometre a second does not move.
+_LEAST = 1e-6
+
 #: The fields of `JointLimits` and their units for a joint that turns.
 FIELD_UNITS = {"position_lower": "rad", "position_upper": "rad", **DERIVATIVE_UNITS}
 
@@ -74,6 +77,8 @@ class JointLimits:
         for name, bound in known.items():
             if not (bound > 0).all():
                 raise ValueError(f"{name}: must be positive, not {bound.tolist()}")
+            if not (bound >= _LEAST).all():
+                raise ValueError(f"{name}: must be at least {_LEAST:g}, not {bound.tolist()}")
 
     @classmethod
     def unlimited(cls, size: int) -> JointLimits:

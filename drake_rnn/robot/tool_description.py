@@ -42,6 +42,7 @@ from ..inputs.fields import (
     validated,
     zeros,
 )
+from .contact_mesh import require_coarse
 from .structure import nearest_frame
 
 # Colours of the drawn parts.
@@ -53,8 +54,6 @@ _RED = (0.85, 0.12, 0.1, 1.0)
 _PLATE, _FLARE, _SLENDER = 0.2, 3.5, 2.0 / 3.0
 # The ball's radius over the edge length of its mesh, by default.
 _FINENESS = 2.4
-# Least edge length of the mesh, in radii of the ball: a finer one takes minutes.
-_FINEST = 0.02
 
 
 @validated
@@ -110,11 +109,8 @@ class ToolDescription:
             raise ValueError("axis: must be a direction, not zero")
         if self.inertia is not None:
             _require_inertia(self.inertia)
-        if self.mesh_resolution is not None and self.mesh_resolution < _FINEST * self.ball:
-            raise ValueError(
-                f"mesh_resolution: must be at least {_FINEST:g} of the ball's radius, "
-                f"{_FINEST * self.ball:g} m, not {self.mesh_resolution:g}"
-            )
+        if self.mesh_resolution is not None:
+            require_coarse("mesh_resolution", self.mesh_resolution, self.ball)
         for key, name in (("name", self.name), ("tip", self.tip)):
             if not name.strip():
                 raise ValueError(f"{key}: must be a name, not {name!r}")

@@ -176,9 +176,9 @@ class Controller(LeafSystem):
         """Return the commanded velocity of a law that computes it from time and state."""
         try:
             v = self.reading.commanded_velocity(t, x)
-        except SimulationError:
+        except (SimulationError, KeyboardInterrupt):
             raise
-        except Exception as error:
+        except BaseException as error:
             raise self._error("commanded_velocity", f" raised {described(error)}", t) from error
         if is_sound(v, self._command_shape):
             return v
@@ -280,9 +280,9 @@ class SampledController(Controller):
         t, u = context.get_time(), self.signals(context)
         try:
             x = self._step(t, x, u, self.period)
-        except SimulationError:
+        except (SimulationError, KeyboardInterrupt):
             raise
-        except Exception as error:
+        except BaseException as error:
             raise self._error("step", f" raised {described(error)}", t) from error
         if not is_sound(x, self._state_shape):
             self._require_sound("step", "", x, context)
@@ -329,9 +329,9 @@ class ContinuousController(Controller):
         x, t, u = self._state(context), context.get_time(), self.signals(context)
         try:
             rates = self._derivatives(t, x, u)
-        except SimulationError:
+        except (SimulationError, KeyboardInterrupt):
             raise
-        except Exception as error:
+        except BaseException as error:
             raise self._error("derivatives", f" raised {described(error)}", t) from error
         if not is_sound(rates, self._state_shape):
             self._require_sound("derivatives", "the rate of ", rates, context)

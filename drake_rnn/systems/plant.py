@@ -14,6 +14,7 @@ from pydrake.geometry import (
     Role,
     RoleAssign,
     SceneGraph,
+    Sphere,
 )
 from pydrake.multibody.plant import (
     AddMultibodyPlant,
@@ -29,6 +30,7 @@ from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..inputs.own_code import naming
 from ..robot.arm import Arm
+from ..robot.contact_mesh import require_coarse
 from ..robot.tool import Tool, find_tool
 from .contact import Contact
 from .motor_gains import MotorGains, motor_gains
@@ -168,6 +170,10 @@ def _set_material(
     }
     changes = {place: value for place, value in given.items() if value is not None}
     for geometry in tool.geometries:
+        shape = scene_graph.model_inspector().GetShape(geometry)
+        if material.mesh_resolution is not None and isinstance(shape, Sphere):
+            key = "environment.tip.mesh_resolution"
+            require_coarse(key, material.mesh_resolution, shape.radius())
         _update(plant, scene_graph, geometry, changes)
 
 

@@ -12,6 +12,7 @@ from ..errors import InvalidInputError
 from ..experiment import Experiment, load_experiment
 from ..inputs.complaints import short
 from ..inputs.fields import Array
+from ..inputs.numbers import decimal
 
 #: Lowest and highest value of a gain.
 Between = tuple[float, float]
@@ -30,7 +31,7 @@ def parse_between(text: str) -> tuple[str, Between]:
     """
     key, _, values = text.partition("=")
     try:
-        low, high = (float(value) for value in values.split(","))
+        low, high = (decimal(value) for value in values.split(","))
     except ValueError:
         raise InvalidInputError(f"--between: must be KEY=LOW,HIGH, not {text!r}") from None
     return key.strip(), (low, high)

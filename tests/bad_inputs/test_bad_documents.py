@@ -26,6 +26,11 @@ DOCUMENTS = {
         "over.lwa.kappa: no such key; nearest: law",
     ),
     "a document without an end": ("arm: &a\n  model: *a\n", "refers to itself"),
+    "an anchor under a key of its own": (
+        PLANAR + "mine: &mine {kind: circle, size: 1, period: 1}\nover: {path: [*mine]}\n",
+        "mine: no such key; give what several keys share where it is needed first, with the anchor",
+    ),
+    "a document of two megabytes": (PLANAR + "#" * 2_000_000, "has 2 MB, and may have 1 MB"),
     "a document 3000 deep": (f"arm: {'[' * 3000}{']' * 3000}", "nested too deeply"),
 }
 

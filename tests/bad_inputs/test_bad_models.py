@@ -69,13 +69,51 @@ URDFS = {
         "arm.model: the limits of 'joint1': lower is 2, above upper, -2",
     ),
     "equal position limits": (limited("1", "1"), "position_lower: must be below position_upper"),
-    "a word for a limit": (limited("low"), "could not convert string to float: 'low'"),
-    "NaN for a limit": (limited("nan"), "attribute 'lower' got 'nan'"),
+    "a word for a limit": (
+        limited("low"),
+        "'joint1': lower must be a finite decimal number, not 'l",
+    ),
+    "NaN for a limit": (
+        limited("nan"),
+        "'joint1': lower must be a finite decimal number, not 'nan'",
+    ),
+    "infinity for a limit": (
+        limited(upper="inf"),
+        "the limits of 'joint1': upper must be a finite decimal number, not 'inf'; without",
+    ),
+    "underscores in a limit": (
+        limited(upper="1_0"),
+        "upper must be a finite decimal number, not '1_0",
+    ),
     "a negative velocity": (
         limited(velocity="-1.5"),
         "arm.model: the limits of 'joint1': velocity must not be negative, as -1.5 is",
     ),
-    "NaN for a velocity": (limited(velocity="nan"), "attribute 'velocity' got 'nan'"),
+    "NaN for a velocity": (
+        limited(velocity="nan"),
+        "velocity must be a finite decimal number, not",
+    ),
+    "a velocity that is none": (
+        limited(velocity="1e-12"),
+        "velocity: must be at least 1e-06, not [",
+    ),
+    "a place beyond the moon": (
+        FIVE.replace('"0.2 0 0"', '"1e30 0 0"', 1),
+        "is 1e+30 m from the link that it belongs to; it may be up to 1000 m",
+    ),
+    "entities of a document type": (
+        '<!DOCTYPE robot [<!ENTITY effort SYSTEM "/etc/hostname">]>'
+        + FIVE.replace('"200"', '"&effort;"'),
+        "has a document type, <!DOCTYPE ...>; write out what its entities stand for",
+    ),
+    "a ball of too fine a mesh": (
+        urdf(
+            hand='<collision><geometry><sphere radius="0.01"/></geometry>'
+            '<drake:proximity_properties><drake:mesh_resolution_hint value="1e-6"/>'
+            "</drake:proximity_properties></collision>"
+        ),
+        "drake:mesh_resolution_hint: must be at least 0.04 of the ball's radius, 0.0004 m",
+    ),
     "a negative effort": (
         limited(effort="-200"),
         "arm.model: the limits of 'joint1': effort must not be negative, as -200 is",
@@ -108,6 +146,14 @@ DOUBTFUL = {
     "a mesh of no package": (
         urdf(hand=shape("package://no/x.stl")),
         "folder of no in arm.packages",
+    ),
+    "a mesh that is a folder": (
+        urdf(hand=shape("/tmp")),
+        "the mesh /tmp cannot be read: it is a fol",
+    ),
+    "a mesh that is a device": (
+        urdf(hand=shape("/dev/null")),
+        "/dev/null cannot be read: it is no re",
     ),
     "a mesh on the web": (urdf(hand=shape("http://no.invalid/x.stl")), "x.stl is missing"),
     "a mesh of CAD": (urdf(hand=shape("x.step")), "x.step is missing"),

@@ -1,5 +1,6 @@
 """Command lines that mean nothing: exit status 2 and one sentence, and nothing is written."""
 
+import os
 import shlex
 
 import pytest
@@ -28,11 +29,14 @@ def folder(tmp_path, monkeypatch):
         "CRLF.yaml": "arm: panda\r\nlaw: {kind: pseudoinverse}\r\nperiod: 1e-3\r\nduration: 1\r\n",
         "BOM.yaml": b"\xef\xbb\xbfarm: panda\nlaw: {kind: pseudoinverse}\nperiod: 1e-3\n",
         "BROKEN/experiment.yaml": "arm: panda\n",
+        "raiser.py": "class Odd(BaseException): pass\nraise Odd('on its own')\n",
         "BROKEN/result.npz": "",
         "TRUNCATED/run.json": '{"status": "incomplete"}',
     }
     for name in ("DIR.yaml", "EMPTYDIR", "BROKEN", "TRUNCATED"):
         (tmp_path / name).mkdir()
+    os.mkfifo(tmp_path / "PIPE.yaml")
+    monkeypatch.syspath_prepend(tmp_path)
     for name, content in texts.items():
         content = content if isinstance(content, bytes) else content.encode()
         (tmp_path / name).write_bytes(content)

@@ -1,9 +1,12 @@
 """Files of points that are none: refused with file, row and column."""
 
+import os
+
 import pytest
-from refusing import refusal
+from refusing import refusal, within
 
 from drake_rnn import Points, Spline, Waypoints
+from drake_rnn.paths.table import read_table
 
 GOOD = "t,x,y,z\n0,0,0,0\n1,0.1,0,0\n2,0.1,0.1,0\n"
 HEADER = "t,x,y,z\n"
@@ -38,6 +41,12 @@ FILES = {
     "a unit": (GOOD + "3,0.1m,0,0\n", "row 5, column 2: '0.1m' is not a finite number"),
     "a percentage": (GOOD + "3,10%,0,0\n", "row 5, column 2: '10%' is not a finite number"),
     "hexadecimal": (GOOD + "3,0x10,0,0\n", "row 5, column 2: '0x10' is not a finite number"),
+    "underscores": (GOOD + "3,0_1,0,0\n", "row 5, column 2: '0_1' is not a finite number"),
+    "digits of another script": (GOOD + "3,٠.٢,0,0\n", "row 5, column 2: '٠.٢' is not a finite"),
+    "too many rows": (
+        HEADER + "1,0,0,0\n" * 250_000,
+        "has 250000 rows, and may have 100000; keep one of 3 of them",
+    ),
     "thousands": (GOOD + '3,"1,000",0,0\n', "row 5, column 2: '1,000' is not a finite number"),
     "a time of day": (HEADER + "00:00,0,0,0\n", "row 2, column 1: '00:00' is not a finite number"),
     "an empty cell": (GOOD + "3,,0,0\n", "row 5, column 2: '' is not a finite number"),
@@ -90,6 +99,26 @@ def test_a_file_that_holds_no_motion_is_refused(tmp_path, content, said):
 def test_what_is_no_file_is_refused(tmp_path, kind, name, said):
     (tmp_path / "folder.csv").mkdir()
     assert said in refusal(lambda: kind(file=str(tmp_path / name), period=2.0))
+
+
+@pytest.mark.parametrize("kind", [Waypoints, Spline, Points])
+def test_what_has_no_end_is_refused_at_once(tmp_path, kind):
+    """A pipe would be waited for, and a device would fill the memory."""
+    os.mkfifo(tmp_path / "pipe.csv")
+    with (tmp_path / "large.csv").open("wb") as large:
+        large.truncate(10**12)
+    for file in (tmp_path / "pipe.csv", "/dev/zero"):
+        said = "must be a regular file, not a pipe or a device"
+        assert said in refusal(lambda file=file: kind(file=str(file), period=2.0))
+    said = "has 1e+06 MB, and may have 25 MB"
+    assert said in refusal(lambda: kind(file=str(tmp_path / "large.csv"), period=2.0))
+
+
+def test_a_hundred_thousand_rows_are_read(tmp_path):
+    file = tmp_path / "points.csv"
+    file.write_text("x,y,z\n" + "".join(f"{k},0,0\n" for k in range(100_000)))
+    with within():
+        assert len(read_table(str(file)).points) == 100_000
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 from drake_rnn import InvalidInputError, simulate
 from drake_rnn.campaigns import perform, run_campaign
-from drake_rnn.cli import app
+from drake_rnn.cli.commands import app
 from drake_rnn.experiment import load_experiment, parse_change
 from drake_rnn.figures.campaign import strongest
 from drake_rnn.inputs.documents import to_yaml
@@ -288,7 +288,7 @@ def test_what_is_stopped_says_what_was_not_run_and_leaves_no_process(file, tmp_p
     # As Ctrl-C in a terminal, to all of its processes.
     os.killpg(process.pid, number)
     _, complained = process.communicate(timeout=60)
-    assert process.returncode == 1, complained
+    assert process.returncode == 130, complained
     ended = kept(tmp_path)
     assert f"not run {80 - ended} of 80 rows: interrupted; run the same command again" in complained
     assert len(rows(tmp_path / "campaign_lines")) == ended >= 2

@@ -12,7 +12,7 @@ from distributed import Client, LocalCluster
 from typer.testing import CliRunner
 
 from drake_rnn.campaigns import cluster_at, run_campaign
-from drake_rnn.cli import app
+from drake_rnn.cli.commands import app
 
 LINE = {
     "name": "lines",

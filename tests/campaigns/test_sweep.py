@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from drake_rnn import InvalidInputError, SimulationError, load_experiment, simulate, sweep
 from drake_rnn.campaigns import perform as performing
 from drake_rnn.campaigns.sweep import InterruptedSweepError, Row, parse_axis, write_csv
-from drake_rnn.cli import app
+from drake_rnn.cli.commands import app
 from drake_rnn.cli.tables import WIDE, sweep_tables
 from drake_rnn.errors import InterruptedRunError
 from drake_rnn.figures.sweep import sweep_figure

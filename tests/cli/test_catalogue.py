@@ -5,8 +5,8 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from drake_rnn import LAWS, PATHS, load_arm, shipped_arms, shipped_experiments
-from drake_rnn.cli import app
 from drake_rnn.cli.catalogue import experiments_table, shipped_documents
+from drake_rnn.cli.commands import app
 from drake_rnn.cli.showing import commented
 from drake_rnn.experiment import load_experiment, read_document
 from drake_rnn.experiment.law import ORIGINS

@@ -91,7 +91,7 @@ def test_a_comparison_that_is_interrupted_names_what_was_not_run(tmp_path, inter
     interrupts(0.05)
     names = ("pinv_line", "pinv_line_ur5", "pinv_csv")
     result = call("compare", *names, "--out", tmp_path, "--duration", "0.1")
-    assert result.exit_code == 1
+    assert result.exit_code == 130
     assert "not run pinv_line_ur5, pinv_csv" in result.stderr
     assert not list(tmp_path.rglob("comparison.csv"))
 
@@ -108,7 +108,7 @@ def test_a_terminated_run_keeps_what_it_had(tmp_path):
     time.sleep(2.0)
     process.terminate()
     _, said = process.communicate(timeout=120)
-    assert process.returncode == 1
+    assert process.returncode == 130
     assert f"failed {KNOWN}: interrupted (at t = " in said
     record = statuses(tmp_path)[KNOWN]
     assert record["status"] == "interrupted"

@@ -104,5 +104,5 @@ def test_interrupted_it_says_so(folder, monkeypatch):
 
     monkeypatch.setattr("drake_rnn.cli.filming.write_film", interrupted)
     result = call("film", folder)
-    assert result.exit_code == 1
-    assert result.stderr == "failed film: interrupted; nothing is written\n"
+    assert result.exit_code == 130
+    assert result.stderr == "interrupted: no film was written\n"

@@ -55,7 +55,7 @@ def test_what_needs_no_robot_imports_none(arguments):
 
 def test_a_shell_completes_names_of_files_without_reading_them():
     asked = {"_DRAKE_RNN_COMPLETE": "complete_bash", "COMP_WORDS": "drake-rnn run p"}
-    code = "from drake_rnn.cli import app; app(prog_name='drake-rnn')"
+    code = "from drake_rnn.cli.commands import app; app(prog_name='drake-rnn')"
     assert not imported(code, COMP_CWORD="2", **asked) & LARGE
     assert complete_experiments("") == shipped_experiments()
     assert complete_campaigns("") == shipped_campaigns()

@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from drake_rnn import Result
-from drake_rnn.cli import app
+from drake_rnn.cli.commands import app
 from drake_rnn.runs import simulation
 
 LINE, OTHER = "pinv_line", "pinv_line_ur5"
@@ -110,7 +110,7 @@ def test_several_at_a_time_that_are_terminated_keep_what_they_had(tmp_path):
     time.sleep(8.0)
     process.send_signal(signal.SIGTERM)
     _, said = process.communicate(timeout=120)
-    assert process.returncode == 1
+    assert process.returncode == 130
     assert "not run pinv_csv" in said
     for name in (LINE, OTHER):
         record = json.loads((tmp_path / name / "run.json").read_text())

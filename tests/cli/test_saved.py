@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from drake_rnn import Result, simulate
-from drake_rnn.cli import app
+from drake_rnn.cli.commands import app
 from drake_rnn.experiment import load_experiment
 
 SHORT = {"duration": 0.05, "window": [0, 0.05], "accept": None}

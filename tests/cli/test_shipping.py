@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from drake_rnn.cli import app
+from drake_rnn.cli.commands import app
 
 ROOT = Path(__file__).parents[2]
 #: What the command adds to, and what it makes; nothing else knows a law.

@@ -36,7 +36,7 @@ from drake_rnn.campaigns import CampaignDocument, read_campaign, shipped_campaig
 from drake_rnn.campaigns.sweep import parse_axis
 from drake_rnn.campaigns.variation import VARIATIONS
 from drake_rnn.claims import SCHEMES, read_claims
-from drake_rnn.cli import app
+from drake_rnn.cli.commands import app
 from drake_rnn.experiment import IntegratorSettings, parse_change, read_document
 from drake_rnn.inputs.fields import field_names
 

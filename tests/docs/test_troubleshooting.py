@@ -9,7 +9,7 @@ import pytest
 from doc_pages import ROOT, text_of
 from typer.testing import CliRunner
 
-from drake_rnn.cli import app
+from drake_rnn.cli.commands import app
 
 PAGE = "docs/troubleshooting.md"
 #: A model of the reader's: a mesh that is not there, no accelerations.

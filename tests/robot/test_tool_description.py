@@ -316,5 +316,5 @@ def test_a_flange_that_does_not_exist_is_refused_with_those_of_like_name():
 
 
 def test_a_mesh_that_would_take_minutes_is_refused():
-    with pytest.raises(InvalidInputError, match=r"mesh_resolution: must be at least 0\.02 of"):
+    with pytest.raises(InvalidInputError, match=r"mesh_resolution: must be at least 0\.04 of"):
         ToolDescription(ball=0.012, mesh_resolution=1e-5)

@@ -4,7 +4,7 @@ import pytest
 
 from drake_rnn import check_experiment, fastest, load_experiment, make_experiment, simulate
 from drake_rnn.experiment import Forecast
-from drake_rnn.runs.caveats import standing
+from drake_rnn.runs.caveats import limit_caveats, standing
 
 ASKS = Forecast("path: asks joint1 for an acceleration of 2.51 rad/s^2", "acceleration")
 NEAR = Forecast("path: near-singular posture")
@@ -56,3 +56,11 @@ def test_a_limit_that_the_law_does_not_keep_is_said_after_the_run():
     assert excess > 1.0
     said = f"limits: the arm exceeds a limit of velocity by {excess:.3g} rad/s"
     assert any(text.startswith(said) for text in result.warnings)
+
+
+def test_motors_that_exceed_a_limit_which_the_law_keeps_of_its_command_are_told_of():
+    experiment = load_experiment("slc_nephroid_dynamic")
+    assert limit_caveats(experiment, {"acceleration_violation_max_rad_s2": 4.6}) == [
+        "limits: the arm exceeds a limit of acceleration by 4.6 rad/s^2; the law keeps it of the "
+        "command, and motors follow that with errors"
+    ]

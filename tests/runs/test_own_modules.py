@@ -18,11 +18,11 @@ SHORT = ("--duration", "0.5")
 
 # As the installed command: a script in a folder of its own, whose folder Python looks into first.
 SCRIPT = """
-from drake_rnn.cli import commands, saving
+from drake_rnn.cli import saving, starting
 
 saving.draw_figures = lambda result, folder: []
 if __name__ == "__main__":
-    commands.main()
+    starting.main()
 """
 
 

@@ -201,10 +201,13 @@ function placeLabels() {
   });
 }
 
-const drawScene = viewer.render.bind(viewer);
-viewer.render = () => {
-  camera.adjustLines();
-  drawScene();
-  drawInset();
-  placeLabels();
-};
+/** Lets the viewer draw all that belongs to the picture. */
+function drawWith(viewer) {
+  const drawScene = viewer.render.bind(viewer);
+  viewer.render = () => {
+    camera.adjustLines();
+    drawScene();
+    drawInset();
+    placeLabels();
+  };
+}

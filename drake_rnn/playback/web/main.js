@@ -18,14 +18,14 @@ function paintTheme() {
   button.title = button.getAttribute("aria-label");
   button.lastElementChild.textContent = theme;
   if (player.ready) {
-    paintStage(shown);
+    picture.paint(shown);
     chart.drawn = null;
     chart.draw();
   }
 }
 
 function setView(name) {
-  camera.setView(name);
+  picture.setView(name);
   for (const button of document.querySelectorAll("[data-view]")) {
     button.setAttribute("aria-pressed", button.dataset.view === name);
   }
@@ -37,8 +37,7 @@ function setChrome(visible) {
 }
 
 function resize() {
-  viewer.set_3d_pane_size(pane.clientWidth, pane.clientHeight);
-  camera.fit();
+  picture.resize();
   chart.resize();
 }
 
@@ -85,7 +84,7 @@ function listen() {
     if (event.key === " " && event.target.id === "play") event.preventDefault();
   });
   listenToChart();
-  viewer.controls.addEventListener("start", () => { camera.followed = false; });
+  picture.listen();
   new ResizeObserver(resize).observe(byId("stage"));
   new ResizeObserver(resize).observe(byId("chart"));
 }
@@ -107,7 +106,7 @@ function listenToChart() {
 
 function tick(now) {
   player.advance(now);
-  if (viewer.needs_render) viewer.render();
+  picture.draw();
   requestAnimationFrame(tick);
 }
 
@@ -127,8 +126,7 @@ window.playback = {
 
 paintTheme();
 chart.build();
-loadScene().then(() => {
-  prepareScene();
+picture.load().then(() => {
   listen();
   player.ready = true;
   paintTheme();

@@ -21,7 +21,7 @@ const player = {
   show(t) {
     this.time = clamp(Number.isFinite(+t) ? +t : 0, 0, data.duration);
     this.rest = 0;
-    showTime(this.time);
+    picture.show(this.time);
     chart.show(this.time);
     this.tell();
   },

@@ -7,11 +7,23 @@ const LAYERS = { large: 1, inset: 2, arm: 3, stage: 4 };
 const ARM = ["arm", "target", "stand", "force"];
 const STAGE = ["ground", "Grid"];
 
-// False: the page draws frames itself, when something has changed.
-const viewer = new MeshCat.Viewer(pane, false);
+const viewer = viewerIn(pane);
 window.viewer = viewer;
-// Those that ask for an animated picture get one drawn by the page.
-viewer.animate = () => { if (viewer.needs_render) viewer.render(); };
+
+/** A viewer of the scene; null if the browser has no WebGL. */
+function viewerIn(pane) {
+  try {
+    // False: the page draws frames itself, when something has changed.
+    const made = new MeshCat.Viewer(pane, false);
+    // Those that ask for an animated picture get one drawn by the page.
+    made.animate = () => { if (made.needs_render) made.render(); };
+    return made;
+  } catch (error) {
+    console.info(`There is no picture: ${error.message}`);
+    pane.replaceChildren();
+    return null;
+  }
+}
 
 function nodeAt(path) {
   return viewer.scene_tree.find(path.split("/").filter(Boolean));

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...inputs.given_file import content_of
 from .cache import cached_file
 from .late_import import late_import
 
@@ -27,6 +28,8 @@ GREY: Colour = (0.75, 0.75, 0.75, 1.0)
 _VERSION = b"1"
 # Larger textures make a playback large and look no better in it [pixels].
 _LARGEST_TEXTURE = 1024
+# Size of a mesh, which takes ten times as much memory to convert [bytes].
+_MOST_BYTES = 200_000_000
 # Exponent between the two ways to give a colour, and what white paint reflects: a page is lit such
 # that more than that shows no shape.
 _GAMMA, _WHITEST = 2.2, 0.6
@@ -70,7 +73,7 @@ def _content_name(mesh: Path, *more: bytes) -> str:
     for part in more:
         content.update(part)
     for file in (mesh, *_companions(mesh)):
-        content.update(sha256(file.read_bytes()).digest())
+        content.update(sha256(content_of(file, _MOST_BYTES)).digest())
     return content.hexdigest()[:32]
 
 

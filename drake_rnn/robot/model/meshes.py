@@ -65,7 +65,10 @@ class Meshes:
     def _readable(self, uri: str, suffix: str, convert: Callable[[Path], Path]) -> Path | None:
         file = self._packages.file(uri)
         if file is None:
-            self._missing.append(uri)
+            if found := self._packages.what_else(uri):
+                self._broken[uri] = found
+            else:
+                self._missing.append(uri)
             return None
         if file.suffix.lower() == suffix:
             return file

@@ -7,9 +7,10 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
 
 from ...errors import InvalidInputError
+from ...inputs.given_file import content_of
 from .meshes import Meshes
 from .packages import Packages
-from .xml_text import parse_xml
+from .xml_text import MOST_BYTES, parse_xml
 
 
 def mend_mjcf(root: Element, meshes: Meshes, packages: Packages) -> list[str]:
@@ -41,7 +42,10 @@ def _include(root: Element, packages: Packages) -> None:
                 continue
             name = element.get("file", "")
             file = packages.file(name)
-            included = None if file is None else parse_xml(file.read_bytes())
+            try:
+                included = None if file is None else parse_xml(content_of(file, MOST_BYTES))
+            except ValueError as error:
+                raise InvalidInputError(f"arm.model: the file {name!r} {error}") from None
             if included is None:
                 raise InvalidInputError(
                     f"arm.model: the file {name!r} that it includes cannot be read"

@@ -8,12 +8,15 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
+import numpy as np
 from pydrake.geometry import SceneGraph
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 
 from ...errors import InvalidInputError
+from ...inputs.given_file import content_of
+from ..contact_mesh import require_coarse_balls
 from ..drake_log import drake_warnings
 from .expansion import expand_xacro, is_xacro
 from .meshes import Meshes
@@ -22,9 +25,11 @@ from .mjcf import mend_mjcf
 from .packages import Packages
 from .sdf import mend_sdf
 from .urdf import mend_urdf
-from .xml_text import parse_xml, write_xml
+from .xml_text import MOST_BYTES, parse_xml, write_xml
 
 _PLACE = re.compile(r"<literal-string>\.\w+(:\d+)?: ((error|warning): )?")
+# Distance of a joint from its link [m].
+_FARTHEST = 1e3
 # Drake's names of the formats, by the root element.
 _FORMATS = {"robot": "urdf", "sdf": "sdf", "mujoco": "xml"}
 
@@ -103,12 +108,16 @@ def read_model(file: Path, packages: Mapping[str, str]) -> Model:
 
 def _mended(file: Path, packages: Mapping[str, str]) -> Model:
     places = Packages(packages, file)
-    root = parse_xml(file.read_bytes())
+    try:
+        root = parse_xml(content_of(file, MOST_BYTES))
+    except ValueError as error:
+        raise InvalidInputError(f"arm.model: {file} {error}") from None
     expanded = root is not None and is_xacro(root)
     if expanded:
         root = parse_xml(expand_xacro(file, places))
     if root is None or root.tag not in _FORMATS:
         return Model(file, packages)
+    require_coarse_balls(f"arm.model: {file.name}", root)
     before = write_xml(root)
     try:
         warnings = _mend(root, places)
@@ -144,6 +153,7 @@ def _checked(model: Model) -> Model:
             plant.Finalize()
         except RuntimeError as error:
             raise InvalidInputError(f"arm.model: {model.file}: {_one_line(error)}") from None
+    _require_near(plant, model.file)
     warnings = []
     if (loops := plant.num_constraints() - len(model.mimics)) > 0:
         warnings.append(f"constraints such as closed loops are left out ({loops})")
@@ -153,6 +163,20 @@ def _checked(model: Model) -> Model:
     del plant  # it points to the scene graph, which must outlive it
     told = (f"arm.model: {model.file.name}: {warning}" for warning in warnings)
     return replace(model, warnings=(*model.warnings, *told))
+
+
+def _require_near(plant: MultibodyPlant, file: Path) -> None:
+    """Raise an InvalidInputError for a joint far off, beside which no number keeps its digits."""
+    for joint in map(plant.get_joint, plant.GetJointIndices()):
+        far = max(
+            float(np.abs(frame.GetFixedPoseInBodyFrame().translation()).max())
+            for frame in (joint.frame_on_parent(), joint.frame_on_child())
+        )
+        if far > _FARTHEST:
+            raise InvalidInputError(
+                f"arm.model: {file.name}: {joint.name()!r} is {far:.3g} m from the link that it "
+                f"belongs to; it may be up to {_FARTHEST:g} m"
+            )
 
 
 def _one_line(message: object) -> str:

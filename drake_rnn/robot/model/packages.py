@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
@@ -45,16 +45,25 @@ class Packages:
             uri: ``package://`` or ``model://`` and a package, ``file://`` and an absolute name, or
                 a name relative to the model.
         """
+        return next((place.resolve() for place in self._places(uri) if place.is_file()), None)
+
+    def what_else(self, uri: str) -> str:
+        """Return what there is instead of a file that a model means; empty for nothing."""
+        place = next((each for each in self._places(uri) if each.exists()), None)
+        if place is None:
+            return ""
+        return "it is a folder" if place.is_dir() else "it is no regular file"
+
+    def _places(self, uri: str) -> Iterator[Path]:
+        """Yield where a model may mean a file to be."""
         parts = urlparse(uri)
-        places: Iterable[Path]
         if parts.scheme in {"package", "model"}:
             inside = unquote(parts.path).lstrip("/")
-            places = (folder / inside for folder in self._candidates(parts.netloc))
+            yield from (folder / inside for folder in self._candidates(parts.netloc))
         elif parts.scheme == "file":
-            places = [Path(unquote(parts.netloc + parts.path))]
+            yield Path(unquote(parts.netloc + parts.path))
         else:
-            places = [self._folder / uri]
-        return next((place.resolve() for place in places if place.is_file()), None)
+            yield self._folder / uri
 
     @cached_property
     def _known(self) -> PackageMap:
@@ -97,6 +106,6 @@ def _declared(folder: Path) -> str | None:
     """Return the package that a folder's ``package.xml`` declares."""
     try:
         root = parse_xml((folder / "package.xml").read_bytes())
-    except OSError:
+    except (OSError, ValueError):
         return None
     return None if root is None else (root.findtext("name") or "").strip()

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from xml.etree.ElementTree import Element, SubElement
 
 from ...errors import InvalidInputError
+from ...inputs.numbers import decimal
 from .conversion import Colour
 from .geometry import MeshName, about, mend_geometry
 from .meshes import Meshes
@@ -118,12 +119,29 @@ def _check_limits(root: Element) -> None:
     for joint, limit in _limits(root):
         where = f"arm.model: the limits of {joint.get('name')!r}"
         if joint.get("type") != "continuous":
-            lower, upper = (float(limit.get(name, 0.0)) for name in ("lower", "upper"))
+            lower, upper = (_limit(where, limit, name) for name in ("lower", "upper"))
             if lower > upper:
                 raise InvalidInputError(f"{where}: lower is {lower:g}, above upper, {upper:g}")
         for name in ("velocity", "effort"):
-            if (value := float(limit.get(name, 0.0))) < 0.0:
+            if (value := _limit(where, limit, name)) < 0.0:
                 raise InvalidInputError(f"{where}: {name} must not be negative, as {value:g} is")
+
+
+def _limit(where: str, limit: Element, name: str) -> float:
+    """Return a limit as a number, 0 if it is not given.
+
+    Raises:
+        InvalidInputError: If it is none, by the name of the joint.
+    """
+    try:
+        return decimal(limit.get(name, "0"))
+    except ValueError as error:
+        hint = ""
+        if "inf" in limit.get(name, "").lower():
+            hint = "; without limits of position it is of the type continuous"
+            if name not in _POSITIONS:
+                hint = "; leave out what is not known"
+        raise InvalidInputError(f"{where}: {name} {error}{hint}") from None
 
 
 def _suspected_degrees(root: Element) -> list[str]:

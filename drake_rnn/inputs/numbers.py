@@ -1,0 +1,28 @@
+"""What is a number, in Python and in a text."""
+
+from __future__ import annotations
+
+import re
+from math import isfinite
+from numbers import Real
+from typing import Any
+
+# As files of any program have them: Python would also take 1_000 and the digits of any script.
+_DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
+
+
+def is_number(value: Any) -> bool:
+    """Return whether a value is a finite number; true and false are none."""
+    return isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)
+
+
+def decimal(text: str) -> float:
+    """Return the number that a text is.
+
+    Raises:
+        ValueError: If it is none, or none that is finite.
+    """
+    stripped = text.strip()
+    if not _DECIMAL.fullmatch(stripped) or not isfinite(number := float(stripped)):
+        raise ValueError(f"must be a finite decimal number, not {text!r}")
+    return number

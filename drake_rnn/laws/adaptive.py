@@ -215,7 +215,7 @@ class Adaptive(Law):
             wander=suits.wander if self.wander is None else self.wander,
             limits=reached_limits(self.limits, period),
         )
-        return AdaptiveReading(law, suits.samples, round(late))
+        return AdaptiveReading(law, suits.samples, suits.still, round(late))
 
     @cached_property
     def state(self) -> Layout:
@@ -263,11 +263,13 @@ class AdaptiveReading(SampledReading):
     Attributes:
         law: The law, with all of its numbers.
         samples: Number of samples over which velocities are difference quotients.
+        still: Joint speed below which nothing is learned [rad/s].
         late: Number of samples by which measurements are late.
     """
 
     law: Adaptive
     samples: int
+    still: float
     late: int
 
     takes_many = True
@@ -289,7 +291,8 @@ class AdaptiveReading(SampledReading):
         m, n = law.task_size, law.limits.size
         if law.jacobian == "known":
             return MiddleJacobian(m, n, self.late)
-        return LearnedJacobian(m, n, self.samples, law.wander, law.variance, law.J_hat_initial)
+        trust = (law.wander, law.variance, self.still)
+        return LearnedJacobian(m, n, self.samples, *trust, law.J_hat_initial)
 
     @cached_property
     def _within(self) -> WithinAcceleration | WithinJerk:

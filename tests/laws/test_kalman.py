@@ -106,7 +106,7 @@ def test_an_arm_that_moves_about_teaches_its_jacobian(kinematics, m, samples):
 
     Six rows begin with those of the rotation.
     """
-    source = LearnedJacobian(m, N, samples, 1.0, R, "zero")
+    source = LearnedJacobian(m, N, samples, 1.0, R, 0.0, "zero")
     rng = np.random.default_rng(6)
     q, h = np.array([0.0, 0.3, 0.1, -1.8, 0.2, 2.0, 0.5]), 1e-3
     kept = source.start(rng, seen(kinematics, q))
@@ -121,7 +121,7 @@ def test_an_arm_that_moves_about_teaches_its_jacobian(kinematics, m, samples):
 
 def test_velocities_are_those_over_the_samples_that_it_is_told(kinematics):
     """The first measurement counts until it is that old: an arm at rest before it began."""
-    source = LearnedJacobian(3, 2, 3, 0.0, R, "zero")
+    source = LearnedJacobian(3, 2, 3, 0.0, R, 0.0, "zero")
     places = [np.array([x, 0.0]) for x in (0.0, 0.1, 0.3, 0.6, 1.0)]
     u = [{"position": q, "p_WE": np.array([2 * q[0], 0, 0])} for q in places]
     kept = source.start(np.random.default_rng(0), u[0])
@@ -132,11 +132,26 @@ def test_velocities_are_those_over_the_samples_that_it_is_told(kinematics):
     np.testing.assert_allclose(kept["J_hat"], [[2, 0], [0, 0], [0, 0]], rtol=1e-4)
 
 
+@pytest.mark.parametrize("still", [0.0, 3e-3])
+def test_an_arm_at_rest_learns_nothing_from_errors_of_measurement(kinematics, still):
+    """Half a minute, 10 um of noise, joints that tremble by the feedback: else J_hat walks away."""
+    q = np.array([0.0, 0.3, 0.1, -1.8, 0.2, 2.0, 0.5])
+    u, rng, h = seen(kinematics, q), np.random.default_rng(8), 1e-3
+    source = LearnedJacobian(3, N, 10, 0.1, 4e-4, still, "exact")
+    kept = source.start(rng, u | {"J": u["J"][-3:]})
+    for _ in range(30_000):
+        tremble = rng.normal(0.0, 2e-6, N)
+        noisy = {"position": q + tremble, "p_WE": u["p_WE"] + rng.normal(0.0, 1e-5, 3)}
+        J_hat, kept = source.advanced(kept, noisy, h)
+    off = np.linalg.norm(J_hat - u["J"][-3:])
+    assert off == 0.0 if still else off > 0.1
+
+
 def test_how_it_begins(kinematics):
     u = seen(kinematics, np.zeros(N)) | {"J": np.ones((3, N))}
     rng = np.random.default_rng(7)
     begins = {
-        kind: LearnedJacobian(3, N, 1, 1.0, R, kind).start(rng, u)["J_hat"]
+        kind: LearnedJacobian(3, N, 1, 1.0, R, 0.0, kind).start(rng, u)["J_hat"]
         for kind in ("uniform", "zero", "exact")
     }
     assert (begins["zero"] == 0.0).all()
@@ -144,7 +159,7 @@ def test_how_it_begins(kinematics):
     assert 0.0 <= begins["uniform"].min() < 0.3 < 0.7 < begins["uniform"].max() <= 1.0
     del u["J"]
     with pytest.raises(InvalidInputError, match=r"^law\.J_hat_initial: exact needs the arm's J"):
-        LearnedJacobian(3, N, 1, 1.0, R, "exact").start(rng, u)
+        LearnedJacobian(3, N, 1, 1.0, R, 0.0, "exact").start(rng, u)
 
 
 @pytest.mark.parametrize("late", [0, 1, 4])

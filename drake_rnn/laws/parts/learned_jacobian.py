@@ -10,7 +10,8 @@ that joint velocities w cause to be measured with the variance R:
     \hat J \leftarrow \hat J + (y - \hat J w) K^T, \quad C \leftarrow C - K w^T C.
 
 What has not been moved for a while is uncertain, so the first motion along it teaches at once: no
-noise needs to be injected.
+noise needs to be injected. For the same reason an arm at rest must not learn from measurements that
+err: its covariance would grow, and each error would count as a motion's effect.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...arrays.algebra import dot, joined, matvec, outer, scaled
+from ...arrays.algebra import dot, functions_of, joined, matvec, outer, scaled
 from ...inputs.fields import Array
 from ...robot.rotation import rotation_error
 from ..layout import Signals
@@ -60,6 +61,7 @@ class LearnedJacobian:
         samples: Number of samples over which the quotients are taken.
         wander: Growth q_n of the variance of each entry [1/s].
         variance: Variance R of the measured task velocity [m^2/s^2].
+        still: Joint speed below which J_hat and its covariance stay as they are [rad/s].
         initial: ``uniform`` in [0, 1], ``zero``, or ``exact``, the arm's own.
     """
 
@@ -68,6 +70,7 @@ class LearnedJacobian:
     samples: int
     wander: Any
     variance: Any
+    still: float
     initial: Literal["uniform", "zero", "exact"]
 
     @property
@@ -115,7 +118,11 @@ class LearnedJacobian:
             turned = rotation_error(kept["R_before"][..., -1, :, :], R) / over
             y = joined((turned, y))
             found["R_before"] = pushed(kept["R_before"], R, -3)
-        found["J_hat"], found["covariance"] = kalman_update(
-            kept["J_hat"], kept["covariance"], w, y, self.wander * period, self.variance
-        )
+        before = kept["J_hat"], kept["covariance"]
+        after = kalman_update(*before, w, y, self.wander * period, self.variance)
+        if self.still > 0.0:
+            moves = (w * w).sum(axis=-1)[..., None, None] > self.still**2
+            xp = functions_of(w)
+            after = tuple(xp.where(moves, new, old) for new, old in zip(after, before, strict=True))
+        found["J_hat"], found["covariance"] = after
         return found["J_hat"], found

@@ -61,16 +61,19 @@ class Learning(NamedTuple):
         variance: Variance R of such a velocity [m^2/s^2].
         wander: Growth q_n of the variance of J_hat's entries [1/s].
         softness: Softness mu of the task.
+        still: Joint speed below which nothing is learned, because the end effector then moves by
+            less than its measurement errs [rad/s].
     """
 
     samples: int
     variance: float
     wander: float
     softness: float
+    still: float
 
 
 #: What suits exact measurements, or a Jacobian that is known.
-EXACT = Learning(samples=1, variance=1e-5, wander=1.0, softness=1e-6)
+EXACT = Learning(samples=1, variance=1e-5, wander=1.0, softness=1e-6, still=0.0)
 
 
 def suited(measurement: Measurement, period: float) -> Learning:
@@ -86,11 +89,13 @@ def suited(measurement: Measurement, period: float) -> Learning:
     if samples is None:
         window = _WINDOW * (error / _SIGMA) ** _POWER
         samples = min(max(round(window / period), 1), _LONGEST)
+    noise = 2.0**0.5 * error / (samples * period)
     return Learning(
         samples=samples,
         variance=max(EXACT.variance, _SHARED * 2.0 * (error / (samples * period)) ** 2),
         wander=0.1,
         softness=max(EXACT.softness, _SOFTNESS * error / _SIGMA),
+        still=noise / REACH,
     )
 
 

@@ -102,8 +102,10 @@ def _die_of_the_next(number: int) -> None:
     # What needs no robot does without it.
     ctypes = import_module("ctypes")
     libc = ctypes.CDLL(None)
-    install_once = getattr(libc, "sysv_signal", None)
-    if install_once is None:
+    try:
+        install_once = libc.sysv_signal
+    except AttributeError:
+        # Not the C library of GNU.
         return
     for function in (libc.signal, install_once):
         function.restype, function.argtypes = ctypes.c_void_p, (ctypes.c_int, ctypes.c_void_p)

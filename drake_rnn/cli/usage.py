@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import typer
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperCommand, TyperGroup, TyperOption
 
 from .statuses import BAD_INPUT, INTERRUPTED
 
@@ -23,7 +23,7 @@ class Command(TyperCommand):
         parser: Any = self.make_parser(ctx)
         _, _, given = parser.parse_args(list(args))
         for option in given:
-            one = not option.multiple and not getattr(option, "is_flag", True)
+            one = isinstance(option, TyperOption) and not (option.multiple or option.is_flag)
             if one and given.count(option) > 1:
                 raise _UsageError(f"option {option.opts[0]!r} is given twice", ctx)
         return super().parse_args(ctx, args)

@@ -9,12 +9,12 @@ import numpy as np
 import placo
 
 from drake_rnn import Array
-from peer_schemes.scheme import NoSolutionError, Scheme
+from peer_schemes.scheme import Aim, AimedScheme, NoSolutionError, braked, in_the_middle
 from peer_schemes.tasks import LEVER, POSTURE_RATE, POSTURE_WEIGHT, Task
 from peer_schemes.urdf import without_shapes
 
 
-class Placo(Scheme):
+class Placo(AimedScheme):
     """Frame and joints task; placo has no limit of acceleration, but half-spaces of the joints."""
 
     name = "placo"
@@ -58,15 +58,14 @@ class Placo(Scheme):
         X_WE = self._robot.get_T_world_frame(self._frame)
         return X_WE[:3, 3], X_WE[:3, :3]
 
-    def velocity(self, k: int, q: Array, v: Array) -> Array:
-        p, R = self.pose(q)
+    def towards(self, aim: Aim, q: Array, v: Array) -> Array:
         task = self.task
-        self._position.target_world = task.target(k, p)
+        self._position.target_world = aim.p_target
         if task.oriented:
-            self._orientation.R_world_frame = task.orientation_target(k, R)
-        home = q + POSTURE_RATE * task.period * (task.start - q)
+            self._orientation.R_world_frame = aim.R_target
+        home = aim.q + POSTURE_RATE * task.period * (task.start - aim.q)
         self._posture.set_joints(dict(zip(task.arm.joints, home.tolist(), strict=True)))
-        coasting = q + task.period * v
+        coasting = aim.q + task.period * v
         self._bounds.b = np.concatenate((coasting + self._room, self._room - coasting))
         try:
             way = self._solver.solve(False)
@@ -75,4 +74,6 @@ class Placo(Scheme):
         return way[-q.size :] / task.period
 
 
-SCHEMES = (Placo,)
+PlacoInTheMiddle = in_the_middle(Placo)
+
+SCHEMES = (Placo, PlacoInTheMiddle, braked(PlacoInTheMiddle, 0.08))

@@ -12,7 +12,7 @@ import numpy as np
 from bench import unit
 from drake_rnn import Array
 from drake_rnn.robot.rotation import rotation_error
-from peer_schemes.tasks import POSITION, Braking, Task
+from peer_schemes.tasks import POSITION, ROTATION, Braking, Task
 from peer_schemes.turns import rotated_by, swept, twice_turned
 
 #: Steps of a run that are timed together: the machine's pace changes within seconds.
@@ -93,7 +93,7 @@ class AimedScheme(Scheme):
     """A scheme that is given a target for the next sample, and linearises the arm about a posture.
 
     Attributes:
-        braking: Feedback of the position.
+        braking, turn_braking: Feedback of position and orientation.
         in_the_middle: Whether that posture is the one half a sample ahead, by the last velocity, in
             place of that of the sample. From there the arm has as far to go, and as far to turn.
         follows_twists: Whether the library takes the way from a pose to a target for a constant
@@ -101,6 +101,7 @@ class AimedScheme(Scheme):
     """
 
     braking: ClassVar[Braking] = POSITION
+    turn_braking: ClassVar[Braking] = ROTATION
     in_the_middle: ClassVar[bool] = False
     follows_twists: ClassVar[bool] = False
 
@@ -121,7 +122,7 @@ class AimedScheme(Scheme):
         task = self.task
         p, R = self.pose(q)
         p_target = task.target(k, p, self.braking)
-        R_target = task.orientation_target(k, R) if task.oriented else R
+        R_target = task.orientation_target(k, R, self.turn_braking) if task.oriented else R
         if not self.in_the_middle:
             return self.towards(Aim(q, p, R, p_target, R_target), q, v)
         middle = q + 0.5 * task.period * v

@@ -8,7 +8,8 @@ from math import inf, sqrt
 import numpy as np
 
 from drake_rnn import Array, Experiment, Path
-from drake_rnn.robot.rotation import rotation_by, rotation_error
+from drake_rnn.robot.rotation import rotation_error
+from peer_schemes.turns import rotated_by
 
 
 @dataclass(frozen=True)
@@ -90,10 +91,10 @@ class Task:
             return ahead
         return ahead + (1.0 - share) * (p_WE - self.p_WE[k])
 
-    def orientation_target(self, k: int, R_WE: Array) -> Array:
+    def orientation_target(self, k: int, R_WE: Array, braking: Braking = ROTATION) -> Array:
         """Return how the end effector should be oriented at sample ``k + 1``, shape (3, 3)."""
         error = rotation_error(self.R_WE[k], R_WE)
-        share = ROTATION.share(sqrt(error @ error), self.period)
+        share = braking.share(sqrt(error @ error), self.period)
         if share == 1.0:
             return self.R_WE[k + 1]
-        return rotation_by((1.0 - share) * error) @ self.R_WE[k + 1]
+        return rotated_by((1.0 - share) * error, self.R_WE[k + 1])

@@ -211,6 +211,8 @@ def main() -> None:
         # What `entry_elsewhere` asks for.
         task, module = tasks[arguments.task[0]](), import_module(PEERS[arguments.rows_of])
         found = [peer_entry(scheme, task).rows[0] for scheme in module.SCHEMES]
+        apart = pose_difference(module.SCHEMES[0](task))
+        print(f"Poses of {arguments.rows_of} differ from Drake's by {apart:.0e}.", file=sys.stderr)
         sys.stdout.buffer.write(pickle.dumps(found))
         return
     tables = {}

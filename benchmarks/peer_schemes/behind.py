@@ -14,6 +14,8 @@ from peer_schemes.tasks import Task
 
 #: Bound of the jerk, as that of `adaptive_jerk` [rad/s^3].
 JERK = 20.0
+#: Gain of the feedback within it, of all who bound the jerk [1/s].
+JERK_GAIN = 100.0
 
 
 class Shaper(ABC):
@@ -63,19 +65,18 @@ class _Behind(AimedScheme):
         return (self._shaper.moved(q, wanted + 0.5 * h * a, a) - q) / h
 
 
-def behind(shaper: type[Shaper], scheme: type[AimedScheme], gain: float) -> type[AimedScheme]:
+def behind(shaper: type[Shaper], scheme: type[AimedScheme]) -> type[AimedScheme]:
     """Return a scheme with a shaper behind it.
 
     Args:
         shaper: The shaper.
         scheme: The scheme, which need not bound the acceleration.
-        gain: Largest gain of the feedback [1/s].
     """
     about: dict[str, Any] = {
         "name": f"{shaper.name} behind {scheme.name}",
-        "setting": f"{shaper.setting}, {JERK:g} rad/s^3, feedback {gain:g}",
-        "braking": replace(scheme.braking, gain=gain),
-        "turn_braking": replace(scheme.turn_braking, gain=gain),
+        "setting": f"{shaper.setting}, {JERK:g} rad/s^3, feedback {JERK_GAIN:g}",
+        "braking": replace(scheme.braking, gain=JERK_GAIN),
+        "turn_braking": replace(scheme.turn_braking, gain=JERK_GAIN),
         "shaper": shaper,
     }
     return type(f"{shaper.__name__}Behind{scheme.__name__}", (_Behind, scheme), about)

@@ -10,6 +10,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from drake_rnn import Experiment, TrajectoryPath, load_experiment
 from drake_rnn.robot.rotation import rotation_by
+from peer_schemes.behind import JERK, JERK_GAIN
 from peer_schemes.ours import Ours
 from peer_schemes.tasks import POSITION as POSITION_FEEDBACK
 from peer_schemes.tasks import Task
@@ -21,8 +22,7 @@ _PINV = {"law": {"kind": "pseudoinverse"}}
 _CONE, _KNOTS = np.deg2rad(20.0), 0.05
 
 POSITION, HELD, CONE = "position", "orientation held", "cone"
-# The gain of the feedback is then the law's own.
-_JERK = {"limits.jerk": 20.0, "law": {"kind": "adaptive"}}
+_JERK = {"limits.jerk": JERK, "law.kappa": JERK_GAIN}
 _ALL = (POSITION, HELD, CONE)
 #: Our rows.
 OURS = (
@@ -48,7 +48,7 @@ OURS = (
         changes={"law.braking": POSITION_FEEDBACK.deceleration},
     ),
     Ours("ours: adaptive, J unknown, braking 0.08", "as shipped", "adaptive_nephroid"),
-    Ours("ours: adaptive, jerk", "as shipped, 20 rad/s^3", "adaptive_jerk"),
+    Ours("ours: adaptive, jerk", "as shipped, 20 rad/s^3, feedback 100", "adaptive_jerk"),
     Ours("ours: adaptive, pose", "as shipped", "adaptive_pose", (CONE,)),
     Ours(
         "ours: adaptive, pose",
@@ -57,10 +57,10 @@ OURS = (
         (HELD,),
         {"path.size": 0.04, "path.cone": 0.0},
     ),
-    Ours("ours: adaptive, pose, jerk", "20 rad/s^3", "adaptive_pose", (CONE,), _JERK),
+    Ours("ours: adaptive, pose, jerk", "20 rad/s^3, feedback 100", "adaptive_pose", (CONE,), _JERK),
     Ours(
         "ours: adaptive, pose, jerk",
-        "20 rad/s^3",
+        "20 rad/s^3, feedback 100",
         "adaptive_pose",
         (HELD,),
         {**_JERK, "path.size": 0.04, "path.cone": 0.0},

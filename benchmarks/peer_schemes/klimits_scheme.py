@@ -48,4 +48,4 @@ class Klimits(Shaper):
         return np.asarray(q_next)
 
 
-SCHEMES = (behind(Klimits, in_the_middle(PlacoWithoutAcceleration), gain=100.0),)
+SCHEMES = (behind(Klimits, in_the_middle(PlacoWithoutAcceleration)),)

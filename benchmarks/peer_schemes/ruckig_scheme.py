@@ -58,4 +58,4 @@ class RuckigVelocity(Shaper):
         return q + h * frame_v + 0.5 * h * h * a + np.array(self._to.new_position)
 
 
-SCHEMES = (behind(RuckigVelocity, in_the_middle(PlacoWithoutAcceleration), gain=100.0),)
+SCHEMES = (behind(RuckigVelocity, in_the_middle(PlacoWithoutAcceleration)),)

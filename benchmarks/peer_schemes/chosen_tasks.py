@@ -10,7 +10,9 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from drake_rnn import Experiment, TrajectoryPath, load_experiment
 from drake_rnn.robot.rotation import rotation_by
+from peer_schemes.behind import JERK, JERK_GAIN
 from peer_schemes.ours import Ours
+from peer_schemes.tasks import POSITION as POSITION_FEEDBACK
 from peer_schemes.tasks import Task
 
 BASE = "slc_nephroid_known"
@@ -20,6 +22,7 @@ _PINV = {"law": {"kind": "pseudoinverse"}}
 _CONE, _KNOTS = np.deg2rad(20.0), 0.05
 
 POSITION, HELD, CONE = "position", "orientation held", "cone"
+_JERK = {"limits.jerk": JERK, "law.kappa": JERK_GAIN}
 _ALL = (POSITION, HELD, CONE)
 #: Our rows.
 OURS = (
@@ -38,8 +41,14 @@ OURS = (
     ),
     Ours("ours: SLC, J unknown", "as shipped, warm-up", "slc_nephroid_warm_up"),
     Ours("ours: adaptive, J known", "as shipped", "adaptive_nephroid_known"),
-    Ours("ours: adaptive, J unknown", "as shipped", "adaptive_nephroid"),
-    Ours("ours: adaptive, jerk", "as shipped, 20 rad/s^3", "adaptive_jerk"),
+    Ours(
+        "ours: adaptive, J unknown",
+        "braking 0.05, as all rows",
+        "adaptive_nephroid",
+        changes={"law.braking": POSITION_FEEDBACK.deceleration},
+    ),
+    Ours("ours: adaptive, J unknown, braking 0.08", "as shipped", "adaptive_nephroid"),
+    Ours("ours: adaptive, jerk", "as shipped, 20 rad/s^3, feedback 100", "adaptive_jerk"),
     Ours("ours: adaptive, pose", "as shipped", "adaptive_pose", (CONE,)),
     Ours(
         "ours: adaptive, pose",
@@ -47,6 +56,14 @@ OURS = (
         "adaptive_pose",
         (HELD,),
         {"path.size": 0.04, "path.cone": 0.0},
+    ),
+    Ours("ours: adaptive, pose, jerk", "20 rad/s^3, feedback 100", "adaptive_pose", (CONE,), _JERK),
+    Ours(
+        "ours: adaptive, pose, jerk",
+        "20 rad/s^3, feedback 100",
+        "adaptive_pose",
+        (HELD,),
+        {**_JERK, "path.size": 0.04, "path.cone": 0.0},
     ),
     Ours("ours: adaptive, pose, J unknown", "as shipped", "adaptive_pose_learned", (CONE,)),
     Ours("ours: pseudoinverse", "feedback 10, no bounds", BASE, _ALL, _PINV),

@@ -21,13 +21,13 @@ from pydrake.systems.framework import BusValue
 from drake_rnn import Array
 from drake_rnn.robot.drake_log import quiet_drake
 from drake_rnn.robot.rotation import rotation_error
-from peer_schemes.scheme import NoSolutionError, Scheme
+from peer_schemes.scheme import Aim, AimedScheme, NoSolutionError, in_the_middle
 from peer_schemes.tasks import POSTURE_RATE, Task
 
 _FOUND = DifferentialInverseKinematicsStatus.kSolutionFound
 
 
-class _DrakeScheme(Scheme):
+class _DrakeScheme(AimedScheme):
     """A scheme whose kinematics are those of a plant of its own."""
 
     def __init__(self, task: Task) -> None:
@@ -38,14 +38,12 @@ class _DrakeScheme(Scheme):
     def pose(self, q: Array) -> tuple[Array, Array]:
         return self._kinematics.p_WE(q), self._kinematics.R_WE(q)
 
-    def _wanted(self, k: int, q: Array) -> Array:
+    def _wanted(self, aim: Aim) -> Array:
         """Return the spatial velocity that is wanted, rotation first, shape (6,)."""
-        task, V = self.task, np.zeros(6)
-        p = self._kinematics.p_WE(q)
-        V[3:] = (task.target(k, p) - p) / task.period
-        if task.oriented:
-            R = self._kinematics.R_WE(q)
-            V[:3] = rotation_error(R, task.orientation_target(k, R)) / task.period
+        V = np.zeros(6)
+        V[3:] = (aim.p_target - aim.p) / self.task.period
+        if self.task.oriented:
+            V[:3] = rotation_error(aim.R, aim.R_target) / self.task.period
         return V
 
 
@@ -70,11 +68,11 @@ class DrakeFunction(_DrakeScheme):
         self._context = self._plant.CreateDefaultContext()
         self._frame = self._plant.GetFrameByName(task.arm.frame)
 
-    def velocity(self, k: int, q: Array, v: Array) -> Array:
-        self._plant.SetPositions(self._context, q)
+    def towards(self, aim: Aim, q: Array, v: Array) -> Array:
+        self._plant.SetPositions(self._context, aim.q)
         self._plant.SetVelocities(self._context, v)
         found = DoDifferentialInverseKinematics(
-            self._plant, self._context, self._wanted(k, q), self._frame, self._parameters
+            self._plant, self._context, self._wanted(aim), self._frame, self._parameters
         )
         # One that is stuck has velocities as well.
         if found.joint_velocities is None or found.status != _FOUND:
@@ -150,16 +148,23 @@ class DrakeSystem(_DrakeScheme):
         self._position = self._system.get_input_port_position().FixValue(self._context, task.start)
         self._wish = self._system.get_input_port_desired_cartesian_velocities()
 
-    def velocity(self, k: int, q: Array, v: Array) -> Array:
-        V = self._wanted(k, q)
+    def towards(self, aim: Aim, q: Array, v: Array) -> Array:
+        V = self._wanted(aim)
         wish = BusValue()
         wish.Set(self._frame, Value(SpatialVelocity(V)))
         self._wish.FixValue(self._context, Value(wish))
-        self._position.GetMutableData().get_mutable_value().SetFromVector(q)
+        self._position.GetMutableData().get_mutable_value().SetFromVector(aim.q)
         try:
             return self._system.get_output_port_commanded_velocity().Eval(self._context)
         except RuntimeError as error:
             raise NoSolutionError from error
 
 
-SCHEMES = (DrakeFunction, DrakeFunctionBounded, DrakeFunctionByDefault, DrakeSystem)
+SCHEMES = (
+    DrakeFunction,
+    DrakeFunctionBounded,
+    in_the_middle(DrakeFunctionBounded),
+    DrakeFunctionByDefault,
+    DrakeSystem,
+    in_the_middle(DrakeSystem),
+)

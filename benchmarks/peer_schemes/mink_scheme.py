@@ -8,7 +8,7 @@ import numpy as np
 from mink.limits import Constraint, Limit
 
 from drake_rnn import Array
-from peer_schemes.scheme import NoSolutionError, Scheme
+from peer_schemes.scheme import Aim, AimedScheme, NoSolutionError, in_the_middle
 from peer_schemes.tasks import LEVER, POSTURE_RATE, POSTURE_WEIGHT, Task
 from peer_schemes.urdf import without_shapes
 
@@ -16,11 +16,12 @@ from peer_schemes.urdf import without_shapes
 _COMPILER = '<mujoco><compiler fusestatic="false" discardvisual="true"/></mujoco></robot>'
 
 
-class Mink(Scheme):
+class Mink(AimedScheme):
     """Frame task, posture task, limits of position and velocity: mink has none of acceleration."""
 
     name = "mink"
     setting = "VelocityLimit, daqp; no acceleration limit offered"
+    follows_twists = True
 
     def __init__(self, task: Task) -> None:
         super().__init__(task)
@@ -48,13 +49,13 @@ class Mink(Scheme):
         X_WE = self._configuration.get_transform_frame_to_world(self._frame, "body")
         return X_WE.translation(), X_WE.rotation().as_matrix()
 
-    def velocity(self, k: int, q: Array, v: Array) -> Array:
-        p, R = self.pose(q)
+    def towards(self, aim: Aim, q: Array, v: Array) -> Array:
         task = self.task
-        turned = task.orientation_target(k, R) if task.oriented else task.R_WE[k + 1]
-        self._frame_task.set_target(
-            mink.SE3.from_rotation_and_translation(mink.SO3.from_matrix(turned), task.target(k, p))
-        )
+        # At the present orientation mink's derivative ignores the rotation; any other free one
+        # will do.
+        same = not (task.oriented or self.in_the_middle)
+        turned = mink.SO3.from_matrix(task.R_WE[0] if same else aim.R_target)
+        self._frame_task.set_target(mink.SE3.from_rotation_and_translation(turned, aim.p_target))
         try:
             return mink.solve_ik(
                 self._configuration,
@@ -93,9 +94,9 @@ class MinkBounded(Mink):
         self._own = _AccelerationLimit(task.limits.acceleration)
         self._limits.append(self._own)
 
-    def velocity(self, k: int, q: Array, v: Array) -> Array:
+    def towards(self, aim: Aim, q: Array, v: Array) -> Array:
         self._own.last = v
-        return super().velocity(k, q, v)
+        return super().towards(aim, q, v)
 
 
-SCHEMES = (Mink, MinkBounded)
+SCHEMES = (Mink, MinkBounded, in_the_middle(MinkBounded))

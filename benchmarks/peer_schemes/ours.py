@@ -12,7 +12,6 @@ import numpy as np
 
 from bench import unit
 from drake_rnn import Array, Experiment, InvalidInputError, load_experiment, simulate
-from drake_rnn.laws.called import unchecked
 from drake_rnn.robot.task import named_task
 from drake_rnn.runs.simulation import build_simulator
 from peer_schemes.scheme import Motion, Scheme
@@ -73,7 +72,7 @@ def _require_same(experiment: Experiment, task: Task) -> None:
 
 
 class PlainLoop(Scheme):
-    """A sampled law called in a loop, on pydrake's kinematics and without a diagram.
+    """A sampled law called in a loop as in `examples/plain_loop.py`: no diagram, all checks.
 
     Raises:
         InvalidInputError: If the law sees a signal that is none of the arm's and the path's.
@@ -85,7 +84,6 @@ class PlainLoop(Scheme):
         super().__init__(task)
         self._kinematics, self._about = task.arm.kinematics(), named_task(experiment.document.task)
         self._reading = experiment.law.sampled(task.period)
-        self._step = unchecked(self._reading.step)
         names = list(self._reading.inputs.parts)
         self._desired = _desired(task, experiment)
         moving = self._of_arm()
@@ -122,7 +120,7 @@ class PlainLoop(Scheme):
 
     def velocity(self, k: int, q: Array, v: Array) -> Array:
         t, h, reading = k * self.task.period, self.task.period, self._reading
-        self._x = self._step(t, self._x, self._signals(k, q), h)
+        self._x = reading.step(t, self._x, self._signals(k, q), h)
         now = reading.commanded_velocity(t, self._x)
         if reading.holds_command:
             self._v = now
@@ -167,7 +165,7 @@ def diagram_cost(experiment: Experiment) -> float:
         one = unit(experiment)
         simulator, _ = build_simulator(experiment)
         simulator.Initialize()
-        began = time.perf_counter()
+        began = time.process_time()
         simulator.AdvanceTo(_TIMED)
-        costs.append((time.perf_counter() - began) / (_TIMED / period) * 1e6 / one)
+        costs.append((time.process_time() - began) / (_TIMED / period) * 1e6 / one)
     return median(costs)

@@ -12,16 +12,17 @@ from pink.limits import AccelerationLimit, ConfigurationLimit, VelocityLimit
 from pink.tasks import FrameTask, PostureTask
 
 from drake_rnn import Array
-from peer_schemes.scheme import NoSolutionError, Scheme
+from peer_schemes.scheme import Aim, AimedScheme, NoSolutionError, in_the_middle
 from peer_schemes.tasks import LEVER, POSTURE_RATE, POSTURE_WEIGHT, Task
 from peer_schemes.urdf import without_shapes
 
 
-class Pink(Scheme):
+class Pink(AimedScheme):
     """Frame task, posture task, and all three limits that pink has."""
 
     name = "pink"
     setting = "AccelerationLimit, daqp to 1e-11"
+    follows_twists = True
     solver: ClassVar[dict[str, float]] = {"primal_tol": 1e-11, "dual_tol": 1e-11}
 
     def __init__(self, task: Task) -> None:
@@ -49,12 +50,10 @@ class Pink(Scheme):
         X_WE = self._configuration.get_transform_frame_to_world(self._frame)
         return X_WE.translation, X_WE.rotation
 
-    def velocity(self, k: int, q: Array, v: Array) -> Array:
-        p, R = self.pose(q)
+    def towards(self, aim: Aim, q: Array, v: Array) -> Array:
         task = self.task
-        # Where the orientation has no cost, it must not turn the error of the position.
-        turned = task.orientation_target(k, R) if task.oriented else R
-        self._frame_task.set_target(pinocchio.SE3(turned, task.target(k, p)))
+        # A free orientation has no cost; its target must not turn the error of the position.
+        self._frame_task.set_target(pinocchio.SE3(aim.R_target, aim.p_target))
         self._acceleration.set_last_integration(v, task.period)
         try:
             return solve_ik(
@@ -88,4 +87,4 @@ class PinkWithoutPosture(Pink):
         return (frame,)
 
 
-SCHEMES = (Pink, PinkByDefault, PinkWithoutPosture)
+SCHEMES = (Pink, in_the_middle(Pink), PinkByDefault, PinkWithoutPosture)

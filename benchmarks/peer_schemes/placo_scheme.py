@@ -9,16 +9,16 @@ import numpy as np
 import placo
 
 from drake_rnn import Array
-from peer_schemes.scheme import NoSolutionError, Scheme
+from peer_schemes.scheme import Aim, AimedScheme, NoSolutionError, braked, in_the_middle
 from peer_schemes.tasks import LEVER, POSTURE_RATE, POSTURE_WEIGHT, Task
 from peer_schemes.urdf import without_shapes
 
 
-class Placo(Scheme):
-    """Frame and joints task; placo has no limit of acceleration, but half-spaces of the joints."""
+class PlacoWithoutAcceleration(AimedScheme):
+    """Frame and joints task, limits of position and velocity."""
 
     name = "placo"
-    setting = "velocity and joint limits, acceleration as joint-space half-spaces"
+    setting = "velocity and joint limits"
 
     def __init__(self, task: Task) -> None:
         super().__init__(task)
@@ -26,7 +26,7 @@ class Placo(Scheme):
             file = Path(folder) / "arm.urdf"
             file.write_text(without_shapes(task.arm))
             robot = placo.RobotWrapper(str(file), placo.Flags.ignore_collisions)
-        limits, n, self._frame = task.limits, task.arm.n, task.arm.frame
+        limits, self._frame = task.limits, task.arm.frame
         for joint, *bounds in zip(
             task.arm.joints, limits.position_lower, limits.position_upper, strict=True
         ):
@@ -45,12 +45,6 @@ class Placo(Scheme):
             self._orientation.configure("orientation", "soft", LEVER**2)
         self._posture = self._solver.add_joints_task()
         self._posture.configure("posture", "soft", POSTURE_WEIGHT)
-        # The state begins with the pose of a base that does not move here.
-        A = np.zeros((2 * n, robot.state.q.size))
-        A[:n, -n:], A[n:, -n:] = np.eye(n), -np.eye(n)
-        self._room = task.period**2 * limits.acceleration
-        self._bounds = self._solver.add_joint_space_half_spaces_constraint(A, np.zeros(2 * n))
-        self._bounds.configure("acceleration", "hard", 1.0)
 
     def pose(self, q: Array) -> tuple[Array, Array]:
         self._robot.state.q[-q.size :] = q
@@ -58,16 +52,13 @@ class Placo(Scheme):
         X_WE = self._robot.get_T_world_frame(self._frame)
         return X_WE[:3, 3], X_WE[:3, :3]
 
-    def velocity(self, k: int, q: Array, v: Array) -> Array:
-        p, R = self.pose(q)
+    def towards(self, aim: Aim, q: Array, v: Array) -> Array:
         task = self.task
-        self._position.target_world = task.target(k, p)
+        self._position.target_world = aim.p_target
         if task.oriented:
-            self._orientation.R_world_frame = task.orientation_target(k, R)
-        home = q + POSTURE_RATE * task.period * (task.start - q)
+            self._orientation.R_world_frame = aim.R_target
+        home = aim.q + POSTURE_RATE * task.period * (task.start - aim.q)
         self._posture.set_joints(dict(zip(task.arm.joints, home.tolist(), strict=True)))
-        coasting = q + task.period * v
-        self._bounds.b = np.concatenate((coasting + self._room, self._room - coasting))
         try:
             way = self._solver.solve(False)
         except RuntimeError as error:
@@ -75,4 +66,27 @@ class Placo(Scheme):
         return way[-q.size :] / task.period
 
 
-SCHEMES = (Placo,)
+class Placo(PlacoWithoutAcceleration):
+    """The same with the acceleration bounded: placo has no limit of it, but half-spaces."""
+
+    setting = "velocity and joint limits, acceleration as joint-space half-spaces"
+
+    def __init__(self, task: Task) -> None:
+        super().__init__(task)
+        n = task.arm.n
+        # The state begins with the pose of a base that does not move here.
+        A = np.zeros((2 * n, self._robot.state.q.size))
+        A[:n, -n:], A[n:, -n:] = np.eye(n), -np.eye(n)
+        self._room = task.period**2 * task.limits.acceleration
+        self._bounds = self._solver.add_joint_space_half_spaces_constraint(A, np.zeros(2 * n))
+        self._bounds.configure("acceleration", "hard", 1.0)
+
+    def towards(self, aim: Aim, q: Array, v: Array) -> Array:
+        coasting = aim.q + self.task.period * v
+        self._bounds.b = np.concatenate((coasting + self._room, self._room - coasting))
+        return super().towards(aim, q, v)
+
+
+_PlacoInTheMiddle = in_the_middle(Placo)
+
+SCHEMES = (Placo, _PlacoInTheMiddle, braked(_PlacoInTheMiddle, 0.08))

@@ -49,7 +49,11 @@ by quadratic programming (Kanoun, Lamiraux, Wieber, "Kinematic control of redund
 generalizing the task-priority framework to inequality task", IEEE Transactions on Robotics 27,
 2011); bounds that anticipate braking are those of Del Prete, "Joint position and velocity bounds in
 discrete-time acceleration/torque control of robot manipulators", IEEE Robotics and Automation
-Letters 3 (2018), here for velocities that are held, and with the jerk.
+Letters 3 (2018), here for velocities that are held, and with the jerk. Ranges of the acceleration,
+for bounds of position, velocity, acceleration and jerk, in which there always is a safe one, are
+those of Kiemel and Kroeger, "Learning robot trajectories subject to kinematic joint constraints",
+ICRA 2021 (arXiv 2011.00563; the package ``klimits``), for accelerations that are ramped over a
+sample. The box here is the same idea for velocities that are held, in the program, not behind it.
 """
 
 from __future__ import annotations

@@ -7,12 +7,23 @@ import pytest
 
 import peers
 from drake_rnn import InvalidInputError, load_experiment, simulate
+from drake_rnn.robot.rotation import rotation_by, rotation_error
+from peer_schemes.behind import JERK_GAIN, Shaper, behind
 from peer_schemes.chosen_tasks import BASE, OURS, chosen_tasks
 from peer_schemes.figures import figures_of
 from peer_schemes.ours import Ours, PlainLoop
 from peer_schemes.rows import Row, columns, ratio
-from peer_schemes.scheme import Motion, NoSolutionError, Scheme, run
-from peer_schemes.tasks import POSITION, Braking, Task
+from peer_schemes.scheme import (
+    AimedScheme,
+    Motion,
+    NoSolutionError,
+    Scheme,
+    braked,
+    in_the_middle,
+    run,
+)
+from peer_schemes.tasks import POSITION, ROTATION, Braking, Task
+from peer_schemes.turns import rotated_by, swept, twice_turned
 from peer_schemes.urdf import without_shapes
 
 H = 1e-3
@@ -43,6 +54,47 @@ class Still(Scheme):
         raise NoSolutionError
 
 
+class LeastNorm(AimedScheme):
+    """Goes where it is to go by the pseudoinverse of the posture that it linearises about."""
+
+    name, setting = "least norm", ""
+
+    def pose(self, q):
+        kinematics = self.task.arm.kinematics()
+        return kinematics.p_WE(q), kinematics.R_WE(q)
+
+    def towards(self, aim, q, v):
+        J, h = self.task.arm.kinematics().J(aim.q), self.task.period
+        return v + np.linalg.pinv(J) @ ((aim.p_target - aim.p) / h - J @ v)
+
+
+class Ramp(AimedScheme):
+    """Wants accelerations of half the bound, whatever it is to do."""
+
+    name, setting = "ramp", ""
+
+    def __init__(self, task):
+        super().__init__(task)
+        self.wanted = -0.25 * H * np.ones(7)
+
+    def pose(self, q):
+        return np.zeros(3), np.eye(3)
+
+    def towards(self, aim, q, v):
+        self.wanted = self.wanted + 0.5 * H
+        return self.wanted
+
+
+class Obedient(Shaper):
+    """Does what is wanted of it at the end of a sample."""
+
+    name, setting = "obedient", ""
+
+    def moved(self, q, v, a):
+        before, self.v, self.a = self.v, v, a
+        return q + 0.5 * H * (before + v)
+
+
 # What all schemes are asked to do.
 
 
@@ -60,12 +112,78 @@ def test_an_error_brakes_to_zero_within_its_deceleration_and_its_speed():
     assert len(speeds) * H == pytest.approx(2.0, abs=0.01)
 
 
+def test_a_gain_takes_back_no_more_than_its_share_and_brakes_as_before_from_afar():
+    slow = Braking(0.05, 0.1, gain=100.0)
+    assert slow.share(1e-9, H) == pytest.approx(0.1)
+    assert slow.share(0.05, H) == Braking(0.05, 0.1).share(0.05, H)
+    # Where one goes over into the other, both are the same.
+    edge = 2.0 * 0.05 / 100.0**2
+    assert slow.share(edge * (1 + 1e-12), H) == pytest.approx(slow.share(edge, H))
+
+
 def test_a_target_on_the_path_is_the_next_sample_and_beside_it_no_further_than_the_feedback(tasks):
     task = tasks["position"]
     assert np.array_equal(task.target(5000, task.p_WE[5000]), task.p_WE[5001])
     away = np.array([0.05, 0.0, 0.0])
     left = task.target(5000, task.p_WE[5000] + away) - task.p_WE[5001]
     assert left == pytest.approx(away * (1.0 - POSITION.share(0.05, H)), abs=1e-15)
+
+
+def test_the_middle_of_the_sample_leads_to_a_target_a_hundred_times_as_near(short):
+    """By the chord: J at its middle is right to the third order of the period."""
+    v = 0.3 * np.ones(7)
+    missed = {}
+    for scheme in (LeastNorm, in_the_middle(LeastNorm)):
+        made, kinematics = scheme(short), short.arm.kinematics()
+        target = kinematics.p_WE(short.start + H * v)
+        made.task = _Towards(short, target)
+        found = made.velocity(0, short.start, v)
+        missed[scheme] = np.linalg.norm(kinematics.p_WE(short.start + H * found) - target)
+    beginning, middle = missed.values()
+    assert 1e-9 < beginning < 1e-6
+    assert middle < 0.01 * beginning
+
+
+class _Towards:
+    """A task whose target is given."""
+
+    oriented, period = False, H
+
+    def __init__(self, task, target):
+        self.arm, self._target = task.arm, target
+
+    def target(self, k, p_WE, braking):
+        return self._target
+
+
+def test_small_turns_are_those_of_the_package():
+    R = rotation_by(np.array([0.3, -0.2, 0.5]))
+    turn = np.array([2e-4, -1e-4, 3e-4])
+    assert rotated_by(1000.0 * turn, R) == pytest.approx(rotation_by(1000.0 * turn) @ R, abs=1e-15)
+    assert np.array_equal(rotated_by(np.zeros(3), R), R)
+    half = rotated_by(0.5 * turn, R)
+    assert twice_turned(R, half) == pytest.approx(2.0 * rotation_error(R, half), abs=1e-11)
+
+
+def test_a_twist_sweeps_its_way_aside_as_it_turns():
+    way, turn = np.array([1e-3, 2e-3, -1e-3]), np.array([0.02, -0.03, 0.01])
+    steps = (np.arange(20000) + 0.5) / 20000
+    turned = np.mean(rotation_by(steps[:, None] * turn) @ way, axis=0)
+    assert swept(way, turn) == pytest.approx(turned, abs=1e-8)
+    assert np.linalg.norm(way - turned) > 1e-5
+
+
+def test_what_is_behind_a_scheme_is_told_of_the_end_of_the_sample(short):
+    scheme = behind(Obedient, Ramp)(short)
+    assert scheme.braking == Braking(0.05, 0.1, JERK_GAIN)
+    q, v, means = short.start, np.zeros(7), []
+    for k in range(5):
+        v = scheme.velocity(k, q, v)
+        q = q + H * v
+        means.append(v)
+    # At 0.5 rad/s^2, of which the scheme wants the means over samples: known from the second on.
+    wanted = 0.5 * H * (np.arange(5) + 0.5)
+    assert np.array(means[2:]) == pytest.approx(np.tile(wanted[2:, None], 7))
 
 
 def test_the_cone_turns_smoothly_and_leads_back(tasks):
@@ -125,7 +243,8 @@ def test_ratios_next_to_a_bound_are_told_as_their_difference():
 
 def test_a_peer_that_is_not_installed_is_named_and_left_out(short, monkeypatch):
     monkeypatch.setattr(peers, "PEERS", {"nobody": "no_such_package.scheme"})
-    (found,) = peers.peer_rows(short, 1)
+    (entry,) = peers.peer_entries(short)
+    (found,) = entry.with_costs(entry.again()).rows
     assert found.cells(oriented=False)[:2] == ["nobody", "not installed: no_such_package"]
     for oriented in (False, True):
         assert len(found.cells(oriented)) == len(columns(oriented))
@@ -138,6 +257,25 @@ def test_our_rows_do_the_same_tasks_as_the_peers(tasks):
     other = Ours("", "", BASE, changes={"limits.acceleration": 2.0})
     with pytest.raises(InvalidInputError, match="another limit of acceleration"):
         other.on(tasks["position"])
+
+
+def test_adaptive_rows_brake_as_the_peers_do_unless_their_name_says_so(tasks):
+    for ours in OURS:
+        if "adaptive" not in ours.name:
+            continue
+        for name in ours.tasks:
+            law = ours.on(tasks[name]).law
+            given = 0.08 if "braking 0.08" in ours.name else POSITION.deceleration
+            assert (law.braking, law.feedback_limit) == (given, POSITION.limit)
+            assert (law.turn_braking, law.turn_limit) == (ROTATION.deceleration, ROTATION.limit)
+    other = braked(Ramp, 0.08)
+    assert (other.braking.deceleration, other.name) == (0.08, "ramp, braking 0.08")
+
+
+def test_the_least_cost_of_all_rounds_counts():
+    entry = peers.Entry([Row("", "", cost=3.0, diagram=5.0)], list)
+    (found,) = entry.with_costs([(4.0, 2.0)]).rows
+    assert (found.cost, found.diagram) == (3.0, 2.0)
 
 
 @pytest.mark.parametrize("ours", OURS[:4], ids=lambda ours: ours.name)

@@ -20,8 +20,10 @@ class MiddleJacobian:
     """The Jacobian half a sample ahead, from the last ones.
 
     A velocity held for a period moves the arm along a chord, which the Jacobian at its middle
-    gives to the third order of the period, that at its beginning to the second only. The change
-    over the last sample stands for that over the next. Of a measurement that is late, the change
+    gives to the third order of the period, that at its beginning to the second only. That is the
+    error where the task is nearly an equality; the adaptive law's price of the task leaves more, in
+    proportion to the period, and most of what is left as it is shipped. The change over the last
+    sample stands for that over the next. Of a measurement that is late, the change
     over as many samples stands for that since then: over one alone, its errors would be multiplied.
 
     Attributes:

@@ -1,0 +1,152 @@
+"""The page of other libraries: what its summary says is what its tables say."""
+
+import re
+
+import pytest
+from doc_pages import text_of
+
+PAGE = "docs/peers.md"
+# What is given to a comparison, not measured, is not looked for in a table.
+GIVEN = re.compile(r"0\.0[58] m/s\^2|\b20 rad/s\^3|1e-\d+|of 20000 samples")
+
+
+class Tables:
+    """The cells of a page's tables, by section and by name of the scheme."""
+
+    def __init__(self, text):
+        self._rows = {}
+        for section in re.split(r"^## ", text, flags=re.MULTILINE):
+            lines = [line for line in section.splitlines() if line.startswith("| ")]
+            cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+            for row in cells[1:]:
+                found = dict(zip(cells[0], row, strict=True))
+                self._rows[section.splitlines()[0], row[0]] = found
+
+    def cell(self, section, scheme, column):
+        (value,) = (v for k, v in self._rows[section, scheme].items() if k.startswith(column))
+        return value
+
+    def error(self, scheme, section="Position"):
+        """The largest error [um]."""
+        return float(self.cell(section, scheme, "error").split(" / ")[0])
+
+    def turned(self, scheme, section):
+        return float(self.cell(section, scheme, "orientation"))
+
+    def settled(self, scheme, section="Position"):
+        return self.cell(section, scheme, "settles")
+
+    def cost(self, scheme):
+        """The cost of a step, and that of the diagram, [u]."""
+        return [float(x) for x in re.findall(r"[\d.]+", self.cell("Position", scheme, "u a step"))]
+
+    def most(self, scheme, column):
+        return self.cell("Position", scheme, column)
+
+
+def two(value):
+    """Two digits, as in the tables."""
+    return f"{float(f'{value:.2g}'):g}"
+
+
+@pytest.fixture(scope="module")
+def tables():
+    return Tables(text_of(PAGE))
+
+
+@pytest.fixture(scope="module")
+def summary():
+    (found,) = re.findall(r"^## In short\n(.*?)^## ", text_of(PAGE), re.DOTALL | re.MULTILINE)
+    return " ".join(re.sub(r"\]\([^)]*\)", "", found).replace("[", "").split())
+
+
+PLACO, PINK, MINK = "placo, midpoint", "pink, midpoint", "mink, own limit, midpoint"
+DRAKE, OURS = "Drake, function, bounded", "ours: adaptive, J known"
+LEARNED, JERK = "ours: adaptive, J unknown", "ours: adaptive, jerk"
+KLIMITS, RUCKIG = "klimits behind placo, midpoint", "Ruckig behind placo, midpoint"
+HELD, POSED = "Orientation held", "ours: adaptive, pose"
+FAST, SLOW = "ours: SLC, J known, fast", "ours: SLC, J known"
+
+
+def stated(t):
+    """Return the clauses with numbers that the tables make."""
+
+    def nm(*schemes):
+        (value,) = {two(1e3 * t.error(scheme)) for scheme in schemes}
+        return f"{value} nm"
+
+    def times(scheme, which=0):
+        return f"{t.cost(scheme)[which] / t.cost(PLACO)[0]:.1f} times"
+
+    def cone(scheme):
+        return f"{nm_on_cone(scheme)} and {two(1e3 * t.turned(scheme, 'Cone'))} nrad"
+
+    def nm_on_cone(scheme):
+        return f"{two(1e3 * t.error(scheme, 'Cone'))} nm"
+
+    def held(scheme):
+        return [
+            f"{1e-3 * t.error(scheme, HELD):.1f}",
+            two(1e-3 * t.turned(scheme, HELD)),
+            t.settled(scheme, HELD),
+        ]
+
+    assert cone(PLACO) == cone(POSED)
+    assert t.most(PLACO, "jerk") == t.most(OURS, "jerk") == t.most(PINK, "jerk")
+    assert (t.most(PLACO, "a / bound"), t.most(PLACO, "failures")) == ("1", "0")
+    ours, klimits, ruckig = (held(s) for s in (f"{POSED}, jerk", KLIMITS, RUCKIG))
+    assert klimits[2] == ruckig[2]
+    assert {t.most(s, "jerk") for s in (JERK, KLIMITS, RUCKIG)} == {"20"}
+    default = "Drake, function, bounded, default tolerance"
+    return [
+        f"placo, pink and mink are {nm(PLACO, PINK, MINK)} off, OInK {nm('OInK, midpoint')} and our"
+        f" adaptive law {nm(OURS)}.",
+        f"placo and OInK are {nm('placo', 'OInK')} off",
+        f"a twist, {nm('pink', 'mink')}.",
+        f"is {nm(DRAKE)} off without the midpoint and {nm(f'{DRAKE}, midpoint')} with it",
+        f"errors of {cone('placo')} without it, {cone(PLACO)} with it, as our law has",
+        f"with the midpoint {t.cost(PLACO)[0]} u, all bounds kept, no failure",
+        f"takes {times(OURS)} as long, our diagram {times(OURS, 1)},"
+        f" OInK {times('OInK, midpoint')}, mink {times(MINK)} and pink {times(PINK)}.",
+        f"placo takes {t.settled(PLACO)} s, our law {t.settled(OURS)} s with J known and"
+        f" {t.settled(LEARNED)} s with J learned",
+        f"placo takes {t.settled(f'{PLACO}, braking 0.08')} s, our law with J learned"
+        f" {t.settled(f'{LEARNED}, braking 0.08')} s.",
+        f"{two(1e3 * t.error(KLIMITS))} and {nm(RUCKIG)} off within 20 rad/s^3, at"
+        f" {t.cost(KLIMITS)[0]} and {t.cost(RUCKIG)[0]} u; our law {nm(JERK)} at"
+        f" {t.cost(JERK)[0]} u.",
+        f"is {ours[0]} mm and {ours[1]} mrad off and back after {ours[2]} s",
+        f"{klimits[0]} and {ruckig[0]} mm, {klimits[1]} and {ruckig[1]} mrad and {ruckig[2]} s.",
+        f"it is {t.most(OURS, 'jerk')} rad/s^3, with the peers and with our law",
+        f"Without J it is {t.error(LEARNED):.2f} µm off, or"
+        f" {t.error(f'{LEARNED}, braking 0.08'):.2f} µm at 0.08",
+        f"on the cone {two(t.error(f'{POSED}, J unknown', 'Cone'))} µm and"
+        f" {two(t.turned(f'{POSED}, J unknown', 'Cone'))} µrad",
+        f"SLC is {two(t.error(FAST))} to {two(t.error(SLOW))} µm off, NALJDF"
+        f" {two(t.error('ours: NALJDF'))} µm",
+        f"exceed the bound {t.most('pink, default tolerance', 'a / bound')} times",
+        f"Drake's function {t.most(default, 'a / bound')} times, after which"
+        f" {t.most(default, 'failures')} of 20000 samples",
+        f"miss the path by {two(1e-3 * t.error('OInK, default tolerance'))} mm",
+    ]
+
+
+def test_every_number_of_the_summary_is_that_of_the_tables(tables, summary):
+    left = summary
+    for clause in stated(tables):
+        assert clause in left, clause
+        left = left.replace(clause, "", 1)
+    assert not re.findall(r".{0,20}\d.{0,20}", GIVEN.sub("", left))
+
+
+def test_the_midpoint_is_more_precise_with_every_library_and_costs_more(tables):
+    for before, after in (
+        ("placo", PLACO),
+        ("pink", PINK),
+        ("mink, own limit", MINK),
+        ("OInK", "OInK, midpoint"),
+        (DRAKE, f"{DRAKE}, midpoint"),
+        ("Drake, system", "Drake, system, midpoint"),
+    ):
+        assert tables.error(after) < 0.1 * tables.error(before)
+        assert tables.cost(after)[0] > tables.cost(before)[0]

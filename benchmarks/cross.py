@@ -25,6 +25,7 @@ from markdown_table import head, row
 # A law's own error below which its arm with full dynamics is held to the second one [m].
 _GOOD, _HELD = 1e-3, 2e-3
 
+_COMMAND = "python benchmarks/cross.py"
 _HEAD = """\
 # Every law on every arm
 
@@ -143,7 +144,8 @@ def arm_table(arm: str, pairs: dict[str, list[Cell]]) -> None:
     """Print the table of one arm."""
     print(f"\n## {arm}")
     both = [f"{what}, {level}" for what in ("error [m]", "drift [rad]") for level in LEVELS]
-    head("law", *both, "keeps", *(f"limits, {level}" for level in LEVELS), "x real time")
+    limits = (f"limits, {level}" for level in LEVELS)
+    head("law", *both, "keeps", *limits, "x real time", made_by=_COMMAND)
     for variant, cells in pairs.items():
         if reason := next((cell.reason for cell in cells if cell.reason), ""):
             row(variant, f"does not run: {reason}", *["-"] * 7)
@@ -164,7 +166,8 @@ def force_table(cells: Iterable[Cell]) -> None:
     if not pressing:
         return
     print(_PRESSING)
-    head("law", "arm", "level", "force, rms error [N]", "force, largest error [N]")
+    errors = ("force, rms error [N]", "force, largest error [N]")
+    head("law", "arm", "level", *errors, made_by=_COMMAND)
     for cell in pressing:
         errors = (cell.metrics[f"force_error_{name}_N"] for name in ("rms", "max"))
         row(cell.variant, cell.arm, cell.level, *(f"{error:.2g}" for error in errors))

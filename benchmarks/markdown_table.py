@@ -11,9 +11,11 @@ def row(*cells: object) -> None:
     print("|", " | ".join(str(cell) for cell in cells), "|")
 
 
-def head(*cells: str) -> None:
-    """Print the header of a table."""
+def head(*cells: str, made_by: str = "") -> None:
+    """Print the header of a table; of a page that is printed whole, below what makes it."""
     print()
+    if made_by:
+        print(f"<!-- made by {made_by}; of 0 -->")
     row(*cells)
     print("|" + "---|" * len(cells))
 

@@ -232,8 +232,10 @@ def main() -> int:
     """Carry out the command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--remade", nargs="+", type=Path, default=[], metavar="PAGE")
-    for page in parser.parse_args().remade:
-        note(page)
+    if remade := parser.parse_args().remade:
+        for page in remade:
+            note(page)
+        return 0
     older = stale()
     for table in older:
         print(f"{table.page}:{table.line}: older than what made it: {table.command}")

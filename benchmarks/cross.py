@@ -166,8 +166,8 @@ def force_table(cells: Iterable[Cell]) -> None:
     if not pressing:
         return
     print(_PRESSING)
-    errors = ("force, rms error [N]", "force, largest error [N]")
-    head("law", "arm", "level", *errors, made_by=_COMMAND)
+    columns = ("force, rms error [N]", "force, largest error [N]")
+    head("law", "arm", "level", *columns, made_by=_COMMAND)
     for cell in pressing:
         errors = (cell.metrics[f"force_error_{name}_N"] for name in ("rms", "max"))
         row(cell.variant, cell.arm, cell.level, *(f"{error:.2g}" for error in errors))

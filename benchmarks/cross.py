@@ -110,7 +110,7 @@ def run(place: tuple[str, str, str]) -> Cell:
         return Cell(*place, reason=str(error))
     return Cell(
         *place,
-        experiment.kept_limits,
+        (*experiment.kept_limits, *experiment.commanded_limits),
         result.metrics,
         tuple(result.warnings),
         pace=result.timings["real_time_factor"],

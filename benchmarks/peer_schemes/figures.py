@@ -16,7 +16,7 @@ SETTLED = 1e-3
 
 
 class Figures(NamedTuple):
-    """Figures of a motion; bounds are those of the true motion, over the whole run.
+    """Figures of a motion; bounds are those of held velocities, over the whole run.
 
     Attributes:
         error_max, error_rms: Position error in the window [m].

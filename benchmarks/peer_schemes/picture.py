@@ -14,7 +14,8 @@ from drake_rnn.figures.looks import SERIES
 from drake_rnn.figures.style import PAGE, save, styled
 from peer_schemes.rows import Row
 
-_MARKERS = "osD^vP*X"
+# Colours repeat after seven libraries: markers tell ours from others.
+_MARKERS, _OUR_MARKERS = "osD^hd", "vP*X<>p"
 
 
 def draw(tables: Mapping[str, Sequence[Row]], file: Path) -> None:
@@ -45,17 +46,12 @@ def _looks(names: Sequence[str]) -> dict[str, tuple[str, str]]:
     """Return a colour for each library or law of ours, and a marker for each of its schemes."""
     libraries = [name.split(",")[0] for name in names]
     order = list(dict.fromkeys(libraries))
-    return {
-        name: (
-            SERIES[order.index(library) % len(SERIES)],
-            # Colours repeat after seven libraries: then the markers begin elsewhere.
-            _MARKERS[
-                (libraries[:number].count(library) + 4 * (order.index(library) // len(SERIES)))
-                % len(_MARKERS)
-            ],
-        )
-        for number, (name, library) in enumerate(zip(names, libraries, strict=True))
-    }
+    looks = {}
+    for number, (name, library) in enumerate(zip(names, libraries, strict=True)):
+        markers = _OUR_MARKERS if name.startswith("ours") else _MARKERS
+        which = libraries[:number].count(library) % len(markers)
+        looks[name] = (SERIES[order.index(library) % len(SERIES)], markers[which])
+    return looks
 
 
 def _plot(

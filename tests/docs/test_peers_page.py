@@ -119,7 +119,7 @@ def stated(t):
         f"{klimits[0]} and {ruckig[0]} mm, {klimits[1]} and {ruckig[1]} mrad and {ruckig[2]} s.",
         f"it is {t.most(OURS, 'jerk')} rad/s^3, with the peers and with our law",
         f"Without J it is {t.error(LEARNED):.2f} µm off, or"
-        f" {t.error(f'{LEARNED}, braking 0.08'):.2f} µm at 0.08",
+        f" {t.error(f'{LEARNED}, braking 0.08'):.2f} µm at 0.08 m/s^2",
         f"on the cone {two(t.error(f'{POSED}, J unknown', 'Cone'))} µm and"
         f" {two(t.turned(f'{POSED}, J unknown', 'Cone'))} µrad",
         f"SLC is {two(t.error(FAST))} to {two(t.error(SLOW))} µm off, NALJDF"

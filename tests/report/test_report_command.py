@@ -90,7 +90,7 @@ def test_killed_it_goes_on_where_it_was(number, folders, tmp_path, report, tiny,
         time.sleep(0.01)
     process.send_signal(number)
     complained = process.communicate()[1]
-    assert process.returncode == (-number if number == signal.SIGKILL else 1)
+    assert process.returncode == (-number if number == signal.SIGKILL else 130)
     if number != signal.SIGKILL:
         assert "run the same command again to continue" in complained
         assert "Traceback" not in complained

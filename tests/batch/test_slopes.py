@@ -26,6 +26,7 @@ def slope_by_differences(slopes, key, relative):
     return (values[0] - values[1]) / (ahead[k] - behind[k])
 
 
+@pytest.mark.long
 def test_value_and_derivatives_of_a_run():
     """Differences of 1e-4 of a gain: curvature is 1e-8, rounding 1e-12 of the metric."""
     # 10 cm off its path: the bound of the feedback binds at first.

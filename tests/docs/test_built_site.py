@@ -68,6 +68,7 @@ def test_every_link_of_a_page_leads_somewhere(page):
             assert unquote(parts.fragment) in links(name).names, address
 
 
+@pytest.mark.long
 def test_formulas_are_drawn_without_a_network(browser):
     browser.get((SITE / "docs" / "reference" / "laws.html").as_uri())
     drawn, wrong = browser.execute_async_script(
@@ -84,6 +85,7 @@ def test_formulas_are_drawn_without_a_network(browser):
 
 @pytest.mark.parametrize("size", [DESKTOP, PHONE])
 @pytest.mark.parametrize("page", ["docs/index", "docs/claims", "docs/concepts", "docs/experiments"])
+@pytest.mark.long
 def test_no_page_is_wider_than_its_window(page, size, browser):
     set_size(browser, size)
     browser.get((SITE / f"{page}.html").as_uri())

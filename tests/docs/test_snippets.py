@@ -52,15 +52,15 @@ def test_a_snippet_imports_only_what_is_public(page, line, code):
     assert_public(code, OTHERS)
 
 
-#: Pages whose snippets compile derivatives.
-SLOW = ("docs/tuning.md",)
+#: Pages whose snippets compile derivatives, or make whole runs.
+SLOW = ("docs/tuning.md", "docs/schemes/")
 
 
 @pytest.mark.parametrize(
     ("page", "line", "code"),
     [
         pytest.param(*block.values, id=block.id, marks=pytest.mark.long)
-        if block.values[0] in SLOW
+        if block.values[0].startswith(SLOW)
         else block
         for block in blocks("python")
     ],

@@ -46,6 +46,7 @@ def orange(picture):
 
 
 @needs_browser
+@pytest.mark.long
 def test_a_film_shows_the_arm_that_moves_and_the_path_that_grows(run, tmp_path):
     told = []
     file = tmp_path / "film.webp"
@@ -162,6 +163,7 @@ def test_a_chromium_that_does_not_start_is_one_sentence(run, tmp_path, monkeypat
 
 
 @needs_browser
+@pytest.mark.long
 def test_a_chromium_that_ends_meanwhile_is_one_sentence(run, tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
 

@@ -98,6 +98,7 @@ def number(text: str, unit: str) -> float:
     return float(value.replace("−", "-")) * (1.0 if unit == "1" else PREFIXES[prefix])
 
 
+@pytest.mark.long
 def test_the_arm_is_where_the_run_had_it(browser: Any, shown: Any) -> None:
     """Every moving link: Meshcat keeps poses as numbers of 32 bits."""
     result, _ = shown

@@ -144,6 +144,7 @@ def test_a_run_with_another_change_is_another_run(tiny, report, simulated):
     assert simulated == ["pinv_line"]
 
 
+@pytest.mark.long
 def test_what_fails_is_told_in_its_rows_and_stops_nothing_else(tiny, report, fatal, simulated):
     broken = {
         **CLAIMS,

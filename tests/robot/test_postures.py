@@ -35,6 +35,7 @@ def test_a_joint_of_more_than_a_turn_is_drawn_from_the_middle_one(tmp_path):
 
 
 @pytest.mark.parametrize("name", shipped_arms())
+@pytest.mark.long
 def test_the_proposed_home_is_away_from_limits_and_singularities(name):
     """Against a thousand random postures: better conditioned than three of four."""
     arm = load_arm(name)

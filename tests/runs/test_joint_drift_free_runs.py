@@ -222,6 +222,7 @@ class TestMoaljdf:
         torque = run(f"moaljdf_parallelogram_printed{mass}").series["torque"]
         assert largest[0] < torque.max() < largest[1]
 
+    @pytest.mark.long
     def test_the_correction_is_worth_two_orders(self):
         printed = run("moaljdf_parallelogram_printed").metrics["position_error_max_m"]
         corrected = run("moaljdf_parallelogram").metrics["position_error_max_m"]

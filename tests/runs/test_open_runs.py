@@ -66,6 +66,7 @@ def test_the_joints_are_those_of_inverse_kinematics_all_along(name):
 
 
 @pytest.mark.parametrize("name", ["pinv_line", "pinv_line_ur5", "pinv_waypoints", "pinv_csv"])
+@pytest.mark.long
 def test_shipped_open_paths_keep_what_they_promise(name):
     result = simulate(load_experiment(name))
     accept = result.experiment.document.accept

@@ -82,7 +82,7 @@ def test_the_arm_follows_its_path_late_and_keeps_all_bounds(name, error, delay):
         assert bounds.holds(found[metric]), metric
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_it_learns_behind_the_chain_and_keeps_all_bounds():
     """1.2e-2 m where 8e-4 without a filter: what five bounds cost, .22 s of delay in the loop."""
     experiment = load_experiment(LEARNING)

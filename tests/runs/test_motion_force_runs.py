@@ -93,7 +93,7 @@ class TestKinematic:
         )
         assert slow / fast == pytest.approx(10.0, rel=0.3)
 
-    @pytest.mark.long
+    @pytest.mark.nightly
     def test_a_velocity_bound_costs_the_path_but_holds(self):
         """At +-0.05 rad/s joints saturate; the bound holds, and is broken without it."""
         bounded = metrics("motion_force_tricuspid", limits__velocity=0.05)
@@ -103,7 +103,7 @@ class TestKinematic:
         assert free["joint_velocity_max_rad_s"] > 0.09
         assert bounded["lateral_error_max_m"] > 10 * free["lateral_error_max_m"]
 
-    @pytest.mark.long
+    @pytest.mark.nightly
     def test_the_bounds_of_the_text_and_of_the_captions_come_to_the_same(self):
         """+-0.5 and +-0.1 rad/s; 0.094 are needed."""
         text, captions = (run("motion_force_tricuspid", limits__velocity=v) for v in (0.5, 0.1))
@@ -142,7 +142,7 @@ class TestKinematic:
         with pytest.raises(InvalidInputError, match=r"start: iiwa_joint_4 is at 2\.5 rad"):
             load_experiment("motion_force_tricuspid_printed", {"limits": {"velocity": 0.5}})
 
-    @pytest.mark.long
+    @pytest.mark.nightly
     def test_theorem_1_holds_down_to_a_floor_that_rho_sets(self):
         """J moves, so J_hat lags: about ten times less a decade of rho, and never zero.
 

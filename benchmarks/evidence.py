@@ -150,6 +150,13 @@ def paired(folder: Path, count: int) -> None:
         error = run_many([read_document(document, values | own) for values in rows]).metrics[ERROR]
         shares = (f"{(error < bound).mean():.1%}" for bound in (1e-6, NEAR, FAR))
         row(name, len(rows), *shares, f"{np.median(error):.2g}", f"{error.max():.2g}")
+        missed = error >= NEAR
+    foreseen = np.array([_too_low(load_experiment(document, values)) for values in rows])
+    print(
+        f"\nof the {missed.sum()} rows that the last law misses by {NEAR:g} m and more, "
+        f"{(foreseen & missed).sum()} were said to ask for more than a limit, and "
+        f"{(foreseen & ~missed).sum()} of the other {(~missed).sum()}"
+    )
 
 
 def fates(folder: Path) -> None:

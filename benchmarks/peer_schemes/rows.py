@@ -8,7 +8,7 @@ from math import isfinite, nan
 from peer_schemes.figures import Figures
 
 #: Up to this excess, relative to a bound, it counts as kept: solvers stop at a tolerance.
-ROUNDING = 1e-5
+ROUNDING = 2e-6
 
 
 @dataclass(frozen=True)

@@ -66,8 +66,6 @@ class Criterion(Quantity):
     Args:
         per: What the number is divided by; None for nothing.
         at_least, at_most: Bounds of the number, in its own unit.
-        refused: Part of the message with which the run is refused, if it is known to be; empty if
-            it is expected to run. The criterion is then not met.
         paper: The paper's own figure, for a reader.
         wide_because: Why a bound is far from both the number that was measured and the paper's
             figure; ``round-off`` for a number that would be zero in exact arithmetic.
@@ -77,15 +75,12 @@ class Criterion(Quantity):
     per: Quantity | None = None
     at_least: Finite | None = None
     at_most: Finite | None = None
-    refused: str = ""
     paper: str = ""
     wide_because: str = ""
     timed: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.refused and self.run is None:
-            raise ValueError("refused: belongs to a run")
         try:
             self.bounds  # noqa: B018  it checks them
         except InvalidInputError as error:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from math import nan
 from typing import Literal
 
-from ..errors import DrakeRnnError, InvalidInputError
+from ..errors import DrakeRnnError
 from .claim import Claim, Criterion, Part, Quantity
 from .reading import Claims
 from .run_source import RunSource, SimulatedRuns
@@ -30,7 +30,7 @@ class Finding:
         criterion: The criterion.
         holds: Whether it is met.
         value: The number; NaN if there is none.
-        failure: Why there is no number: the run does not have it, or is refused as expected.
+        failure: Why there is no number: the run does not have it.
         error: Error of a run or a measure that was expected to work; empty if there was none.
     """
 
@@ -100,8 +100,7 @@ class Judge:
         """Return the judgement of a claim.
 
         Raises:
-            DrakeRnnError: If a run is refused or fails that was expected to run: the claim says
-                nothing then.
+            DrakeRnnError: If a run is refused or fails: the claim says nothing then.
         """
         return Judgement(
             claim,
@@ -112,7 +111,7 @@ class Judge:
         """Return the finding on one criterion.
 
         Raises:
-            DrakeRnnError: If a run is refused or fails that was expected to run.
+            DrakeRnnError: If a run is refused or fails.
         """
         try:
             value = self._value(criterion)
@@ -122,10 +121,6 @@ class Judge:
                 value /= divisor
         except _NoNumberError as error:
             return Finding(criterion, False, failure=str(error))
-        except InvalidInputError as error:
-            if criterion.refused and criterion.refused in str(error):
-                return Finding(criterion, False, failure=f"refused: {error}")
-            raise
         return Finding(criterion, criterion.bounds.holds(value), value)
 
     def _value(self, quantity: Quantity) -> float:

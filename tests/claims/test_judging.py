@@ -124,17 +124,9 @@ def test_a_measure_may_look_at_a_whole_run():
     assert found.value == 0.1
 
 
-def test_a_run_that_is_known_to_be_refused_does_not_meet_its_criterion():
-    fields = error_below(1.0) | {"set": {"law.damping": -1.0}}
-    (found,) = judge_of(as_stated=[fields | {"refused": "law.damping: must be"}]).findings
-    assert not found.holds
-    assert str(found).startswith("refused: law.damping: must be")
-
-
-@pytest.mark.parametrize("refused", ["", "law.gain"])
-def test_a_run_that_is_refused_otherwise_is_no_verdict(refused):
+def test_a_run_that_is_refused_is_no_verdict():
     """A claim that names what is not there must not pass for one that does not hold."""
-    fields = error_below(1.0) | {"set": {"law.damping": -1.0}, "refused": refused}
+    fields = error_below(1.0) | {"set": {"law.damping": -1.0}}
     with pytest.raises(InvalidInputError, match="damping"):
         judge_of(as_stated=[fields])
 
@@ -180,10 +172,6 @@ def test_a_command_repeats_its_run_to_the_last_bit():
         ({"as_stated": [{"metric": "x", "at_most": 1.0}]}, "give either run or measure"),
         ({"as_stated": [run_it(metric="x")]}, "must give at_least, at_most or both"),
         ({"as_stated": [{"measure": "x", "set": SHORT, "at_most": 1.0}]}, "belong to a run"),
-        (
-            {"as_stated": [{"measure": "x", "at_most": 1.0, "refused": "no"}]},
-            "refused: belongs to a run",
-        ),
         ({"as_stated": [run_it(metric="x", at_most=1.0, at_least=2.0)]}, "must not exceed at_most"),
         ({"as_stated": [error_below(1.0)], "corrected": [error_below(1.0)]}, "needs .*because"),
     ],

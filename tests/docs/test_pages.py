@@ -105,7 +105,8 @@ def test_every_page_is_in_the_index():
 
 
 def shell_lines(page):
-    lines = [line for _, block in fenced(page, "sh") for line in block.splitlines()]
+    blocks = [block.replace("\\\n", "") for _, block in fenced(page, "sh")]
+    lines = [line for block in blocks for line in block.splitlines()]
     return [line.split(" #")[0].strip() for line in lines]
 
 

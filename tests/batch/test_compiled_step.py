@@ -25,6 +25,7 @@ def travelled(step):
     return q
 
 
+@pytest.mark.long
 def test_an_arm_that_follows_the_steps_is_where_the_run_ends(known):
     wanted = run_many([experiment("slc_nephroid_known", 0.2)]).position[0]
     found = travelled(known)

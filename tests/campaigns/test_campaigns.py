@@ -73,6 +73,7 @@ def test_two_processes_make_the_same_table_to_the_last_bit(undisturbed, tmp_path
     assert (tmp_path / "table.csv").read_bytes() == (undisturbed / "table.csv").read_bytes()
 
 
+@pytest.mark.long
 def test_any_executor_will_do(undisturbed, tmp_path):
     with ThreadPoolExecutor(1) as executor:
         run_campaign(LINE, tmp_path, executor=executor)
@@ -135,6 +136,7 @@ def test_a_run_that_fails_or_is_refused_is_a_row(tmp_path):
     assert result.summary.shares["all bounds"].value == 0.25
 
 
+@pytest.mark.long
 def test_a_run_that_kills_its_worker_is_named_and_disturbs_no_other(tmp_path, undisturbed):
     result = run_campaign(FATAL, tmp_path, jobs=2)
     assert result.ending == "complete"

@@ -30,7 +30,7 @@ def pictures(folder):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("kills", [12, pytest.param(50, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("kills", [6, pytest.param(50, marks=pytest.mark.nightly)])
 def test_killed_at_any_moment_a_run_is_the_old_one_the_new_one_or_incomplete(tmp_path, kills):
     """At moments from the start of the process to after its end."""
     began = time.monotonic()

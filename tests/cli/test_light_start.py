@@ -70,6 +70,7 @@ def test_what_draws_nothing_imports_no_pictures(arguments):
     assert not found & PICTURES
 
 
+@pytest.mark.long
 def test_a_run_draws_to_files_whatever_windows_are_asked_for(tmp_path):
     environment = {**os.environ, "MPLBACKEND": "nope"}
     short = ("--set", "duration=0.01", "--set", "window=null", "--set", "accept=null")

@@ -50,7 +50,10 @@ def test_what_it_writes_passes_its_own_test(here, what, name, title):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("what", ["law", "path", "environment"])
+@pytest.mark.parametrize(
+    "what",
+    ["law", *(pytest.param(what, marks=pytest.mark.nightly) for what in ("path", "environment"))],
+)
 def test_what_it_writes_keeps_what_its_document_expects(here, what):
     new(what, "mine")
     run = subprocess.run(

@@ -91,6 +91,7 @@ def test_live_playbacks_are_made_and_runs_are_kept(tmp_path):
     assert written[0] == written[1]
 
 
+@pytest.mark.long
 def test_a_figure_that_does_not_bound_that_of_the_run_is_refused(tmp_path):
     (entry,) = [entry for entry in ENTRIES if entry["run"] == QUICK]
     result = simulate(load_experiment(QUICK))

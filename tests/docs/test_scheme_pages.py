@@ -40,6 +40,7 @@ def gain_table(kind):
 
 
 @pytest.mark.parametrize("page", PAGES)
+@pytest.mark.long
 def test_every_change_that_goes_wrong_can_be_run(page):
     base = only(page, "changes of `drake-rnn run EXPERIMENT`", _BASE.findall(prose(page)))
     wrong = [rows for head, rows in tables(page) if head == WRONG]

@@ -230,6 +230,7 @@ def test_overview_shows_the_metrics_and_their_expected_values(known):
     assert len(page.get_axes()) == 7
 
 
+@pytest.mark.long
 def test_an_overview_has_no_empty_lines_above(known):
     def header(**told):
         page = draw(changed(known, **told), "overview")
@@ -251,6 +252,7 @@ def test_an_overview_has_no_empty_lines_above(known):
     np.testing.assert_allclose(np.diff(heights), 0.14, atol=0.01)
 
 
+@pytest.mark.long
 def test_an_error_of_zero_and_values_that_are_not_finite(known, tmp_path):
     series = {name: values.copy() for name, values in known.series.items()}
     series["p_WE"] = series["p_WE_desired"].copy()
@@ -272,6 +274,7 @@ def test_planar_task(known):
         draw(replace(known, series=series), name)
 
 
+@pytest.mark.long
 def test_nothing_else_changes(learned, tmp_path):
     before = {name: values.copy() for name, values in learned.series.items()}
     metrics = dict(learned.metrics)

@@ -69,6 +69,7 @@ def curve(ax):
     return drawn
 
 
+@pytest.mark.long
 def test_which_figures_there_are(level, learned, free):
     assert {*OF_CONTACT} < {*drawable(level)}
     # The path on the surface replaces it.

@@ -49,6 +49,7 @@ def errors(result, name):
     return result.series[name] - result.series[f"{name}_desired"]
 
 
+@pytest.mark.long
 def test_which_figures_there_are(galjdf, moaljdf, windowed):
     assert {*OF_PATH} < {*drawable(galjdf)}
     assert "joint_torques" not in drawable(galjdf)

@@ -183,6 +183,7 @@ def draw_derivatives(result, folder):
         save(draw(result, name), folder / f"{name}.png")
 
 
+@pytest.mark.long
 def test_values_that_are_not_finite(filters, tmp_path):
     series = {name: values.copy() for name, values in filters.series.items()}
     for values in series.values():

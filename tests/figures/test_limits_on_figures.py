@@ -49,6 +49,7 @@ def test_a_run_that_keeps_its_bounds_has_no_mark(keeps):
     )
 
 
+@pytest.mark.long
 def test_broken_bounds_up_to_the_crackle_are_marked(breaks):
     ax = limits_of(breaks)
     names = [label.get_text() for label in ax.get_yticklabels()]

@@ -55,6 +55,7 @@ def test_every_picture_is_there_as_long_as_it_should_be(ending):
 
 
 @pytest.mark.parametrize("ending", [".webp", ".gif"])
+@pytest.mark.long
 def test_quality_falls_before_pictures_are_left_out_and_no_more_than_it_must(ending):
     made, times, kind = pictures(COUNT, SIZE), evenly(COUNT), FORMATS[ending]
     best = len(fitted(made, times, kind, ALL).contents)

@@ -149,6 +149,7 @@ def exceeded(law, period, seed, until):
 
 
 @pytest.mark.parametrize("name", LAWS)
+@pytest.mark.long
 def test_a_law_keeps_the_limits_that_it_names(name):
     """1e-9; 1e-5 of the crackle, a difference of five rounded velocities over 1 ms."""
     law, period = LAWS[name]

@@ -11,6 +11,7 @@ LATE = 5
 
 
 @pytest.mark.parametrize(("jacobian", "task_size"), [("known", 3), ("learned", 3), ("known", 6)])
+@pytest.mark.long
 def test_a_delay_that_is_known_is_made_up_for(jacobian, task_size):
     """5 ms on a circle of 4 cm in 4 s, at 63 mm/s: 314 um of way."""
     told = adaptive(jacobian=jacobian, task_size=task_size, measurement={"delay": LATE * PERIOD})

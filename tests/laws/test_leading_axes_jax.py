@@ -19,7 +19,6 @@ COUNT = 5
 QUICK = ("slc_known", "naljdf_all")
 LONG = (
     "adaptive_pose_learned",
-    "adaptive_jerk",
     "slc_warm_up",
     "moaljdf",
     "recursive_filters",

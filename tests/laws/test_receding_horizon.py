@@ -70,6 +70,7 @@ def fallbacks(law, x):
 
 
 @pytest.mark.parametrize(("shape", "settles"), [("circle", 9.25), ("square", 11.54)])
+@pytest.mark.long
 def test_a_step_of_one_radian_settles_within_all_bounds(shape, settles):
     law = make(shape, 2)
     q, ratios, x = run(law, begin(law, [0.0, 0.5]), lambda t: np.array([1.0, -0.5]), 16.0)

@@ -94,6 +94,7 @@ def test_each_is_labelled_with_its_name_and_error(runs: tuple[Result, Result], p
     assert "<title>naljdf_clover_iiwa beside galjdf_clover_iiwa</title>" in page.text
 
 
+@pytest.mark.long
 def test_runs_of_unlike_length_play_to_the_end_of_the_longer(
     runs: tuple[Result, Result], tmp_path: Path
 ) -> None:

@@ -346,6 +346,7 @@ def test_a_tool_past_the_task_frame_is_not_drawn(tmp_path: Path) -> None:
     assert not any(pages["tip"].properties.get(place) is False for place in tool)
 
 
+@pytest.mark.long
 def test_a_ghost_stands_in_the_target_posture(adjusted: Result, adjusted_page: Page) -> None:
     page = adjusted_page
     for k in range(1, 8):

@@ -125,6 +125,7 @@ def heights(points: np.ndarray, result: Result) -> np.ndarray:
     return (points - contact.p_WS) @ contact.normal
 
 
+@pytest.mark.long
 def test_nothing_is_drawn_before_the_tool_touches(approach: Result, approach_page: Page) -> None:
     touch = approach.time[np.argmax(touches(approach))]
     assert touch > 0.3
@@ -140,6 +141,7 @@ def test_strokes_appear_one_after_another(approach_page: Page) -> None:
     assert time[-1] == pytest.approx(1.5)
 
 
+@pytest.mark.long
 def test_once_contact_is_lost_the_drawing_stays_as_it_is(edge: Result, edge_page: Page) -> None:
     lost = edge.time[np.flatnonzero(touches(edge))[-1]]
     assert lost < 1.2
@@ -306,6 +308,7 @@ def test_an_elastic_surface_is_a_thin_clear_sheet(elastic: Result, tmp_path: Pat
 
 
 @pytest.mark.parametrize("visual", [GREEN_BOX, ""])
+@pytest.mark.long
 def test_a_model_is_drawn_as_its_file_shows_it(visual: str, tmp_path: Path) -> None:
     """Without illustration geometry, its collision geometry is drawn."""
     (tmp_path / "dome.urdf").write_text(DOME.format(visual=visual))

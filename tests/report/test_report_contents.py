@@ -215,6 +215,7 @@ def test_a_picture_that_fails_is_told(tiny, report, monkeypatch):
     assert {error for _, error in made.failures} == {"ValueError: no ink"}
 
 
+@pytest.mark.long
 def test_main_runs_have_playbacks_and_all_have_figures(tiny, report):
     """The second run of a claim gets a figure alone."""
     contents = {

@@ -40,6 +40,7 @@ def test_jax_says_what_numpy_says_compiled_for_many(screws):
     assert_close(found, all_of(screws, q, v), 1e-13)
 
 
+@pytest.mark.long
 def test_robots_may_have_arms_of_their_own_and_be_mapped():
     """1e-13, as above; all axes are askew, which takes another way through the compiler."""
     screws = screws_of(load_arm("ur5"))
@@ -55,6 +56,7 @@ def test_robots_may_have_arms_of_their_own_and_be_mapped():
     assert_close(mapped, wanted, 1e-13)
 
 
+@pytest.mark.long
 def test_the_derivatives_of_position_and_velocity_are_the_jacobian_and_the_bias(screws):
     """1e-13: some hundred roundings."""
     q, v = motions(screws.n, ())

@@ -52,7 +52,7 @@ def test_a_bound_of_the_jerk_keeps_motors_near_their_bound_of_the_acceleration()
         assert found["network_acceleration_max_rad_s2"] <= 1.0 + 1e-9
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_noise_asks_for_a_slower_feedback():
     """Measured with 10 um: 14 um at the 100 /s of exact measurements, 2.2 um as is chosen."""
     noise = {"sensing": {"p_WE_noise": 1e-5}}
@@ -68,7 +68,7 @@ def test_a_jacobian_of_late_joints_is_brought_up_to_date():
     assert found[ERROR] < 4e-6
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_noise_of_the_orientation_alone_asks_for_it_too():
     """Measured 20 um; treated as exact, the arm is lost by 0.15 m."""
     sensing = {"R_WE_noise": 5e-5}
@@ -76,7 +76,7 @@ def test_noise_of_the_orientation_alone_asks_for_it_too():
     assert metrics("adaptive_pose_learned", sensing=sensing, law=law)[ERROR] < 5e-5
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_low_bound_of_the_jerk_asks_for_a_slower_feedback():
     """At 5 rad/s^3 a gain of 100 /s swings about a target for seconds; 25 /s comes to rest."""
     target = {"path": {"kind": "rest", "offset": [-0.2, 0.1, 0]}, "limits.jerk": 5.0}
@@ -90,7 +90,7 @@ def test_a_low_bound_of_the_jerk_asks_for_a_slower_feedback():
     assert fast > 2e-5
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_what_a_learned_jacobian_and_a_low_bound_of_the_jerk_cost():
     """A negative finding: of twenty seeds the median is 59 um; J known, it is 0.03 um."""
     known, learned = (metrics(name)[ERROR] for name in ("adaptive_jerk", "adaptive_jerk_learned"))

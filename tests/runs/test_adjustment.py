@@ -91,6 +91,7 @@ def test_the_end_effector_does_move_meanwhile(runs):
 
 
 @pytest.mark.parametrize("name", ["state_adjustment", *CASE.values(), *ELSEWHERE])
+@pytest.mark.long
 def test_the_displacement_is_what_the_multipliers_say(runs, name):
     """An invariant of the differential equation; integrated, SA's leap costs the most of it."""
     most = 5.8e-10 if name == "state_adjustment" else 1.2e-11
@@ -265,6 +266,7 @@ class TestEveryLawOnEveryArm:
         "law",
         [pytest.param(law, marks=() if law == "SA" else pytest.mark.long) for law in LAWS],
     )
+    @pytest.mark.long
     def test_a_limit_in_the_way_is_kept_and_gone_along(self, law):
         """Without it, the UR5's fourth joint goes 0.2 rad and more beyond its target, and back."""
         arm = load_arm("ur5")
@@ -285,6 +287,7 @@ class TestOrientationHeldToo:
     """One free dimension is left of four: the arm turns about the line from shoulder to wrist."""
 
     @pytest.mark.parametrize("law", LAWS)
+    @pytest.mark.long
     def test_position_and_orientation_stay(self, law):
         target = load_experiment(CASE[1], {"task": "pose"}).target
         changes = {"law.target": target.tolist(), "task": "pose", "accept": None}

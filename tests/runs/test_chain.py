@@ -65,7 +65,7 @@ def connections(experiment):
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "error", "delay"),
-    [(CIRCLE, 5e-3, 4.499), pytest.param(SQUARE, 2e-3, 2.716, marks=pytest.mark.long)],
+    [(CIRCLE, 5e-3, 4.499), pytest.param(SQUARE, 2e-3, 2.716, marks=pytest.mark.nightly)],
 )
 def test_the_arm_follows_its_path_late_and_keeps_all_bounds(name, error, delay):
     """Half the windows, of 4, 2, 1 and 2 s: 4.5 s; and of 1.33, 1.5, 1 and 1.6 s: 2.72 s.

@@ -24,8 +24,8 @@ THINNED = {
 }
 
 
-#: A law of velocities, one of accelerations, one behind a filter, and one that presses.
-LONG = ("slc, known J", "naljdf", "pseudoinverse, filtered", "motion-force, known J")
+#: A law of velocities, and one of accelerations.
+LONG = ("slc, known J", "naljdf")
 
 
 @pytest.mark.long

@@ -38,6 +38,7 @@ def test_the_largest_ratio_is_just_admissible(found):
     assert found[0].binding == "crackle"
 
 
+@pytest.mark.long
 def test_the_end_effector_stays_on_its_path(found):
     """To a micrometre; half of it at 1 ms."""
     assert found[0].result.metrics["position_error_max_m"] < 1e-6

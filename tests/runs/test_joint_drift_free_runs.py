@@ -145,6 +145,7 @@ class TestTheBoundOfFigure2:
         assert 0.0 < large.metrics["saturated_fraction"] < 0.05
         assert run("galjdf_clover_fig2").metrics["limit_ratio_2_max"] < 0.4
 
+    @pytest.mark.long
     def test_the_position_error_rises_and_falls(self):
         """The paper has it sustain increasing: here it is past its peak well before the end."""
         large = run("galjdf_clover_bound")
@@ -153,6 +154,7 @@ class TestTheBoundOfFigure2:
         assert large.time[error.argmax()] < 8.0
 
 
+@pytest.mark.long
 def test_theorem_1_predicts_the_velocity_error_of_figure_2():
     """At its own gains, lambda 3 and varrho 2e4; 5 %: the lag, 1 / (varrho sigma_min^2) = 3 ms."""
     result = run("galjdf_clover_fig2")
@@ -273,7 +275,7 @@ class TestWrongMasses:
         assert light < 0.35 * right
         assert heavy > 3.5 * right
 
-    @pytest.mark.long
+    @pytest.mark.nightly
     def test_with_full_dynamics_it_is_the_same(self):
         """Motors carry the true masses, whatever the law believes of them."""
         light, right = self.errors("moaljdf_parallelogram_printed", 0.5, 1.0, level="dynamic")
@@ -284,6 +286,7 @@ class TestWrongMasses:
 class TestPens:
     """The paper's physical experiment, with motors, encoders and a pen."""
 
+    @pytest.mark.nightly
     def test_naljdf_draws_well_and_galjdf_visibly_off(self):
         """A pen's line is half a millimetre wide."""
         pens = [run(f"{scheme}_pen") for scheme in ("naljdf", "galjdf")]

@@ -16,14 +16,14 @@ QUICK = ["motion_force_tricuspid"]
 LONG = [
     "motion_force_cat",
     "motion_force_tricuspid_w",
-    "motion_force_tricuspid_learned",
     "contact_approach",
     "contact_deltoid_fast",
-    "contact_inclined",
     "contact_open_loop",
 ]
 # Another force, pad or arm; of the circle with 5 N, the first 6 s are looked at below.
 NIGHTLY = [
+    "motion_force_tricuspid_learned",
+    "contact_inclined",
     "contact_cat",
     "contact_edge",
     "motion_force_tricuspid_literal",
@@ -177,6 +177,7 @@ class TestContact:
         assert found["contact_lost_fraction"] == 0.0
         assert broken(found) == {}
 
+    @pytest.mark.long
     def test_the_sensor_at_the_tools_weld_says_what_the_contact_does(self):
         """Within 1e-6 N, the tool's weight off; its sign wrong would be 2 m g, 1.96 N."""
         result = shared_run("contact_circle", SIX_SECONDS)
@@ -186,13 +187,13 @@ class TestContact:
         )
         assert np.abs(true - measured).max() < 2e-6
 
-    @pytest.mark.long
+    @pytest.mark.nightly
     def test_the_papers_law_presses_fifteen_times_too_hard(self):
         """It knows the force as 100 N/m times depth; the contact answers otherwise."""
         found = metrics("contact_open_loop", duration=4, window=[2, 4])
         assert found["force_error_mean_N"] > 1.2
 
-    @pytest.mark.long
+    @pytest.mark.nightly
     def test_a_loop_that_is_ten_times_too_fast_overshoots(self):
         """eta_hat is a gain: at 800 N/m, k K / eta_hat is 80/s."""
         fast = metrics("contact_circle", duration=4, window=[2, 4], law__stiffness=800)
@@ -283,7 +284,7 @@ class TestContact:
         with pytest.raises(InvalidInputError, match=r"2000 N asks iiwa_joint_2 for .* has 320 Nm"):
             simulate(experiment)
 
-    @pytest.mark.long
+    @pytest.mark.nightly
     def test_a_wrong_normal_costs_force(self):
         """5 degrees off: moving along the wrong plane presses and lifts the tip."""
         right = shared_run("contact_circle", SIX_SECONDS).metrics
@@ -302,7 +303,7 @@ class TestContact:
         ratio = fast["force_error_max_N"] / slow["force_error_max_N"]
         assert ratio == pytest.approx(0.5, abs=0.05)
 
-    @pytest.mark.long
+    @pytest.mark.nightly
     def test_noise_delay_and_a_low_pass_are_borne(self):
         found = metrics("contact_noisy", duration=6, window=[2, 6])
         assert found["force_error_max_N"] < 0.02

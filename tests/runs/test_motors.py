@@ -36,6 +36,7 @@ def motor_warnings(result):
 
 
 @pytest.mark.parametrize("law", LAWS)
+@pytest.mark.long
 def test_an_arm_with_a_heavy_base_follows_as_it_does_without_mass(law):
     """0.3 mm: a sample of delay and the motors' lag, at up to 0.19 m/s."""
     dynamic, kinematic = (

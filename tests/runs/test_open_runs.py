@@ -103,6 +103,7 @@ def test_joints_drift_only_from_a_path_that_returns():
 
 
 @pytest.mark.parametrize("duration", [0.5, 1.0, pytest.param(1.2, marks=pytest.mark.long)])
+@pytest.mark.long
 def test_the_end_is_marked_once_it_is_reached(tmp_path, duration):
     result = run(LINE, duration=duration)
     write_figures(result, tmp_path / "figures")
@@ -118,6 +119,7 @@ def test_a_closed_path_has_no_end_in_the_playback(tmp_path):
     )
 
 
+@pytest.mark.long
 def test_a_law_that_should_return_the_joints_shows_its_angles_along_an_open_path(tmp_path):
     document = read_document("naljdf_clover", {"duration": 1.0})
     document["path"] = {"kind": "line", "by": [0.03, 0.0, 0.02], "period": 0.8, "timing": "quintic"}

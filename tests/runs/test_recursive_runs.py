@@ -18,6 +18,7 @@ NAMES = [law.format(shape) for shape in SHAPES for law in LAWS]
 SAME = [law.format(shape) for shape in SHAPES for law in ("rnn_{}", "pinv_{}_smooth")]
 # One run of each law.
 QUICK = ("recursive_circle",)
+MARKS = {"circle": pytest.mark.long, "square": pytest.mark.nightly}
 # Of the errors as they were first measured [m].
 ERRORS = {
     "recursive_circle": 9.36e-4,
@@ -43,7 +44,7 @@ def ratios(result):
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=() if name in QUICK else pytest.mark.long)
+        pytest.param(name, marks=() if name in QUICK else MARKS[name.split("_")[1]])
         for name in (*NAMES, *SAME)
     ],
 )

@@ -35,6 +35,7 @@ def test_perfect_sensors_change_nothing_to_the_last_bit(name):
     assert "position_measured" not in ideal.series
 
 
+@pytest.mark.long
 def test_encoders_of_20_bits_track_as_well_and_of_10_bits_worse(true):
     """A step of 6 urad at each joint is some um at the end effector, one of 6 mrad some mm."""
     assert off(run(sensing={"encoder_bits": 20})) == pytest.approx(off(true), abs=2e-6)
@@ -105,6 +106,7 @@ def test_a_law_that_learns_learns_from_measured_velocities():
         np.testing.assert_allclose(x["J_hat"][k + 1], expected, atol=1e-12)
 
 
+@pytest.mark.long
 def test_coarse_encoders_excite_a_law_that_learns():
     """v_WE follows from the measured velocities, so their errors teach as noise does.
 
@@ -126,6 +128,7 @@ def test_perfect_sight_from_outside_changes_nothing_to_the_last_bit():
     np.testing.assert_array_equal(outside.series["p_WE_measured"], outside.series["p_WE"])
 
 
+@pytest.mark.long
 def test_a_camera_sees_what_encoders_cannot():
     """Encoders of 10 bits cost a mm, but little where p_WE is measured: J alone is off then."""
     coarse = {"encoder_bits": 10}

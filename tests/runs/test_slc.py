@@ -132,6 +132,7 @@ def test_gains_for_precision_hold_every_bound_and_join_the_path():
 @pytest.mark.parametrize(
     "changes", [pytest.param({"law.kappa": 15.0}, marks=pytest.mark.long), {"law.rate": 5e3}]
 )
+@pytest.mark.long
 def test_the_error_is_in_inverse_proportion_to_kappa_and_to_rate(changes):
     """Half of either doubles it; 10 %: at such rates the sample of 1 ms has a part in it."""
     short = {"duration": 6, "window": [4, 6], "accept": {}}
@@ -147,15 +148,17 @@ def test_it_tracks_while_it_learns_from_random():
     assert got["joint_drift_max_rad"] <= 1e-3
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_bounding_the_feedback_allows_a_larger_gain():
     assert_it_is_faster(shared_run("slc_nephroid_fast").metrics)
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "assert_it_is_good"),
-    [("slc_nephroid", assert_it_tracks_and_learns), ("slc_nephroid_fast", assert_it_is_faster)],
+    [
+        pytest.param("slc_nephroid", assert_it_tracks_and_learns, marks=pytest.mark.long),
+        pytest.param("slc_nephroid_fast", assert_it_is_faster, marks=pytest.mark.nightly),
+    ],
 )
 def test_it_learns_from_every_seed(name, assert_it_is_good):
     for got in metrics_of_seeds(name):
@@ -204,7 +207,7 @@ def test_an_arm_that_noise_moves_accelerates_whenever_noise_or_law_change(hold, 
     assert result.metrics["network_acceleration_max_rad_s2"] <= 1 + 1e-9
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "name", ["slc_four_ring", pytest.param("slc_four_ring_per_joint", marks=pytest.mark.nightly)]
 )
@@ -264,7 +267,7 @@ class TestAsPrinted:
         got = metrics("slc_nephroid_printed", accept={}, **SETTLED)
         assert got["position_error_max_m"] > 50e-3
 
-    @pytest.mark.long
+    @pytest.mark.nightly
     def test_even_the_exact_jacobian_survives_only_very_little_noise(self):
         little = {"law.J_hat_initial": "exact", "dither.sigma": 1e-4}
         assert metrics("slc_nephroid_printed", **little)["position_error_max_m"] <= 2e-3
@@ -386,7 +389,7 @@ class TestContinuousAndSampled:
         assert got["settling_time_s"] <= 2.5
         assert got["joint_acceleration_max_rad_s2"] <= 1 + 1e-9
 
-    @pytest.mark.long
+    @pytest.mark.nightly
     def test_learning_exactly_agrees_with_integrating_the_stiff_equation(self):
         """2 s, at a tenth of a millisecond; 7e-5 rad measured."""
         continuous = self.postures("slc_nephroid_continuous")
@@ -418,7 +421,7 @@ OTHER_ARMS = {"iiwa14": ("yz", 0.02), "ur5": ("yz", 0.01), "planar6": ("xy", 0.0
     [pytest.param(arm, marks=() if arm == "iiwa14" else pytest.mark.long) for arm in OTHER_ARMS],
 )
 @pytest.mark.parametrize(
-    "name", ["slc_nephroid_known", pytest.param("slc_nephroid", marks=pytest.mark.long)]
+    "name", ["slc_nephroid_known", pytest.param("slc_nephroid", marks=pytest.mark.nightly)]
 )
 def test_it_works_on_every_arm(arm, name):
     """The same document with another arm: errors below a millimetre once it has settled."""

@@ -115,6 +115,7 @@ def test_at_rest_the_sensor_feels_what_the_contact_knows(name, normal):
     np.testing.assert_allclose(driven["tool_force"], driven["contact_force"], atol=1e-3)
 
 
+@pytest.mark.long
 def test_the_deeper_it_is_told_to_be_the_harder_it_presses():
     forces = [pressed(depth)["contact_force"][2] for depth in (2e-4, 5e-4, 1e-3, 2e-3)]
     assert (np.diff(forces) > 0).all()

@@ -112,10 +112,10 @@ def jerk_table() -> None:
         *("a beyond its bound by [rad/s^2]", "jerk by [rad/s^3]"),
     )
     cases = [
-        with_seeds("adaptive_jerk_learned", SEEDS, {"limits.jerk": jerk, "law.kappa": kappa})
+        with_seeds("adaptive_jerk_learned", MANY_SEEDS, {"limits.jerk": jerk, "law.kappa": kappa})
         for jerk, kappa in JERKS.items()
     ]
-    learned = f"learned, {len(SEEDS)} seeds: median / worst"
+    learned = f"learned, {len(MANY_SEEDS)} seeds: median / worst"
     for (jerk, kappa), found in zip(JERKS.items(), in_turn(*cases), strict=True):
         experiment = load_experiment("adaptive_jerk", {"limits.jerk": jerk})
         known, chosen = simulate(experiment).metrics, experiment.law.loop_gains["kappa"]

@@ -112,6 +112,10 @@ class ExperimentDocument:
         plant: Simulation and motor settings of the arm, at the dynamic level.
         environment: ``kind`` and the fields of the surface that the tool presses against, see
             `drake_rnn.environments`.
+        obstacles: What the arm is to stay clear of, each with its ``kind`` and fields, see
+            `drake_rnn.robot.clearance.obstacles`, and itself, also if the list is empty. A law
+            with the field ``avoidance`` avoids them; of others the distance is measured. By
+            default distances are not looked at.
         force: Desired pressing force.
         sensor: Force sensor; by default an ideal one.
         sensing: Measurement of the joints that the law sees; by default an ideal one.
@@ -150,6 +154,7 @@ class ExperimentDocument:
     level: str = "kinematic"
     plant: PlantSettings | None = None
     environment: dict[str, Any] | None = None
+    obstacles: list[Any] | None = None
     force: ForceProfile | None = None
     sensor: SensorSettings | None = None
     sensing: SensingSettings | None = None

@@ -17,6 +17,8 @@ from ..laws import Circumstances, Law, PostureLaw
 from ..laws.checks import warnings_of
 from ..paths import Path, PlacedPath
 from ..robot.arm import Arm
+from ..robot.clearance import Clearance
+from ..robot.clearance.obstacles import Obstacle
 from ..robot.kinematics import ArmKinematics
 from ..robot.limits import JointLimits
 from ..robot.task import Task, named_task
@@ -27,7 +29,7 @@ from .contact import make_contact
 from .document import ExperimentDocument
 from .filter import FilterDelay, filter_delay
 from .path import GIVEN
-from .sections import read_sections
+from .sections import Sections, read_sections
 from .target import with_reachable_target
 
 
@@ -45,6 +47,8 @@ class Experiment:
         p_WE_start: Position of the end effector at the start, shape (3,) [m].
         R_WE_start: Orientation of the end effector at the start, shape (3, 3).
         contact: Contact of the tool with a surface; None without one.
+        obstacles: What stands in the arm's way.
+        clearance: What the arm is to stay clear of; None if distances are not looked at.
         feedback: Arm that the law sees.
         path_delay: Delay with which the arm follows the path [s].
         warnings: Warnings about the document and the objects.
@@ -59,6 +63,8 @@ class Experiment:
     p_WE_start: Array
     R_WE_start: Array
     contact: Contact | None
+    obstacles: tuple[Obstacle, ...]
+    clearance: Clearance | None
     feedback: Feedback
     path_delay: float
     warnings: tuple[str, ...] = ()
@@ -169,6 +175,7 @@ def make_experiment(
     check_sensing(document.sensing, parts.law)
     delay, late = filter_delay(parts)
     law, moved = with_reachable_target(parts)
+    unsafe = _unsafe(parts)
     start, kinematics = parts.start, arms.shared("kinematics", document.arm, parts.arm.kinematics)
     desired = parts.path.placed_by(kinematics, start)
     if desired.turns and "R_WE_desired" not in law.inputs:
@@ -187,12 +194,38 @@ def make_experiment(
         p_WE_start=kinematics.p_WE(start),
         R_WE_start=kinematics.R_WE(start),
         contact=contact,
+        obstacles=parts.obstacles,
+        clearance=parts.clearance,
         feedback=parts.feedback,
         path_delay=delay.path,
     )
     circumstances = _circumstances(found, delay, kinematics)
     unsure = warnings_of(law, "doubts", lambda: law.doubts(circumstances))
-    return replace(found, warnings=(*parts.warnings, *late, *moved, *unsure, *doubts))
+    return replace(found, warnings=(*parts.warnings, *late, *moved, *unsafe, *unsure, *doubts))
+
+
+def _unsafe(parts: Sections) -> list[str]:
+    """Return a warning if a law does not look at what is in the arm's way.
+
+    Raises:
+        InvalidInputError: If the arm does not move as a law that does commands it to.
+    """
+    document = parts.document
+    if document.obstacles is None:
+        return []
+    if parts.law.keeps_distance is None:
+        return ["obstacles: this law does not avoid them; distances are measured alone"]
+    if document.filter is not None:
+        raise InvalidInputError(
+            "filter: must be left out with obstacles that the law avoids; a mean of postures may "
+            "collide where none of them does"
+        )
+    if document.dither is not None and document.dither.model == "actuated":
+        raise InvalidInputError(
+            "dither.model: must not be actuated with obstacles that the law avoids, which knows "
+            "nothing of the motion that is added to its own"
+        )
+    return []
 
 
 def _circumstances(

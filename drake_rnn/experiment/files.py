@@ -142,7 +142,7 @@ def _resolve_files(document: dict[str, Any], folder: File) -> None:
     arm = _section(document, "arm")
     packages, environment = _section(arm, "packages"), _section(document, "environment")
     paths = ((path, "file") for path in _path_sections(document))
-    files = ((arm, "model"), (arm, "limits"), *paths, (environment, "model"))
+    files = ((arm, "model"), (arm, "limits"), (arm, "capsules"), *paths, (environment, "model"))
     for section, key in (*files, *((packages, key) for key in packages)):
         value = section.get(key)
         # Not `exists`, because a folder may have the name of a shipped arm.

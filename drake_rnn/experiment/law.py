@@ -14,6 +14,7 @@ from ..inputs.fields import Array
 from ..laws import Law
 from ..laws.checks import check_declared, continuous_reading, sampled_reading
 from ..laws.parts.measurement import LEVER, REACH, Measurement
+from ..robot.clearance import Clearance
 from ..robot.limits import JointLimits
 from ..robot.task import TASKS, tasks_suiting
 from .document import ExperimentDocument
@@ -24,11 +25,16 @@ ORIGINS = {
     "home": "start",
     "task_size": "task",
     "measurement": "sensing",
+    "clearance": "arm and obstacles",
 }
 
 
 def make_law(
-    document: ExperimentDocument, kind: type[Law], limits: JointLimits, start: Array
+    document: ExperimentDocument,
+    kind: type[Law],
+    limits: JointLimits,
+    start: Array,
+    clearance: Clearance | None,
 ) -> Law:
     """Return the law, including the fields that follow from limits, start and task.
 
@@ -37,6 +43,7 @@ def make_law(
         kind: Class of the law.
         limits: Limits of the joints in the experiment.
         start: Start posture, shape (n,) [rad].
+        clearance: What the arm is to stay clear of; None for nothing.
 
     Raises:
         InvalidInputError: If a field is wrong, or given although it follows from something else;
@@ -45,7 +52,7 @@ def make_law(
     """
     task = document.task
     known = {"limits": limits, "home": start, "task_size": TASKS[task].size}
-    known["measurement"] = _measurement(document)
+    known |= {"measurement": _measurement(document), "clearance": clearance}
     filled = {name: value for name, value in known.items() if name in field_names(kind)}
     for name in filled.keys() & document.law.keys():
         raise InvalidInputError(f"law.{name}: follows from {ORIGINS[name]}; leave it out")

@@ -18,6 +18,9 @@ from ..inputs.modules import Modules
 from ..laws import LAWS, Law, PostureLaw
 from ..paths import Path
 from ..robot.arm import Arm
+from ..robot.clearance import Clearance
+from ..robot.clearance.arm_clearance import arm_clearance
+from ..robot.clearance.obstacles import Obstacle, make_obstacles
 from ..robot.limits import JointLimits
 from ..systems import BODIES, Feedback, start_posture
 from .arms import Arms
@@ -43,6 +46,8 @@ class Sections:
         start: Start posture, shape (n,) [rad].
         path: The path.
         law: The law.
+        obstacles: What stands in the arm's way.
+        clearance: What the arm is to stay clear of; None if distances are not looked at.
         warnings: Warnings about arm, limits, path and start.
     """
 
@@ -52,6 +57,8 @@ class Sections:
     start: Array
     path: Path
     law: Law
+    obstacles: tuple[Obstacle, ...]
+    clearance: Clearance | None
     warnings: tuple[str, ...]
 
 
@@ -83,9 +90,30 @@ def read_sections(
     seeks_posture = issubclass(kind, PostureLaw)
     start = start_posture(arm, document.start, OUTSIDE if seeks_posture else 0.0)
     path, doubts = path_of(document, arms, seeks_posture, path, modules)
-    law = make_law(document, kind, arm.limits, start)
-    warnings = (*known, *doubts, *_outside(arm, start))
-    return Sections(document, feedback, arm, start, path, law, warnings)
+    obstacles = tuple(make_obstacles(document.obstacles or []))
+    clearance, unseen = _clearance(document, arms, arm, start, obstacles)
+    law = make_law(document, kind, arm.limits, start, clearance)
+    warnings = (*known, *doubts, *unseen, *_outside(arm, start))
+    return Sections(document, feedback, arm, start, path, law, obstacles, clearance, warnings)
+
+
+def _clearance(
+    document: ExperimentDocument,
+    arms: Arms,
+    arm: Arm,
+    start: Array,
+    obstacles: tuple[Obstacle, ...],
+) -> tuple[Clearance | None, tuple[str, ...]]:
+    """Return what the arm is to stay clear of, and warnings about it."""
+    if document.obstacles is None:
+        return None, ()
+    # Of an arm without a home, what touches at the start is not looked at.
+    posture = start if arm.home is None else arm.home
+    return arms.shared(
+        "clearance",
+        [document.arm, posture.tolist(), document.obstacles],
+        lambda: arm_clearance(arm, obstacles, posture),
+    )
 
 
 def _level(document: ExperimentDocument) -> Feedback:

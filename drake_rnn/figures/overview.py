@@ -31,6 +31,7 @@ from .space import is_spatial, plot_postures
 from .style import PAGE
 from .surface import plot_on_surface
 from .task_panels import (
+    plot_distance,
     plot_end_effector,
     plot_orientation_error,
     plot_path,
@@ -55,6 +56,7 @@ _PANELS: _Panels = [
     ({"p_WE", "p_WE_desired"}, plot_path),
     ({"p_WE", "p_WE_desired"}, plot_position_error),
     ({"orientation_error"}, plot_orientation_error),
+    ({"distance"}, plot_distance),
     ({"position"}, plot_angles),
     ({"velocity"}, plot_velocities),
     ({"acceleration_peak"}, plot_acceleration_norm),

@@ -44,6 +44,7 @@ from .style import (
 )
 from .surface import desired_at_tool_height
 from .task_panels import (
+    plot_distance,
     plot_end_effector,
     plot_orientation_error,
     plot_path,
@@ -322,6 +323,14 @@ def _bounds_note(bounds: Array) -> str:
 def _follows(result: Result) -> bool:
     # Where the arm seeks a posture, the figure of its end effector shows the angle.
     return not has_target(result)
+
+
+@draws("distance")
+def distance(result: Result) -> Figure:
+    """Draw the least distance of the arm from itself and from obstacles."""
+    figure, ax = single()
+    plot_distance(ax, result)
+    return figure
 
 
 @draws("orientation_error", applies=_follows)

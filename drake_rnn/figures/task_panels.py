@@ -101,6 +101,17 @@ def plot_rotation(ax: Axes, result: Result) -> None:
     time_axis(ax, result, "orientation error [mrad]")
 
 
+def plot_distance(ax: Axes, result: Result) -> None:
+    """Plot the least distance from obstacles and from the arm itself, and what the law keeps."""
+    distance = result.series["distance"]
+    shown, scale = prefixed(largest(distance), "m")
+    ax.plot(result.time, scale * distance, color=INK)
+    floor = result.experiment.law.keeps_distance
+    ax.axhline(scale * (floor or 0.0), **BOUND)
+    ax.set_ylim(bottom=min(0.0, 1.06 * scale * float(np.nanmin(distance, initial=0.0))))
+    time_axis(ax, result, f"least distance [{shown}]")
+
+
 def plot_orientation_error(ax: Axes, result: Result) -> None:
     """Plot the angle between the end effector and its desired orientation.
 

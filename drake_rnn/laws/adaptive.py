@@ -69,11 +69,13 @@ from pydantic import Field
 from ..arrays.algebra import acts, joined, matvec
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Gain, Length, Speed, Vector, Weight, validated
+from ..robot.clearance import Clearance
 from ..robot.limits import JointLimits
 from ..robot.rotation import rotation_error
 from .law import Circumstances, Law, SampledReading
 from .layout import Layout, Signals
 from .parts.approach import approach, gain_within_jerk
+from .parts.held_clear import Avoidance, WithinClear
 from .parts.held_within import Program, WithinAcceleration, WithinJerk
 from .parts.known_jacobian import MiddleJacobian
 from .parts.late import Late
@@ -117,6 +119,8 @@ class Adaptive(Law):
         variance: Variance R of the measured velocity; by default as suits the measurement.
         wander: Growth q_n of the variance of J_hat's entries [1/s]; likewise.
         measurement: Quality of what the law sees.
+        clearance: What the arm is to stay clear of; None for nothing.
+        avoidance: How near it may come; ``none`` not to avoid anything.
     """
 
     kind: Literal["adaptive"] = "adaptive"
@@ -136,11 +140,12 @@ class Adaptive(Law):
     variance: Weight | None = None
     wander: Weight | None = None
     measurement: Measurement = Field(default_factory=Measurement)
-
-    takes_many = True
+    clearance: Clearance | None = None
+    avoidance: Avoidance | Literal["none"] = Field(default_factory=Avoidance)
 
     def __post_init__(self) -> None:
         self.limits.require_size("home", self.home)
+        self._require_free()
         n, target = self.limits.size, self.secondary.target
         if target is not None and target.size != n:
             raise ValueError(
@@ -152,11 +157,41 @@ class Adaptive(Law):
                 "out"
             )
 
+    def _require_free(self) -> None:
+        """Raise a ValueError if the arm starts nearer to something than it may come."""
+        if self.avoids is None:
+            return
+        clearance, avoidance = self.avoids
+        gaps, floor = clearance.gaps(self.home), avoidance.floor
+        if gaps.min(initial=np.inf) < floor:
+            one, other = clearance.names[int(gaps.argmin())]
+            raise ValueError(
+                f"clearance: at the start {one} and {other} are {gaps.min():.3g} m apart, where "
+                f"the law keeps {floor:g} m, law.avoidance.floor; clear the way or start elsewhere"
+            )
+
+    @property
+    def avoids(self) -> tuple[Clearance, Avoidance] | None:
+        """What it stays clear of, and how near it may come; None if it avoids nothing."""
+        if self.clearance is None or isinstance(self.avoidance, str):
+            return None
+        return self.clearance, self.avoidance
+
+    @property
+    def takes_many(self) -> bool:  # type: ignore[override]
+        """See `Reading`; how much there is to look at differs from robot to robot."""
+        return self.avoids is None
+
     @property
     def keeps(self) -> tuple[str, ...]:
         """See `Law.keeps`; all limits that are known, up to the jerk."""
         higher = ("acceleration", "jerk")
         return ("position", "velocity", *(n for n in higher if self.limits.bounds[n] is not None))
+
+    @property
+    def keeps_distance(self) -> float | None:
+        """See `Law.keeps_distance`."""
+        return None if self.avoids is None else self.avoids[1].floor
 
     @property
     def limits_remedy(self) -> str:
@@ -211,13 +246,19 @@ class Adaptive(Law):
                 f"law.measurement.delay, in a document sensing.delay: must be a multiple of the "
                 f"period, {period:g} s, not {self.measurement.delay:g}"
             )
+        limits = reached_limits(self.limits, period)
+        if self.avoids is not None and limits.jerk is not None:
+            raise InvalidInputError(
+                "limits.jerk: must be left out with obstacles; this law certifies stops within a "
+                "bound of the acceleration alone"
+            )
         law = replace(
             self,
             kappa=kappa,
             softness=suits.softness if self.softness is None else self.softness,
             variance=suits.variance if self.variance is None else self.variance,
             wander=suits.wander if self.wander is None else self.wander,
-            limits=reached_limits(self.limits, period),
+            limits=limits,
         )
         return AdaptiveReading(law, suits.samples, suits.still, round(late))
 
@@ -276,7 +317,10 @@ class AdaptiveReading(SampledReading):
     still: float
     late: int
 
-    takes_many = True
+    @property
+    def takes_many(self) -> bool:  # type: ignore[override]
+        """See `Adaptive.takes_many`."""
+        return self.law.takes_many
 
     @cached_property
     def state(self) -> Layout:
@@ -299,7 +343,9 @@ class AdaptiveReading(SampledReading):
         return LearnedJacobian(m, n, self.samples, *trust, law.J_hat_initial)
 
     @cached_property
-    def _within(self) -> WithinAcceleration | WithinJerk:
+    def _within(self) -> WithinAcceleration | WithinJerk | WithinClear:
+        if self.law.avoids is not None:
+            return WithinClear(self.law.limits, *self.law.avoids)
         if self.law.limits.jerk is None:
             return WithinAcceleration(self.law.limits)
         smoothing = 1.0 if self.law.jacobian == "known" else _SMOOTHED
@@ -321,7 +367,7 @@ class AdaptiveReading(SampledReading):
         return rows[..., None] * np.eye(law.task_size)
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
-        start = {name: np.zeros(shape) for name, shape in self._within.shapes.items()}
+        start = self._within.start(u["position"])
         start |= {"v": np.zeros(self.law.limits.size), "commanded": u["position"]}
         return self._joined(start | self._source.start(rng, u) | self._late.start(u))
 

@@ -100,6 +100,7 @@ _DECLARED: tuple[tuple[type, str, Callable[[Any], Any], tuple[type, ...], _Flaws
     (Law, "sampled_gains", lambda law: law.sampled_gains, (Mapping,), _of_gains),
     (Law, "joint_preview", lambda law: law.joint_preview, (JointPreview, NoneType), _of_preview),
     (Law, "keeps", lambda law: law.keeps, (tuple,), _of_keeps),
+    (Law, "keeps_distance", lambda law: law.keeps_distance, (float, NoneType), _fine),
     (Law, "stays_on_path", lambda law: law.stays_on_path, (bool,), _fine),
     (Law, "levels_are_derivatives", lambda law: law.levels_are_derivatives, (bool,), _fine),
     (Law, "limits_remedy", lambda law: law.limits_remedy, (str,), _fine),

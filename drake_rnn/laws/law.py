@@ -187,6 +187,14 @@ class Law(Reading):
         return ()
 
     @property
+    def keeps_distance(self) -> float | None:
+        """Distance that its command keeps, from the arm itself and from obstacles [m].
+
+        By construction, as `keeps`; None for a law that does not look at what is in the way.
+        """
+        return None
+
+    @property
     def limits_remedy(self) -> str:
         """What to give so that it keeps the limits that it does not keep; empty if nothing does."""
         return ""

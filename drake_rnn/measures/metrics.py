@@ -252,6 +252,14 @@ METRICS: tuple[Metric, ...] = (
         by=Smallest(),
     ),
     Metric(
+        "distance_min_m",
+        "least distance of the arm's capsules from each other and from obstacles, between steps "
+        "too; negative where they overlap",
+        shown=("path", "posture", "return", "force", "sweep"),
+        of=lambda motion, against: motion.distance,
+        by=Smallest(),
+    ),
+    Metric(
         "command_error_max_m",
         "largest distance of the end effector from where the command to the motors places it",
         shown=("path", "posture", "return", "force", "sweep"),

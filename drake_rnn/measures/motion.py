@@ -89,6 +89,8 @@ class Motion:
             None if they change at every step.
         origin: Time of the run's first step [s]; None if it is the first of these.
         observed: Observables of the law, by name, each of shape (k, ..., size).
+        distance: Least distance of the arm from itself and from obstacles, since the step before,
+            shape (k,) [m]; None if distances are not looked at.
         virtual: Motion of the virtual arm ahead of a filter, where the law sees that arm and learns
             its Jacobian; None where the law sees this arm.
     """
@@ -115,6 +117,7 @@ class Motion:
     network_tick: float | None = None
     origin: float | None = None
     observed: Mapping[str, AnyArray] = field(default_factory=dict)
+    distance: AnyArray | None = None
     virtual: Motion | None = None
 
     @property

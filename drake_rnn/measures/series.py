@@ -22,6 +22,7 @@ UNITS = {
     "J": "m",
     "J_hat": "m",
     "joint_error": "rad",
+    "distance": "m",
     "orientation_error": "rad",
     "displacement": "m",
     "velocity_lower": "rad/s",

@@ -17,6 +17,7 @@ from .boxes import Boxes, boxes_of
 from .camera import some
 from .drawn_arm import DrawnArm
 from .drawn_paths import DrawnPaths
+from .obstacles import draw_obstacles
 from .outcome import outcome_of
 from .packing import packed
 from .paths_beside import PathsBeside
@@ -58,6 +59,7 @@ def make_page(
     points = np.concatenate((boxes.corners, paths.set_up()))
     floor, size = float(points[:, 2].min()), float(np.ptp(points, axis=0).max())
     set_stage(meshcat, floor, size)
+    draw_obstacles(meshcat, motion.result.experiment.obstacles)
     paths.draw(floor)
     duration = max(each.duration for each in (motion, *beside))
     frames = np.arange(math.ceil(duration * rate - 1e-6) + 1) / rate

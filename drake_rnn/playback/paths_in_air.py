@@ -32,7 +32,8 @@ class PathsInAir(DrawnCurves):
 
     def __init__(self, meshcat: Meshcat, motion: ReplayedMotion, boxes: Boxes) -> None:
         path = np.concatenate((motion.course, motion.traced))
-        self._scene = np.concatenate((boxes.corners, path))
+        around = [obstacle.corners for obstacle in motion.result.experiment.obstacles]
+        self._scene = np.concatenate((boxes.corners, path, *around))
         self._size = float(np.ptp(self._scene, axis=0).max())
         super().__init__([Curves(meshcat, motion, _RADIUS * self._size)], path)
         self._motion = motion

@@ -81,7 +81,7 @@ def thinned(time: Array, values: Array) -> tuple[Array, Array, Array]:
 
 def curves_of(motion: ReplayedMotion) -> list[Curve]:
     """Return the curves of a run, the most informative one first."""
-    groups = (_forces, _target, _errors, _jacobian, _ratios, _torque, _margins)
+    groups = (_forces, _target, _errors, _distance, _jacobian, _ratios, _torque, _margins)
     return [curve for group in groups for curve in group(motion) if _is_telling(curve)]
 
 
@@ -114,6 +114,11 @@ def _errors(motion: ReplayedMotion) -> Iterator[Curve]:
     if (turned := _series(motion, "orientation_error")) is not None:
         name = "orientation error"
         yield Curve("orientation_error", name, "rad", motion.time, turned[0], "log")
+
+
+def _distance(motion: ReplayedMotion) -> Iterator[Curve]:
+    if (series := _series(motion, "distance")) is not None:
+        yield Curve("distance", "least distance", "m", motion.time, series[0])
 
 
 def _jacobian(motion: ReplayedMotion) -> Iterator[Curve]:

@@ -44,6 +44,9 @@ class ArmDescription:
             masses; by default ``mass_scale``.
         limits: File of joint limits, see `drake_rnn.robot.limits_file`; limits that the file does
             not state are those of the model.
+        capsules: File of the capsules round the links, for distances from obstacles, see
+            `drake_rnn.robot.clearance.arm_capsules.CapsulesFile`; by default they are fitted to
+            the model.
         link_errors: Errors in the dimensions of the model, a URDF file.
     """
 
@@ -59,6 +62,7 @@ class ArmDescription:
     mass_scale: Scale = 1.0
     believed_mass_scale: Scale | None = None
     limits: str | None = None
+    capsules: str | None = None
     link_errors: LinkErrorSettings | None = None
 
     def __post_init__(self) -> None:

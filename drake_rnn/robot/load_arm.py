@@ -44,6 +44,7 @@ def load_arm(model: str | Path, **changes: Any) -> Arm:
         description = read_yaml(folder / "arm.yaml")
         description["model"] = str(folder / description["model"])
         description["limits"] = str(folder / "limits.yaml")
+        description["capsules"] = str(folder / "capsules.yaml")
         arm = Arm(construct(ArmDescription, description, "arm"), name)
         return arm.replace(**changes) if changes else arm
     if Path(name).suffix.lower() not in {".urdf", ".sdf", ".xml", ".xacro"}:

@@ -62,6 +62,20 @@ def _why(name: str, experiment: Experiment) -> str:
     return "noise, a filter or errors of measurement lie between this law and the arm"
 
 
+def distance_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[str]:
+    """Return a warning if the arm collided, or came nearer than the law lets its command come."""
+    distance = metrics.get("distance_min_m", np.inf)
+    floor = experiment.law.keeps_distance or 0.0
+    if distance < 0.0:
+        return [f"obstacles: the arm collides, by up to {-distance:.3g} m"]
+    if distance < floor - _BEYOND:
+        return [
+            f"obstacles: the arm comes as near as {distance:.3g} m; of its command the law keeps "
+            f"{floor:g} m"
+        ]
+    return []
+
+
 def contact_caveats(gap: GapMetrics, metrics: Mapping[str, float]) -> list[str]:
     """Return warnings about a contact that was never made, or lost."""
     caveats = []

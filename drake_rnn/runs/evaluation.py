@@ -16,7 +16,7 @@ from ..inputs.fields import Array
 from ..laws import Signals
 from ..laws.checks import warnings_of
 from ..measures import Motion, RunMetrics, Steps, Yardsticks, last_end, of_one_run
-from .caveats import contact_caveats, limit_caveats, motor_caveats, standing
+from .caveats import contact_caveats, distance_caveats, limit_caveats, motor_caveats, standing
 from .motion import (
     measured_signals,
     motion_of,
@@ -107,6 +107,7 @@ class Evaluation:
                 *standing(found, metrics),
                 *limit_caveats(self._experiment, metrics),
                 *caveats,
+                *distance_caveats(self._experiment, metrics),
                 *contact_caveats(self._metrics.gap, metrics),
                 *motor_caveats(self._loop.arm, self._metrics.following, metrics),
             ],
@@ -126,7 +127,7 @@ class Evaluation:
         self._metrics.add(motion)
         known = fields_of(motion)
         series: dict[str, Array] = {name: known[name] for name in _OF_EVERY_RUN}
-        series |= _contact_series(motion, steps)
+        series |= _further_series(motion, steps)
         series |= {f"{name}_measured": values for name, values in measured.items()}
         states, state = steps.series("state"), loop.controller.reading.state
         # The law's velocity has a series of its own.
@@ -150,9 +151,11 @@ class Evaluation:
             return {}
 
 
-def _contact_series(motion: Motion, steps: Steps) -> dict[str, Array]:
-    """Return the series of a target posture, an orientation to hold and a contact, if any."""
+def _further_series(motion: Motion, steps: Steps) -> dict[str, Array]:
+    """Return the series of a target posture, an orientation, a contact and obstacles, if any."""
     series = {}
+    if motion.distance is not None:
+        series["distance"] = motion.distance
     if motion.target is not None:
         series["joint_error"] = motion.position - motion.target
     if motion.pressing is not None:

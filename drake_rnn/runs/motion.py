@@ -144,6 +144,7 @@ def motion_of(
     if until is None and steps.time.size:
         until = float(steps.time[-1])
     tick, network_tick = ticks_of(experiment, loop)
+    clearance = None if virtual else experiment.clearance
     commanded = None
     if loop.arm.has_motors and not virtual:
         commanded = steps.series("position_commanded")
@@ -169,6 +170,7 @@ def motion_of(
         tick=tick,
         network_tick=network_tick,
         origin=steps.origin,
+        distance=None if clearance is None else clearance.least_along(position),
     )
 
 

@@ -19,6 +19,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ...arrays.algebra import clipped, functions_of
 from ...inputs.fields import Array
 from ...robot.jerk_stop import gained, gaining
@@ -61,6 +63,10 @@ class WithinAcceleration:
         """Shapes of its parts of the state, by name."""
         return {}
 
+    def start(self, q: Array) -> Kept:
+        """Return its parts of the state in a posture, shape (n,) [rad]."""
+        return {}
+
     def chosen(
         self, program: Program, q: Array, v: Array, kept: Kept, period: float
     ) -> tuple[Array, Kept]:
@@ -95,6 +101,10 @@ class WithinJerk:
         """Shapes of its parts of the state, by name."""
         n = self.limits.size
         return {"a": (n,), "a_path": (n,), "v_path": (n,)}
+
+    def start(self, q: Array) -> Kept:
+        """Return its parts of the state in a posture, as `WithinAcceleration.start` does."""
+        return {name: np.zeros(shape) for name, shape in self.shapes.items()}
 
     def chosen(
         self, program: Program, q: Array, v: Array, kept: Kept, period: float

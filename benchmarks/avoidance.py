@@ -1,0 +1,124 @@
+"""How an arm fares among random obstacles, with avoidance and without.
+
+Scenes hold five balls of 3 to 8 cm round the path; the arm keeps clear of itself as well::
+
+    python benchmarks/avoidance.py --scenes 200
+    python benchmarks/avoidance.py --scenes 100 --arm ur5 --speed 2
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from multiprocessing import get_context
+from typing import Any
+
+import numpy as np
+
+from drake_rnn import load_experiment, simulate
+from markdown_table import head, row
+
+# The path of each arm: its plane, and its size [m].
+PATHS = {"panda": ("yz", 0.04), "iiwa14": ("yz", 0.02), "ur5": ("yz", 0.01)}
+# Error below which an arm is on its path at the end, and above which it is stuck [m].
+BACK, STUCK = 1e-5, 0.02
+BALLS, RADII, ROUND, APART = 5, (0.03, 0.08), 0.35, 0.03
+LAPS = 10.0
+
+
+def document(arm: str, speed: float, jerk: float | None) -> dict[str, Any]:
+    """Return the changes of `adaptive_nephroid_known` that all scenes share."""
+    plane, size = PATHS[arm]
+    limits = {"velocity": 0.5 * speed, "acceleration": 1.0 * speed**2}
+    changes = {
+        "arm": arm,
+        "path": {
+            "kind": "nephroid",
+            "plane": plane,
+            "size": size,
+            "period": 8.0 / speed,
+            "offset": [0.1, 0, 0],
+        },
+        "limits": limits if jerk is None else limits | {"jerk": jerk},
+        "duration": LAPS / speed,
+        "window": [8.0 / speed, LAPS / speed],
+        "log_period": 0.05,
+        "accept": None,
+    }
+    return changes if arm == "panda" else changes | {"path.offset": [0.05, 0, 0]}
+
+
+def scene(seed: int, changes: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return random balls round the path that the arm does not touch at the start."""
+    rng = np.random.default_rng(seed)
+    empty = load_experiment("adaptive_nephroid_known", {**changes, "obstacles": []})
+    assert empty.clearance is not None
+    middle = empty.desired.position(0.0)[0]
+    ends = empty.clearance.arm.placed(empty.clearance.arm.poses.at(empty.start))
+    found: list[dict[str, Any]] = []
+    while len(found) < BALLS:
+        center, radius = middle + rng.uniform(-ROUND, ROUND, 3), float(rng.uniform(*RADII))
+        p, d = ends[:, 0], ends[:, 1] - ends[:, 0]
+        length = np.maximum((d * d).sum(axis=1), 1e-12)
+        along = np.clip(((center - p) * d).sum(axis=1) / length, 0.0, 1.0)
+        gaps = np.linalg.norm(center - p - along[:, None] * d, axis=1) - radius
+        if (gaps - empty.clearance.arm.radii).min() > APART:
+            found.append({"kind": "ball", "center": center.tolist(), "radius": radius})
+    return found
+
+
+def run(seed: int, changes: dict[str, Any], avoids: bool) -> dict[str, float]:
+    """Return what a scene comes to."""
+    law = {} if avoids else {"law.avoidance": "none"}
+    given = {**changes, "obstacles": scene(seed, changes), **law}
+    experiment = load_experiment("adaptive_nephroid_known", given)
+    began = time.process_time()
+    result = simulate(experiment)
+    took = time.process_time() - began
+    metrics = result.metrics
+    held_back = result.series["held_back"][-1, 0] if "held_back" in result.series else 0.0
+    return {
+        "distance": metrics["distance_min_m"],
+        "error": float(result.position_error[-1]),
+        "acceleration": metrics["acceleration_violation_max_rad_s2"],
+        "velocity": metrics["velocity_violation_max_rad_s"],
+        "position": metrics["position_violation_max_rad"],
+        "held_back": float(held_back),
+        "seconds": took / float(result.time[-1]),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scenes", type=int, default=200)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--arm", choices=sorted(PATHS), default="panda")
+    parser.add_argument("--speed", type=float, default=1.0)
+    parser.add_argument("--jobs", type=int, default=2)
+    options = parser.parse_args()
+    changes = document(options.arm, options.speed, None)
+    seeds = range(options.first, options.first + options.scenes)
+    columns = ("collided", "least distance [mm]", "samples held back", "bounds beyond by")
+    head("law", "scenes", *columns, "on the path at the end", "stuck", "s of work a second")
+    with ProcessPoolExecutor(options.jobs, mp_context=get_context("spawn")) as pool:
+        for name, avoids in (("without avoidance", False), ("with", True)):
+            found = list(pool.map(partial(run, changes=changes, avoids=avoids), seeds))
+            of = {key: np.array([each[key] for each in found]) for key in found[0]}
+            beyond = max(of[limit].max() for limit in ("acceleration", "velocity", "position"))
+            row(
+                name,
+                len(found),
+                int((of["distance"] < 0.0).sum()),
+                f"{1e3 * of['distance'].min():.2f}",
+                int(of["held_back"].sum()),
+                f"{beyond:.0e}",
+                int((of["error"] < BACK).sum()),
+                int((of["error"] > STUCK).sum()),
+                f"{np.median(of['seconds']):.2f}",
+            )
+
+
+if __name__ == "__main__":
+    main()

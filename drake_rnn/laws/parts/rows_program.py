@@ -1,0 +1,71 @@
+r"""The program of `drake_rnn.laws.parts.box_program` with further rows, A v >= c.
+
+Where a row keeps the arm from its task, what is left of the task's error is large, and at its price
+even a joint speed of rad/s that lessens it by a tenth of a millimetre a second pays. So the price is
+bounded there: the multipliers of the task, y = S^-1 (b - J v), are held to a largest size by a
+softer S, as if the error had a price in proportion to itself, not to its square.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import daqp
+import numpy as np
+
+from ...inputs.fields import Array
+from .box_program import within_box
+
+# By how much a row may be short [rad/s]: rounding errors must not leave a program without solution.
+_SLACK = 1e-7
+# Largest size of the multipliers of a task that rows keep from being done [rad/s per m/s].
+_DEAREST = 5.0
+
+
+class Rows(NamedTuple):
+    """Further bounds of the program, A v >= c.
+
+    Attributes:
+        A: Rows of length 1, shape (k, n).
+        c: Their bounds, shape (k,) [rad/s].
+    """
+
+    A: Array
+    c: Array
+
+
+def within_rows(
+    J: Array, b: Array, g: Array, softness: Array, lower: Array, upper: Array, rows: Rows
+) -> Array | None:
+    """Return the velocity of the program for one robot, shape (n,) [rad/s]; None without one.
+
+    Args:
+        J: Jacobian, shape (m, n).
+        b: Task velocity, shape (m,).
+        g: Preferred joint velocities, shape (n,) [rad/s].
+        softness: Matrix S, shape (m, m).
+        lower: Lower bounds, shape (n,) [rad/s].
+        upper: Upper bounds, likewise.
+        rows: Further bounds.
+    """
+    v = within_box(J, b, g, softness, lower, upper)
+    if (rows.A @ v >= rows.c - _SLACK).all():
+        return v
+    found = _solved(J, b, g, softness, lower, upper, rows)
+    if found is None:
+        return None
+    size = float(np.linalg.norm(np.linalg.solve(softness, b - J @ found)))
+    if size <= _DEAREST:
+        return found
+    return _solved(J, b, g, softness * (size / _DEAREST), lower, upper, rows)
+
+
+def _solved(
+    J: Array, b: Array, g: Array, softness: Array, lower: Array, upper: Array, rows: Rows
+) -> Array | None:
+    weighed = np.linalg.solve(softness, J)
+    H, f = np.eye(len(g)) + J.T @ weighed, -g - weighed.T @ b
+    low = np.concatenate((lower, rows.c - _SLACK))
+    high = np.concatenate((upper, np.full(len(rows.c), np.inf)))
+    v, _, flag, _ = daqp.solve(H, f, rows.A, high, low)
+    return np.clip(v, lower, upper) if flag > 0 else None

@@ -1,0 +1,54 @@
+"""Obstacles in the arm's way, drawn in the scene."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from pydrake.geometry import Box, Capsule, Meshcat, Rgba, Shape, Sphere
+from pydrake.math import RigidTransform, RotationMatrix
+
+from .. import colours
+from ..robot.clearance.obstacles import (
+    BallObstacle,
+    BoxObstacle,
+    CapsuleObstacle,
+    HalfSpaceObstacle,
+    Obstacle,
+)
+
+_SOLID = Rgba(*colours.components(colours.SURFACE))
+# Of a half-space, which would hide what is behind it: a sheet of this size and thickness [m].
+_SHEET = Rgba(*colours.components(colours.SURFACE), 0.4)
+_SIZE, _THICKNESS = 1.6, 0.004
+
+
+def draw_obstacles(meshcat: Meshcat, obstacles: Sequence[Obstacle]) -> None:
+    """Draw obstacles below "/obstacles"; of a half-space, a part of its plane near the base."""
+    for k, obstacle in enumerate(obstacles):
+        shape, pose = _drawn(obstacle)
+        place = f"/obstacles/{k}"
+        sheet = isinstance(obstacle, HalfSpaceObstacle)
+        meshcat.SetObject(place, shape, _SHEET if sheet else _SOLID)
+        meshcat.SetTransform(place, pose)
+
+
+def _drawn(obstacle: Obstacle) -> tuple[Shape, RigidTransform]:
+    """Return an obstacle's shape and pose."""
+    if isinstance(obstacle, BallObstacle):
+        return Sphere(obstacle.radius), RigidTransform(obstacle.center)
+    if isinstance(obstacle, BoxObstacle):
+        return Box(obstacle.size), RigidTransform(RotationMatrix(obstacle.R_WO), obstacle.center)
+    if isinstance(obstacle, CapsuleObstacle):
+        one, other = obstacle.ends
+        length = float(np.linalg.norm(other - one))
+        if length < 1e-6:
+            return Sphere(obstacle.radius), RigidTransform(one)
+        R = RotationMatrix.MakeFromOneVector((other - one) / length, 2)
+        return Capsule(obstacle.radius, length), RigidTransform(R, 0.5 * (one + other))
+    if isinstance(obstacle, HalfSpaceObstacle):
+        n = obstacle.normal_W
+        middle = n.dot(obstacle.point) * n - 0.5 * _THICKNESS * n
+        R = RotationMatrix.MakeFromOneVector(n, 2)
+        return Box(_SIZE, _SIZE, _THICKNESS), RigidTransform(R, middle)
+    raise TypeError(f"no drawing of a {type(obstacle).__name__}")

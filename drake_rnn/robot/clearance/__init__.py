@@ -1,0 +1,3 @@
+"""Distances of an arm from itself and from obstacles, in arrays."""
+
+from .clearance import Clearance as Clearance, Near as Near

@@ -1,0 +1,108 @@
+"""The capsules of an arm: fitted to its geometry, or read from a file, and placed in its model."""
+
+# No postponed annotations: pydantic resolves those of fields.
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+from pydantic import Field
+from pydrake.multibody.tree import BodyIndex, PrismaticJoint
+
+from ...errors import InvalidInputError
+from ...inputs.complaints import nearest
+from ...inputs.documents import construct, read_yaml
+from ...inputs.fields import validated
+from ..arm import Arm
+from ..structure import joints_to
+from .arm_shapes import Part, parts_of
+from .capsules import ArmCapsules, Capsule
+from .enclosing_capsule import enclosing_capsule
+from .link_poses import LinkPoses
+
+
+@validated
+class CapsulesFile:
+    """The contents of a file of capsules.
+
+    Args:
+        capsules: The capsules.
+        left_out: Pairs of bodies that are not looked at, because they cannot collide, or because
+            their capsules touch where they do not.
+    """
+
+    capsules: list[Capsule]
+    left_out: list[tuple[str, str]] = Field(default_factory=list)
+
+
+def fitted_capsules(parts: Iterable[Part]) -> list[Capsule]:
+    """Return a capsule round each part of an arm, which holds all of its points."""
+    found = []
+    for part in parts:
+        ends, radius = part.exact or enclosing_capsule(part.points)
+        found.append(Capsule(body=part.body, ends=(ends[0], ends[1]), radius=radius))
+    return found
+
+
+def capsules_of(arm: Arm) -> tuple[list[Capsule], list[tuple[str, str]]]:
+    """Return the capsules of an arm, and the pairs of bodies that its file leaves out.
+
+    Without a file all of them are fitted. A file need not have the bodies of a tool that was added,
+    to which capsules are fitted; what it has of others that the arm does not have is left out.
+
+    Raises:
+        InvalidInputError: If the file cannot be read, or a field is wrong.
+    """
+    if (file := arm.description.capsules) is None:
+        return fitted_capsules(parts_of(arm)), []
+    read = construct(CapsulesFile, read_yaml(Path(file)), file)
+    stated = {capsule.body for capsule in read.capsules}
+    others = [part for part in parts_of(arm) if part.body not in stated]
+    return [*read.capsules, *fitted_capsules(others)], read.left_out
+
+
+def place_capsules(arm: Arm, capsules: list[Capsule]) -> ArmCapsules:
+    """Return an arm's capsules where all of its joints are at zero.
+
+    Raises:
+        InvalidInputError: If a body does not exist, or joints that are controlled do not follow one
+            after the other from base to tip.
+    """
+    plant = arm.plant()
+    context = plant.CreateDefaultContext()
+    plant.SetPositions(context, arm.posture(plant, np.zeros(arm.n)))
+    axes, points, slides = [], [], []
+    for name in arm.joints:
+        joint = plant.GetJointByName(name)
+        X_WF = joint.frame_on_parent().CalcPoseInWorld(context)
+        slides.append(isinstance(joint, PrismaticJoint))
+        axis = joint.translation_axis() if slides[-1] else joint.revolute_axis()
+        axes.append(X_WF.rotation().matrix() @ axis)
+        points.append(X_WF.translation())
+    bodies = map(plant.get_body, map(BodyIndex, range(plant.num_bodies())))
+    names = [body.name() for body in bodies]
+    links, ends = [], []
+    for capsule in capsules:
+        if capsule.body not in names:
+            raise InvalidInputError(
+                f"arm.capsules: no body {capsule.body!r} in {arm.model.name}; "
+                + nearest(capsule.body, names)
+            )
+        body = plant.GetBodyByName(capsule.body)
+        moved = [joint.name() for joint in joints_to(plant, body) if joint.num_positions()]
+        if moved != list(arm.joints[: len(moved)]):
+            raise InvalidInputError(
+                f"arm.joints: {capsule.body!r} is moved by {', '.join(moved)}, which are not the "
+                "first of the controlled joints; capsules need joints one after the other"
+            )
+        X_WB = body.EvalPoseInWorld(context)
+        links.append(len(moved))
+        ends.append([X_WB @ end for end in capsule.ends])
+    farthest = np.maximum(np.abs(arm.limits.position_lower), np.abs(arm.limits.position_upper))
+    travels = np.where(slides, farthest, 0.0)
+    return ArmCapsules(
+        poses=LinkPoses(np.array(axes), np.array(points), tuple(slides), travels),
+        bodies=tuple(capsule.body for capsule in capsules),
+        links=np.array(links),
+        ends=np.array(ends).reshape(-1, 2, 3),
+        radii=np.array([capsule.radius for capsule in capsules]),
+    )

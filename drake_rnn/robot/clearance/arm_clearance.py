@@ -1,0 +1,71 @@
+"""What an arm is to stay clear of: which of its own bodies, and which obstacles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+
+from ...errors import InvalidInputError
+from ...inputs.complaints import nearest
+from ...inputs.fields import Array
+from ..arm import Arm
+from .arm_capsules import capsules_of, place_capsules
+from .clearance import Clearance
+from .obstacles import Obstacle
+from .solids import Solids
+
+#: Bodies of an arm that are nearer than this at home count as touching by construction [m].
+TOUCHING = 0.01
+
+
+def arm_clearance(
+    arm: Arm, obstacles: Sequence[Obstacle], posture: Array
+) -> tuple[Clearance, tuple[str, ...]]:
+    """Return what an arm is to stay clear of, and warnings.
+
+    Bodies that a joint connects are not looked at, nor those that the file of the arm's capsules
+    leaves out. Of an arm without such a file, capsules are fitted to its geometry, and bodies whose
+    capsules touch in a posture where they do not are left out, with a warning.
+
+    Args:
+        arm: The arm.
+        obstacles: The obstacles.
+        posture: The arm's home or another posture in which it does not touch itself, shape (n,)
+            [rad].
+
+    Raises:
+        InvalidInputError: If the arm has no geometry, or its file of capsules does not fit it.
+    """
+    described = arm.description.capsules
+    capsules, left_out = capsules_of(arm)
+    if not capsules:
+        raise InvalidInputError(
+            f"obstacles: {arm.model.name} has no geometry to keep clear of them; name a file of "
+            "capsules in arm.capsules"
+        )
+    placed = place_capsules(arm, capsules)
+    names = [capsule.body for capsule in capsules]
+    for name in (name for pair in left_out for name in pair):
+        if name not in names:
+            raise InvalidInputError(
+                f"{described}: left_out: no capsule of {name!r}; {nearest(name, names)}"
+            )
+    apart = [
+        pair
+        for pair in combinations(range(len(capsules)), 2)
+        if abs(placed.links[pair[0]] - placed.links[pair[1]]) > 1
+        and {names[pair[0]], names[pair[1]]} not in [set(out) for out in left_out]
+    ]
+    own = np.array(apart, dtype=int).reshape(-1, 2)
+    solids = Solids.of(obstacles)
+    if described is not None:
+        return Clearance(placed, own, solids), ()
+    near = Clearance(placed, own, Solids.of([])).gaps(posture) < TOUCHING
+    doubts = [
+        f"obstacles: {names[a]} and {names[b]}, whose capsules touch where the arm is at home, may "
+        "collide unseen; give a file of capsules in arm.capsules"
+        for a, b in own[near]
+    ]
+    return Clearance(placed, own[~near], solids), tuple(doubts)

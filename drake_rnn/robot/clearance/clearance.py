@@ -1,0 +1,268 @@
+r"""How far an arm is from itself and from obstacles, and where, at several postures at once.
+
+Links are capsules, see `drake_rnn.robot.clearance.capsules`. A pair is two capsules of the arm,
+or one and an obstacle. While the joints move by Delta q, a pair comes nearer by at most
+
+.. math::
+    \ell = \sum_i |\Delta q_i| \rho_i
+
+over the joints between its two sides, where rho_i bounds how far from joint i's axis any point of
+the capsule's segment can be: its distance from the axis to the next joint, which no posture
+changes, and the lengths from there on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from ...inputs.fields import Array
+from .capsules import ArmCapsules
+from .segments import Nearest, between_segments, cross, to_boxes, to_half_spaces
+from .solids import Solids
+
+# Below this distance of two axes there is no direction away [m].
+_CROSSING = 1e-9
+# How exact the least distance between postures is [m], and how often a way is halved for it.
+_ENOUGH, _HALVINGS = 1e-6, 16
+
+
+class Near(NamedTuple):
+    """What is near at some postures.
+
+    Attributes:
+        gaps: Distances of all pairs, shape (k, p) [m].
+        postures: Posture of each of the r near ones, shape (r,).
+        pairs: Pair of each, shape (r,).
+        slopes: Derivatives of their distances with respect to the joints, shape (r, n) [m/rad].
+    """
+
+    gaps: Array
+    postures: Array
+    pairs: Array
+    slopes: Array
+
+
+class _Sides(NamedTuple):
+    """The two sides of all pairs: capsules of the arm, and what they may meet, shape by shape."""
+
+    round_first: Array
+    own_second: Array
+    fixed: Array
+    box_first: Array
+    centers: Array
+    R_WO: Array
+    half: Array
+    wall_first: Array
+    normals: Array
+    levels: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Clearance:
+    """The pairs of an arm with itself and with obstacles.
+
+    Attributes:
+        arm: The arm's capsules.
+        own: Pairs of capsules that are to stay apart, shape (s, 2).
+        solids: The obstacles.
+    """
+
+    arm: ArmCapsules
+    own: Array
+    solids: Solids
+
+    @property
+    def count(self) -> int:
+        """Number of pairs: the arm's own, then those with obstacles."""
+        return len(self._first)
+
+    @property
+    def size(self) -> int:
+        """Number of joints."""
+        return len(self.arm.poses.slides)
+
+    @cached_property
+    def names(self) -> tuple[tuple[str, str], ...]:
+        """Names of the two sides of each pair."""
+        bodies, solids = self.arm.bodies, self.solids.names
+        own = [(bodies[a], bodies[b]) for a, b in self.own]
+        return (*own, *((bodies[a], solids[k]) for k in range(len(solids)) for a in self._movable))
+
+    @cached_property
+    def reaches(self) -> Array:
+        """How much nearer a pair comes at most for each unit that a joint moves, shape (p, n)."""
+        first, second = self._carried[self._first], self._second_carried
+        spans = self._spans()
+        # What moves both sides leaves their distance as it is.
+        own = np.zeros_like(second, dtype=float)
+        own[: len(self.own)] = spans[self.own[:, 1]]
+        return np.asarray(
+            np.where(first & ~second, spans[self._first], 0.0) + np.where(second & ~first, own, 0.0)
+        )
+
+    def gaps(self, q: Array) -> Array:
+        """Return the distance of each pair, shape (..., p) [m]; negative where they overlap.
+
+        Capsules whose segments cross, and segments in a box, count as overlapping by their radii.
+
+        Args:
+            q: Joint positions, shape (..., n) [rad].
+        """
+        return self._nearest(self.arm.placed(self.arm.poses.at(q)))[0]
+
+    def least_along(self, q: Array) -> Array:
+        """Return the least distance of any pair at postures on a way, shape (k,) [m].
+
+        Joints move straight from one to the next. Where a pair may have come nearer between two of
+        them than anywhere at them, by more than a micrometre, postures in between are looked at,
+        and the later of the two has what is found.
+
+        Args:
+            q: Joint positions, shape (k, n) [rad].
+        """
+        gaps = self.gaps(q)
+        least = gaps.min(axis=1)
+        begin, end, d_begin, d_end = q[:-1], q[1:], gaps[:-1], gaps[1:]
+        owners = np.arange(1, len(q))
+        for _ in range(_HALVINGS):
+            nearer = 0.5 * (d_begin + d_end - np.abs(end - begin) @ self.reaches.T)
+            unsure = nearer.min(axis=1, initial=np.inf) < least.min() - _ENOUGH
+            if not unsure.any():
+                break
+            begin, end, owners = begin[unsure], end[unsure], owners[unsure]
+            middle = 0.5 * (begin + end)
+            d_middle = self.gaps(middle)
+            np.minimum.at(least, owners, d_middle.min(axis=1))
+            begin, end = np.concatenate((begin, middle)), np.concatenate((middle, end))
+            d_begin = np.concatenate((d_begin[unsure], d_middle))
+            d_end = np.concatenate((d_middle, d_end[unsure]))
+            owners = np.concatenate((owners, owners))
+        return np.asarray(least)
+
+    def near(self, q: Array, within: float | Array) -> Near:
+        """Return all distances, and how those below a bound change with the joints.
+
+        Args:
+            q: Joint positions, shape (k, n) [rad].
+            within: The bound, a number or one for each posture and pair, shape (k, p) [m].
+        """
+        X = self.arm.poses.at(q)
+        gaps, found = self._nearest(self.arm.placed(X))
+        postures, pairs = np.nonzero(gaps < within)
+        p_A, p_B = found.p_A[postures, pairs], found.p_B[postures, pairs]
+        distance = found.distance[postures, pairs]
+        normals = (p_A - p_B) / np.where(np.abs(distance) > _CROSSING, distance, np.inf)[:, None]
+        axes, points = (each[postures] for each in self.arm.poses.axes_at(X))
+        slides = np.array(self.arm.poses.slides)
+        slopes = np.zeros((pairs.size, self.size))
+        for sign, p, carried in (
+            (1.0, p_A, self._carried[self._first][pairs]),
+            (-1.0, p_B, self._second_carried[pairs]),
+        ):
+            # How fast each joint moves the point along the normal: a (r x n) = n (a x r).
+            turned = cross(p[:, None, :] - points, normals[:, None, :])
+            turned = np.where(slides[:, None], normals[:, None, :], turned)
+            slopes += sign * carried * (axes * turned).sum(axis=-1)
+        return Near(gaps, postures, pairs, slopes)
+
+    def _nearest(self, ends: Array) -> tuple[Array, Nearest]:
+        """Return the pairs' distances, and the nearest points of their segments."""
+        sides = self._sides
+        first, second = ends[..., sides.round_first, :, :], ends[..., sides.own_second, :, :]
+        if sides.fixed.size:
+            fixed = np.broadcast_to(sides.fixed, (*ends.shape[:-3], *sides.fixed.shape))
+            second = np.concatenate((second, fixed), axis=-3)
+        found = [between_segments(first, second)]
+        if sides.half.size:
+            R, p = sides.R_WO, sides.centers
+            near = to_boxes((ends[..., sides.box_first, :, :] - p[:, None, :]) @ R, sides.half)
+            back = ((R @ x[..., None])[..., 0] + p for x in near[1:])
+            found.append(Nearest(near.distance, *back))
+        if sides.levels.size:
+            walls = ends[..., sides.wall_first, :, :]
+            found.append(to_half_spaces(walls, sides.normals, sides.levels))
+        if len(found) > 1:
+            distance, p_A, p_B = zip(*found, strict=True)
+            parts = (np.concatenate(p_A, axis=-2), np.concatenate(p_B, axis=-2))
+            found = [Nearest(np.concatenate(distance, axis=-1), *parts)]
+        return found[0].distance - self._radii, found[0]
+
+    @cached_property
+    def _sides(self) -> _Sides:
+        own, solids, outer = len(self.own), self.solids, self._first[len(self.own) :]
+        each = len(self._movable)
+        r, b = (each * len(part) for part in (solids.radii, solids.half))
+
+        def repeated(values: Array) -> Array:
+            return np.repeat(values, each, axis=0)
+
+        return _Sides(
+            round_first=np.concatenate((self._first[:own], outer[:r])),
+            own_second=self.own[:, 1],
+            fixed=repeated(solids.ends),
+            box_first=outer[r : r + b],
+            centers=repeated(solids.centers),
+            R_WO=repeated(solids.R_WO),
+            half=repeated(solids.half),
+            wall_first=outer[r + b :],
+            normals=repeated(solids.normals),
+            levels=repeated(solids.levels),
+        )
+
+    @cached_property
+    def _movable(self) -> Array:
+        """Capsules that some joint moves, which obstacles count for."""
+        return np.nonzero(self.arm.links > 0)[0]
+
+    @cached_property
+    def _first(self) -> Array:
+        """Capsule of the arm of each pair, shape (p,)."""
+        outer = np.tile(self._movable, len(self.solids.names))
+        return np.concatenate((self.own[:, 0], outer)).astype(int)
+
+    @cached_property
+    def _carried(self) -> Array:
+        """For each capsule, whether a joint carries it, shape (c, n)."""
+        return np.asarray(np.arange(self.size) < self.arm.links[:, None])
+
+    @cached_property
+    def _second_carried(self) -> Array:
+        """For the other side of each pair, whether a joint carries it, shape (p, n)."""
+        outer = np.zeros((len(self._first) - len(self.own), self.size), dtype=bool)
+        return np.concatenate((self._carried[self.own[:, 1]], outer))
+
+    @cached_property
+    def _radii(self) -> Array:
+        """The radii of both sides of each pair, shape (p,) [m]."""
+        each, solids = len(self._movable), self.solids
+        none = np.zeros(len(solids.half) + len(solids.levels))
+        second = np.repeat(np.concatenate((solids.radii, none)), each)
+        second = np.concatenate((self.arm.radii[self.own[:, 1]], second))
+        return np.asarray(self.arm.radii[self._first] + second)
+
+    def _spans(self) -> Array:
+        """Return how far a capsule's segment can be from each joint's axis, shape (c, n) [m]."""
+        poses, arm = self.arm.poses, self.arm
+        spans = np.zeros((len(arm.links), self.size))
+        for c, (link, ends) in enumerate(zip(arm.links, arm.ends, strict=True)):
+            for j in range(link):
+                # To the next joint or, from the last, to the farther end.
+                following = poses.points[j + 1 : link]
+                way = _off_axis(
+                    (following[:1] if len(following) else ends) - poses.points[j], poses.axes[j]
+                )
+                if len(following):
+                    way += float(np.linalg.norm(np.diff(following, axis=0), axis=1).sum())
+                    way += float(np.linalg.norm(ends - following[-1], axis=1).max())
+                    way += float(poses.travels[j + 1 : link].sum())
+                spans[c, j] = 1.0 if poses.slides[j] else way
+        return spans
+
+
+def _off_axis(points: Array, axis: Array) -> float:
+    """Return the largest distance of points, relative to one of an axis, from that axis [m]."""
+    return float(np.linalg.norm(cross(points, axis), axis=1).max())

@@ -1,0 +1,73 @@
+"""Poses of all links of an arm, at one posture or several at once, as plain arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ...inputs.fields import Array
+
+
+@dataclass(frozen=True, eq=False)
+class LinkPoses:
+    """The joints of an arm where all of them are at zero, in the world frame W.
+
+    Link k is what joints 1 to k move, link 0 the base. A point that is at p_W where all joints are
+    at zero is at ``R p_W + p`` in a posture, with the rotation and translation of its link: a
+    product of exponentials, as of `drake_rnn.robot.screws.Screws`, which follows the end effector
+    of many robots; this follows all links of one.
+
+    Attributes:
+        axes: Unit axes of the n joints, base to tip, shape (n, 3).
+        points: A point on each axis, shape (n, 3) [m].
+        slides: For each joint, whether it is prismatic.
+        travels: How far each prismatic joint can be from zero, 0 for the others, shape (n,) [m].
+    """
+
+    axes: Array
+    points: Array
+    slides: tuple[bool, ...]
+    travels: Array
+
+    def at(self, q: Array) -> Array:
+        """Return the motions of links 0 to n from zero, shape (..., n + 1, 4, 4).
+
+        Args:
+            q: Joint positions, shape (..., n) [rad, or m of a joint that slides].
+        """
+        turns, turned, slid, fixed = self._parts
+        s, c = np.sin(q)[..., None, None], np.cos(q)[..., None, None]
+        each = fixed + s * turns + (1.0 - c) * turned + q[..., None, None] * slid
+        motions = np.empty((*q.shape[:-1], len(self.slides) + 1, 4, 4))
+        motions[..., 0, :, :] = np.eye(4)
+        for k in range(len(self.slides)):
+            np.matmul(motions[..., k, :, :], each[..., k, :, :], out=motions[..., k + 1, :, :])
+        return motions
+
+    def axes_at(self, X: Array) -> tuple[Array, Array]:
+        """Return unit axes and a point on each in a posture, both of shape (..., n, 3).
+
+        Args:
+            X: Motions of the links, from `at`.
+        """
+        R, p = X[..., 1:, :3, :3], X[..., 1:, :3, 3]
+        points = (R @ self.points[..., None])[..., 0] + p
+        return (R @ self.axes[..., None])[..., 0], points
+
+    @cached_property
+    def _parts(self) -> tuple[Array, Array, Array, Array]:
+        """What sine, one less cosine and position of each joint count in its motion."""
+        n = len(self.slides)
+        turns, turned, slid = (np.zeros((n, 4, 4)) for _ in range(3))
+        for k, (axis, point) in enumerate(zip(self.axes, self.points, strict=True)):
+            if self.slides[k]:
+                slid[k, :3, 3] = axis
+                continue
+            K = np.cross(np.eye(3), axis)
+            for part, matrix in ((turns, K), (turned, K @ K)):
+                part[k, :3, :3] = matrix
+                # A rotation about an axis through the point: it stays where it is.
+                part[k, :3, 3] = -matrix @ point
+        return turns, turned, slid, np.broadcast_to(np.eye(4), (n, 4, 4))

@@ -1,0 +1,190 @@
+"""What stands where an arm must not be: balls, capsules, boxes and half-spaces."""
+
+# No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field
+
+from ...errors import InvalidInputError
+from ...inputs.complaints import nearest, short
+from ...inputs.documents import construct, without_kind
+from ...inputs.fields import Angles, Array, Length, Point, validated, zeros
+
+#: Obstacles that an arm can have; it takes longer than a sample to look at more.
+MOST = 200
+# Beyond the reach of any arm that stands at the origin [m].
+_FARTHEST = 100.0
+_SIGNS = np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, -1).T
+
+
+def _place(value: Any) -> Any:
+    if isinstance(value, (list, tuple, np.ndarray)) and np.shape(value) == (3,):
+        try:
+            far = float(np.abs(np.asarray(value, dtype=float)).max())
+        except (TypeError, ValueError):
+            return value
+        if far > _FARTHEST:
+            raise ValueError(f"must be within {_FARTHEST:g} m of the base, not {far:g} m away")
+    return value
+
+
+_Place = Annotated[Point, BeforeValidator(_place)]
+
+
+@validated
+class Obstacle:
+    """A solid of a simple shape, in the base frame W.
+
+    Args:
+        name: Name in messages; by default its kind and number.
+    """
+
+    name: str = ""
+
+    @property
+    def corners(self) -> Array:
+        """Corners of a box round it, shape (8, 3) [m]; none if it has no bounds."""
+        return np.zeros((0, 3))
+
+
+@validated
+class BallObstacle(Obstacle):
+    """A ball.
+
+    Args:
+        center: Its centre, shape (3,) [m].
+        radius: Its radius [m].
+    """
+
+    kind: Literal["ball"] = "ball"
+    center: _Place
+    radius: Length
+
+    @property
+    def corners(self) -> Array:
+        """See `Obstacle.corners`."""
+        return np.asarray(self.center + self.radius * _SIGNS)
+
+
+@validated
+class CapsuleObstacle(Obstacle):
+    """All points within a radius of a segment.
+
+    Args:
+        ends: Ends of the segment, two points [m].
+        radius: Radius [m].
+    """
+
+    kind: Literal["capsule"] = "capsule"
+    ends: tuple[_Place, _Place]
+    radius: Length
+
+    @property
+    def corners(self) -> Array:
+        """See `Obstacle.corners`."""
+        low, high = np.minimum(*self.ends), np.maximum(*self.ends)
+        return np.asarray(0.5 * (low + high) + (0.5 * (high - low) + self.radius) * _SIGNS)
+
+
+@validated
+class BoxObstacle(Obstacle):
+    """A box.
+
+    Args:
+        center: Its centre, shape (3,) [m].
+        size: Its edges, shape (3,) [m].
+        rpy: Roll, pitch and yaw of its frame, shape (3,) [rad].
+    """
+
+    kind: Literal["box"] = "box"
+    center: _Place
+    size: Point
+    rpy: Angles = Field(default_factory=zeros)
+
+    def __post_init__(self) -> None:
+        if not (self.size > 0.0).all() or (self.size > 2.0 * _FARTHEST).any():
+            raise ValueError(
+                f"size: must be three edges above 0 and up to {2.0 * _FARTHEST:g} m, not "
+                f"{self.size.tolist()}"
+            )
+
+    @property
+    def corners(self) -> Array:
+        """See `Obstacle.corners`."""
+        return np.asarray(self.center + (0.5 * self.size * _SIGNS) @ self.R_WO.T)
+
+    @property
+    def R_WO(self) -> Array:
+        """Orientation of its frame, shape (3, 3)."""
+        (cx, cy, cz), (sx, sy, sz) = np.cos(self.rpy), np.sin(self.rpy)
+        # First about x, then about the fixed y, then about the fixed z.
+        return np.array(
+            [
+                [cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx],
+                [sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx],
+                [-sy, cy * sx, cy * cx],
+            ]
+        )
+
+
+@validated
+class HalfSpaceObstacle(Obstacle):
+    """All that lies behind a plane, such as a floor or a wall.
+
+    Args:
+        point: A point of the plane, shape (3,) [m].
+        normal: Normal out of what is solid, shape (3,); of any length.
+    """
+
+    kind: Literal["half_space"] = "half_space"
+    point: _Place
+    normal: Point
+
+    def __post_init__(self) -> None:
+        if not np.linalg.norm(self.normal) > 0.0:
+            raise ValueError("normal: must not be zero")
+
+    @property
+    def normal_W(self) -> Array:
+        """Unit normal, shape (3,)."""
+        return np.asarray(self.normal / np.linalg.norm(self.normal))
+
+
+#: Obstacles by their ``kind``.
+OBSTACLES: Mapping[str, type[Obstacle]] = {
+    "ball": BallObstacle,
+    "capsule": CapsuleObstacle,
+    "box": BoxObstacle,
+    "half_space": HalfSpaceObstacle,
+}
+
+
+def make_obstacles(given: list[Any]) -> list[Obstacle]:
+    """Return the obstacles of a document.
+
+    Args:
+        given: For each, its ``kind`` and fields.
+
+    Raises:
+        InvalidInputError: If there are too many, a kind is unknown or a field is wrong.
+    """
+    if len(given) > MOST:
+        raise InvalidInputError(f"obstacles: may be up to {MOST}, not {len(given)}")
+    found, names = [], set[str]()
+    for k, fields in enumerate(given):
+        key = f"obstacles[{k}]"
+        if not isinstance(fields, Mapping):
+            raise InvalidInputError(f"{key}: must be a kind with its fields, not {short(fields)}")
+        kind = fields.get("kind")
+        if kind not in OBSTACLES:
+            known = list(OBSTACLES)
+            raise InvalidInputError(f"{key}.kind: {short(kind)}: {nearest(str(kind), known)}")
+        own = {"name": f"{kind} {k + 1}", **without_kind(fields)}
+        obstacle = construct(OBSTACLES[kind], own, key)
+        if obstacle.name in names:
+            raise InvalidInputError(f"{key}.name: {obstacle.name!r} is given twice")
+        names.add(obstacle.name)
+        found.append(obstacle)
+    return found

@@ -1,0 +1,169 @@
+"""The law `adaptive` among obstacles: nothing is touched, and no bound is broken."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from adaptive_helpers import HOME, LIMITS, PANDA, N, adaptive, circle, excess, moved
+
+from drake_rnn import InvalidInputError, load_arm
+from drake_rnn.laws.parts import held_clear
+from drake_rnn.laws.parts.held_clear import Avoidance
+from drake_rnn.laws.parts.rows_program import Rows, _solved, within_rows
+from drake_rnn.robot.clearance.arm_clearance import arm_clearance
+from drake_rnn.robot.clearance.obstacles import make_obstacles
+
+HELD = 1e-9
+P_START = PANDA.p_WE(HOME)
+AHEAD = np.array([0.0, 0.12, 0.0])
+FLOOR = Avoidance().floor
+
+
+def clearance_of(*obstacles):
+    found, _ = arm_clearance(load_arm("panda"), make_obstacles(list(obstacles)), HOME)
+    return found
+
+
+def ball(center, radius=0.03):
+    return {"kind": "ball", "center": np.asarray(center).tolist(), "radius": radius}
+
+
+def pushed(way, after=0.2):
+    """A point that runs through an obstacle: the tool's start, moved on along a way."""
+
+    def desired(t):
+        return P_START + np.asarray(way) * np.clip((t - after) / 1.0, 0.0, 1.0)
+
+    return desired
+
+
+@cache
+def stopped(**changes):
+    """An arm that is told to go to the middle of a ball 0.12 m ahead of its tool."""
+    clearance = clearance_of(ball(P_START + AHEAD))
+    law = adaptive(clearance=clearance, kappa=100.0, **changes)
+    return clearance, law, moved(law, pushed(AHEAD), 3.0)
+
+
+def test_an_arm_that_is_told_to_go_into_a_ball_stops_before_it_with_every_bound_held():
+    clearance, law, motion = stopped()
+    assert clearance.least_along(motion.q).min() >= FLOOR
+    assert max(excess(motion, LIMITS).values()) < HELD
+    # Rows stop it at `distance`, where it glides along the ball; hardly anything is held back.
+    assert law.sampled(1e-3).state.part(motion.x, "held_back").item() < 100.0
+    assert clearance.gaps(motion.q[-1]).min() == pytest.approx(Avoidance().distance, abs=1e-3)
+    assert np.abs(motion.v[-1000:]).max() < 0.2
+
+
+def test_without_avoidance_the_same_arm_goes_through_it():
+    clearance, _, motion = stopped(avoidance="none")
+    assert clearance.least_along(motion.q).min() < -0.02
+    assert motion.error[-1] < 1e-6
+
+
+def test_the_certificate_alone_keeps_the_floor(monkeypatch):
+    """Whatever the program says: here it knows of no row."""
+    clearance = clearance_of(ball(P_START + AHEAD))
+
+    def none(self, q, *_):
+        return held_clear.Known(q, self.clearance.gaps(q)), None
+
+    monkeypatch.setattr(held_clear.WithinClear, "_rows", none)
+    law = adaptive(clearance=clearance, kappa=100.0)
+    motion = moved(law, pushed(AHEAD), 1.5)
+    assert clearance.least_along(motion.q).min() >= FLOOR
+    assert max(excess(motion, LIMITS).values()) < HELD
+    assert law.sampled(1e-3).state.part(motion.x, "held_back").item() > 100.0
+
+
+def test_rows_alone_stop_later_than_they_are_told(monkeypatch):
+    """Without the certificate the arm stays off the ball too, but nothing promises it."""
+    clearance = clearance_of(ball(P_START + AHEAD))
+    monkeypatch.setattr(held_clear.WithinClear, "_is_free", lambda *_: True)
+    motion = moved(adaptive(clearance=clearance, kappa=100.0), pushed(AHEAD), 1.5)
+    assert clearance.least_along(motion.q).min() == pytest.approx(Avoidance().distance, abs=2e-3)
+
+
+def test_with_nothing_near_the_arm_moves_as_without_avoidance_to_the_last_bit():
+    free = moved(adaptive(kappa=1000.0), circle(), 1.5)
+    far = clearance_of(ball([-0.6, 0.0, 0.8]))
+    kept = moved(adaptive(kappa=1000.0, clearance=far), circle(), 1.5)
+    assert np.array_equal(free.q, kept.q)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_targets_that_jump_among_balls_touch_nothing_and_break_no_bound(seed):
+    rng = np.random.default_rng(seed)
+    obstacles = []
+    while len(obstacles) < 3:
+        found = ball(P_START + rng.uniform(-0.15, 0.15, 3))
+        if clearance_of(found).gaps(HOME).min() > 0.015:
+            obstacles.append(found)
+    clearance = clearance_of(*obstacles)
+    jumps = P_START + rng.uniform(-0.2, 0.2, (20, 3))
+    motion = moved(adaptive(clearance=clearance), lambda t: jumps[int(t / 0.15) % 20], 1.5)
+    assert clearance.least_along(motion.q).min() >= FLOOR
+    assert max(excess(motion, LIMITS).values()) < HELD
+
+
+def test_the_stop_that_was_certified_is_taken_where_nothing_else_is_free(monkeypatch):
+    """Even if the program returned the worst corner of its box at every sample."""
+    monkeypatch.setattr(held_clear, "within_box", lambda J, b, g, s, low, high: high)
+    monkeypatch.setattr(held_clear, "within_rows", lambda J, b, g, s, low, high, rows: high)
+    clearance = clearance_of()
+    motion = moved(adaptive(clearance=clearance), pushed([0, 0, 0]), 3.0)
+    assert clearance.least_along(motion.q).min() >= FLOOR
+    assert max(excess(motion, LIMITS).values()) < HELD
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_program_with_rows_costs_least_among_what_is_allowed(seed):
+    rng = np.random.default_rng(seed)
+    m, n, k = 3, 7, rng.integers(1, 6)
+    J, b, g = rng.normal(size=(m, n)), 0.1 * rng.normal(size=m), rng.normal(size=n)
+    lower, upper = -rng.uniform(0, 1, n), rng.uniform(0, 1, n)
+    A = rng.normal(size=(k, n))
+    A /= np.linalg.norm(A, axis=1, keepdims=True)
+    within = rng.uniform(lower, upper)
+    c = A @ within - rng.uniform(0.0, 0.1, k)
+    v = _solved(J, b, g, 1e-3 * np.eye(m), lower, upper, Rows(A, c))
+    assert (v >= lower).all()
+    assert (v <= upper).all()
+    assert (A @ v - c).min() > -1e-6
+    share = rng.uniform(0.0, 1.0, (4000, 1)) ** 4
+    others = within + share * (rng.uniform(lower, upper, (4000, n)) - within)
+    others = np.concatenate((others, v + share * (others - v)))
+    others = others[(others @ A.T >= c).all(axis=1)]
+    assert len(others) > 100
+
+    def cost(v):
+        return ((v - g) ** 2).sum(axis=-1) + 1e3 * ((v @ J.T - b) ** 2).sum(axis=-1)
+
+    assert cost(v) <= cost(others).min() + 1e-5
+
+
+def test_a_task_that_rows_keep_from_being_done_has_a_price_that_is_bounded():
+    """A row stops the way along x; to gain 1 mm/s of it, no joint moves at 1 rad/s."""
+    J = np.array([[1.0, 1e-3]])
+    given = (J, np.array([0.1]), np.zeros(2), 1e-6 * np.eye(1), -np.ones(2), np.ones(2))
+    stopped = Rows(np.array([[-1.0, 0.0]]), np.zeros(1))
+    assert _solved(*given, stopped)[1] > 0.9
+    assert within_rows(*given, stopped) == pytest.approx([0.0, 5e-3], abs=1e-4)
+    # Where the row is not in the way, the task is done.
+    assert J @ within_rows(*given, Rows(-stopped.A, stopped.c)) == pytest.approx([0.1], abs=1e-6)
+
+
+def test_what_a_law_with_obstacles_cannot_do_is_refused():
+    with pytest.raises(InvalidInputError, match=r"at the start tool and ball 1 are .* apart"):
+        adaptive(clearance=clearance_of(ball(P_START)))
+    with pytest.raises(InvalidInputError, match=r"limits.jerk: must be left out with obstacles"):
+        adaptive(clearance=clearance_of(), limits=LIMITS.replace(jerk=20.0)).sampled(1e-3)
+    with pytest.raises(InvalidInputError, match="distance: must be greater than floor"):
+        Avoidance(floor=0.01, distance=0.01)
+    law = adaptive(clearance=clearance_of())
+    assert law.keeps_distance == FLOOR
+    assert not law.takes_many
+    assert adaptive().takes_many
+    assert adaptive().keeps_distance is None
+    assert law.state.parts.keys() == {"v"}
+    assert law.limits.size == N

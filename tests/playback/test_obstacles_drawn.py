@@ -1,0 +1,38 @@
+"""Obstacles in a playback, read without a browser."""
+
+import numpy as np
+import pytest
+from test_playback import Page
+
+from drake_rnn import load_experiment, simulate
+from drake_rnn.playback import write_playback
+
+OBSTACLES = [
+    {"kind": "ball", "center": [0.5, 0.3, 0.5], "radius": 0.05},
+    {"kind": "box", "center": [0.6, -0.4, 0.2], "size": [0.1, 0.2, 0.3], "rpy": [0, 0, 0.5]},
+    {"kind": "capsule", "ends": [[0.7, 0.3, 0.0], [0.7, 0.3, 0.6]], "radius": 0.04},
+    {"kind": "half_space", "point": [0, 0, -0.1], "normal": [0, 0, 1]},
+]
+
+
+@pytest.fixture(scope="module")
+def result():
+    changes = {"obstacles": OBSTACLES, "duration": 0.1, "window": None, "accept": None}
+    return simulate(load_experiment("adaptive_nephroid_known", changes))
+
+
+@pytest.mark.long
+def test_they_are_drawn_where_they_are(result, tmp_path):
+    page = Page(write_playback(result, tmp_path / "playback.html"))
+    drawn = sorted(path for path in page.objects if path.startswith("/obstacles"))
+    assert drawn == [f"/obstacles/{k}" for k in range(4)]
+    places = [page.poses[path][:3, 3] for path in drawn]
+    expected = [[0.5, 0.3, 0.5], [0.6, -0.4, 0.2], [0.7, 0.3, 0.3], [0, 0, -0.102]]
+    np.testing.assert_allclose(places, expected, atol=1e-12)
+    (ball,) = page.objects["/obstacles/0"]["geometries"]
+    assert ball["radius"] == 0.05
+
+
+def test_the_distance_is_among_curves_and_numbers(result):
+    assert result.series["distance"].shape == result.time.shape
+    assert result.metrics["distance_min_m"] <= result.series["distance"].min() + 1e-12

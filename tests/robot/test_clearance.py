@@ -1,0 +1,225 @@
+"""Distances of an arm from itself and from obstacles: against searches, differences and Drake."""
+
+from itertools import combinations, pairwise
+
+import numpy as np
+import pytest
+
+from drake_rnn import InvalidInputError, load_arm, shipped_arms
+from drake_rnn.robot.clearance import Clearance
+from drake_rnn.robot.clearance.arm_capsules import capsules_of, fitted_capsules, place_capsules
+from drake_rnn.robot.clearance.arm_clearance import arm_clearance
+from drake_rnn.robot.clearance.arm_shapes import parts_of
+from drake_rnn.robot.clearance.enclosing_capsule import enclosing_capsule, smallest_circle
+from drake_rnn.robot.clearance.obstacles import make_obstacles
+from drake_rnn.robot.clearance.segments import between_segments, to_boxes, to_half_spaces
+from drake_rnn.robot.clearance.solids import Solids
+
+OBSTACLES = [
+    {"kind": "ball", "center": [0.5, 0.2, 0.4], "radius": 0.08},
+    {"kind": "box", "center": [0.4, -0.4, 0.3], "size": [0.2, 0.3, 0.1], "rpy": [0.1, 0.2, 0.3]},
+    {"kind": "half_space", "point": [0, 0, -0.1], "normal": [0, 0, 2]},
+    {"kind": "capsule", "ends": [[0.6, 0, 0.2], [0.6, 0.3, 0.9]], "radius": 0.05},
+]
+
+
+def segments(seed, count):
+    return np.random.default_rng(seed).normal(size=(count, 2, 3))
+
+
+def searched(A, distance):
+    """The least of a function of points of a segment, by a grid that becomes finer twice."""
+    low, high = 0.0, 1.0
+    for _ in range(4):
+        s = np.linspace(low, high, 201)
+        found = distance(A[0] + s[:, None] * (A[1] - A[0]))
+        best = s[found.argmin()]
+        width = (high - low) / 200.0
+        low, high = max(0.0, best - width), min(1.0, best + width)
+    return found.min()
+
+
+def test_segments_are_as_far_apart_as_a_search_finds_them():
+    """Also points, parallel ones, and ones on one line; the distance to a segment is convex."""
+    A, B = segments(0, 300), segments(1, 300)
+    A[:20, 1], B[10:30, 1] = A[:20, 0], B[10:30, 0]
+    B[30:50, 1] = B[30:50, 0] + 2.0 * (A[30:50, 1] - A[30:50, 0])
+    B[50:60] = A[50:60] + 3.0 * (A[50:60, 1:] - A[50:60, :1])
+    near = between_segments(A, B)
+    for a, b, found in zip(A, B, near.distance, strict=True):
+
+        def away(points, b=b):
+            d = b[1] - b[0]
+            t = np.clip((points - b[0]) @ d / max(d @ d, 1e-300), 0.0, 1.0)
+            return np.linalg.norm(points - b[0] - t[:, None] * d, axis=1)
+
+        # A grid finds no less than there is, and nearly that.
+        assert -1e-12 < searched(a, away) - found < 1e-6
+    assert np.allclose(np.linalg.norm(near.p_A - near.p_B, axis=1), near.distance, atol=1e-15)
+
+
+def test_segments_are_as_far_from_boxes_as_a_search_finds_them():
+    A = segments(2, 300)
+    A[:20, 1] = A[:20, 0]
+    A[20:40, 1, 0] = A[20:40, 0, 0]
+    half = np.random.default_rng(3).uniform(0.1, 0.8, (300, 3))
+    near = to_boxes(A, half)
+    for a, h, found in zip(A, half, near.distance, strict=True):
+
+        def away(points, h=h):
+            return np.linalg.norm(points - np.clip(points, -h, h), axis=1)
+
+        off = searched(a, away)
+        assert -1e-12 < off - found < 1e-6
+    assert (near.distance == 0.0).any()
+
+
+def test_half_spaces_count_what_is_within_as_negative():
+    A = np.array([[[0, 0, 1.0], [0, 0, -0.2]]])
+    near = to_half_spaces(A, np.array([[0, 0, 1.0]]), np.array([0.1]))
+    assert near.distance[0] == pytest.approx(-0.3)
+    assert near.p_B[0].tolist() == pytest.approx([0, 0, 0.1])
+
+
+def test_a_capsule_holds_all_points_and_is_hardly_larger_than_one_that_does():
+    """Points on a known capsule; its volume is at most 5 % larger, in any direction."""
+    rng = np.random.default_rng(4)
+    for _ in range(3):
+        d, u = (
+            x / np.linalg.norm(x, axis=-1, keepdims=True)
+            for x in (rng.normal(size=3), rng.normal(size=(400, 3)))
+        )
+        points = rng.uniform(0.0, 0.3, (400, 1)) * d + 0.05 * u
+        found = enclosing_capsule(points)
+        along = found.ends[1] - found.ends[0]
+        t = np.clip((points - found.ends[0]) @ along / (along @ along), 0.0, 1.0)
+        away = np.linalg.norm(points - found.ends[0] - t[:, None] * along, axis=1)
+        assert away.max() <= found.radius + 1e-12
+        assert found.volume < 1.05 * np.pi * 0.05**2 * (0.3 + 4.0 / 3.0 * 0.05)
+
+
+def test_the_smallest_circle_is_held_by_two_or_three_points():
+    rng = np.random.default_rng(5)
+    for count in (1, 2, 3, 50):
+        points = rng.normal(size=(count, 2))
+        centre, radius = smallest_circle(points)
+        away = np.linalg.norm(points - centre, axis=1)
+        assert away.max() <= radius + 1e-12
+        if count > 1:
+            on = points[away > radius - 1e-9]
+            # No move of the centre brings all of those nearer: it is in their hull.
+            turns = np.sort(np.arctan2(*(on - centre).T[::-1]))
+            assert np.diff(turns, append=turns[0] + 2.0 * np.pi).max() < np.pi + 1e-6
+
+
+@pytest.fixture(params=shipped_arms())
+def arm(request):
+    return load_arm(request.param)
+
+
+def clearance_of(arm, given=OBSTACLES):
+    found, doubts = arm_clearance(arm, make_obstacles(given), arm.home)
+    assert doubts == ()
+    return found
+
+
+def test_capsules_hold_every_vertex_of_what_a_model_shows(arm):
+    """Those of the files as well as those that are fitted."""
+    parts = parts_of(arm)
+    for capsules in (capsules_of(arm)[0], fitted_capsules(parts)):
+        assert len(capsules) == len(parts)
+        for part in parts:
+            assert any(
+                capsule.body == part.body and (part.exact or capsule.holds(part.points))
+                for capsule in capsules
+            ), part.body
+
+
+def test_capsules_move_as_the_bodies_do(arm):
+    capsules, _ = capsules_of(arm)
+    placed, plant = place_capsules(arm, capsules), arm.plant()
+    context, rng = plant.CreateDefaultContext(), np.random.default_rng(6)
+    for q in rng.uniform(-1.5, 1.5, (5, arm.n)):
+        plant.SetPositions(context, arm.posture(plant, q))
+        ends = placed.placed(placed.poses.at(q))
+        for capsule, found in zip(capsules, ends, strict=True):
+            X_WB = plant.GetBodyByName(capsule.body).EvalPoseInWorld(context)
+            for stated, end in zip(capsule.ends, found, strict=True):
+                assert X_WB @ stated == pytest.approx(end, abs=1e-14)
+
+
+def test_slopes_are_those_of_differences(arm):
+    clearance = clearance_of(arm)
+    q = np.random.default_rng(7).uniform(-1.5, 1.5, (20, arm.n))
+    near = clearance.near(q, 10.0)
+    step = 1e-6 * np.eye(arm.n)
+    differences = np.stack(
+        [(clearance.gaps(q + e) - clearance.gaps(q - e)) / 2e-6 for e in step], axis=-1
+    )[near.postures, near.pairs]
+    # Where segments cross, or one is in a box, there is no slope.
+    apart = near.gaps[near.postures, near.pairs] > -0.02
+    assert apart.sum() > 100
+    assert np.abs(near.slopes - differences)[apart].max() < 1e-6
+
+
+def test_no_pair_comes_nearer_than_the_joints_way_allows(arm):
+    """The certificate rests on it; over 5000 ways, up to 95 % and more of it is used."""
+    clearance, rng = clearance_of(arm), np.random.default_rng(8)
+    q = rng.uniform(-2.0, 2.0, (5000, arm.n))
+    way = rng.normal(size=q.shape) * rng.choice([1e-3, 0.1, 1.0], (5000, 1))
+    # Of one joint alone as well.
+    way[::2] *= np.eye(arm.n)[rng.integers(arm.n, size=2500)]
+    nearer = np.abs(clearance.gaps(q + way) - clearance.gaps(q))
+    allowed = np.abs(way) @ clearance.reaches.T
+    assert (nearer <= allowed + 1e-12).all()
+    assert (nearer / np.maximum(allowed, 1e-12)).max() > 0.9
+
+
+def test_the_least_distance_between_postures_is_found_on_the_way():
+    """Beside one that is looked at at 2000 places."""
+    clearance = clearance_of(load_arm("panda"))
+    q = np.random.default_rng(9).uniform(-1.0, 1.0, (6, 7))
+    least = clearance.least_along(q)
+    s = np.linspace(0.0, 1.0, 2001)[:, None]
+    looked = [clearance.gaps(a + s * (b - a)).min() for a, b in pairwise(q)]
+    assert least.min() == pytest.approx(min(looked), abs=2e-6)
+    assert clearance.gaps(q).min() > least.min() + 1e-3
+
+
+def test_only_bodies_that_may_collide_are_pairs(arm):
+    clearance = clearance_of(arm, [])
+    links = clearance.arm.links
+    assert all(abs(links[a] - links[b]) > 1 for a, b in clearance.own)
+    assert clearance.gaps(arm.home).min() > 0.01
+    every = [(a, b) for a, b in combinations(range(len(links)), 2) if abs(links[a] - links[b]) > 1]
+    out = len(every) - len(clearance.own)
+    assert out == {"panda": 1, "iiwa14": 1, "ur5": 3, "planar6": 0}[arm.name]
+    assert isinstance(clearance, Clearance)
+
+
+def test_capsules_of_an_arm_without_a_file_are_fitted_and_doubts_told(tmp_path):
+    arm = load_arm("panda").replace(capsules=None)
+    _, doubts = arm_clearance(arm, [], arm.home)
+    assert [d.split(", whose")[0] for d in doubts] == ["obstacles: panda_link5 and panda_link7"]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("capsules: [{body: elbow, ends: [[0,0,0],[0,0,1]], radius: 0.1}]", "no body 'elbow'"),
+        ("capsules: [{body: panda_link3, ends: [[0,0,0]], radius: 0.1}]", "ends"),
+        ("capsules: []\nleft_out: [[a, b]]", "left_out: no capsule of"),
+        ("capsules: [{body: panda_link3, ends: [[0,0,0],[0,0,1]], radius: -1}]", "radius"),
+    ],
+)
+def test_a_file_of_capsules_that_does_not_fit_is_refused(tmp_path, text, said):
+    (tmp_path / "c.yaml").write_text(text)
+    arm = load_arm("panda").replace(capsules=str(tmp_path / "c.yaml"))
+    with pytest.raises(InvalidInputError, match=said):
+        arm_clearance(arm, [], arm.home)
+
+
+def test_obstacles_as_arrays_keep_their_order():
+    solids = Solids.of(make_obstacles(OBSTACLES))
+    assert solids.names == ("ball 1", "capsule 4", "box 2", "half_space 3")
+    assert solids.levels.tolist() == [-0.1]

@@ -46,6 +46,9 @@ def parse_yaml(text: str, source: str) -> Any:
     except DuplicateKeyError as error:
         key = str(error.problem).split('"')[1]
         raise InvalidInputError(f"{source}: the key {key!r} is given twice") from None
+    except ValueError as error:
+        # Python reads no whole number of more than 4300 digits.
+        raise InvalidInputError(f"{source}: holds a number of too many digits") from None
     except YAMLError as error:
         place, problem = "", str(error)
         if isinstance(error, MarkedYAMLError):

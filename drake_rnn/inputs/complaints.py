@@ -176,9 +176,6 @@ def short(value: Any) -> str:
     except RecursionError:
         # A YAML alias may refer to a value that contains it.
         text = f"a {type(value).__name__} that contains itself"
-    except ValueError:
-        # Python writes no whole number of more than 4300 digits.
-        text = "a number of too many digits"
     return text if len(text) <= 60 else text[:57] + "..."
 
 

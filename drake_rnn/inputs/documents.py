@@ -26,6 +26,9 @@ T = TypeVar("T")
 _MOST_VALUES = 1_000_000
 # Size of a document, which takes some 5 s to read for each of its megabytes [bytes].
 _MOST_BYTES = 1_000_000
+# Size of a whole number, which is beyond that of any other number [bits].
+_MOST_BITS = 1024
+_TOO_LONG = "holds a number of too many digits"
 
 
 def parse_yaml(text: str, source: str) -> Any:
@@ -46,6 +49,9 @@ def parse_yaml(text: str, source: str) -> Any:
     except DuplicateKeyError as error:
         key = str(error.problem).split('"')[1]
         raise InvalidInputError(f"{source}: the key {key!r} is given twice") from None
+    except ValueError as error:
+        # Python reads no whole number of more than 4300 digits.
+        raise InvalidInputError(f"{source}: {_TOO_LONG}") from None
     except YAMLError as error:
         place, problem = "", str(error)
         if isinstance(error, MarkedYAMLError):
@@ -59,7 +65,7 @@ def parse_yaml(text: str, source: str) -> Any:
 
 
 def _require_measure(content: Any, source: str) -> None:
-    """Raise an InvalidInputError if a document has no end because it refers to itself."""
+    """Raise an InvalidInputError if a document or a number in it has no end, or hardly one."""
     values, count = [content], 0
     while values:
         value = values.pop()
@@ -72,6 +78,8 @@ def _require_measure(content: Any, source: str) -> None:
             values += value.values()
         elif isinstance(value, list):
             values += value
+        elif isinstance(value, int) and value.bit_length() > _MOST_BITS:
+            raise InvalidInputError(f"{source}: {_TOO_LONG}")
 
 
 def read_yaml(file: Path) -> Any:

@@ -30,6 +30,8 @@ DOCUMENTS = {
         PLANAR + "mine: &mine {kind: circle, size: 1, period: 1}\nover: {path: [*mine]}\n",
         "mine: no such key; give what several keys share where it is needed first, with the anchor",
     ),
+    "a number of 5000 digits": (PLANAR + f"seed: {'9' * 5000}\n", "holds a number of too many"),
+    "one in hexadecimals": (PLANAR + f"seed: 0x{'f' * 5000}\n", "holds a number of too many"),
     "a document of two megabytes": (PLANAR + "#" * 2_000_000, "has 2 MB, and may have 1 MB"),
     "a document 3000 deep": (f"arm: {'[' * 3000}{']' * 3000}", "nested too deeply"),
 }

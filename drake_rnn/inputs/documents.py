@@ -49,7 +49,7 @@ def parse_yaml(text: str, source: str) -> Any:
     except DuplicateKeyError as error:
         key = str(error.problem).split('"')[1]
         raise InvalidInputError(f"{source}: the key {key!r} is given twice") from None
-    except ValueError as error:
+    except ValueError:
         # Python reads no whole number of more than 4300 digits.
         raise InvalidInputError(f"{source}: {_TOO_LONG}") from None
     except YAMLError as error:

@@ -9,11 +9,11 @@ and by D, how far a change of w moves them there,
     n^T D (w - w_0) \ge -\gamma h \max(d(q_k) - d_0, 0),
 
 which w_0 satisfies: with rows or without, the program has a solution. Rows are linear and local,
-and promise nothing. What promises is the certificate behind them: w is held for a period, then the stop
-follows; wherever two postures of that motion are l apart (see `drake_rnn.robot.clearance`), no pair
-may come nearer in between than (d_1 + d_2 - l) / 2, or postures between them are looked at. If it
-fails, w moves towards w_0, by halves, in the end all the way. w_0 needs no look: what is left of a
-certified stop after its first sample is that stop, and was certified a sample ago. And it lies
+and promise nothing. What promises is the certificate behind them: w is held for a period, then
+the stop follows; wherever two postures of that motion are l apart (`drake_rnn.robot.clearance`), no
+pair may come nearer in between than (d_1 + d_2 - l) / 2, or postures between them are looked at. If
+it fails, w moves towards w_0, by halves, in the end all the way. w_0 needs no look: what is left of
+a certified stop after its first sample is that stop, and was certified a sample ago. And it lies
 within the box, which is convex, so a velocity on the way keeps every bound as well.
 
 To look at distances takes longer than the rest of the law. So those of the last look are kept,

@@ -1,8 +1,8 @@
 r"""The program of `drake_rnn.laws.parts.box_program` with further rows, A v >= c.
 
 Where a row keeps the arm from its task, what is left of the task's error is large, and at its price
-even a joint speed of rad/s that lessens it by a tenth of a millimetre a second pays. So the price is
-bounded there: the multipliers of the task, y = S^-1 (b - J v), are held to a largest size by a
+even a joint speed of rad/s that lessens it by a tenth of a millimetre a second pays. So the price
+is bounded there: the multipliers of the task, y = S^-1 (b - J v), are held to a largest size by a
 softer S, as if the error had a price in proportion to itself, not to its square.
 """
 

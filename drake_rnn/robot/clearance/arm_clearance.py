@@ -58,7 +58,7 @@ def arm_clearance(
         if abs(placed.links[pair[0]] - placed.links[pair[1]]) > 1
         and {names[pair[0]], names[pair[1]]} not in [set(out) for out in left_out]
     ]
-    own = np.array(apart, dtype=int).reshape(-1, 2)
+    own = np.array(apart, dtype=np.intp).reshape(-1, 2)
     solids = Solids.of(obstacles)
     if described is not None:
         return Clearance(placed, own, solids), ()

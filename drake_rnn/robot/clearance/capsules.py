@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...inputs.fields import Array, Length, Point, validated
 from .link_poses import LinkPoses
@@ -46,7 +47,7 @@ class ArmCapsules:
 
     poses: LinkPoses
     bodies: tuple[str, ...]
-    links: Array
+    links: NDArray[np.intp]
     ends: Array
     radii: Array
 

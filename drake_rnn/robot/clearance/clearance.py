@@ -18,11 +18,15 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...inputs.fields import Array
 from .capsules import ArmCapsules
 from .segments import Nearest, between_segments, cross, to_boxes, to_half_spaces
 from .solids import Solids
+
+#: Numbers of capsules, obstacles, pairs and postures.
+Indices = NDArray[np.intp]
 
 # Below this distance of two axes there is no direction away [m].
 _CROSSING = 1e-9
@@ -41,22 +45,22 @@ class Near(NamedTuple):
     """
 
     gaps: Array
-    postures: Array
-    pairs: Array
+    postures: Indices
+    pairs: Indices
     slopes: Array
 
 
 class _Sides(NamedTuple):
     """The two sides of all pairs: capsules of the arm, and what they may meet, shape by shape."""
 
-    round_first: Array
-    own_second: Array
+    round_first: Indices
+    own_second: Indices
     fixed: Array
-    box_first: Array
+    box_first: Indices
     centers: Array
     R_WO: Array
     half: Array
-    wall_first: Array
+    wall_first: Indices
     normals: Array
     levels: Array
 
@@ -72,7 +76,7 @@ class Clearance:
     """
 
     arm: ArmCapsules
-    own: Array
+    own: Indices
     solids: Solids
 
     @property
@@ -214,23 +218,23 @@ class Clearance:
         )
 
     @cached_property
-    def _movable(self) -> Array:
+    def _movable(self) -> Indices:
         """Capsules that some joint moves, which obstacles count for."""
         return np.nonzero(self.arm.links > 0)[0]
 
     @cached_property
-    def _first(self) -> Array:
+    def _first(self) -> Indices:
         """Capsule of the arm of each pair, shape (p,)."""
         outer = np.tile(self._movable, len(self.solids.names))
-        return np.concatenate((self.own[:, 0], outer)).astype(int)
+        return np.concatenate((self.own[:, 0], outer)).astype(np.intp)
 
     @cached_property
-    def _carried(self) -> Array:
+    def _carried(self) -> NDArray[np.bool_]:
         """For each capsule, whether a joint carries it, shape (c, n)."""
         return np.asarray(np.arange(self.size) < self.arm.links[:, None])
 
     @cached_property
-    def _second_carried(self) -> Array:
+    def _second_carried(self) -> NDArray[np.bool_]:
         """For the other side of each pair, whether a joint carries it, shape (p, n)."""
         outer = np.zeros((len(self._first) - len(self.own), self.size), dtype=bool)
         return np.concatenate((self._carried[self.own[:, 1]], outer))

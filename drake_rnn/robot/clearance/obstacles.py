@@ -177,10 +177,9 @@ def make_obstacles(given: list[Any]) -> list[Obstacle]:
         key = f"obstacles[{k}]"
         if not isinstance(fields, Mapping):
             raise InvalidInputError(f"{key}: must be a kind with its fields, not {short(fields)}")
-        kind = fields.get("kind")
+        kind = str(fields.get("kind"))
         if kind not in OBSTACLES:
-            known = list(OBSTACLES)
-            raise InvalidInputError(f"{key}.kind: {short(kind)}: {nearest(str(kind), known)}")
+            raise InvalidInputError(f"{key}.kind: {short(kind)}: {nearest(kind, list(OBSTACLES))}")
         own = {"name": f"{kind} {k + 1}", **without_kind(fields)}
         obstacle = construct(OBSTACLES[kind], own, key)
         if obstacle.name in names:

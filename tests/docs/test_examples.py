@@ -19,17 +19,14 @@ LARGEST = {
     "own_trajectory.py": 2e-6,
     "campaign_on_cluster.py": 1e-8,
 }
-# Those that take longest.
-LONG = ("own_environment.py", "own_law.py", "campaign_on_cluster.py")
 
 
 def test_every_example_is_listed():
     assert {file.name for file in EXAMPLES.glob("*.py")} == set(LARGEST)
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.long if name in LONG else ()) for name in LARGEST]
-)
+@pytest.mark.long
+@pytest.mark.parametrize("name", LARGEST)
 def test_example_runs(name):
     run = subprocess.run(
         [sys.executable, EXAMPLES / name], capture_output=True, text=True, timeout=120, check=False

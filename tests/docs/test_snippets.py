@@ -52,19 +52,8 @@ def test_a_snippet_imports_only_what_is_public(page, line, code):
     assert_public(code, OTHERS)
 
 
-#: Pages whose snippets compile derivatives, or make whole runs.
-SLOW = ("docs/tuning.md", "docs/schemes/")
-
-
-@pytest.mark.parametrize(
-    ("page", "line", "code"),
-    [
-        pytest.param(*block.values, id=block.id, marks=pytest.mark.long)
-        if block.values[0].startswith(SLOW)
-        else block
-        for block in blocks("python")
-    ],
-)
+@pytest.mark.long
+@pytest.mark.parametrize(("page", "line", "code"), blocks("python"))
 @pytest.mark.usefixtures("registries")
 def test_a_snippet_runs(page, line, code, monkeypatch):
     monkeypatch.chdir(ROOT)

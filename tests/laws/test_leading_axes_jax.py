@@ -15,9 +15,10 @@ jax = require_jax()
 jnp = jax.numpy
 
 COUNT = 5
-#: Compiled at each `make test`; of each kind of law those with most in them are long tests.
-QUICK = ("slc_known", "naljdf_all")
+#: Of each kind of law one or two; compilations take long.
 LONG = (
+    "slc_known",
+    "naljdf_all",
     "adaptive_pose_learned",
     "slc_warm_up",
     "moaljdf",
@@ -29,8 +30,8 @@ LONG = (
 
 def _marked(name, *more):
     """Return the parameters of a test of a law, with the mark of that law."""
-    rest = pytest.mark.long if name in LONG else pytest.mark.nightly
-    return pytest.param(name, *more, marks=() if name in QUICK else rest)
+    mark = pytest.mark.long if name in LONG else pytest.mark.nightly
+    return pytest.param(name, *more, marks=mark)
 
 
 @pytest.fixture(params=[_marked(name) for name in LAWS])

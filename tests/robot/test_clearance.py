@@ -123,6 +123,7 @@ def clearance_of(arm, given=OBSTACLES):
     return found
 
 
+@pytest.mark.long
 def test_capsules_hold_every_vertex_of_what_a_model_shows(arm):
     """Those of the files as well as those that are fitted."""
     parts = parts_of(arm)

@@ -13,8 +13,6 @@ import numpy as np
 from ...inputs.fields import Array
 
 _TINY = 1e-300
-# Of NumPy 2, in a third of the time.
-_VECDOT = hasattr(np, "vecdot")
 
 
 class Nearest(NamedTuple):
@@ -115,4 +113,5 @@ def _nearest(p_A: Array, p_B: Array) -> Nearest:
 
 
 def _dot(a: Array, b: Array) -> Array:
-    return np.asarray(np.vecdot(a, b)) if _VECDOT else (a * b).sum(axis=-1)
+    # Faster than the sum of products.
+    return np.asarray(np.einsum("...i,...i->...", a, b))

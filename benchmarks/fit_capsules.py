@@ -15,7 +15,7 @@ from itertools import combinations
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial import ConvexHull
+from pydrake.geometry import CalcVolume, Convex
 
 from drake_rnn import load_arm
 from drake_rnn.inputs.documents import to_yaml
@@ -42,7 +42,9 @@ def main() -> None:
     head("body", "radius [m]", "length [m]", "volume over that of the hull")
     for part, capsule in zip(parts, capsules, strict=True):
         ends = np.array(capsule.ends)
-        volume = Enclosing(ends, capsule.radius).volume / ConvexHull(part.points).volume
+        volume = Enclosing(ends, capsule.radius).volume / CalcVolume(
+            Convex(part.points.T, part.body)
+        )
         length = float(np.linalg.norm(ends[1] - ends[0]))
         row(part.body, f"{capsule.radius:.4f}", f"{length:.4f}", f"{volume:.2f}")
     placed = place_capsules(arm, capsules)

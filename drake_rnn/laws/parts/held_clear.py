@@ -40,8 +40,8 @@ from .rows_program import Rows, within_rows
 _PARTS = np.array([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0])
 # Postures of a stop that are looked at first, and how often intervals between them are halved.
 _POSTURES, _HALVINGS = 6, 12
-#: Shares of the way from the stop's first velocity to the chosen one that are tried.
-_SHARES = (1.0, 0.5, 0.25)
+# Shares of the way from the stop's first velocity to one that is not free that are tried.
+_SHARES = (0.5, 0.25)
 # Slope of a row that no joint changes [m].
 _FLAT = 1e-9
 
@@ -122,11 +122,12 @@ class WithinClear:
         else:
             found = within_rows(J, b, g, softness, lower, upper, rows)
             w = first if found is None else found
-        tried = (first + share * (w - first) for share in _SHARES)
-        free = next((u for u in tried if self._is_free(q, u, known, stop)), None)
-        held_back = kept["held_back"] + float(free is not w and (free is None or (free != w).any()))
-        chosen = first if free is None else free
-        return chosen, {"seen": known.q, "gaps": known.gaps, "held_back": held_back}
+        held_back = kept["held_back"]
+        if not self._is_free(q, w, known, stop):
+            nearer = (first + share * (w - first) for share in _SHARES)
+            w = next((u for u in nearer if self._is_free(q, u, known, stop)), first)
+            held_back = held_back + 1.0
+        return w, {"seen": known.q, "gaps": known.gaps, "held_back": held_back}
 
     def _left(self, q: Array, known: Known, way: Array) -> Array:
         """Return how far each pair is apart at least after a way of the joints, shape (p,) [m]."""

@@ -76,7 +76,7 @@ from .law import Circumstances, Law, SampledReading
 from .layout import Layout, Signals
 from .parts.approach import approach, gain_within_jerk
 from .parts.held_clear import Avoidance, WithinClear
-from .parts.held_within import Program, WithinAcceleration, WithinJerk
+from .parts.held_within import Program, WithinAcceleration, WithinJerk, within_limits
 from .parts.known_jacobian import MiddleJacobian
 from .parts.late import Late
 from .parts.learned_jacobian import LearnedJacobian
@@ -247,11 +247,6 @@ class Adaptive(Law):
                 f"period, {period:g} s, not {self.measurement.delay:g}"
             )
         limits = reached_limits(self.limits, period)
-        if self.avoids is not None and limits.jerk is not None:
-            raise InvalidInputError(
-                "limits.jerk: must be left out with obstacles; this law certifies stops within a "
-                "bound of the acceleration alone"
-            )
         law = replace(
             self,
             kappa=kappa,
@@ -344,12 +339,9 @@ class AdaptiveReading(SampledReading):
 
     @cached_property
     def _within(self) -> WithinAcceleration | WithinJerk | WithinClear:
-        if self.law.avoids is not None:
-            return WithinClear(self.law.limits, *self.law.avoids)
-        if self.law.limits.jerk is None:
-            return WithinAcceleration(self.law.limits)
         smoothing = 1.0 if self.law.jacobian == "known" else _SMOOTHED
-        return WithinJerk(self.law.limits, smoothing)
+        within = within_limits(self.law.limits, smoothing)
+        return within if self.law.avoids is None else WithinClear(within, *self.law.avoids)
 
     @cached_property
     def _late(self) -> Late:

@@ -62,6 +62,10 @@ class HeldStop:
         )
         return np.copysign(begun + (k[:, None] - whole) * (ended - begun), w)
 
+    def travelled(self, w: Array, k: Array) -> Array:
+        """Return the way of each joint up to k samples, shape (s, n) [rad]; none turns on it."""
+        return np.abs(self.moved(w, k))
+
     def leverage(self, w: Array, k: Array) -> Array:
         """Return by how much a change of w moves the joints after k samples, shape (s, n) [s].
 

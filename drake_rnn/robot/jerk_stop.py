@@ -62,6 +62,101 @@ class Stop:
     highest: Array
 
 
+@dataclass(frozen=True)
+class Course:
+    """A joint's fastest stop, phase by phase; all as if mirrored where it is.
+
+    Attributes:
+        mirror: -1 where all is mirrored, 1 elsewhere, shape (..., n).
+        v: Velocity held until now, shape (..., n) [rad/s].
+        x: Acceleration that led to it, in steps, shape (..., n).
+        steps: Periods in which the acceleration falls by a step, shape (..., n).
+        longest: Periods at the largest deceleration that follow, shape (..., n).
+        last: Deceleration of the one period in between, in steps, shape (..., n).
+        most: Largest acceleration, shape (..., n) [rad/s^2].
+        step: Largest change of the acceleration in a period, shape (..., n) [rad/s^2].
+        period: Time for which a velocity is held [s].
+    """
+
+    mirror: Array
+    v: Array
+    x: Array
+    steps: Array
+    longest: Array
+    last: Array
+    most: Array
+    step: Array
+    period: float
+
+    @property
+    def first(self) -> Array:
+        """Acceleration of its first period, shape (..., n) [rad/s^2]."""
+        xp = functions_of(self.x)
+        later = xp.where(self.longest > 0.0, -self.most / self.step, -self.last)
+        return self.mirror * xp.where(self.steps > 0.0, self.x - 1.0, later) * self.step
+
+    @property
+    def samples(self) -> Array:
+        """Number of periods until the joint rests, shape (..., n)."""
+        return self.steps + self.longest + 1.0 + functions_of(self.last).floor(self.last)
+
+    @property
+    def turn(self) -> Array:
+        """Number of periods after which it turns, zero where it does not, shape (..., n)."""
+        xp, x = functions_of(self.x), self.x
+        turns = (self.v < 0.0) & (x > 0.0)
+        fall = xp.where(turns, 2.0 * self.v / (self.period * self.step), 0.0)
+        with np.errstate(invalid="ignore"):
+            root = xp.sqrt(xp.maximum((x - 0.5) ** 2 + fall, 0.0))
+        return xp.where(turns, xp.clip(xp.floor(x - 0.5 - root), 0.0, self.steps), 0.0)
+
+    @property
+    def turned(self) -> Any:
+        """How far it is where it turns, shape (..., n) [rad]."""
+        way = _way(self.v, self.x * self.step, -self.step, self.turn, self.period)
+        return self.mirror * way
+
+    def moved(self, k: Array) -> Any:
+        """Return how far the joint is after k periods, shape (..., n) [rad].
+
+        Args:
+            k: Whole numbers, that axes of the joints broadcast with.
+        """
+        xp = functions_of(self.x)
+        h, d, p, m = self.period, self.step, self.steps, self.longest
+        a = self.x * d
+        n = xp.minimum(k, p)
+        way = _way(self.v, a, -d, n, h)
+        v = self.v + h * (n * a - d * 0.5 * n * (n + 1.0))
+        n = xp.clip(k - p, 0.0, m)
+        way = way + _way(v, -self.most, 0.0 * d, n, h)
+        v = v - h * n * self.most
+        n = xp.clip(k - p - m, 0.0, 1.0)
+        v = v - n * h * self.last * d
+        way = way + n * h * v
+        n = xp.clip(k - p - m - 1.0, 0.0, xp.floor(self.last))
+        return self.mirror * (way + _way(v, -self.last * d, d, n, h))
+
+
+def course(v: Array, a: Array, most: Array, jerk: Array, period: float) -> Course:
+    """Return the fastest stop, phase by phase.
+
+    Args:
+        v: Velocities held until now, shape (..., n) [rad/s].
+        a: Accelerations that led to them, shape (..., n) [rad/s^2], at most ``most``.
+        most: Largest accelerations, shape (..., n) [rad/s^2].
+        jerk: Largest jerks, shape (..., n) [rad/s^3].
+        period: Time for which a velocity is held [s].
+    """
+    xp = functions_of(v, a)
+    d = jerk * period
+    x, slow = a / d, -v / (period * d)
+    # Where the acceleration alone, brought to zero, leaves the joint too slow, all is mirrored.
+    mirror = xp.where(slow > xp.sign(x) * gained(xp.abs(x) - 1.0), -1.0, 1.0)
+    x, slow = mirror * x, mirror * slow
+    return Course(mirror, mirror * v, x, *_phases(x, slow, most / d), most, d, period)
+
+
 def stop(q: Array, v: Array, a: Array, most: Array, jerk: Array, period: float) -> Stop:
     """Return the fastest stop.
 
@@ -73,19 +168,10 @@ def stop(q: Array, v: Array, a: Array, most: Array, jerk: Array, period: float) 
         jerk: Largest jerks, shape (..., n) [rad/s^3].
         period: Time for which a velocity is held [s].
     """
+    found = course(v, a, most, jerk, period)
     xp = functions_of(q, v, a)
-    d = jerk * period
-    x, slow = a / d, -v / (period * d)
-    # Where the acceleration alone, brought to zero, leaves the joint too slow, all is mirrored.
-    mirror = xp.where(slow > xp.sign(x) * gained(xp.abs(x) - 1.0), -1.0, 1.0)
-    x, slow = mirror * x, mirror * slow
-    p, m, y = _phases(x, slow, most / d)
-    speed = mirror * v
-    end, turn = _positions(x, speed, p, m, y, most, d, period)
-    first = xp.where(p > 0.0, x - 1.0, xp.where(m > 0.0, -most / d, -y))
-    end, turn = mirror * end, mirror * turn
-    highest = q + xp.maximum(xp.maximum(end, turn), 0.0)
-    return Stop(mirror * first * d, highest)
+    end, turn = found.moved(found.samples), found.turned
+    return Stop(found.first, q + xp.maximum(xp.maximum(end, turn), 0.0))
 
 
 def _phases(x: Array, slow: Array, most: Array) -> tuple[Array, Array, Array]:
@@ -121,27 +207,6 @@ def _short(x: Array, slow: Array) -> tuple[Array, Array]:
         best, best_y = xp.where(fits, p, best), xp.where(fits, y, best_y)
         found = found | fits
     return best, best_y
-
-
-def _positions(
-    x: Array, v: Array, p: Array, m: Array, y: Array, most: Array, d: Array, period: float
-) -> tuple[Array, Array]:
-    """Return how far the joint is at the end of its stop, and where it turns before [rad]."""
-    xp = functions_of(x)
-    h, a = period, x * d
-    # Some periods of equal change s from acceleration a: the velocity, then the way.
-    turns = (v < 0.0) & (x > 0.0)
-    with np.errstate(invalid="ignore"):
-        root = xp.sqrt(xp.maximum((x - 0.5) ** 2 + xp.where(turns, 2.0 * v / (h * d), 0.0), 0.0))
-    i = xp.where(turns, xp.clip(xp.floor(x - 0.5 - root), 0.0, p), 0.0)
-    turn = _way(v, a, -d, i, h)
-    way = _way(v, a, -d, p, h)
-    v = v + h * (p * a - d * 0.5 * p * (p + 1.0))
-    way = way + _way(v, -most, 0.0 * d, m, h)
-    v = v - h * m * most - h * y * d
-    way = way + h * v
-    n = xp.floor(y)
-    return way + _way(v, -y * d, d, n, h), turn
 
 
 def _way(v: Array, a: Array, s: Array, n: Array, h: float) -> Any:

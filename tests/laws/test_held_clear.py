@@ -55,6 +55,20 @@ def test_an_arm_that_is_told_to_go_into_a_ball_stops_before_it_with_every_bound_
     assert np.abs(motion.v[-1000:]).max() < 0.2
 
 
+@pytest.mark.parametrize(
+    "jerk", [20.0, *(pytest.param(jerk, marks=pytest.mark.long) for jerk in (5.0, 100.0))]
+)
+def test_so_does_one_whose_jerk_is_bounded(jerk):
+    limits = LIMITS.replace(jerk=jerk)
+    law = adaptive(clearance=clearance_of(ball(P_START + AHEAD)), kappa=100.0, limits=limits)
+    motion = moved(law, pushed(AHEAD), 1.6)
+    assert law.clearance.least_along(motion.q).min() >= FLOOR
+    assert max(excess(motion, limits).values()) < HELD
+    # Rows, for the velocity that the acceleration leads to, do here what they do without the jerk.
+    assert law.sampled(1e-3).state.part(motion.x, "held_back").item() < 100.0
+    assert law.clearance.gaps(motion.q[-1]).min() == pytest.approx(Avoidance().distance, abs=2e-3)
+
+
 def test_without_avoidance_the_same_arm_goes_through_it():
     clearance, _, motion = stopped(avoidance="none")
     assert clearance.least_along(motion.q).min() < -0.02
@@ -156,8 +170,6 @@ def test_a_task_that_rows_keep_from_being_done_has_a_price_that_is_bounded():
 def test_what_a_law_with_obstacles_cannot_do_is_refused():
     with pytest.raises(InvalidInputError, match=r"at the start tool and ball 1 are .* apart"):
         adaptive(clearance=clearance_of(ball(P_START)))
-    with pytest.raises(InvalidInputError, match=r"limits.jerk: must be left out with obstacles"):
-        adaptive(clearance=clearance_of(), limits=LIMITS.replace(jerk=20.0)).sampled(1e-3)
     with pytest.raises(InvalidInputError, match="distance: must be greater than floor"):
         Avoidance(floor=0.01, distance=0.01)
     law = adaptive(clearance=clearance_of())

@@ -30,10 +30,10 @@ import numpy as np
 
 from ...inputs.fields import Array, Gain, Length, validated
 from ...robot.clearance import Clearance
+from ...robot.held_jerk_stop import HeldJerkStop
 from ...robot.held_stop import HeldStop
-from ...robot.limits import JointLimits
 from .box_program import within_box
-from .held_within import Kept, Program
+from .held_within import Choice, Kept, Program, WithinAcceleration, WithinJerk
 from .rows_program import Rows, within_rows
 
 #: Parts of the stop at which rows are set up.
@@ -84,71 +84,74 @@ class Known(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class WithinClear:
-    """Limits of position, velocity and, if there are any, of acceleration; and no collision.
+    """Limits of the joints, and no collision.
 
     Attributes:
-        limits: Limits of the joints.
+        within: What bounds the joints.
         clearance: The pairs that are to stay apart.
         avoidance: How near they may come.
     """
 
-    limits: JointLimits
+    within: WithinAcceleration | WithinJerk
     clearance: Clearance
     avoidance: Avoidance
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Shapes of its parts of the state, by name."""
-        return {"seen": (self.limits.size,), "gaps": (self.clearance.count,), "held_back": (1,)}
+        own = {"seen": (self.clearance.size,), "gaps": (self.clearance.count,), "held_back": (1,)}
+        return self.within.shapes | own
 
     def start(self, q: Array) -> Kept:
         """Return its parts of the state in a posture, shape (n,) [rad]."""
-        return {"seen": q, "gaps": self.clearance.gaps(q), "held_back": np.zeros(1)}
+        own = {"seen": q, "gaps": self.clearance.gaps(q), "held_back": np.zeros(1)}
+        return self.within.start(q) | own
 
     def chosen(
         self, program: Program, q: Array, v: Array, kept: Kept, period: float
     ) -> tuple[Array, Kept]:
         """Return the next velocity, as `WithinAcceleration.chosen` does."""
         J, b, _, g, softness = program
-        stop = HeldStop(self.limits.require("acceleration", "braking in time"), period)
-        first = stop.after(v)
-        lower, upper = self.limits.held_velocity_box(q, v, period)
+        choice = self.within.choice(program, q, v, kept, period)
         known, rows = Known(kept["seen"], kept["gaps"]), None
-        widest = np.maximum(upper - first, first - lower)
-        if self._may_bind(q, first, widest, known, stop):
-            known, rows = self._rows(q, first, widest, stop)
+        widest = np.maximum(choice.box[1] - choice.first_z, choice.first_z - choice.box[0])
+        if self._may_bind(q, widest, known, choice, period):
+            known, rows = self._rows(q, widest, choice, period)
         if rows is None:
-            w = within_box(J, b, g, softness, lower, upper)
+            z = within_box(J, b, g, softness, *choice.box)
         else:
-            found = within_rows(J, b, g, softness, lower, upper, rows)
-            w = first if found is None else found
-        held_back = kept["held_back"]
-        if not self._is_free(q, w, known, stop):
-            nearer = (first + share * (w - first) for share in _SHARES)
-            w = next((u for u in nearer if self._is_free(q, u, known, stop)), first)
+            found = within_rows(J, b, g, softness, *choice.box, rows)
+            z = choice.first_z if found is None else found
+        first, u, held_back = choice.first, choice.chosen(z), kept["held_back"]
+        if not self._is_free(q, u, known, choice.stop):
+            nearer = (first + share * (u - first) for share in _SHARES)
+            u = next((x for x in nearer if self._is_free(q, x, known, choice.stop)), first)
             held_back = held_back + 1.0
-        return w, {"seen": known.q, "gaps": known.gaps, "held_back": held_back}
+        v, own = choice.taken(u)
+        return v, own | {"seen": known.q, "gaps": known.gaps, "held_back": held_back}
 
     def _left(self, q: Array, known: Known, way: Array) -> Array:
         """Return how far each pair is apart at least after a way of the joints, shape (p,) [m]."""
         return known.gaps - self.clearance.reaches @ (np.abs(q - known.q) + way)
 
     def _may_bind(
-        self, q: Array, first: Array, widest: Array, known: Known, stop: HeldStop
+        self, q: Array, widest: Array, known: Known, choice: Choice, period: float
     ) -> bool:
         """Return whether any velocity of the box can fail a row, by what is known of distances."""
-        (leverage,) = stop.leverage(first, np.array([stop.samples(first)]))
-        rate = self.avoidance.approach * stop.period
+        stop, first = choice.stop, choice.first
+        (leverage,) = choice.leverage(np.array([stop.samples(first)]))
+        rate = self.avoidance.approach * period
         room = rate * (self._left(q, known, stop.way(first)) - self.avoidance.distance)
         return bool((self.clearance.reaches @ (leverage * widest) > room).any())
 
     def _rows(
-        self, q: Array, first: Array, widest: Array, stop: HeldStop
+        self, q: Array, widest: Array, choice: Choice, period: float
     ) -> tuple[Known, Rows | None]:
         """Return what is known of distances now, and the rows of the pairs that may matter."""
+        stop, first = choice.stop, choice.first
         k = np.unique(np.rint(1.0 + _PARTS * (stop.samples(first) - 1.0)))
-        leverage = stop.leverage(first, k)
-        rate = self.avoidance.approach * stop.period
+        leverage = choice.leverage(k)
+        rate = self.avoidance.approach * period
         # Of a pair that is farther away no velocity of the box can fail the row.
         within = self.avoidance.distance + (leverage * widest) @ self.clearance.reaches.T / rate
         path = q + np.vstack((np.zeros_like(q), stop.moved(first, k)))
@@ -161,46 +164,42 @@ class WithinClear:
         if not some.any():
             return known, None
         room = near.gaps[near.postures, near.pairs] - self.avoidance.distance
-        c = A @ first - rate * np.maximum(room, 0.0)
+        c = A @ choice.first_z - rate * np.maximum(room, 0.0)
         return known, Rows(A[some] / size[some, None], c[some] / size[some])
 
-    def _is_free(self, q: Array, w: Array, known: Known, stop: HeldStop) -> bool:
-        """Return whether the arm can hold a velocity for a period and then stop, always free."""
+    def _is_free(self, q: Array, u: Array, known: Known, stop: HeldStop | HeldJerkStop) -> bool:
+        """Return whether the arm can do u for a period and then stop, always free."""
         floor, reaches = self.avoidance.floor, self.clearance.reaches
-        if (self._left(q, known, stop.way(w)) >= floor).all():
+        if (self._left(q, known, stop.way(u)) >= floor).all():
             return True
         if known.stop is not None:
             # Its postures are near those of the full stop.
             k, path, gaps = known.stop
             # To the end of this stop, which may take a sample more.
-            k = np.append(k[:-1], max(k[-1], stop.samples(w)))
-            passed = q + stop.moved(w, k)
+            k = np.append(k[:-1], max(k[-1], stop.samples(u)))
+            passed = q + stop.moved(u, k)
             least = gaps - np.abs(passed - path) @ reaches.T
-            between = np.abs(np.diff(passed, axis=0)) @ reaches.T
+            between = np.diff(stop.travelled(u, k), axis=0) @ reaches.T
             if (least[1:] + least[:-1] - between >= 2.0 * floor).all():
                 return True
-        k = np.linspace(0.0, stop.samples(w), _POSTURES)
-        begins, ends = k[:-1], k[1:]
-        q_begin, q_end = q + stop.moved(w, begins), q + stop.moved(w, ends)
-        gaps = self.clearance.gaps(np.concatenate((q_begin[:1], q_end)))
+        k = np.linspace(0.0, stop.samples(u), _POSTURES)
+        gaps = self.clearance.gaps(q + stop.moved(u, k))
         # Where it is now it was certified to be free.
         if (gaps[1:] < floor).any():
             return False
-        d_begin, d_end = gaps[:-1], gaps[1:]
+        # Intervals of the stop: when they begin and end, and how far pairs are apart there.
+        begin, end, d_begin, d_end = k[:-1], k[1:], gaps[:-1], gaps[1:]
         for _ in range(_HALVINGS):
-            nearer = 0.5 * (d_begin + d_end - np.abs(q_end - q_begin) @ reaches.T)
-            unsure = (nearer < floor).any(axis=1)
+            way = stop.travelled(u, end) - stop.travelled(u, begin)
+            unsure = (0.5 * (d_begin + d_end - way @ reaches.T) < floor).any(axis=1)
             if not unsure.any():
                 return True
-            begins, ends = begins[unsure], ends[unsure]
-            middles = 0.5 * (begins + ends)
-            q_middle = q + stop.moved(w, middles)
-            d_middle = self.clearance.gaps(q_middle)
+            begin, end = begin[unsure], end[unsure]
+            middle = 0.5 * (begin + end)
+            d_middle = self.clearance.gaps(q + stop.moved(u, middle))
             if (d_middle < floor).any():
                 return False
-            begins, ends = np.concatenate((begins, middles)), np.concatenate((middles, ends))
-            q_begin = np.concatenate((q_begin[unsure], q_middle))
-            q_end = np.concatenate((q_middle, q_end[unsure]))
             d_begin = np.concatenate((d_begin[unsure], d_middle))
             d_end = np.concatenate((d_middle, d_end[unsure]))
+            begin, end = np.concatenate((begin, middle)), np.concatenate((middle, end))
         return False

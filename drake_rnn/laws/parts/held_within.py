@@ -17,13 +17,16 @@ wants for the path alone, without feedback and without a box.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from ...arrays.algebra import clipped, functions_of
 from ...inputs.fields import Array
-from ...robot.jerk_stop import gained, gaining
+from ...robot.held_jerk_stop import HeldJerkStop
+from ...robot.held_stop import HeldStop
+from ...robot.jerk_stop import course, gained, gaining
 from ...robot.limits import JointLimits
 from .box_program import wanted, within_box
 
@@ -48,6 +51,160 @@ class Program(NamedTuple):
     softness: Array
 
 
+# A box that is no wider than this leaves no choice [rad/s].
+_NARROW = 1e-15
+
+
+class Choice(Protocol):
+    """What a robot may do in the next sample, and where it stops after each.
+
+    What is chosen, u, is the next velocity or, with the jerk bounded, the next acceleration. The
+    program is solved for z, which goes along with it joint by joint.
+    """
+
+    @property
+    def box(self) -> tuple[Array, Array]:
+        """Bounds of z, shape (n,) each [rad/s]."""
+
+    @property
+    def first(self) -> Array:
+        """The u that the fastest stop begins with, shape (n,)."""
+
+    @property
+    def first_z(self) -> Array:
+        """The z of it, shape (n,) [rad/s]."""
+
+    def chosen(self, z: Array) -> Array:
+        """Return the u of a z, shape (n,)."""
+
+    def taken(self, u: Array) -> tuple[Array, Kept]:
+        """Return the next velocity, shape (n,) [rad/s], and what is kept in the state."""
+
+    @property
+    def stop(self) -> HeldStop | HeldJerkStop:
+        """Where each u leads."""
+
+    def leverage(self, k: Array) -> Array:
+        """Return by how much a change of z moves the joints after k samples, shape (s, n) [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class VelocityChoice:
+    """A `Choice` of the next velocity, which z is too.
+
+    Attributes:
+        box: See `Choice.box`.
+        v: Velocities until now, shape (n,) [rad/s].
+        stop: See `Choice.stop`.
+    """
+
+    box: tuple[Array, Array]
+    v: Array
+    stop: HeldStop
+
+    @cached_property
+    def first(self) -> Array:
+        """See `Choice.first`."""
+        return self.stop.after(self.v)
+
+    @property
+    def first_z(self) -> Array:
+        """See `Choice.first_z`."""
+        return self.first
+
+    def chosen(self, z: Array) -> Array:
+        """See `Choice.chosen`."""
+        return z
+
+    def taken(self, u: Array) -> tuple[Array, Kept]:
+        """See `Choice.taken`."""
+        return u, {}
+
+    def leverage(self, k: Array) -> Array:
+        """See `Choice.leverage`."""
+        return self.stop.leverage(self.first, k)
+
+
+@dataclass(frozen=True, eq=False)
+class AccelerationChoice:
+    """A `Choice` of the next acceleration.
+
+    Attributes:
+        accelerations: Its bounds, shape (..., n) each [rad/s^2].
+        v, a: Velocities and accelerations until now, shape (..., n) [rad/s, rad/s^2].
+        reference: Acceleration a_r, shape (..., n) [rad/s^2].
+        wanted: Velocities that the program wants for the path alone, shape (..., n) [rad/s].
+        limits: Limits of the joints.
+        period: Time for which a velocity is held [s].
+    """
+
+    accelerations: tuple[Array, Array]
+    v: Array
+    a: Array
+    reference: Array
+    wanted: Array
+    limits: JointLimits
+    period: float
+
+    @cached_property
+    def box(self) -> tuple[Array, Array]:
+        """See `Choice.box`."""
+        least, most = (self._z(a) for a in self.accelerations)
+        return least, most
+
+    @cached_property
+    def first(self) -> Array:
+        """See `Choice.first`."""
+        return course(self.v, self.a, self._most, self._jerk, self.period).first
+
+    @property
+    def first_z(self) -> Array:
+        """See `Choice.first_z`."""
+        return self._z(self.first)
+
+    def chosen(self, z: Array) -> Array:
+        """See `Choice.chosen`."""
+        a = self.reference + self._d * _signed(gaining, (z - self._base) / (self.period * self._d))
+        return clipped(a, *self.accelerations)
+
+    def taken(self, u: Array) -> tuple[Array, Kept]:
+        """See `Choice.taken`."""
+        kept = {"a": u, "a_path": self.reference, "v_path": self.wanted}
+        return self.v + self.period * u, kept
+
+    @cached_property
+    def stop(self) -> HeldJerkStop:
+        """See `Choice.stop`."""
+        return HeldJerkStop(self.v, self._most, self._jerk, self.period)
+
+    def leverage(self, k: Array) -> Array:
+        """See `Choice.leverage`; a mean over the box."""
+        (least, most), (lower, upper) = self.box, self.accelerations
+        width = most - least
+        moved = self.stop.moved(upper, k) - self.stop.moved(lower, k)
+        return np.where(width > _NARROW, moved / np.maximum(width, _NARROW), 0.0)
+
+    def _z(self, a: Array) -> Array:
+        d = self._d
+        return self._base + self.period * d * _signed(gained, (a - self.reference) / d)
+
+    @cached_property
+    def _base(self) -> Array:
+        return self.v + self.period * self.reference
+
+    @cached_property
+    def _d(self) -> Array:
+        return self._jerk * self.period
+
+    @property
+    def _most(self) -> Array:
+        return self.limits.require("acceleration", "its bound")
+
+    @property
+    def _jerk(self) -> Array:
+        return self.limits.require("jerk", "its bound")
+
+
 @dataclass(frozen=True)
 class WithinAcceleration:
     """Limits of position, velocity and, if there are any, of acceleration.
@@ -66,6 +223,14 @@ class WithinAcceleration:
     def start(self, q: Array) -> Kept:
         """Return its parts of the state in a posture, shape (n,) [rad]."""
         return {}
+
+    def choice(
+        self, program: Program, q: Array, v: Array, kept: Kept, period: float
+    ) -> VelocityChoice:
+        """Return what one robot may choose from, of the arguments of `chosen`."""
+        box = self.limits.held_velocity_box(q, v, period)
+        most = self.limits.require("acceleration", "braking in time")
+        return VelocityChoice(box, v, HeldStop(most, period))
 
     def chosen(
         self, program: Program, q: Array, v: Array, kept: Kept, period: float
@@ -106,23 +271,35 @@ class WithinJerk:
         """Return its parts of the state in a posture, as `WithinAcceleration.start` does."""
         return {name: np.zeros(shape) for name, shape in self.shapes.items()}
 
-    def chosen(
+    def choice(
         self, program: Program, q: Array, v: Array, kept: Kept, period: float
-    ) -> tuple[Array, Kept]:
-        """Return the next velocity, as `WithinAcceleration.chosen` does."""
-        J, b, along, g, softness = program
-        lower, upper = self.limits.held_acceleration_box(q, v, kept["a"], period)
+    ) -> AccelerationChoice:
+        """Return what the robots may choose from, of the arguments of `chosen`."""
+        J, _, along, g, softness = program
+        accelerations = self.limits.held_acceleration_box(q, v, kept["a"], period)
         x = wanted(J, along, g, softness)
         largest = self.limits.require("acceleration", "its bound")
         newest = clipped((x - kept["v_path"]) / period, -largest, largest)
         a_r = kept["a_path"] + self.smoothing * (newest - kept["a_path"])
-        d = self.limits.require("jerk", "its bound") * period
-        base = v + period * a_r
-        least, most = (base + period * d * _signed(gained, (a - a_r) / d) for a in (lower, upper))
-        z = within_box(J, b, g, softness, least, most)
-        a = a_r + d * _signed(gaining, (z - base) / (period * d))
-        a = clipped(a, lower, upper)
-        return v + period * a, {"a": a, "a_path": a_r, "v_path": x}
+        return AccelerationChoice(accelerations, v, kept["a"], a_r, x, self.limits, period)
+
+    def chosen(
+        self, program: Program, q: Array, v: Array, kept: Kept, period: float
+    ) -> tuple[Array, Kept]:
+        """Return the next velocity, as `WithinAcceleration.chosen` does."""
+        choice = self.choice(program, q, v, kept, period)
+        z = within_box(program.J, program.b, program.g, program.softness, *choice.box)
+        return choice.taken(choice.chosen(z))
+
+
+def within_limits(limits: JointLimits, smoothing: Any) -> WithinAcceleration | WithinJerk:
+    """Return what keeps limits, those of `drake_rnn.laws.parts.reached_limits`.
+
+    Args:
+        limits: Limits of the joints; with a jerk, it is bounded.
+        smoothing: See `WithinJerk`.
+    """
+    return WithinAcceleration(limits) if limits.jerk is None else WithinJerk(limits, smoothing)
 
 
 def _signed(of: Any, x: Array) -> Any:

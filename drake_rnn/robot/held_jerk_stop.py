@@ -1,0 +1,68 @@
+r"""Where joints pass that accelerate for a period, and then stop as fast as their jerk allows.
+
+The stop is that of `drake_rnn.robot.jerk_stop`: steps of the acceleration, some periods of the
+largest deceleration, one that is less, and steps back to zero. A joint that moves away from where
+it accelerates to turns once on the way.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..inputs.fields import Array
+from .jerk_stop import Course, course
+
+
+@dataclass(frozen=True, eq=False)
+class HeldJerkStop:
+    """The fastest stop of n joints that have a velocity and an acceleration.
+
+    Attributes:
+        v: Velocities held until now, shape (n,) [rad/s].
+        acceleration: Bounds, shape (n,) [rad/s^2].
+        jerk: Bounds, shape (n,) [rad/s^3].
+        period: Time for which a velocity is held [s].
+    """
+
+    v: Array
+    acceleration: Array
+    jerk: Array
+    period: float
+
+    def samples(self, b: Array) -> float:
+        """Return after how many samples all joints rest that accelerate at b, shape (n,), first."""
+        return float(self._course(b).samples.max()) + 1.0
+
+    def way(self, b: Array) -> Array:
+        """Return how far each joint gets from where it is at most, shape (n,) [rad]."""
+        stop = self._course(b)
+        begun = self.period * (self.v + self.period * b)
+        ways = (begun, begun + stop.moved(stop.turn), begun + stop.moved(stop.samples))
+        return np.asarray(np.abs(ways).max(axis=0))
+
+    def moved(self, b: Array, k: Array) -> Array:
+        """Return how far the joints have gone after k samples, shape (s, n) [rad].
+
+        Args:
+            b: Accelerations in the first of them, shape (n,) [rad/s^2].
+            k: Numbers of samples, at least 0, shape (s,) or (s, n); velocities are held.
+        """
+        k = k[:, None] if k.ndim == 1 else k
+        stop, whole = self._course(b), np.floor(k)
+        begun, ended = (
+            np.minimum(j, 1.0) * self.period * (self.v + self.period * b)
+            + stop.moved(np.maximum(j - 1.0, 0.0))
+            for j in (whole, whole + 1.0)
+        )
+        return np.asarray(begun + (k - whole) * (ended - begun))
+
+    def travelled(self, b: Array, k: Array) -> Array:
+        """Return the way of each joint up to k samples, there and back, shape (s, n) [rad]."""
+        turned = self.moved(b, np.minimum(k[:, None], 1.0 + self._course(b).turn))
+        return np.abs(turned) + np.abs(self.moved(b, k) - turned)
+
+    def _course(self, b: Array) -> Course:
+        w = self.v + self.period * b
+        return course(w, b, self.acceleration, self.jerk, self.period)

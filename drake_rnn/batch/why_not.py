@@ -81,6 +81,8 @@ def able_reading(document: ExperimentDocument, law: Law) -> SampledReading:
             raise InvalidInputError(f"{name}: a batch has none; simulate has")
     if document.obstacles is not None:
         raise InvalidInputError("obstacles: a batch does not look at distances; simulate does")
+    if document.safety is not None:
+        raise InvalidInputError("safety: a batch takes commands as they are; simulate has it")
     if document.filter is not None and document.environment is not None:
         raise InvalidInputError("filter: a batch has none in contact; simulate has")
     return _able_reading(law, document.period)

@@ -24,6 +24,7 @@ from ..systems.force_sensor import SensorSettings
 from ..systems.moving_average import FilterSettings
 from ..systems.plant_settings import PlantSettings
 from ..systems.sensing_settings import SensingSettings
+from .safety import SafetySettings
 
 _LOG_PERIOD = 0.01
 # Accuracy of an integrator: a larger one controls no error, a smaller one is below rounding.
@@ -114,8 +115,10 @@ class ExperimentDocument:
             `drake_rnn.environments`.
         obstacles: What the arm is to stay clear of, each with its ``kind`` and fields, see
             `drake_rnn.robot.clearance.obstacles`, and itself, also if the list is empty. A law
-            with the field ``avoidance`` avoids them; of others the distance is measured. By
-            default distances are not looked at.
+            with the field ``avoidance`` avoids them, any with ``safety.collisions``; of others the
+            distance is measured. By default distances are not looked at.
+        safety: What is kept of the command, whatever the law is; by default the law's command is
+            taken as it is.
         force: Desired pressing force.
         sensor: Force sensor; by default an ideal one.
         sensing: Measurement of the joints that the law sees; by default an ideal one.
@@ -155,6 +158,7 @@ class ExperimentDocument:
     plant: PlantSettings | None = None
     environment: dict[str, Any] | None = None
     obstacles: list[Any] | None = None
+    safety: SafetySettings | None = None
     force: ForceProfile | None = None
     sensor: SensorSettings | None = None
     sensing: SensingSettings | None = None

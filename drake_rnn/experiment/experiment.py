@@ -13,7 +13,7 @@ from ..errors import InvalidInputError
 from ..inputs.documents import construct
 from ..inputs.fields import Array
 from ..inputs.modules import Modules
-from ..laws import Circumstances, Law, PostureLaw
+from ..laws import Circumstances, Law, PostureLaw, Safety
 from ..laws.checks import warnings_of
 from ..paths import Path, PlacedPath
 from ..robot.arm import Arm
@@ -29,6 +29,7 @@ from .contact import make_contact
 from .document import ExperimentDocument
 from .filter import FilterDelay, filter_delay
 from .path import GIVEN
+from .safety import kept_by
 from .sections import Sections, read_sections
 from .target import with_reachable_target
 
@@ -49,6 +50,7 @@ class Experiment:
         contact: Contact of the tool with a surface; None without one.
         obstacles: What stands in the arm's way.
         clearance: What the arm is to stay clear of; None if distances are not looked at.
+        safety: What is kept of the law's command; None if it is taken as it is.
         feedback: Arm that the law sees.
         path_delay: Delay with which the arm follows the path [s].
         warnings: Warnings about the document and the objects.
@@ -65,6 +67,7 @@ class Experiment:
     contact: Contact | None
     obstacles: tuple[Obstacle, ...]
     clearance: Clearance | None
+    safety: Safety | None
     feedback: Feedback
     path_delay: float
     warnings: tuple[str, ...] = ()
@@ -100,6 +103,17 @@ class Experiment:
         return make_experiment(self.document, path)
 
     @property
+    def keeps(self) -> tuple[str, ...]:
+        """Names of the limits that the command keeps: see `Law.keeps`."""
+        return kept_by(self.law, self.safety)
+
+    @property
+    def keeps_distance(self) -> float | None:
+        """Distance that the command keeps [m]; None if nothing is avoided."""
+        kept = (each.keeps_distance for each in (self.law, self.safety) if each is not None)
+        return max((distance for distance in kept if distance is not None), default=None)
+
+    @property
     def kept_limits(self) -> tuple[str, ...]:
         """Names of the limits of the arm that the law or a filter behind it keeps by construction.
 
@@ -109,7 +123,7 @@ class Experiment:
         command before. A law that sees positions with errors of measurement can keep no limit of
         the true ones.
         """
-        dither, settings, keeps = self.document.dither, self.document.filter, self.law.keeps
+        dither, settings, keeps = self.document.dither, self.document.filter, self.keeps
         if self.level.has_motors or (dither is not None and dither.model == "actuated"):
             return ()
         if settings is None:
@@ -122,7 +136,7 @@ class Experiment:
     @property
     def commanded_limits(self) -> tuple[str, ...]:
         """Names of the limits that the law keeps of its command, but nothing keeps of the arm."""
-        return tuple(name for name in self.law.keeps if name not in self.kept_limits)
+        return tuple(name for name in self.keeps if name not in self.kept_limits)
 
     @property
     def target(self) -> Array | None:
@@ -196,6 +210,7 @@ def make_experiment(
         contact=contact,
         obstacles=parts.obstacles,
         clearance=parts.clearance,
+        safety=parts.safety,
         feedback=parts.feedback,
         path_delay=delay.path,
     )
@@ -211,19 +226,22 @@ def _unsafe(parts: Sections) -> list[str]:
         InvalidInputError: If the arm does not move as a law that does commands it to.
     """
     document = parts.document
-    if document.obstacles is None:
+    if parts.clearance is None:
         return []
-    if parts.law.keeps_distance is None:
-        return ["obstacles: this law does not avoid them; distances are measured alone"]
+    if parts.law.keeps_distance is None and not (parts.safety and parts.safety.keeps_distance):
+        return [
+            "obstacles: this law does not avoid them; distances are measured alone; with "
+            "safety.collisions any law avoids them"
+        ]
     if document.filter is not None:
         raise InvalidInputError(
-            "filter: must be left out with obstacles that the law avoids; a mean of postures may "
+            "filter: must be left out with obstacles that are avoided; a mean of postures may "
             "collide where none of them does"
         )
     if document.dither is not None and document.dither.model == "actuated":
         raise InvalidInputError(
-            "dither.model: must not be actuated with obstacles that the law avoids, which knows "
-            "nothing of the motion that is added to its own"
+            "dither.model: must not be actuated with obstacles that are avoided; nothing is known "
+            "of the motion that it adds to the command"
         )
     return []
 

@@ -6,8 +6,8 @@ from typing import NamedTuple, get_args
 
 from ..diagrams import check_filter
 from ..errors import InvalidInputError
-from ..laws import Law
 from ..systems.moving_average import Kept, averaging_delay, averaging_windows
+from .safety import kept_by
 from .sections import Sections
 
 
@@ -47,7 +47,7 @@ def _delay(parts: Sections) -> FilterDelay:
         raise InvalidInputError(
             "filter: needs a sampled law; give a period instead of an integrator"
         )
-    _require_kept(settings.above, law)
+    _require_kept(settings.above, kept_by(law, parts.safety))
     windows = averaging_windows(parts.arm.limits, document.period, settings.above)
     delay = averaging_delay(windows, document.period)
     if delay >= document.duration:
@@ -68,9 +68,9 @@ def _delay(parts: Sections) -> FilterDelay:
     return FilterDelay(path=delay * settings.delay_desired, loop=delay)
 
 
-def _require_kept(above: Kept, law: Law) -> None:
-    """Raise an InvalidInputError if a filter relies on a limit that the law does not keep."""
-    able = [name for name in get_args(Kept) if name == "velocity" or name in law.keeps]
+def _require_kept(above: Kept, keeps: tuple[str, ...]) -> None:
+    """Raise an InvalidInputError if a filter relies on a limit that the command does not keep."""
+    able = [name for name in get_args(Kept) if name == "velocity" or name in keeps]
     if above not in able:
         raise InvalidInputError(
             f"filter.above: the command of this law keeps no limit of the {above}; it may "

@@ -15,7 +15,7 @@ from ..inputs.dataclass_fields import field_names
 from ..inputs.documents import construct
 from ..inputs.fields import Array
 from ..inputs.modules import Modules
-from ..laws import LAWS, Law, PostureLaw
+from ..laws import LAWS, Law, PostureLaw, Safety
 from ..paths import Path
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
@@ -27,6 +27,7 @@ from .arms import Arms
 from .document import ExperimentDocument
 from .law import make_law
 from .path import path_of
+from .safety import make_safety
 
 #: How far the start may lie outside the position limits for a law that brings it back [rad].
 OUTSIDE = 0.1
@@ -48,6 +49,7 @@ class Sections:
         law: The law.
         obstacles: What stands in the arm's way.
         clearance: What the arm is to stay clear of; None if distances are not looked at.
+        safety: What is kept of the law's command; None if it is taken as it is.
         warnings: Warnings about arm, limits, path and start.
     """
 
@@ -59,6 +61,7 @@ class Sections:
     law: Law
     obstacles: tuple[Obstacle, ...]
     clearance: Clearance | None
+    safety: Safety | None
     warnings: tuple[str, ...]
 
 
@@ -93,8 +96,11 @@ def read_sections(
     obstacles = tuple(make_obstacles(document.obstacles or []))
     clearance, unseen = _clearance(document, arms, arm, start, obstacles)
     law = make_law(document, kind, arm.limits, start, clearance)
+    safety = make_safety(document.safety, law, arm.limits, document.period, start, clearance)
     warnings = (*known, *doubts, *unseen, *_outside(arm, start))
-    return Sections(document, feedback, arm, start, path, law, obstacles, clearance, warnings)
+    return Sections(
+        document, feedback, arm, start, path, law, obstacles, clearance, safety, warnings
+    )
 
 
 def _clearance(
@@ -105,7 +111,7 @@ def _clearance(
     obstacles: tuple[Obstacle, ...],
 ) -> tuple[Clearance | None, tuple[str, ...]]:
     """Return what the arm is to stay clear of, and warnings about it."""
-    if document.obstacles is None:
+    if document.obstacles is None and not (document.safety and document.safety.collisions):
         return None, ()
     # Of an arm without a home, what touches at the start is not looked at.
     posture = start if arm.home is None else arm.home

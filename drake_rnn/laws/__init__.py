@@ -16,10 +16,12 @@ from .law import (
 from .layout import Layout, Signals
 from .motion_force import MotionForce
 from .null_space_adjustment import NullSpaceAdjustment
+from .parts.held_clear import Avoidance
 from .posture_law import PostureLaw
 from .pseudoinverse import Pseudoinverse
 from .receding_horizon import RecedingHorizon
 from .recursive import Recursive
+from .safety import Safety
 from .simultaneous_learning import SimultaneousLearning
 from .state_adjustment import StateAdjustment
 
@@ -43,6 +45,7 @@ LAWS: Kinds[Law] = Kinds(
 __all__ = [
     "LAWS",
     "Adaptive",
+    "Avoidance",
     "Circumstances",
     "ContinuousLaw",
     "ContinuousReading",
@@ -57,6 +60,7 @@ __all__ = [
     "Reading",
     "RecedingHorizon",
     "Recursive",
+    "Safety",
     "SampledLaw",
     "SampledReading",
     "Signals",

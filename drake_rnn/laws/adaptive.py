@@ -75,7 +75,7 @@ from ..robot.rotation import rotation_error
 from .law import Circumstances, Law, SampledReading
 from .layout import Layout, Signals
 from .parts.approach import approach, gain_within_jerk
-from .parts.held_clear import Avoidance, WithinClear
+from .parts.held_clear import Avoidance, WithinClear, require_free
 from .parts.held_within import Program, WithinAcceleration, WithinJerk, within_limits
 from .parts.known_jacobian import MiddleJacobian
 from .parts.late import Late
@@ -145,7 +145,8 @@ class Adaptive(Law):
 
     def __post_init__(self) -> None:
         self.limits.require_size("home", self.home)
-        self._require_free()
+        if self.avoids is not None:
+            require_free(*self.avoids, self.home)
         n, target = self.limits.size, self.secondary.target
         if target is not None and target.size != n:
             raise ValueError(
@@ -155,19 +156,6 @@ class Adaptive(Law):
             raise ValueError(
                 "secondary: manipulability needs jacobian: known and task: xyz or pose; leave it "
                 "out"
-            )
-
-    def _require_free(self) -> None:
-        """Raise a ValueError if the arm starts nearer to something than it may come."""
-        if self.avoids is None:
-            return
-        clearance, avoidance = self.avoids
-        gaps, floor = clearance.gaps(self.home), avoidance.floor
-        if gaps.min(initial=np.inf) < floor:
-            one, other = clearance.names[int(gaps.argmin())]
-            raise ValueError(
-                f"clearance: at the start {one} and {other} are {gaps.min():.3g} m apart, where "
-                f"the law keeps {floor:g} m, law.avoidance.floor; clear the way or start elsewhere"
             )
 
     @property

@@ -122,7 +122,9 @@ def _check(law: Any, t: object, x: object, u: object) -> None:
             raise InvalidInputError(
                 f"u: {type(law).__name__} sees {', '.join(law.inputs.parts)}; there is no {name}"
             )
-        own = _require(name, u[name], shape, of_many=law.takes_many)
+        own = _require(
+            name, u[name], shape, of_many=law.takes_many, gaps=name in law.inputs_with_gaps
+        )
         if own not in ((), robots):
             wanted = " or ".join(str((*axes, *shape)) for axes in dict.fromkeys(((), robots)))
             raise InvalidInputError(
@@ -138,12 +140,14 @@ def require_many(law: Any) -> None:
         )
 
 
-def _require(name: str, value: Any, shape: tuple[int, ...], *, of_many: bool) -> tuple[int, ...]:
+def _require(
+    name: str, value: Any, shape: tuple[int, ...], *, of_many: bool, gaps: bool = False
+) -> tuple[int, ...]:
     """Return the axes of robots before a shape.
 
     Raises:
         InvalidInputError: Unless an array of numbers has this shape after these axes, of which
-            there are some of many only, and, of NumPy's, only finite numbers.
+            there are some of many only, and, of NumPy's, only finite numbers, or gaps as well.
     """
     wanted = f"{name}: must be an array of numbers, shape {shape}"
     foreign = of_many and is_foreign(value)
@@ -154,6 +158,6 @@ def _require(name: str, value: Any, shape: tuple[int, ...], *, of_many: bool) ->
     robots: tuple[int, ...] = value.shape[: value.ndim - len(shape)]
     if value.shape != (*robots, *shape) or (robots and not of_many):
         raise InvalidInputError(f"{wanted}, not {value.shape}")
-    if not foreign and not np.isfinite(value).all():
+    if not (foreign or gaps) and not np.isfinite(value).all():
         raise InvalidInputError(f"{name}: must be finite, not {short(value)}")
     return robots

@@ -44,6 +44,9 @@ class Reading(ABC):
     #: Tried with two robots before a run.
     takes_many = False
 
+    #: Inputs that may be NaN, where there is nothing to see. All others must be finite.
+    inputs_with_gaps: tuple[str, ...] = ()
+
     def __init_subclass__(cls, **options: object) -> None:
         super().__init_subclass__(**options)
         check_calls(cls)

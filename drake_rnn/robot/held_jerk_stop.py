@@ -8,6 +8,7 @@ it accelerates to turns once on the way.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -64,5 +65,13 @@ class HeldJerkStop:
         return np.abs(turned) + np.abs(self.moved(b, k) - turned)
 
     def _course(self, b: Array) -> Course:
-        w = self.v + self.period * b
-        return course(w, b, self.acceleration, self.jerk, self.period)
+        # It is asked for the same few again and again, and each takes as long as all the rest.
+        key = b.tobytes()
+        if key not in self._known:
+            w = self.v + self.period * b
+            self._known[key] = course(w, b, self.acceleration, self.jerk, self.period)
+        return self._known[key]
+
+    @cached_property
+    def _known(self) -> dict[bytes, Course]:
+        return {}

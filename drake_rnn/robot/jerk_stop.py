@@ -23,6 +23,7 @@ All functions take leading axes of robots, in NumPy or in JAX arrays, and work j
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -95,12 +96,12 @@ class Course:
         later = xp.where(self.longest > 0.0, -self.most / self.step, -self.last)
         return self.mirror * xp.where(self.steps > 0.0, self.x - 1.0, later) * self.step
 
-    @property
+    @cached_property
     def samples(self) -> Array:
         """Number of periods until the joint rests, shape (..., n)."""
         return self.steps + self.longest + 1.0 + functions_of(self.last).floor(self.last)
 
-    @property
+    @cached_property
     def turn(self) -> Array:
         """Number of periods after which it turns, zero where it does not, shape (..., n)."""
         xp, x = functions_of(self.x), self.x

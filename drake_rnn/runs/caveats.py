@@ -54,7 +54,7 @@ def limit_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[
 
 def _why(name: str, experiment: Experiment) -> str:
     """Return why a limit is not kept."""
-    if name not in experiment.law.keeps:
+    if name not in experiment.keeps:
         remedy = experiment.law.limits_remedy
         return f"this law does not keep it{remedy and '; ' + remedy}"
     if experiment.level.has_motors:
@@ -65,7 +65,7 @@ def _why(name: str, experiment: Experiment) -> str:
 def distance_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[str]:
     """Return a warning if the arm collided, or came nearer than the law lets its command come."""
     distance = metrics.get("distance_min_m", np.inf)
-    floor = experiment.law.keeps_distance or 0.0
+    floor = experiment.keeps_distance or 0.0
     if distance < 0.0:
         return [f"obstacles: the arm collides, by up to {-distance:.3g} m"]
     if distance < floor - _BEYOND:

@@ -189,7 +189,7 @@ def _add_experiment(builder: DiagramBuilder, experiment: Experiment, law: Law | 
     law = experiment.law if law is None else law
     controller: Controller
     if document.period is not None:
-        controller = SampledController(law, document.period, document.seed)
+        controller = SampledController(law, document.period, document.seed, experiment.safety)
     else:
         controller = ContinuousController(law, document.seed)
     source = _add_path(builder, experiment, controller)

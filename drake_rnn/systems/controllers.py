@@ -24,6 +24,7 @@ from ..laws.checks import (
 )
 from ..laws.law import ContinuousReading, Law, Reading, SampledReading
 from ..laws.layout import Signals
+from ..laws.safety import Safety
 from ..laws.trial import started, try_reading
 from .white_noise import require_seed
 
@@ -222,16 +223,20 @@ class SampledController(Controller):
         law: The law.
         period: Sampling period [s].
         seed: Seed of the law's random initial state.
+        safety: What is kept of the law's command; None to take it as it is.
 
     Raises:
-        InvalidInputError: If the law cannot be sampled at this period.
+        InvalidInputError: If the law cannot be sampled at this period, or nothing can be kept of
+            its command.
         SimulationError: During a simulation, if the state is no longer finite.
     """
 
     reading: SampledReading
     period: float
 
-    def __init__(self, law: Law, period: float, seed: int = 0) -> None:
+    def __init__(
+        self, law: Law, period: float, seed: int = 0, safety: Safety | None = None
+    ) -> None:
         require_type("law", law, Law)
         if not isinstance(period, Real) or not (period > 0 and isfinite(period)):
             raise InvalidInputError(f"period: must be a positive time [s], not {short(period)}")
@@ -242,6 +247,8 @@ class SampledController(Controller):
                 f"{reading.integration_scheme!r}; "
                 + nearest(reading.integration_scheme, GetIntegrationSchemes())
             )
+        if safety is not None:
+            reading = safety.around(reading, period)
         super().__init__(law, reading, seed)
         self.period = period
         self._step: Any = unchecked(reading.step)

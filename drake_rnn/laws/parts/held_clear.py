@@ -28,6 +28,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...errors import InvalidInputError
 from ...inputs.fields import Array, Gain, Length, validated
 from ...robot.clearance import Clearance
 from ...robot.held_jerk_stop import HeldJerkStop
@@ -40,6 +41,8 @@ from .rows_program import Rows, within_rows
 _PARTS = np.array([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0])
 # Postures of a stop that are looked at first, and how often intervals between them are halved.
 _POSTURES, _HALVINGS = 6, 12
+# More intervals than this that may not be free are not looked into: that would take too long.
+_UNSURE = 40
 # Shares of the way from the stop's first velocity to one that is not free that are tried.
 _SHARES = (0.5, 0.25)
 # Slope of a row that no joint changes [m].
@@ -65,6 +68,23 @@ class Avoidance:
             raise ValueError(
                 f"distance: must be greater than floor, {self.floor:g} m, not {self.distance:g}"
             )
+
+
+def require_free(clearance: Clearance, avoidance: Avoidance, q: Array) -> None:
+    """Raise an InvalidInputError if an arm starts nearer to something than it may come.
+
+    Args:
+        clearance: The pairs that are to stay apart.
+        avoidance: How near they may come.
+        q: Posture at the start, shape (n,) [rad].
+    """
+    gaps, floor = clearance.gaps(q), avoidance.floor
+    if gaps.min(initial=np.inf) < floor:
+        one, other = clearance.names[int(gaps.argmin())]
+        raise InvalidInputError(
+            f"clearance: at the start {one} and {other} are {gaps.min():.3g} m apart, where "
+            f"{floor:g} m are kept, avoidance.floor; clear the way or start elsewhere"
+        )
 
 
 class Known(NamedTuple):
@@ -172,16 +192,8 @@ class WithinClear:
         floor, reaches = self.avoidance.floor, self.clearance.reaches
         if (self._left(q, known, stop.way(u)) >= floor).all():
             return True
-        if known.stop is not None:
-            # Its postures are near those of the full stop.
-            k, path, gaps = known.stop
-            # To the end of this stop, which may take a sample more.
-            k = np.append(k[:-1], max(k[-1], stop.samples(u)))
-            passed = q + stop.moved(u, k)
-            least = gaps - np.abs(passed - path) @ reaches.T
-            between = np.diff(stop.travelled(u, k), axis=0) @ reaches.T
-            if (least[1:] + least[:-1] - between >= 2.0 * floor).all():
-                return True
+        if known.stop is not None and self._is_free_beside(q, u, known.stop, stop):
+            return True
         k = np.linspace(0.0, stop.samples(u), _POSTURES)
         gaps = self.clearance.gaps(q + stop.moved(u, k))
         # Where it is now it was certified to be free.
@@ -194,6 +206,8 @@ class WithinClear:
             unsure = (0.5 * (d_begin + d_end - way @ reaches.T) < floor).any(axis=1)
             if not unsure.any():
                 return True
+            if unsure.sum() > _UNSURE:
+                return False
             begin, end = begin[unsure], end[unsure]
             middle = 0.5 * (begin + end)
             d_middle = self.clearance.gaps(q + stop.moved(u, middle))
@@ -203,3 +217,15 @@ class WithinClear:
             d_end = np.concatenate((d_middle, d_end[unsure]))
             begin, end = np.concatenate((begin, middle)), np.concatenate((middle, end))
         return False
+
+    def _is_free_beside(
+        self, q: Array, u: Array, seen: tuple[Array, Array, Array], stop: HeldStop | HeldJerkStop
+    ) -> bool:
+        """Return whether that is so by what was seen along the full stop, which passes near."""
+        k, path, gaps = seen
+        reaches = self.clearance.reaches
+        # To the end of this stop, which may take a sample more.
+        k = np.append(k[:-1], max(k[-1], stop.samples(u)))
+        least = gaps - np.abs(q + stop.moved(u, k) - path) @ reaches.T
+        between = np.diff(stop.travelled(u, k), axis=0) @ reaches.T
+        return bool((least[1:] + least[:-1] - between >= 2.0 * self.avoidance.floor).all())

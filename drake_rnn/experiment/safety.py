@@ -1,0 +1,73 @@
+"""What is kept of the command of any law, as a document says."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from ..errors import InvalidInputError
+from ..inputs.fields import Array, validated
+from ..laws import Avoidance, Law, Safety
+from ..laws.checks import sampled_reading
+from ..robot.clearance import Clearance
+from ..robot.limits import JointLimits
+
+
+@validated
+class SafetySettings:
+    """What is kept of the command, whatever the law is.
+
+    Args:
+        bounds: Whether the limits of the joints are kept: of position and velocity, and those of
+            acceleration and jerk that are given.
+        collisions: Whether the arm is kept clear of itself and of ``obstacles``.
+        avoidance: How near it may come.
+    """
+
+    bounds: bool = True
+    collisions: bool = False
+    avoidance: Avoidance = Field(default_factory=Avoidance)
+
+    def __post_init__(self) -> None:
+        if not self.bounds:
+            raise ValueError(
+                "bounds: must be true; a stop that is certified keeps them. Leave safety out to "
+                "keep nothing"
+            )
+
+
+def kept_by(law: Law, safety: Safety | None) -> tuple[str, ...]:
+    """Return the names of the limits that a law's command keeps, or what safety makes of it."""
+    more = () if safety is None else safety.keeps
+    return (*law.keeps, *(name for name in more if name not in law.keeps))
+
+
+def make_safety(
+    settings: SafetySettings | None,
+    law: Law,
+    limits: JointLimits,
+    period: float | None,
+    start: Array,
+    clearance: Clearance | None,
+) -> Safety | None:
+    """Return what is kept of a law's command; None if the law's own is taken as it is.
+
+    Args:
+        settings: What the document says.
+        law: The law.
+        limits: Limits of the joints in the experiment.
+        period: Sampling period [s]; None for a law that an integrator runs.
+        start: Start posture, shape (n,) [rad].
+        clearance: What the arm is to stay clear of, if that is looked at.
+
+    Raises:
+        InvalidInputError: If nothing can be kept of such a command, or the arm starts too near to
+            something.
+    """
+    if settings is None:
+        return None
+    if period is None:
+        raise InvalidInputError("safety: needs a sampled law; give a period, not an integrator")
+    safety = Safety(limits, clearance if settings.collisions else None, settings.avoidance)
+    safety.check_start(start)
+    safety.around(sampled_reading(law, period), period)
+    return safety

@@ -1,0 +1,82 @@
+"""A guard between a source of joint targets and a robot, as a plain object without a diagram."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import InvalidInputError
+from ..inputs.complaints import short
+from ..inputs.fields import Array
+from .joint_stream import JointStream
+from .law import SampledReading
+
+
+class Guard:
+    """Turns joint targets, whenever they come, into commands within every bound.
+
+    It runs a `JointStream` outside of any diagram, for a loop of one's own. As a system of a
+    diagram the same law runs in a `SampledController`, with the input port ``target``.
+
+    Args:
+        law: What is kept, and how targets are followed.
+        period: Time between two calls of `command` [s].
+        start: Posture that the robot rests in, shape (n,) [rad]; by default the law's ``home``.
+
+    Raises:
+        InvalidInputError: If the law cannot be sampled at this period, or the robot starts beyond
+            its limits or too near to something.
+    """
+
+    def __init__(self, law: JointStream, period: float, start: Array | None = None) -> None:
+        q = law.home if start is None else np.asarray(start, dtype=float)
+        if q.shape != law.home.shape or not np.isfinite(q).all():
+            raise InvalidInputError(
+                f"start: must be {law.home.size} finite numbers, one per joint, not {short(q)}"
+            )
+        if law.limits.violation(q).any():
+            raise InvalidInputError(f"start: {law.limits.complaint(q)}")
+        law.safety.check_start(q)
+        self.law = law
+        self.period = float(period)
+        self._reading: SampledReading = law.sampled(self.period)
+        self._none = np.full(q.size, np.nan)
+        signals = {"position": q, "target": self._none}
+        self._x = self._reading.initial_state(np.random.default_rng(0), signals)
+        self._t, self._q = 0.0, q
+
+    def command(self, target: Array | None = None) -> Array:
+        """Return the positions to command for the next period, shape (n,) [rad].
+
+        They are reached at its end, at the constant `velocity`.
+
+        Args:
+            target: A target that has come since the last call, shape (n,) [rad]; None, or with
+                NaN or infinite entries, if there is none to follow.
+
+        Raises:
+            InvalidInputError: If the target has another shape.
+        """
+        wanted = self._none if target is None else np.asarray(target, dtype=float)
+        if wanted.shape != self._none.shape:
+            raise InvalidInputError(
+                f"target: must have {self._none.size} entries, one per joint, not {short(wanted)}"
+            )
+        wanted = wanted if np.isfinite(wanted).all() else self._none
+        signals = {"position": self._q, "target": wanted}
+        self._x = self._reading.step(self._t, self._x, signals, self.period)
+        self._t += self.period
+        return self.position
+
+    def part(self, name: str) -> Array:
+        """Return a part of the law's state, such as ``missed`` or ``held_back``."""
+        return np.array(self._reading.state.part(self._x, name))
+
+    @property
+    def position(self) -> Array:
+        """Positions commanded last, shape (n,) [rad]."""
+        return self.part("commanded")
+
+    @property
+    def velocity(self) -> Array:
+        """Velocities commanded last, shape (n,) [rad/s]."""
+        return self.part("v")

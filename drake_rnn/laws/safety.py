@@ -1,0 +1,182 @@
+r"""A reading around a law's own: the velocity that it wants becomes one that is safe.
+
+At each sample the law is asked, and of the velocities that keep every bound and are certified to
+be free, see `drake_rnn.laws.parts.held_within` and `drake_rnn.laws.parts.held_clear`, the nearest
+to the one it wants is commanded: nearest in what the end effector does, if the law sees J, and then
+in what the joints do, so that joints make way where the task allows it. That is written back into
+the law's state, so that nothing winds up in its velocity; what else it keeps, such as derivatives,
+multipliers or a learned Jacobian, stays its own. A velocity that is safe already stays as it is, to
+the last bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..errors import InvalidInputError
+from ..inputs.fields import Array
+from ..robot.clearance import Clearance
+from ..robot.limits import JointLimits
+from .called import unchecked
+from .law import SampledReading
+from .layout import Layout, Signals
+from .parts.held_clear import Avoidance, WithinClear, require_free
+from .parts.held_within import Kept, Program, WithinAcceleration, WithinJerk, within_limits
+from .parts.reached_limits import reached_limits
+
+# Price of a change of the task's velocity against one of the joints' [m^2].
+_SOFTNESS = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Safety:
+    """What is kept of a velocity, whoever wants it.
+
+    Attributes:
+        limits: Limits of the joints: those of position and velocity, and those of acceleration and
+            jerk if there are any.
+        clearance: What the arm is to stay clear of; None for nothing.
+        avoidance: How near it may come.
+    """
+
+    limits: JointLimits
+    clearance: Clearance | None = None
+    avoidance: Avoidance = Avoidance()  # noqa: RUF009  it never changes
+
+    @property
+    def keeps(self) -> tuple[str, ...]:
+        """See `Law.keeps`."""
+        higher = ("acceleration", "jerk")
+        return ("position", "velocity", *(n for n in higher if self.limits.bounds[n] is not None))
+
+    @property
+    def keeps_distance(self) -> float | None:
+        """See `Law.keeps_distance`."""
+        return None if self.clearance is None else self.avoidance.floor
+
+    def check_start(self, q: Array) -> None:
+        """Raise an InvalidInputError if a posture, shape (n,), is nearer to something than kept."""
+        if self.clearance is not None:
+            require_free(self.clearance, self.avoidance, q)
+
+    def within(self, period: float) -> WithinAcceleration | WithinJerk | WithinClear:
+        """Return what chooses a velocity that is safe.
+
+        Args:
+            period: Time for which it is held [s].
+        """
+        found = within_limits(reached_limits(self.limits, period), 1.0)
+        return (
+            found if self.clearance is None else WithinClear(found, self.clearance, self.avoidance)
+        )
+
+    def around(self, reading: SampledReading, period: float) -> SafeReading:
+        """Return a reading that commands what is safe of what another one wants.
+
+        Args:
+            reading: The other one.
+            period: Its period [s].
+
+        Raises:
+            InvalidInputError: If its command varies between samples, or it has other joints.
+        """
+        if not reading.holds_command:
+            raise InvalidInputError(
+                f"safety: {type(reading).__name__} varies its command between samples; what can be "
+                "certified are velocities that are held"
+            )
+        (n,) = reading.state.parts["v"][1]
+        if n != self.limits.size:
+            raise InvalidInputError(
+                f"safety: has limits of {self.limits.size} joints; the law moves {n}"
+            )
+        return SafeReading(reading, self.within(period))
+
+
+def nearest(v: Array, J: Array | None = None) -> Program:
+    """Return the program that wants a velocity.
+
+    Args:
+        v: The velocity, shape (n,) [rad/s].
+        J: Jacobian of a task that counts more than the joints, shape (m, n); None for none.
+    """
+    J = np.zeros((0, v.size)) if J is None else J
+    b = J.dot(v)
+    return Program(J, b, b, v, _SOFTNESS * np.eye(len(b)))
+
+
+@dataclass(frozen=True, eq=False)
+class SafeReading(SampledReading):
+    """A reading around another one.
+
+    Its state holds that of the other one and, each with the prefix ``safe_``, the positions that
+    it has commanded; by how much it last changed a velocity; and what its choice is made with.
+
+    Attributes:
+        wanting: The reading that wants a velocity.
+        within: What chooses the one that is safe.
+    """
+
+    wanting: SampledReading
+    within: WithinAcceleration | WithinJerk | WithinClear
+
+    @cached_property
+    def state(self) -> Layout:
+        shape = self.wanting.state.parts["v"][1]
+        own = {"commanded": shape, "wanted": shape, **self.within.shapes}
+        theirs = {name: shape for name, (_, shape) in self.wanting.state.parts.items()}
+        return Layout(**theirs, **{f"safe_{name}": shape for name, shape in own.items()})
+
+    @cached_property
+    def inputs(self) -> Layout:
+        known = {name: shape for name, (_, shape) in self.wanting.inputs.parts.items()}
+        return Layout(**{"position": self.wanting.state.parts["v"][1], **known})
+
+    @property
+    def observables(self) -> Layout:
+        return self.wanting.observables
+
+    def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
+        x, q = self.wanting.initial_state(rng, u), u["position"]
+        own = {"commanded": q, "wanted": self.wanting.state.part(x, "v"), **self.within.start(q)}
+        # An arm at rest is what a stop is certified for.
+        return self._joined(self.wanting.state.replaced(x, v=np.zeros(q.size)), own)
+
+    def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
+        kept, at = self._own(x), self._v
+        wanted = self._step(t, self._theirs(x), u, period)
+        q, program = kept["commanded"], nearest(wanted[at], u.get("J"))
+        safe, held = self.within.chosen(program, q, x[at], kept, period)
+        own = {"commanded": q + period * safe, "wanted": wanted[at], **held}
+        return self._joined(self.wanting.state.replaced(wanted, v=safe), own)
+
+    def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
+        return self.wanting.diagnostics(t, self._theirs(x), u)
+
+    def _theirs(self, x: Array) -> Array:
+        theirs = x[..., : self.wanting.state.size]
+        return self.wanting.state.replaced(theirs, v=x[..., self._places["wanted"]])
+
+    def caveats(self, metrics: Mapping[str, float]) -> list[str]:
+        return self.wanting.caveats(metrics)
+
+    @cached_property
+    def _step(self) -> Any:
+        return unchecked(self.wanting.step)
+
+    @cached_property
+    def _places(self) -> dict[str, slice]:
+        """Where its own parts of the state are; all of them are vectors."""
+        parts = list(self.state.parts.items())[len(self.wanting.state.parts) :]
+        return {name.removeprefix("safe_"): at for name, (at, _) in parts}
+
+    def _own(self, x: Array) -> Kept:
+        return {name: x[at] for name, at in self._places.items()}
+
+    def _joined(self, theirs: Array, own: Kept) -> Array:
+        return np.concatenate((theirs, *(own[name] for name in self._places)))

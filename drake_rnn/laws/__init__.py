@@ -2,7 +2,9 @@
 
 from ..inputs.kinds import Kinds
 from .adaptive import Adaptive
+from .guard import Guard
 from .joint_drift_free import JointDriftFree
+from .joint_stream import JointStream
 from .law import (
     Circumstances,
     ContinuousLaw,
@@ -49,8 +51,10 @@ __all__ = [
     "Circumstances",
     "ContinuousLaw",
     "ContinuousReading",
+    "Guard",
     "JointDriftFree",
     "JointPreview",
+    "JointStream",
     "Law",
     "Layout",
     "MotionForce",

@@ -1,14 +1,10 @@
-r"""Joint targets of any source, followed within every bound and without collisions.
+"""Joint targets of any source, followed within every bound and without collisions.
 
 Targets come when they come: ten or fifty times a second, with gaps, jumps, or numbers that are
-none. At each sample, joint by joint, the law wants
-
-.. math::
-    v = s(q_t - q), \qquad
-    s(e) = \operatorname{sign}(e) \min(|e| / \tau, \kappa |e|, \sqrt{2 a |e|}),
-
-with tau the time in which the newest target q_t is to be reached, counted down from ``interval``
-when it came; kappa and a are what a joint can brake with. Of the velocities that are safe, see
+none. At each sample each joint wants the largest velocity from which, within all of its bounds, it
+can still stop at the newest target: the target counts as a position limit. That is the fastest way
+there, and no way beyond it. With an ``interval`` it wants to arrive by the end of it, and no
+sooner, which is smoother where targets come regularly. Of the velocities that are safe, see
 `drake_rnn.laws.safety`, the nearest is commanded. A target that is not a number is not looked at;
 after ``timeout`` without one the joints come to rest within their bounds.
 """
@@ -21,6 +17,7 @@ from functools import cached_property
 import numpy as np
 from pydantic import Field
 
+from ..inputs.dataclass_fields import unchecked
 from ..inputs.fields import Array, NonNegative, Positive, Vector, validated
 from ..robot.clearance import Clearance
 from ..robot.limits import JointLimits
@@ -30,9 +27,6 @@ from .parts.held_clear import Avoidance, WithinClear
 from .parts.held_within import Kept, WithinAcceleration, WithinJerk
 from .parts.reached_limits import reached_limits
 from .safety import Safety, nearest
-
-# Shares of acceleration and jerk that are planned with; the rest is for what is not foreseen.
-_BRAKING, _JERK = 0.9, 0.5
 
 
 @validated
@@ -97,8 +91,8 @@ class JointStreamReading(SampledReading):
     """The law at a period.
 
     The state holds v; the positions ``commanded``; the ``goal``, the last target; the times
-    ``left`` to reach it and ``since`` a target was there [s]; how many samples had none, ``missed``;
-    and what the choice of a velocity is made with.
+    ``left`` to reach it and ``since`` a target was there [s]; ``missed``, how many samples had
+    none; and what the choice of a velocity is made with.
 
     Attributes:
         law: The law.
@@ -145,33 +139,38 @@ class JointStreamReading(SampledReading):
             since = np.zeros(1)
         else:
             missed = missed + 1.0
+        inside = np.clip(goal, self._limits.position_lower, self._limits.position_upper)
         # Times that are sums of periods are compared half a period off.
         ended = since[0] > self.law.timeout + 0.5 * period
-        wanted = np.zeros_like(q) if ended else self._towards(goal - q, left[0])
+        wanted = np.zeros_like(q) if ended else self._towards(inside, left[0], q, kept)
         v, held = self._within.chosen(nearest(wanted), q, kept["v"], kept, period)
         own = {"v": v, "commanded": q + period * v, "goal": goal, "left": left}
         return self._joined({**own, "since": since, "missed": missed, **held})
 
-    def _towards(self, way: Array, left: float) -> Array:
+    def _towards(self, goal: Array, left: float, q: Array, kept: Kept) -> Array:
         """Return the velocities that are wanted on the way to the goal, shape (n,) [rad/s].
 
+        The fastest that can still be stopped there: the goal counts as a position limit.
+
         Args:
-            way: How far the joints are from it, shape (n,) [rad].
-            left: Time left to reach it [s].
+            goal: Where the joints are to rest, shape (n,) [rad].
+            left: Time left to get there [s].
+            q: Where they are, shape (n,) [rad].
+            kept: The parts of the state.
         """
-        gain, braking = self._pace
-        size = np.abs(way)
-        speed = np.minimum(
-            size * np.minimum(1.0 / max(left, self.period), gain), braking * size**0.5
-        )
-        return np.asarray(np.copysign(np.minimum(speed, self.law.limits.velocity), way))
+        limits, h, v = self._limits, self.period, kept["v"]
+        back = goal < q
+        lower = np.where(back, goal, limits.position_lower)
+        upper = np.where(back, limits.position_upper, goal)
+        ended = unchecked(limits, position_lower=lower, position_upper=upper)
+        if limits.jerk is None:
+            down, up = ended.held_velocity_box(q, v, h)
+        else:
+            down, up = (v + h * a for a in ended.held_acceleration_box(q, v, kept["a"], h))
+        fastest = np.where(back, down, up)
+        most = np.abs(goal - q) / max(left, h)
+        return np.clip(fastest, -most, most) if left > 0.0 else fastest
 
     @cached_property
-    def _pace(self) -> tuple[Array, Array]:
-        """Gain of the last of the way [1/s], and the root of twice the deceleration before."""
-        limits = reached_limits(self.law.limits, self.period)
-        most = _BRAKING * limits.require("acceleration", "braking in time")
-        gain = np.full(most.size, 1.0 / self.period)
-        if limits.jerk is not None:
-            gain = np.minimum(gain, _JERK * limits.jerk / (2.0 * most))
-        return gain, np.sqrt(2.0 * most)
+    def _limits(self) -> JointLimits:
+        return reached_limits(self.law.limits, self.period)

@@ -3,8 +3,9 @@
 Targets come when they come: ten or fifty times a second, with gaps, jumps, or numbers that are
 none. At each sample each joint wants the largest velocity from which, within all of its bounds, it
 can still stop at the newest target: the target counts as a position limit. That is the fastest way
-there, and no way beyond it. With an ``interval`` it wants to arrive by the end of it, and no
-sooner, which is smoother where targets come regularly. Of the velocities that are safe, see
+there, and no way beyond it. With an ``interval`` between targets it wants to be at the newest by
+the end of it, and need not be able to stop there: smoother, and sooner, where targets come
+regularly; where one stays out, the arm comes back to the last. Of the velocities that are safe, see
 `drake_rnn.laws.safety`, the nearest is commanded. A target that is not a number is not looked at;
 after ``timeout`` without one the joints come to rest within their bounds.
 """
@@ -39,8 +40,8 @@ class JointStream(Law):
     Args:
         limits: Limits of the joints; acceleration and jerk are bounded if their limits are given.
         home: Posture at the start, shape (n,) [rad].
-        interval: Time in which a new target is to be reached [s], such as that between two; 0 for
-            as soon as the bounds allow.
+        interval: Time between two targets [s], in which a new one is to be reached; 0 where they
+            come irregularly, to reach each as soon as the bounds allow.
         timeout: Time without a target after which the joints come to rest [s].
         clearance: What the arm is to stay clear of; None for nothing.
         avoidance: How near it may come.
@@ -90,9 +91,9 @@ class JointStream(Law):
 class JointStreamReading(SampledReading):
     """The law at a period.
 
-    The state holds v; the positions ``commanded``; the ``goal``, the last target; the times
-    ``left`` to reach it and ``since`` a target was there [s]; ``missed``, how many samples had
-    none; and what the choice of a velocity is made with.
+    The state holds v; the positions ``commanded``; the ``goal``, the last target; the ``pace``
+    at which it is reached in the time ``left``; the time ``since`` a target was there [s];
+    ``missed``, how many samples had none; and what the choice of a velocity is made with.
 
     Attributes:
         law: The law.
@@ -111,7 +112,7 @@ class JointStreamReading(SampledReading):
     @cached_property
     def state(self) -> Layout:
         n = self.law.limits.size
-        own = {"v": (n,), "commanded": (n,), "goal": (n,)}
+        own = {"v": (n,), "commanded": (n,), "goal": (n,), "pace": (n,)}
         times = {"left": (1,), "since": (1,), "missed": (1,)}
         return Layout(**own, **times, **self._within.shapes)
 
@@ -122,7 +123,8 @@ class JointStreamReading(SampledReading):
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
         q, none = u["position"], np.zeros(1)
         times = {"left": none, "since": none, "missed": none}
-        own = {"v": np.zeros(q.size), "commanded": q, "goal": q, **times}
+        none_yet = np.zeros(q.size)
+        own = {"v": none_yet, "commanded": q, "goal": q, "pace": none_yet, **times}
         return self._joined(own | self._within.start(q))
 
     def _joined(self, parts: Kept) -> Array:
@@ -131,30 +133,34 @@ class JointStreamReading(SampledReading):
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
         kept = dict(zip(self.state.parts, self.state.split(x), strict=True))
         q, goal, target = kept["commanded"], kept["goal"], u["target"]
-        left = np.maximum(kept["left"] - period, 0.0)
+        left, pace = np.maximum(kept["left"] - period, 0.0), kept["pace"]
         since, missed = kept["since"] + period, kept["missed"]
         if np.isfinite(target).all():
-            if (target != goal).any():
-                goal, left = target, np.full(1, self.law.interval)
-            since = np.zeros(1)
+            if self.law.interval and (target != goal).any():
+                left = np.full(1, self.law.interval)
+                pace = (target - q) / self.law.interval
+            goal, since = target, np.zeros(1)
         else:
             missed = missed + 1.0
-        inside = np.clip(goal, self._limits.position_lower, self._limits.position_upper)
         # Times that are sums of periods are compared half a period off.
-        ended = since[0] > self.law.timeout + 0.5 * period
-        wanted = np.zeros_like(q) if ended else self._towards(inside, left[0], q, kept)
+        if since[0] > self.law.timeout + 0.5 * period:
+            wanted = np.zeros_like(q)
+        elif left[0] > 0.5 * period:
+            wanted = pace
+        else:
+            inside = np.clip(goal, self._limits.position_lower, self._limits.position_upper)
+            wanted = self._towards(inside, q, kept)
         v, held = self._within.chosen(nearest(wanted), q, kept["v"], kept, period)
-        own = {"v": v, "commanded": q + period * v, "goal": goal, "left": left}
+        own = {"v": v, "commanded": q + period * v, "goal": goal, "left": left, "pace": pace}
         return self._joined({**own, "since": since, "missed": missed, **held})
 
-    def _towards(self, goal: Array, left: float, q: Array, kept: Kept) -> Array:
+    def _towards(self, goal: Array, q: Array, kept: Kept) -> Array:
         """Return the velocities that are wanted on the way to the goal, shape (n,) [rad/s].
 
         The fastest that can still be stopped there: the goal counts as a position limit.
 
         Args:
             goal: Where the joints are to rest, shape (n,) [rad].
-            left: Time left to get there [s].
             q: Where they are, shape (n,) [rad].
             kept: The parts of the state.
         """
@@ -167,9 +173,7 @@ class JointStreamReading(SampledReading):
             down, up = ended.held_velocity_box(q, v, h)
         else:
             down, up = (v + h * a for a in ended.held_acceleration_box(q, v, kept["a"], h))
-        fastest = np.where(back, down, up)
-        most = np.abs(goal - q) / max(left, h)
-        return np.clip(fastest, -most, most) if left > 0.0 else fastest
+        return np.asarray(np.where(back, down, up))
 
     @cached_property
     def _limits(self) -> JointLimits:

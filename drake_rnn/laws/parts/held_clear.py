@@ -123,7 +123,12 @@ class WithinClear:
         return self.within.shapes | own
 
     def start(self, q: Array) -> Kept:
-        """Return its parts of the state in a posture, shape (n,) [rad]."""
+        """Return its parts of the state in a posture, shape (n,) [rad].
+
+        Raises:
+            InvalidInputError: If the arm is nearer to something there than it may come.
+        """
+        require_free(self.clearance, self.avoidance, q)
         own = {"seen": q, "gaps": self.clearance.gaps(q), "held_back": np.zeros(1)}
         return self.within.start(q) | own
 

@@ -240,4 +240,5 @@ class ExperimentDocument:
 
 
 def _given(value: Any) -> dict[str, Any]:
-    return {name: entry for name, entry in fields_of(value).items() if entry is not None}
+    given = {name: entry for name, entry in fields_of(value).items() if entry is not None}
+    return {name: _given(e) if is_dataclass(e) else e for name, e in given.items()}

@@ -36,9 +36,8 @@ def test_with_a_list_that_is_empty_the_arm_keeps_clear_of_itself():
 def test_a_law_that_avoids_nothing_is_measured_and_warned_of():
     experiment = load("slc_nephroid_known", obstacles=[BALL])
     assert experiment.law.keeps_distance is None
-    assert "obstacles: this law does not avoid them; distances are measured alone" in (
-        experiment.warnings
-    )
+    said = "obstacles: this law does not avoid them; distances are measured alone; with "
+    assert f"{said}safety.collisions any law avoids them" in experiment.warnings
     assert "distance_min_m" in simulate(experiment).metrics
 
 
@@ -85,9 +84,8 @@ def test_shipped_scenes_come_to_what_they_expect_and_collide_without_avoidance(n
         ),
         (
             {"obstacles": [{**BALL, "center": [0.3, 0.0, 0.6]}]},
-            r"law.clearance: at the start .* and ball 1 are -?\S+ m apart",
+            r"clearance: at the start .* and ball 1 are -?\S+ m apart",
         ),
-        ({"obstacles": [], "limits.jerk": 20.0}, r"limits.jerk: must be left out with obstacles"),
         (
             {
                 "obstacles": [],
@@ -122,3 +120,72 @@ def test_boxes_turn_as_drake_turns_them():
     (found,) = load(obstacles=[box]).obstacles
     expected = RollPitchYaw([0.3, -0.4, 1.2]).ToRotationMatrix().matrix()
     assert np.allclose(found.R_WO, expected, atol=1e-15)
+
+
+SAFE = {"collisions": True}
+
+
+def test_safety_changes_no_bit_of_a_run_that_is_safe():
+    own, safe = (
+        simulate(load("slc_nephroid_known", **changes))
+        for changes in ({}, {"safety": {"bounds": True}})
+    )
+    assert all(np.array_equal(own.series[name], safe.series[name]) for name in own.series)
+    wanted = safe.series["safe_wanted"]
+    assert np.array_equal(wanted, safe.series["network_velocity"])
+
+
+def test_safety_keeps_what_a_law_does_not():
+    """Without an acceleration of its own the pseudoinverse starts with a jump."""
+    limits = {"velocity": 0.5, "acceleration": 2.0, "jerk": 100.0}
+    law = {"kind": "pseudoinverse"}
+    given = {"arm": "panda", "path": load().document.path, "law": law, "limits": limits}
+    jumps, safe = (
+        load_experiment({**given, "period": 1e-3, "duration": 0.2, **changes})
+        for changes in ({}, {"safety": {}})
+    )
+    assert safe.kept_limits == ("position", "velocity", "acceleration", "jerk")
+    assert simulate(jumps).metrics["acceleration_violation_max_rad_s2"] > 1.0
+    metrics = simulate(safe).metrics
+    for name in ("acceleration_violation_max_rad_s2", "held_jerk_violation_max_rad_s3"):
+        # 1e-9 of the jerk's bound: rounding of velocities, divided by the period twice.
+        assert metrics[name] < 1e-7
+
+
+def test_with_safety_any_law_avoids_and_the_arm_itself_if_nothing_else():
+    experiment = load("slc_nephroid_known", obstacles=[BALL], safety=SAFE)
+    assert experiment.keeps_distance == Avoidance().floor
+    assert not any("does not avoid" in text for text in experiment.warnings)
+    alone = load("slc_nephroid_known", safety=SAFE)
+    assert alone.clearance is not None
+    assert alone.obstacles == ()
+    assert why_not(alone) == "safety: a batch takes commands as they are; simulate has it"
+
+
+@pytest.mark.long
+def test_the_guarded_run_comes_to_what_it_expects_and_collides_without():
+    result = shared_run("slc_nephroid_guarded")
+    for metric, accepted in result.experiment.document.accept.items():
+        assert accepted.holds(result.metrics[metric]), metric
+    blind = simulate(load_experiment("slc_nephroid_guarded", {"safety": None, "accept": None}))
+    assert blind.metrics["distance_min_m"] < -0.015
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "said"),
+    [
+        ("slc_nephroid_known", {"safety": {"bounds": False}}, "safety.bounds: must be true"),
+        ("slc_nephroid_known", {"safety": {"floor": 1}}, "safety.floor: no such key"),
+        ("slc_nephroid_known_continuous", {"safety": {}}, "safety: needs a sampled law"),
+        ("naljdf_nephroid", {"safety": {}}, "safety: TwoStep varies its command between samples"),
+        ("adaptive_smooth", {"safety": SAFE}, "filter: must be left out with obstacles"),
+        (
+            "slc_nephroid_known",
+            {"safety": {**SAFE, "avoidance": {"floor": 0.5, "distance": 0.6}}},
+            r"clearance: at the start .* apart, where 0.5 m are kept",
+        ),
+    ],
+)
+def test_what_safety_cannot_keep_is_refused(name, changes, said):
+    with pytest.raises(InvalidInputError, match=said):
+        load(name, **changes)

@@ -152,7 +152,6 @@ def run(seed: int, follower: str, collisions: bool) -> dict[str, float]:
         "distance": float(clearance.least_along(q[::5]).min()) if collisions else np.inf,
         "error": float(np.sqrt(((q[1:] - smooth)[moving] ** 2).mean())),
         "delay": _delay(q[1:][moving], smooth[moving]),
-        "moves on": float(np.abs(q[-1] - q[-100]).max()),
         "us": 1e6 * took / len(sent),
     }
 
@@ -192,16 +191,17 @@ def main() -> None:
         "delay [ms]",
         "us",
     )
+    seen = options.collisions == "yes"
     with ProcessPoolExecutor(options.jobs, mp_context=get_context("spawn")) as pool:
         for name in FOLLOWERS:
-            task = partial(run, follower=name, collisions=options.collisions == "yes")
+            task = partial(run, follower=name, collisions=seen)
             found = list(pool.map(task, range(options.streams)))
             of = {key: np.array([each[key] for each in found]) for key in found[0]}
             row(
                 name,
                 len(found),
-                int((of["distance"] < 0.0).sum()),
-                f"{1e3 * of['distance'].min():.2f}",
+                int((of["distance"] < 0.0).sum()) if seen else "-",
+                f"{1e3 * of['distance'].min():.2f}" if seen else "-",
                 *(f"{of[key].max():.0e}" for key in ("velocity", "acceleration", "jerk")),
                 f"{1e3 * np.median(of['error']):.1f}",
                 f"{1e3 * np.median(of['delay']):.0f}",

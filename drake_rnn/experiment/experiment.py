@@ -104,7 +104,7 @@ class Experiment:
 
     @property
     def keeps(self) -> tuple[str, ...]:
-        """Names of the limits that the command keeps: see `Law.keeps`."""
+        """Names of the limits that the command keeps, as `Law.keeps` has them."""
         return kept_by(self.law, self.safety)
 
     @property

@@ -37,8 +37,8 @@ class SafetySettings:
 
 def kept_by(law: Law, safety: Safety | None) -> tuple[str, ...]:
     """Return the names of the limits that a law's command keeps, or what safety makes of it."""
-    more = () if safety is None else safety.keeps
-    return (*law.keeps, *(name for name in more if name not in law.keeps))
+    # What safety changes keeps no higher limit that the law's own command kept.
+    return law.keeps if safety is None else safety.keeps
 
 
 def make_safety(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import InvalidInputError
-from ..inputs.complaints import short
+from ..inputs.complaints import require_type, short
 from ..inputs.fields import Array
 from .joint_stream import JointStream
 from .law import SampledReading
@@ -28,17 +28,16 @@ class Guard:
     """
 
     def __init__(self, law: JointStream, period: float, start: Array | None = None) -> None:
-        q = law.home if start is None else np.asarray(start, dtype=float)
-        if q.shape != law.home.shape or not np.isfinite(q).all():
-            raise InvalidInputError(
-                f"start: must be {law.home.size} finite numbers, one per joint, not {short(q)}"
-            )
+        require_type("law", law, JointStream)
+        self._reading: SampledReading = law.sampled(period)
+        q = law.home if start is None else _numbers("start", start, law.home.size)
+        if not np.isfinite(q).all():
+            raise InvalidInputError(f"start: must be finite, not {short(q)}")
         if law.limits.violation(q).any():
             raise InvalidInputError(f"start: {law.limits.complaint(q)}")
         law.safety.check_start(q)
         self.law = law
         self.period = float(period)
-        self._reading: SampledReading = law.sampled(self.period)
         self._none = np.full(q.size, np.nan)
         signals = {"position": q, "target": self._none}
         self._x = self._reading.initial_state(np.random.default_rng(0), signals)
@@ -56,11 +55,7 @@ class Guard:
         Raises:
             InvalidInputError: If the target has another shape.
         """
-        wanted = self._none if target is None else np.asarray(target, dtype=float)
-        if wanted.shape != self._none.shape:
-            raise InvalidInputError(
-                f"target: must have {self._none.size} entries, one per joint, not {short(wanted)}"
-            )
+        wanted = self._none if target is None else _numbers("target", target, self._none.size)
         wanted = wanted if np.isfinite(wanted).all() else self._none
         signals = {"position": self._q, "target": wanted}
         self._x = self._reading.step(self._t, self._x, signals, self.period)
@@ -80,3 +75,16 @@ class Guard:
     def velocity(self) -> Array:
         """Velocities commanded last, shape (n,) [rad/s]."""
         return self.part("v")
+
+
+def _numbers(name: str, value: object, size: int) -> Array:
+    """Return as many numbers as there are joints; NaN is one of them."""
+    try:
+        found = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        found = np.zeros(0)
+    if found.shape != (size,):
+        raise InvalidInputError(
+            f"{name}: must be {size} numbers, one per joint, not {short(value)}"
+        )
+    return found

@@ -5,9 +5,9 @@ none. At each sample each joint wants the largest velocity from which, within al
 can still stop at the newest target: the target counts as a position limit. That is the fastest way
 there, and no way beyond it. With an ``interval`` between targets it wants to be at the newest by
 the end of it, and need not be able to stop there: smoother, and sooner, where targets come
-regularly; where one stays out, the arm comes back to the last. Of the velocities that are safe, see
-`drake_rnn.laws.safety`, the nearest is commanded. A target that is not a number is not looked at;
-after ``timeout`` without one the joints come to rest within their bounds.
+regularly. Of the velocities that are safe, see `drake_rnn.laws.safety`, one near that is commanded.
+A target that is not a number is not looked at; after ``timeout`` without one the joints come to
+rest within their bounds.
 """
 
 from __future__ import annotations
@@ -42,7 +42,8 @@ class JointStream(Law):
         home: Posture at the start, shape (n,) [rad].
         interval: Time between two targets [s], in which a new one is to be reached; 0 where they
             come irregularly, to reach each as soon as the bounds allow.
-        timeout: Time without a target after which the joints come to rest [s].
+        timeout: Time without a target after which the joints come to rest, wherever they are [s];
+            a source repeats a target until it is reached.
         clearance: What the arm is to stay clear of; None for nothing.
         avoidance: How near it may come.
     """
@@ -56,6 +57,10 @@ class JointStream(Law):
 
     def __post_init__(self) -> None:
         self.limits.require_size("home", self.home)
+        if not self.timeout > self.interval:
+            raise ValueError(
+                f"timeout: must be longer than interval, {self.interval:g} s, not {self.timeout:g}"
+            )
         self.safety.check_start(self.home)
 
     @cached_property
@@ -138,7 +143,9 @@ class JointStreamReading(SampledReading):
         if np.isfinite(target).all():
             if self.law.interval and (target != goal).any():
                 left = np.full(1, self.law.interval)
-                pace = (target - q) / self.law.interval
+                # At most the fastest, which the quotient may be far beyond.
+                most = self.law.limits.velocity * self.law.interval
+                pace = np.clip(target - q, -most, most) / self.law.interval
             goal, since = target, np.zeros(1)
         else:
             missed = missed + 1.0

@@ -1,12 +1,12 @@
 r"""A reading around a law's own: the velocity that it wants becomes one that is safe.
 
-At each sample the law is asked, and of the velocities that keep every bound and are certified to
-be free, see `drake_rnn.laws.parts.held_within` and `drake_rnn.laws.parts.held_clear`, the nearest
-to the one it wants is commanded: nearest in what the end effector does, if the law sees J, and then
-in what the joints do, so that joints make way where the task allows it. That is written back into
-the law's state, so that nothing winds up in its velocity; what else it keeps, such as derivatives,
-multipliers or a learned Jacobian, stays its own. A velocity that is safe already stays as it is, to
-the last bit.
+At each sample the law is asked, and one is commanded of the velocities that keep every bound and
+are certified to be free, see `drake_rnn.laws.parts.held_within` and
+`drake_rnn.laws.parts.held_clear`: near to the one it wants in what the end effector does, if the
+law sees J, and then in what the joints do, so that joints make way where the task allows it. The
+law goes on with the velocity that it wanted: a network into whose state the other is written loses
+its path. Without a bound of the jerk, a velocity that is safe and far from everything stays as it
+is, to the last bit.
 """
 
 from __future__ import annotations
@@ -42,11 +42,21 @@ class Safety:
             jerk if there are any.
         clearance: What the arm is to stay clear of; None for nothing.
         avoidance: How near it may come.
+
+    Raises:
+        InvalidInputError: If limits and clearance are of arms of different numbers of joints.
     """
 
     limits: JointLimits
     clearance: Clearance | None = None
     avoidance: Avoidance = Avoidance()  # noqa: RUF009  it never changes
+
+    def __post_init__(self) -> None:
+        if self.clearance is not None and self.clearance.size != self.limits.size:
+            raise InvalidInputError(
+                f"clearance: is of an arm of {self.clearance.size} joints; the limits are of "
+                f"{self.limits.size}"
+            )
 
     @property
     def keeps(self) -> tuple[str, ...]:
@@ -115,7 +125,7 @@ class SafeReading(SampledReading):
     """A reading around another one.
 
     Its state holds that of the other one and, each with the prefix ``safe_``, the positions that
-    it has commanded; by how much it last changed a velocity; and what its choice is made with.
+    it has commanded; the velocities that the other one wants; and what its choice is made with.
 
     Attributes:
         wanting: The reading that wants a velocity.
@@ -124,6 +134,11 @@ class SafeReading(SampledReading):
 
     wanting: SampledReading
     within: WithinAcceleration | WithinJerk | WithinClear
+
+    @property
+    def inputs_with_gaps(self) -> tuple[str, ...]:  # type: ignore[override]
+        """See `Reading.inputs_with_gaps`."""
+        return self.wanting.inputs_with_gaps
 
     @cached_property
     def state(self) -> Layout:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import isfinite
 from numbers import Real
+from types import NoneType
 from typing import Any
 
 import numpy as np
@@ -247,6 +248,7 @@ class SampledController(Controller):
                 f"{reading.integration_scheme!r}; "
                 + nearest(reading.integration_scheme, GetIntegrationSchemes())
             )
+        require_type("safety", safety, Safety, NoneType)
         if safety is not None:
             reading = safety.around(reading, period)
         super().__init__(law, reading, seed)

@@ -87,6 +87,16 @@ def test_a_stream_that_ends_is_a_stop_within_its_bounds(limits):
     assert ended.guard.part("missed").item() == 1000.0
 
 
+@BOTH
+def test_a_target_out_of_this_world_breaks_nothing(limits):
+    """The largest number that there is, as some sources mean none by it."""
+    far = np.full(N, np.finfo(float).max)
+    law = JointStream(limits=limits, home=HOME, interval=0.05)
+    motion = Followed(law, [far] * 100 + [HOME] * 200)
+    assert np.isfinite(motion.q).all()
+    assert max(excess(motion, limits).values()) < HELD
+
+
 def test_what_is_not_a_number_is_not_followed():
     none = np.full(N, np.nan)
     motion = Followed(JointStream(limits=LIMITS, home=HOME), [none] * 300)
@@ -135,13 +145,19 @@ def test_in_a_diagram_it_commands_what_the_guard_does():
 
 def test_bad_input_is_refused():
     law = JointStream(limits=LIMITS, home=HOME)
-    with pytest.raises(InvalidInputError, match="target: must have 7 entries, one per joint"):
+    with pytest.raises(InvalidInputError, match="target: must be 7 numbers, one per joint"):
         Guard(law, PERIOD).command(np.zeros(3))
-    with pytest.raises(InvalidInputError, match="start: must be 7 finite numbers"):
+    with pytest.raises(InvalidInputError, match="target: must be 7 numbers, one per joint"):
+        Guard(law, PERIOD).command("home")
+    with pytest.raises(InvalidInputError, match="start: must be finite"):
         Guard(law, PERIOD, np.full(N, np.nan))
     with pytest.raises(InvalidInputError, match=r"start: joint 1 is at 9 rad; it may be"):
         Guard(law, PERIOD, HOME + 9.0 * np.eye(N)[0])
     with pytest.raises(InvalidInputError, match="period: must be a positive time"):
         Guard(law, 0.0)
+    with pytest.raises(InvalidInputError, match=r"timeout: must be longer than interval, 0.5 s"):
+        JointStream(limits=LIMITS, home=HOME, interval=0.5)
+    with pytest.raises(InvalidInputError, match="law: must be of class JointStream"):
+        Guard(None, PERIOD)
     with pytest.raises(InvalidInputError, match="home: must have 7 entries"):
         JointStream(limits=LIMITS, home=np.zeros(3))

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 from adaptive_helpers import HOME, LIMITS, PANDA, N, excess, moved
 
-from drake_rnn import Avoidance, InvalidInputError, Layout, Safety, SampledLaw, load_arm
+from drake_rnn import (
+    Avoidance,
+    InvalidInputError,
+    Layout,
+    Safety,
+    SampledController,
+    SampledLaw,
+    load_arm,
+)
 from drake_rnn.laws.safety import nearest
 from drake_rnn.robot.clearance.arm_clearance import arm_clearance
 from drake_rnn.robot.clearance.obstacles import make_obstacles
@@ -117,6 +125,10 @@ def test_what_cannot_be_kept_is_refused():
         Safety(LIMITS).around(Ramp(), 1e-3)
     with pytest.raises(InvalidInputError, match=r"at the start tool and ball 1 are .* apart"):
         moved(Safely(Wild(), Safety(LIMITS, clearance_of(PANDA.p_WE(HOME)))), still, 0.1)
+    with pytest.raises(InvalidInputError, match="clearance: is of an arm of 7 joints; the limits"):
+        Safety(LIMITS.select([0, 1]), clearance_of())
+    with pytest.raises(InvalidInputError, match="safety: must be of class Safety or None"):
+        SampledController(Wild(), 1e-3, safety=True)
     assert Safety(LIMITS).keeps_distance is None
     assert Safety(WITH_JERK).keeps == ("position", "velocity", "acceleration", "jerk")
 

@@ -1,4 +1,4 @@
-r"""Choosing the velocity of the next sample without collisions, within bounds to the acceleration.
+r"""Choosing the velocity of the next sample without collisions, within bounds to the jerk.
 
 The law may always brake as hard as it can, and what it certifies is that this stop is free. With
 w_0 the first velocity of the full stop from v, that stop passes postures q_k. At four of them, each
@@ -202,13 +202,14 @@ class WithinClear:
         k = np.linspace(0.0, stop.samples(u), _POSTURES)
         gaps = self.clearance.gaps(q + stop.moved(u, k))
         # Where it is now it was certified to be free.
-        if (gaps[1:] < floor).any():
+        # A number that is none is not free.
+        if not (gaps[1:] >= floor).all():
             return False
         # Intervals of the stop: when they begin and end, and how far pairs are apart there.
         begin, end, d_begin, d_end = k[:-1], k[1:], gaps[:-1], gaps[1:]
         for _ in range(_HALVINGS):
             way = stop.travelled(u, end) - stop.travelled(u, begin)
-            unsure = (0.5 * (d_begin + d_end - way @ reaches.T) < floor).any(axis=1)
+            unsure = ~(0.5 * (d_begin + d_end - way @ reaches.T) >= floor).all(axis=1)
             if not unsure.any():
                 return True
             if unsure.sum() > _UNSURE:
@@ -216,7 +217,7 @@ class WithinClear:
             begin, end = begin[unsure], end[unsure]
             middle = 0.5 * (begin + end)
             d_middle = self.clearance.gaps(q + stop.moved(u, middle))
-            if (d_middle < floor).any():
+            if not (d_middle >= floor).all():
                 return False
             d_begin = np.concatenate((d_begin[unsure], d_middle))
             d_end = np.concatenate((d_middle, d_end[unsure]))

@@ -81,7 +81,7 @@ class Clearance:
 
     @property
     def count(self) -> int:
-        """Number of pairs: the arm's own, then those with obstacles."""
+        """Number of pairs; the arm's own come first, then those with obstacles."""
         return len(self._first)
 
     @property

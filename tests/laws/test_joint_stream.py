@@ -40,7 +40,7 @@ def wild(seed, count):
 
 
 @BOTH
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.long) for k in (1, 2))])
 def test_whatever_comes_every_bound_is_held(seed, limits):
     motion = Followed(JointStream(limits=limits, home=HOME), wild(seed, 1500))
     assert max(excess(motion, limits).values()) < HELD
@@ -60,7 +60,7 @@ def test_whatever_comes_nothing_is_touched(limits):
     assert clearance.least_along(blind.q).min() < 0.0
 
 
-@BOTH
+@pytest.mark.parametrize("limits", [LIMITS, pytest.param(WITH_JERK, marks=pytest.mark.long)])
 def test_it_goes_to_a_target_as_fast_as_its_bounds_let_it_and_not_beyond(limits):
     """0.3 rad take 0.3 / V + V / A, and with the jerk A / J more, to within some samples."""
     goal = HOME + 0.3 * np.eye(N)[0]

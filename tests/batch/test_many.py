@@ -41,6 +41,7 @@ def varied(name, count, duration, tool=False):
     return made
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", GAINS)
 def test_a_run_has_the_same_bits_alone_and_in_any_company(name):
     experiments = varied(name, 37, 0.08)

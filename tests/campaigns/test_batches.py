@@ -49,6 +49,7 @@ def rows(folder):
         return list(csv.DictReader(stream))
 
 
+@pytest.mark.long
 def test_a_batch_gives_the_same_table_to_the_last_bit_however_it_is_cut(tmp_path):
     tables = []
     for batch in (None, 1, 3):
@@ -80,6 +81,7 @@ def test_rows_of_one_method_are_not_taken_for_those_of_another(tmp_path):
     assert run_campaign({**KNOWN, "samples": 1, "method": "batch"}, tmp_path, jobs=0).kept == 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("batch", [None, 2])
 def test_what_is_refused_and_what_fails_is_a_row_as_in_a_simulation(tmp_path, batch):
     run_campaign(MIXED, tmp_path / "auto", jobs=0, batch=batch)

@@ -120,6 +120,7 @@ def test_a_worse_row_is_repeated_by_its_command(undisturbed):
     assert strongest(errors) == "law.damping"
 
 
+@pytest.mark.long
 def test_a_run_that_fails_or_is_refused_is_a_row(tmp_path):
     vary = {"law.fate": ["live", "fail"], "path.by": [[0.1, 0.2, 0.1], [3.0, 0.0, 0.0]]}
     changes = {"duration": 4.5, "law.kind": "fatal_law:Fatal"}
@@ -179,6 +180,7 @@ def call(*arguments):
     return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
+@pytest.mark.long
 def test_the_command_writes_table_and_summary(file, tmp_path):
     result = call("campaign", file, "--out", tmp_path, "--samples", 2)
     assert result.exit_code == 0, result.stderr

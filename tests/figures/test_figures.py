@@ -46,6 +46,7 @@ def learned():
     return simulate(load_experiment("slc_nephroid", changes))
 
 
+@pytest.mark.long
 def test_every_figure_is_written_as_a_small_png(learned, tmp_path):
     files = write_figures(learned, tmp_path / "new" / "figures")
     assert [file.stem for file in files] == drawable(learned)

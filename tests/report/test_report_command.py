@@ -30,6 +30,7 @@ def folders(tiny, tmp_path):
     return given
 
 
+@pytest.mark.long
 def test_it_prints_how_many_hold_and_where_the_pages_are(folders, tmp_path):
     result = call("report", *folders(), "--jobs", 1, "--no-pictures")
     assert result.exit_code == 0, result.stderr

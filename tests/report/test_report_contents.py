@@ -94,6 +94,7 @@ def test_the_data_hold_every_digit(tiny, report):
     assert (made.folder / run["folder"] / "result.npz").is_file()
 
 
+@pytest.mark.long
 def test_a_second_call_makes_no_run_and_writes_nothing(tiny, report, simulated):
     folder = report(tiny(), pictures=True).folder
     assert sorted(simulated) == ["pinv_line"] * 3

@@ -81,6 +81,7 @@ def test_the_joints_return_after_a_lap(known):
     assert known["joint_drift_max_rad"] <= 1e-5
 
 
+@pytest.mark.long
 def test_without_the_acceleration_bound_it_is_far_exceeded(unbounded, known):
     """RNN (16): the same tracking, a hundred times the acceleration."""
     assert unbounded["joint_acceleration_max_rad_s2"] > 50

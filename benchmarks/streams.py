@@ -145,7 +145,7 @@ def run(seed: int, follower: str, collisions: bool) -> dict[str, float]:
     began = time.process_time()
     q = np.array([home, *(follow(target) for target in sent)])
     took = time.process_time() - began
-    found = dict(_excess(q, limits))
+    found = dict(_excess(q))
     moving = slice(0, round(ENDS / PERIOD))
     return {
         **found,
@@ -156,9 +156,8 @@ def run(seed: int, follower: str, collisions: bool) -> dict[str, float]:
     }
 
 
-def _excess(q: Array, limits: JointLimits) -> Iterator[tuple[str, float]]:
-    """Yield by how much limits are passed, as shares of them; of positions [rad]."""
-    yield "position", float(limits.violation(q).max())
+def _excess(q: Array) -> Iterator[tuple[str, float]]:
+    """Yield by how much limits are passed, as shares of them."""
     v = np.diff(np.vstack((q[:1],) * 3 + (q,)), axis=0) / PERIOD
     for order, (name, most) in enumerate(
         (("velocity", VELOCITY), ("acceleration", ACCELERATION), ("jerk", JERK))

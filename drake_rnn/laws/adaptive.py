@@ -75,8 +75,8 @@ from ..robot.rotation import rotation_error
 from .law import Circumstances, Law, SampledReading
 from .layout import Layout, Signals
 from .parts.approach import approach, gain_within_jerk
-from .parts.held_clear import Avoidance, WithinClear, require_free
-from .parts.held_within import Program, WithinAcceleration, WithinJerk, within_limits
+from .parts.held_clear import Avoidance, Within, require_free, within_safe
+from .parts.held_within import Program, kept_limits
 from .parts.known_jacobian import MiddleJacobian
 from .parts.late import Late
 from .parts.learned_jacobian import LearnedJacobian
@@ -173,8 +173,7 @@ class Adaptive(Law):
     @property
     def keeps(self) -> tuple[str, ...]:
         """See `Law.keeps`; all limits that are known, up to the jerk."""
-        higher = ("acceleration", "jerk")
-        return ("position", "velocity", *(n for n in higher if self.limits.bounds[n] is not None))
+        return kept_limits(self.limits)
 
     @property
     def keeps_distance(self) -> float | None:
@@ -234,14 +233,13 @@ class Adaptive(Law):
                 f"law.measurement.delay, in a document sensing.delay: must be a multiple of the "
                 f"period, {period:g} s, not {self.measurement.delay:g}"
             )
-        limits = reached_limits(self.limits, period)
         law = replace(
             self,
             kappa=kappa,
             softness=suits.softness if self.softness is None else self.softness,
             variance=suits.variance if self.variance is None else self.variance,
             wander=suits.wander if self.wander is None else self.wander,
-            limits=limits,
+            limits=reached_limits(self.limits, period),
         )
         return AdaptiveReading(law, suits.samples, suits.still, round(late))
 
@@ -326,10 +324,9 @@ class AdaptiveReading(SampledReading):
         return LearnedJacobian(m, n, self.samples, *trust, law.J_hat_initial)
 
     @cached_property
-    def _within(self) -> WithinAcceleration | WithinJerk | WithinClear:
+    def _within(self) -> Within:
         smoothing = 1.0 if self.law.jacobian == "known" else _SMOOTHED
-        within = within_limits(self.law.limits, smoothing)
-        return within if self.law.avoids is None else WithinClear(within, *self.law.avoids)
+        return within_safe(self.law.limits, smoothing, self.law.avoids)
 
     @cached_property
     def _late(self) -> Late:
@@ -349,13 +346,10 @@ class AdaptiveReading(SampledReading):
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
         start = self._within.start(u["position"])
         start |= {"v": np.zeros(self.law.limits.size), "commanded": u["position"]}
-        return self._joined(start | self._source.start(rng, u) | self._late.start(u))
-
-    def _joined(self, parts: Mapping[str, Array]) -> Array:
-        return self.state.join(*(parts[name] for name in self.state.parts))
+        return self.state.joined(start | self._source.start(rng, u) | self._late.start(u))
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
-        kept = dict(zip(self.state.parts, self.state.split(x), strict=True))
+        kept = self.state.named(x)
         v, q = kept["v"], kept["commanded"]
         J, learned = self._source.advanced(kept, u, period)
         moved, late = self._late.moved(kept, q)
@@ -364,7 +358,7 @@ class AdaptiveReading(SampledReading):
         softness = softened(J, self._softness)
         program = Program(J, along + feedback, along, g, softness)
         v, held = self._within.chosen(program, q, v, kept, period)
-        return self._joined({"v": v, "commanded": q + period * v, **held, **learned, **late})
+        return self.state.joined({"v": v, "commanded": q + period * v, **held, **learned, **late})
 
     def _asked(self, u: Signals, since: Array | None, period: float) -> tuple[Array, Array]:
         """Return the task velocities of the path and of the feedback, shape (..., m).

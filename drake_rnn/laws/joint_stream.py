@@ -24,8 +24,8 @@ from ..robot.clearance import Clearance
 from ..robot.limits import JointLimits
 from .law import Law, SampledReading
 from .layout import Layout, Signals
-from .parts.held_clear import Avoidance, WithinClear
-from .parts.held_within import Kept, WithinAcceleration, WithinJerk
+from .parts.held_clear import Avoidance, Within
+from .parts.held_within import Kept
 from .parts.reached_limits import reached_limits
 from .safety import Safety, nearest
 
@@ -111,7 +111,7 @@ class JointStreamReading(SampledReading):
     inputs_with_gaps = ("target",)
 
     @cached_property
-    def _within(self) -> WithinAcceleration | WithinJerk | WithinClear:
+    def _within(self) -> Within:
         return self.law.safety.within(self.period)
 
     @cached_property
@@ -130,13 +130,10 @@ class JointStreamReading(SampledReading):
         times = {"left": none, "since": none, "missed": none}
         none_yet = np.zeros(q.size)
         own = {"v": none_yet, "commanded": q, "goal": q, "pace": none_yet, **times}
-        return self._joined(own | self._within.start(q))
-
-    def _joined(self, parts: Kept) -> Array:
-        return self.state.join(*(parts[name] for name in self.state.parts))
+        return self.state.joined(own | self._within.start(q))
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
-        kept = dict(zip(self.state.parts, self.state.split(x), strict=True))
+        kept = self.state.named(x)
         q, goal, target = kept["commanded"], kept["goal"], u["target"]
         left, pace = np.maximum(kept["left"] - period, 0.0), kept["pace"]
         since, missed = kept["since"] + period, kept["missed"]
@@ -159,7 +156,7 @@ class JointStreamReading(SampledReading):
             wanted = self._towards(inside, q, kept)
         v, held = self._within.chosen(nearest(wanted), q, kept["v"], kept, period)
         own = {"v": v, "commanded": q + period * v, "goal": goal, "left": left, "pace": pace}
-        return self._joined({**own, "since": since, "missed": missed, **held})
+        return self.state.joined({**own, "since": since, "missed": missed, **held})
 
     def _towards(self, goal: Array, q: Array, kept: Kept) -> Array:
         """Return the velocities that are wanted on the way to the goal, shape (n,) [rad/s].

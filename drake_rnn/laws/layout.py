@@ -52,6 +52,14 @@ class Layout:
         at, shape = self.parts[name]
         return x[..., at].reshape(x.shape[:-1] + shape)
 
+    def named(self, x: Array) -> dict[str, Array]:
+        """Return views of the parts of ``x``, shape (..., size), by name."""
+        return dict(zip(self.parts, self.split(x), strict=True))
+
+    def joined(self, values: Signals) -> Array:
+        """Return the flat vector of parts by name, shape (..., size); see `join`."""
+        return self.join(*(values[name] for name in self.parts))
+
     def replaced(self, x: Array, **values: Array) -> Array:
         """Return a copy of ``x``, shape (..., size), with other values of some parts."""
         places = [(self.parts[name][0], name) for name in values]

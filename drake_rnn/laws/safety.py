@@ -25,8 +25,8 @@ from ..robot.limits import JointLimits
 from .called import unchecked
 from .law import SampledReading
 from .layout import Layout, Signals
-from .parts.held_clear import Avoidance, WithinClear, require_free
-from .parts.held_within import Kept, Program, WithinAcceleration, WithinJerk, within_limits
+from .parts.held_clear import Avoidance, Within, require_free, within_safe
+from .parts.held_within import Program, kept_limits
 from .parts.reached_limits import reached_limits
 
 # Price of a change of the task's velocity against one of the joints' [m^2].
@@ -61,8 +61,7 @@ class Safety:
     @property
     def keeps(self) -> tuple[str, ...]:
         """See `Law.keeps`."""
-        higher = ("acceleration", "jerk")
-        return ("position", "velocity", *(n for n in higher if self.limits.bounds[n] is not None))
+        return kept_limits(self.limits)
 
     @property
     def keeps_distance(self) -> float | None:
@@ -74,16 +73,14 @@ class Safety:
         if self.clearance is not None:
             require_free(self.clearance, self.avoidance, q)
 
-    def within(self, period: float) -> WithinAcceleration | WithinJerk | WithinClear:
+    def within(self, period: float) -> Within:
         """Return what chooses a velocity that is safe.
 
         Args:
             period: Time for which it is held [s].
         """
-        found = within_limits(reached_limits(self.limits, period), 1.0)
-        return (
-            found if self.clearance is None else WithinClear(found, self.clearance, self.avoidance)
-        )
+        avoids = None if self.clearance is None else (self.clearance, self.avoidance)
+        return within_safe(reached_limits(self.limits, period), 1.0, avoids)
 
     def around(self, reading: SampledReading, period: float) -> SafeReading:
         """Return a reading that commands what is safe of what another one wants.
@@ -133,7 +130,7 @@ class SafeReading(SampledReading):
     """
 
     wanting: SampledReading
-    within: WithinAcceleration | WithinJerk | WithinClear
+    within: Within
 
     @property
     def inputs_with_gaps(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -142,10 +139,15 @@ class SafeReading(SampledReading):
 
     @cached_property
     def state(self) -> Layout:
-        shape = self.wanting.state.parts["v"][1]
-        own = {"commanded": shape, "wanted": shape, **self.within.shapes}
         theirs = {name: shape for name, (_, shape) in self.wanting.state.parts.items()}
-        return Layout(**theirs, **{f"safe_{name}": shape for name, shape in own.items()})
+        own = {f"safe_{name}": shape for name, (_, shape) in self._own.parts.items()}
+        return Layout(**theirs, **own)
+
+    @cached_property
+    def _own(self) -> Layout:
+        """Its own parts of the state, which follow those of the other one."""
+        shape = self.wanting.state.parts["v"][1]
+        return Layout(commanded=shape, wanted=shape, **self.within.shapes)
 
     @cached_property
     def inputs(self) -> Layout:
@@ -163,7 +165,7 @@ class SafeReading(SampledReading):
         return self._joined(self.wanting.state.replaced(x, v=np.zeros(q.size)), own)
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
-        kept, at = self._own(x), self._v
+        kept, at = self._own.named(x[self.wanting.state.size :]), self._v
         wanted = self._step(t, self._theirs(x), u, period)
         q, program = kept["commanded"], nearest(wanted[at], u.get("J"))
         safe, held = self.within.chosen(program, q, x[at], kept, period)
@@ -175,7 +177,7 @@ class SafeReading(SampledReading):
 
     def _theirs(self, x: Array) -> Array:
         theirs = x[..., : self.wanting.state.size]
-        return self.wanting.state.replaced(theirs, v=x[..., self._places["wanted"]])
+        return self.wanting.state.replaced(theirs, v=self.state.part(x, "safe_wanted"))
 
     def caveats(self, metrics: Mapping[str, float]) -> list[str]:
         return self.wanting.caveats(metrics)
@@ -184,14 +186,5 @@ class SafeReading(SampledReading):
     def _step(self) -> Any:
         return unchecked(self.wanting.step)
 
-    @cached_property
-    def _places(self) -> dict[str, slice]:
-        """Where its own parts of the state are; all of them are vectors."""
-        parts = list(self.state.parts.items())[len(self.wanting.state.parts) :]
-        return {name.removeprefix("safe_"): at for name, (at, _) in parts}
-
-    def _own(self, x: Array) -> Kept:
-        return {name: x[at] for name, at in self._places.items()}
-
-    def _joined(self, theirs: Array, own: Kept) -> Array:
-        return np.concatenate((theirs, *(own[name] for name in self._places)))
+    def _joined(self, theirs: Array, own: Signals) -> Array:
+        return np.concatenate((theirs, self._own.joined(own)))

@@ -16,6 +16,9 @@ it fails, w moves towards w_0, by halves, in the end all the way. w_0 needs no l
 a certified stop after its first sample is that stop, and was certified a sample ago. And it lies
 within the box, which is convex, so a velocity on the way keeps every bound as well.
 
+With the jerk bounded the same holds of the next acceleration, and rows are of the velocity z that
+the program is solved for (`drake_rnn.laws.parts.held_within`).
+
 To look at distances takes longer than the rest of the law. So those of the last look are kept,
 with the posture they belong to: no pair can have come nearer since than the joints' way allows, and
 where that leaves room for the whole stop, nothing is looked at.
@@ -24,7 +27,7 @@ where that leaves room for the whole stop, nothing is looked at.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -33,8 +36,9 @@ from ...inputs.fields import Array, Gain, Length, validated
 from ...robot.clearance import Clearance
 from ...robot.held_jerk_stop import HeldJerkStop
 from ...robot.held_stop import HeldStop
+from ...robot.limits import JointLimits
 from .box_program import within_box
-from .held_within import Choice, Kept, Program, WithinAcceleration, WithinJerk
+from .held_within import Choice, Kept, Program, WithinAcceleration, WithinJerk, within_limits
 from .rows_program import Rows, within_rows
 
 #: Parts of the stop at which rows are set up.
@@ -201,8 +205,7 @@ class WithinClear:
             return True
         k = np.linspace(0.0, stop.samples(u), _POSTURES)
         gaps = self.clearance.gaps(q + stop.moved(u, k))
-        # Where it is now it was certified to be free.
-        # A number that is none is not free.
+        # Where it is now it was certified to be free. What is not a number is not free.
         if not (gaps[1:] >= floor).all():
             return False
         # Intervals of the stop: when they begin and end, and how far pairs are apart there.
@@ -235,3 +238,21 @@ class WithinClear:
         least = gaps - np.abs(q + stop.moved(u, k) - path) @ reaches.T
         between = np.diff(stop.travelled(u, k), axis=0) @ reaches.T
         return bool((least[1:] + least[:-1] - between >= 2.0 * self.avoidance.floor).all())
+
+
+#: What chooses a velocity that keeps limits and, maybe, distances.
+Within = WithinAcceleration | WithinJerk | WithinClear
+
+
+def within_safe(
+    limits: JointLimits, smoothing: Any, avoids: tuple[Clearance, Avoidance] | None
+) -> Within:
+    """Return what keeps limits, see `within_limits`, and, where anything is avoided, a distance.
+
+    Args:
+        limits: Limits of the joints, those of `drake_rnn.laws.parts.reached_limits`.
+        smoothing: See `WithinJerk`.
+        avoids: What the arm is to stay clear of, and how near it may come; None for nothing.
+    """
+    found = within_limits(limits, smoothing)
+    return found if avoids is None else WithinClear(found, *avoids)

@@ -157,7 +157,7 @@ class AccelerationChoice:
         """See `Choice.first`."""
         return course(self.v, self.a, self._most, self._jerk, self.period).first
 
-    @property
+    @cached_property
     def first_z(self) -> Array:
         """See `Choice.first_z`."""
         return self._z(self.first)
@@ -290,6 +290,12 @@ class WithinJerk:
         choice = self.choice(program, q, v, kept, period)
         z = within_box(program.J, program.b, program.g, program.softness, *choice.box)
         return choice.taken(choice.chosen(z))
+
+
+def kept_limits(limits: JointLimits) -> tuple[str, ...]:
+    """Return the names of the limits that are kept: all that are known, up to the jerk."""
+    higher = ("acceleration", "jerk")
+    return ("position", "velocity", *(n for n in higher if limits.bounds[n] is not None))
 
 
 def within_limits(limits: JointLimits, smoothing: Any) -> WithinAcceleration | WithinJerk:

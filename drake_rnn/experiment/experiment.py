@@ -22,7 +22,7 @@ from ..robot.clearance.obstacles import Obstacle
 from ..robot.kinematics import ArmKinematics
 from ..robot.limits import JointLimits
 from ..robot.task import Task, named_task
-from ..systems import BODIES, Body, Contact, Feedback
+from ..systems import BODIES, Body, Contact, Feedback, ObstacleMotions
 from ..systems.moving_average import averaged_limits
 from .arms import Arms
 from .contact import make_contact
@@ -50,6 +50,7 @@ class Experiment:
         contact: Contact of the tool with a surface; None without one.
         obstacles: What stands in the arm's way.
         clearance: What the arm is to stay clear of; None if distances are not looked at.
+        motions: How obstacles that may move do; None without any.
         safety: What is kept of the law's command; None if it is taken as it is.
         feedback: Arm that the law sees.
         path_delay: Delay with which the arm follows the path [s].
@@ -67,6 +68,7 @@ class Experiment:
     contact: Contact | None
     obstacles: tuple[Obstacle, ...]
     clearance: Clearance | None
+    motions: ObstacleMotions | None
     safety: Safety | None
     feedback: Feedback
     path_delay: float
@@ -210,6 +212,7 @@ def make_experiment(
         contact=contact,
         obstacles=parts.obstacles,
         clearance=parts.clearance,
+        motions=parts.motions,
         safety=parts.safety,
         feedback=parts.feedback,
         path_delay=delay.path,

@@ -72,7 +72,21 @@ def _described(section: Mapping[str, Any] | None, arms: Arms, modules: Modules) 
             "path: was made in Python, which a document does not hold; give it again, as the "
             "argument path"
         )
-    return arms.shared("path", section, lambda: _made(section, "path", modules, {}))
+    return arms.shared("path", section, lambda: described_path(section, "path", modules))
+
+
+def described_path(section: Mapping[str, Any], key: str, modules: Modules) -> Path:
+    """Return the path that a section of a document describes.
+
+    Args:
+        section: Its ``kind`` and fields.
+        key: Key of the section in the document.
+        modules: Modules that may be imported for it.
+
+    Raises:
+        InvalidInputError: If the kind is unknown or a field is wrong.
+    """
+    return _made(section, key, modules, {})
 
 
 def _doubts(path: Path, duration: float) -> list[str]:

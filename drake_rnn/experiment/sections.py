@@ -22,10 +22,11 @@ from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
 from ..robot.clearance.obstacles import Obstacle, make_obstacles
 from ..robot.limits import JointLimits
-from ..systems import BODIES, Feedback, start_posture
+from ..systems import BODIES, Feedback, ObstacleMotions, start_posture
 from .arms import Arms
 from .document import ExperimentDocument
 from .law import make_law
+from .moving import obstacle_motions
 from .path import path_of
 from .safety import make_safety
 
@@ -50,6 +51,7 @@ class Sections:
         obstacles: What stands in the arm's way.
         clearance: What the arm is to stay clear of; None if distances are not looked at.
         safety: What is kept of the law's command; None if it is taken as it is.
+        motions: How obstacles that may move do; None without any.
         warnings: Warnings about arm, limits, path and start.
     """
 
@@ -61,6 +63,7 @@ class Sections:
     law: Law
     obstacles: tuple[Obstacle, ...]
     clearance: Clearance | None
+    motions: ObstacleMotions | None
     safety: Safety | None
     warnings: tuple[str, ...]
 
@@ -97,10 +100,25 @@ def read_sections(
     clearance, unseen = _clearance(document, arms, arm, start, obstacles)
     law = make_law(document, kind, arm.limits, start, clearance)
     safety = make_safety(document.safety, law, arm.limits, document.period, start, clearance)
+    motions = _motions(document, obstacles, clearance, modules)
     warnings = (*known, *doubts, *unseen, *_outside(arm, start))
     return Sections(
-        document, feedback, arm, start, path, law, obstacles, clearance, safety, warnings
+        document, feedback, arm, start, path, law, obstacles, clearance, motions, safety, warnings
     )
+
+
+def _motions(
+    document: ExperimentDocument,
+    obstacles: tuple[Obstacle, ...],
+    clearance: Clearance | None,
+    modules: Modules,
+) -> ObstacleMotions | None:
+    """Return how the obstacles move that may, in the order of the law's signal; None without."""
+    if clearance is None or not clearance.solids.moving.size:
+        return None
+    numbers = {obstacle.name: k for k, obstacle in enumerate(obstacles)}
+    found = [numbers[clearance.solids.names[k]] for k in clearance.solids.moving]
+    return obstacle_motions([(k, obstacles[k]) for k in found], document.duration, modules)
 
 
 def _clearance(

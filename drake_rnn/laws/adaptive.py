@@ -75,7 +75,7 @@ from ..robot.rotation import rotation_error
 from .law import Circumstances, Law, SampledReading
 from .layout import Layout, Signals
 from .parts.approach import approach, gain_within_jerk
-from .parts.held_clear import Avoidance, Within, require_free, within_safe
+from .parts.held_clear import Avoidance, Within, require_free, seen_obstacles, within_safe
 from .parts.held_within import Program, kept_limits
 from .parts.known_jacobian import MiddleJacobian
 from .parts.late import Late
@@ -256,9 +256,10 @@ class Adaptive(Law):
             shapes["R"] = (3, 3)
         names = ("WE", "WE_desired", "preview")
         parts = {f"{letter}_{name}": shape for letter, shape in shapes.items() for name in names}
-        known = {"J": (m, n)} if self.jacobian == "known" else {}
+        known: dict[str, tuple[int, ...]] = {"J": (m, n)} if self.jacobian == "known" else {}
         if self.seeks_manipulability:
             known["J_omega"] = (3, n)
+        known |= seen_obstacles(None if self.avoids is None else self.avoids[0])
         return Layout(position=(n,), **known, **parts)
 
     @property
@@ -344,7 +345,7 @@ class AdaptiveReading(SampledReading):
         return rows[..., None] * np.eye(law.task_size)
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
-        start = self._within.start(u["position"])
+        start = self._within.start(u["position"], u.get("p_WO"))
         start |= {"v": np.zeros(self.law.limits.size), "commanded": u["position"]}
         return self.state.joined(start | self._source.start(rng, u) | self._late.start(u))
 
@@ -357,7 +358,7 @@ class AdaptiveReading(SampledReading):
         g = self._preferred(q, v, J, u, period)
         softness = softened(J, self._softness)
         program = Program(J, along + feedback, along, g, softness)
-        v, held = self._within.chosen(program, q, v, kept, period)
+        v, held = self._within.chosen(program, q, v, kept, period, u.get("p_WO"))
         return self.state.joined({"v": v, "commanded": q + period * v, **held, **learned, **late})
 
     def _asked(self, u: Signals, since: Array | None, period: float) -> tuple[Array, Array]:

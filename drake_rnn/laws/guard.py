@@ -39,11 +39,12 @@ class Guard:
         self.law = law
         self.period = float(period)
         self._none = np.full(q.size, np.nan)
-        signals = {"position": q, "target": self._none}
+        self._seen = {name: np.zeros(shape) for name, shape in law.safety.inputs.items()}
+        signals = {"position": q, "target": self._none, **self._seen}
         self._x = self._reading.initial_state(np.random.default_rng(0), signals)
         self._t, self._q = 0.0, q
 
-    def command(self, target: Array | None = None) -> Array:
+    def command(self, target: Array | None = None, p_WO: Array | None = None) -> Array:
         """Return the positions to command for the next period, shape (n,) [rad].
 
         They are reached at its end, at the constant `velocity`.
@@ -51,16 +52,31 @@ class Guard:
         Args:
             target: A target that has come since the last call, shape (n,) [rad]; None, or with
                 NaN or infinite entries, if there is none to follow.
+            p_WO: How far the obstacles that may move have gone from where they are stated, in the
+                order of ``clearance.solids.moving``, as measured now, shape (m, 3) [m]; must be
+                given if there are any.
 
         Raises:
-            InvalidInputError: If the target has another shape.
+            InvalidInputError: If target or obstacles have another shape, or the latter are not
+                given.
         """
         wanted = self._none if target is None else _numbers("target", target, self._none.size)
         wanted = wanted if np.isfinite(wanted).all() else self._none
-        signals = {"position": self._q, "target": wanted}
+        signals = {"position": self._q, "target": wanted, **self._obstacles(p_WO)}
         self._x = self._reading.step(self._t, self._x, signals, self.period)
         self._t += self.period
         return self.position
+
+    def _obstacles(self, p_WO: Array | None) -> dict[str, Array]:
+        """Return what is measured of obstacles, as the law sees it."""
+        shape = next((part.shape for part in self._seen.values()), (0, 3))
+        given = np.zeros((0, 3)) if p_WO is None else np.asarray(p_WO, dtype=float)
+        if given.shape != shape:
+            raise InvalidInputError(
+                f"p_WO: must be of shape {shape}, one row for each obstacle that may move, not "
+                f"{given.shape}"
+            )
+        return {name: given for name in self._seen}
 
     def part(self, name: str) -> Array:
         """Return a part of the law's state, such as ``missed`` or ``held_back``."""

@@ -25,7 +25,7 @@ from ..robot.limits import JointLimits
 from .called import unchecked
 from .law import SampledReading
 from .layout import Layout, Signals
-from .parts.held_clear import Avoidance, Within, require_free, within_safe
+from .parts.held_clear import Avoidance, Within, require_free, seen_obstacles, within_safe
 from .parts.held_within import Program, kept_limits
 from .parts.reached_limits import reached_limits
 
@@ -68,6 +68,11 @@ class Safety:
         """See `Law.keeps_distance`."""
         return None if self.clearance is None else self.avoidance.floor
 
+    @property
+    def inputs(self) -> dict[str, tuple[int, ...]]:
+        """What it sees besides what the law does, with the shapes."""
+        return seen_obstacles(self.clearance)
+
     def check_start(self, q: Array) -> None:
         """Raise an InvalidInputError if a posture, shape (n,), is nearer to something than kept."""
         if self.clearance is not None:
@@ -102,7 +107,7 @@ class Safety:
             raise InvalidInputError(
                 f"safety: has limits of {self.limits.size} joints; the law moves {n}"
             )
-        return SafeReading(reading, self.within(period))
+        return SafeReading(reading, self.within(period), self.inputs)
 
 
 def nearest(v: Array, J: Array | None = None) -> Program:
@@ -127,10 +132,12 @@ class SafeReading(SampledReading):
     Attributes:
         wanting: The reading that wants a velocity.
         within: What chooses the one that is safe.
+        seen: What that sees besides ``position``, with the shapes.
     """
 
     wanting: SampledReading
     within: Within
+    seen: dict[str, tuple[int, ...]]
 
     @property
     def inputs_with_gaps(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -152,7 +159,7 @@ class SafeReading(SampledReading):
     @cached_property
     def inputs(self) -> Layout:
         known = {name: shape for name, (_, shape) in self.wanting.inputs.parts.items()}
-        return Layout(**{"position": self.wanting.state.parts["v"][1], **known})
+        return Layout(**{"position": self.wanting.state.parts["v"][1], **known, **self.seen})
 
     @property
     def observables(self) -> Layout:
@@ -160,7 +167,8 @@ class SafeReading(SampledReading):
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
         x, q = self.wanting.initial_state(rng, u), u["position"]
-        own = {"commanded": q, "wanted": self.wanting.state.part(x, "v"), **self.within.start(q)}
+        own = {"commanded": q, "wanted": self.wanting.state.part(x, "v")}
+        own |= self.within.start(q, u.get("p_WO"))
         # An arm at rest is what a stop is certified for.
         return self._joined(self.wanting.state.replaced(x, v=np.zeros(q.size)), own)
 
@@ -168,7 +176,7 @@ class SafeReading(SampledReading):
         kept, at = self._own.named(x[self.wanting.state.size :]), self._v
         wanted = self._step(t, self._theirs(x), u, period)
         q, program = kept["commanded"], nearest(wanted[at], u.get("J"))
-        safe, held = self.within.chosen(program, q, x[at], kept, period)
+        safe, held = self.within.chosen(program, q, x[at], kept, period, u.get("p_WO"))
         own = {"commanded": q + period * safe, "wanted": wanted[at], **held}
         return self._joined(self.wanting.state.replaced(wanted, v=safe), own)
 

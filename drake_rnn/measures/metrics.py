@@ -260,6 +260,13 @@ METRICS: tuple[Metric, ...] = (
         by=Smallest(),
     ),
     Metric(
+        "distance_moving_min_m",
+        "the same while the arm moves, where obstacles move: what stands still may be run into",
+        shown=("path", "posture", "return", "force", "sweep"),
+        of=lambda motion, against: motion.distance_moving,
+        by=Smallest(),
+    ),
+    Metric(
         "command_error_max_m",
         "largest distance of the end effector from where the command to the motors places it",
         shown=("path", "posture", "return", "force", "sweep"),

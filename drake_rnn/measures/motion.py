@@ -91,6 +91,8 @@ class Motion:
         observed: Observables of the law, by name, each of shape (k, ..., size).
         distance: Least distance of the arm from itself and from obstacles, since the step before,
             shape (k,) [m]; None if distances are not looked at.
+        distance_moving: The same where the arm has moved since, infinite elsewhere; None without
+            obstacles that move.
         virtual: Motion of the virtual arm ahead of a filter, where the law sees that arm and learns
             its Jacobian; None where the law sees this arm.
     """
@@ -118,6 +120,7 @@ class Motion:
     origin: float | None = None
     observed: Mapping[str, AnyArray] = field(default_factory=dict)
     distance: AnyArray | None = None
+    distance_moving: AnyArray | None = None
     virtual: Motion | None = None
 
     @property

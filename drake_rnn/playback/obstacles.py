@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from pydrake.geometry import Box, Capsule, Meshcat, Rgba, Shape, Sphere
+from pydrake.geometry import Box, Capsule, Meshcat, MeshcatAnimation, Rgba, Shape, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
 
 from .. import colours
+from ..experiment import Experiment
+from ..inputs.fields import Array
 from ..robot.clearance.obstacles import (
     BallObstacle,
     BoxObstacle,
@@ -16,6 +18,7 @@ from ..robot.clearance.obstacles import (
     HalfSpaceObstacle,
     Obstacle,
 )
+from .animation import move
 
 _SOLID = Rgba(*colours.components(colours.SURFACE))
 # Of a half-space, which would hide what is behind it: a sheet of this size and thickness [m].
@@ -31,6 +34,24 @@ def draw_obstacles(meshcat: Meshcat, obstacles: Sequence[Obstacle]) -> None:
         sheet = isinstance(obstacle, HalfSpaceObstacle)
         meshcat.SetObject(place, shape, _SHEET if sheet else _SOLID)
         meshcat.SetTransform(place, pose)
+
+
+def corners_of_obstacles(experiment: Experiment) -> Array:
+    """Return corners of boxes round all obstacles, where they begin, shape (k, 3) [m]."""
+    return np.concatenate([np.zeros((0, 3)), *(each.corners for each in experiment.obstacles)])
+
+
+def record_obstacles(recording: MeshcatAnimation, experiment: Experiment, times: Array) -> None:
+    """Record how obstacles move; ``times`` of the frames since the start of the run, shape (f,)."""
+    if experiment.motions is None or experiment.clearance is None:
+        return
+    solids = experiment.clearance.solids
+    numbers = {obstacle.name: k for k, obstacle in enumerate(experiment.obstacles)}
+    p_WO = experiment.motions.along(times)
+    for m, k in enumerate(solids.moving):
+        number = numbers[solids.names[k]]
+        _, pose = _drawn(experiment.obstacles[number])
+        move(recording, f"/obstacles/{number}", pose.translation() + p_WO[:, m])
 
 
 def _drawn(obstacle: Obstacle) -> tuple[Shape, RigidTransform]:

@@ -17,7 +17,7 @@ from .boxes import Boxes, boxes_of
 from .camera import some
 from .drawn_arm import DrawnArm
 from .drawn_paths import DrawnPaths
-from .obstacles import draw_obstacles
+from .obstacles import draw_obstacles, record_obstacles
 from .outcome import outcome_of
 from .packing import packed
 from .paths_beside import PathsBeside
@@ -145,6 +145,8 @@ def _record(
         drawn.draw(q, (frame + 0.5) / rate)
     recording = meshcat.get_mutable_recording()
     paths.record(recording, time)
+    begin = float(motion.result.time[0])
+    record_obstacles(recording, motion.result.experiment, begin + time)
     # The page has a clock of its own.
     recording.set_autoplay(False)
     recording.set_loop_mode(MeshcatAnimation.LoopMode.kLoopRepeat)

@@ -11,6 +11,7 @@ from .boxes import Boxes
 from .camera import view_of_paths
 from .curves import Curves
 from .drawn_paths import DrawnCurves
+from .obstacles import corners_of_obstacles
 from .replay import ReplayedMotion
 from .views import View, box_round, facing
 
@@ -32,8 +33,8 @@ class PathsInAir(DrawnCurves):
 
     def __init__(self, meshcat: Meshcat, motion: ReplayedMotion, boxes: Boxes) -> None:
         path = np.concatenate((motion.course, motion.traced))
-        around = [obstacle.corners for obstacle in motion.result.experiment.obstacles]
-        self._scene = np.concatenate((boxes.corners, path, *around))
+        around = corners_of_obstacles(motion.result.experiment)
+        self._scene = np.concatenate((boxes.corners, path, around))
         self._size = float(np.ptp(self._scene, axis=0).max())
         super().__init__([Curves(meshcat, motion, _RADIUS * self._size)], path)
         self._motion = motion

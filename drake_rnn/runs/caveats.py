@@ -66,6 +66,11 @@ def distance_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> li
     """Return a warning if the arm collided, or came nearer than the law lets its command come."""
     distance = metrics.get("distance_min_m", np.inf)
     floor = experiment.keeps_distance or 0.0
+    moving = metrics.get("distance_moving_min_m", distance)
+    if distance < floor <= moving:
+        return [
+            f"obstacles: one comes as near as {distance:.3g} m to the arm while that stands still"
+        ]
     if distance < 0.0:
         return [f"obstacles: the arm collides, by up to {-distance:.3g} m"]
     if distance < floor - _BEYOND:

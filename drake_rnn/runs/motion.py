@@ -14,8 +14,11 @@ from ..inputs.fields import Array
 from ..laws import Reading, Signals
 from ..laws.checks import observables_of
 from ..measures import Motion, Pressing, Steps
+from ..robot.clearance import Clearance
 from ..robot.rotation import rotation_error
 
+# A joint that goes less far than this from one step to the next stands still [rad].
+_MOVED = 1e-12
 # Signals that a motion has fields of.
 _OF_MOTION = ("position", "p_WE", "p_WE_desired", "v_WE_desired", "J", "velocity", "v_WE")
 
@@ -145,6 +148,7 @@ def motion_of(
         until = float(steps.time[-1])
     tick, network_tick = ticks_of(experiment, loop)
     clearance = None if virtual else experiment.clearance
+    distance, moving = _distances(experiment, clearance, steps.time, position)
     commanded = None
     if loop.arm.has_motors and not virtual:
         commanded = steps.series("position_commanded")
@@ -170,8 +174,22 @@ def motion_of(
         tick=tick,
         network_tick=network_tick,
         origin=steps.origin,
-        distance=None if clearance is None else clearance.least_along(position),
+        distance=distance,
+        distance_moving=moving,
     )
+
+
+def _distances(
+    experiment: Experiment, clearance: Clearance | None, times: Array, position: Array
+) -> tuple[Array | None, Array | None]:
+    """Return the least distances since the step before, and those while the arm moves [m]."""
+    if clearance is None:
+        return None, None
+    if (motions := experiment.motions) is None:
+        return clearance.least_along(position), None
+    least = clearance.least_along(position, motions.along(times))
+    moved = np.abs(np.diff(position, axis=0, prepend=position[:1])).max(axis=1) > _MOVED
+    return least, np.where(moved, least, np.inf)
 
 
 def _task_motion(

@@ -29,6 +29,7 @@ from ..systems import (
     Controller,
     JointReference,
     MovingAverage,
+    ObstacleSource,
     PathSource,
     SampledController,
     followed_path,
@@ -250,6 +251,11 @@ def _add_previews(
         for name in ("p_WE_desired", "R_WE_desired"):
             if name in controller.reading.inputs:
                 signals[name] = past.GetOutputPort(name)
+    motions, sees = experiment.motions, "p_WO" in controller.reading.inputs
+    if sees and motions is not None and document.period is not None:
+        source = ObstacleSource(motions, document.period, document.seed)
+        builder.AddNamedSystem("obstacles", source)
+        signals["p_WO"] = source.GetOutputPort("p_WO")
     return signals
 
 

@@ -23,6 +23,10 @@ from .joint_sensor import JointSensor as JointSensor
 from .kinematics import Kinematics as Kinematics
 from .moving_average import FilterSettings as FilterSettings, MovingAverage as MovingAverage
 from .normal_force import NormalForce as NormalForce
+from .obstacle_source import (
+    ObstacleMotions as ObstacleMotions,
+    ObstacleSource as ObstacleSource,
+)
 from .path_source import PathSource as PathSource
 from .plant_arm import PlantArm as PlantArm
 from .plant_settings import PlantSettings as PlantSettings

@@ -7,10 +7,12 @@ from pydrake.math import RollPitchYaw
 from drake_rnn import InvalidInputError, load_experiment, simulate
 from drake_rnn.batch import why_not
 from drake_rnn.laws.parts.held_clear import Avoidance
+from drake_rnn.systems import ObstacleSource
 from shared_runs import shared_run
 
 SHORT = {"accept": None, "duration": 0.2, "window": None}
 BALL = {"kind": "ball", "center": [0.5, 0.3, 0.5], "radius": 0.05}
+LINE = {"kind": "line", "by": [0.0, 0.2, 0.0], "period": 1.0}
 
 
 def load(name="adaptive_nephroid_known", **changes):
@@ -51,7 +53,9 @@ def test_an_arm_that_goes_through_an_obstacle_is_told_of():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", ["adaptive_obstacles", "adaptive_obstacle_on_path"])
+@pytest.mark.parametrize(
+    "name", ["adaptive_obstacles", "adaptive_obstacle_on_path", "adaptive_moving_obstacle"]
+)
 def test_shipped_scenes_come_to_what_they_expect_and_collide_without_avoidance(name):
     result = shared_run(name)
     for metric, accepted in result.experiment.document.accept.items():
@@ -60,6 +64,31 @@ def test_shipped_scenes_come_to_what_they_expect_and_collide_without_avoidance(n
     assert result.series["held_back"][-1, 0] < 20.0
     blind = simulate(load_experiment(name, {"law.avoidance": "none", "accept": None}))
     assert blind.metrics["distance_min_m"] < 0.0
+
+
+def test_an_obstacle_that_runs_into_an_arm_at_rest_is_told_of_as_that():
+    """A ball comes at the tool at 0.3 m/s: the arm stops before it touches, and is then hit."""
+    p = load().p_WE_start
+    by = {"kind": "line", "by": [0.0, -0.6, 0.0], "period": 2.0}
+    ball = {"kind": "ball", "center": np.add(p, [0.0, 0.45, 0.0]).tolist(), "radius": 0.08}
+    result = simulate(load(obstacles=[{**ball, "speed": 0.3, "moves": by}], duration=1.8))
+    metrics = result.metrics
+    assert metrics["distance_min_m"] < 0.0
+    assert metrics["distance_moving_min_m"] >= Avoidance().floor
+    assert any("to the arm while that stands still" in text for text in result.warnings)
+
+
+def test_the_law_is_told_where_an_obstacle_is_with_its_error():
+    ball = {**BALL, "speed": 0.3, "moves": LINE, "error": 0.01}
+    experiment = load(obstacles=[BALL, ball])
+    assert experiment.law.inputs.parts["p_WO"][1] == (1, 3)
+    source = ObstacleSource(experiment.motions, 1e-3)
+    context = source.CreateDefaultContext()
+    for t in (0.0, 0.25, 1.5):
+        context.SetTime(t)
+        told = source.get_output_port().Eval(context)
+        true = [0.0, 0.2 * min(t, 1.0), 0.0]
+        assert np.linalg.norm(told - true) == pytest.approx(0.01, abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -71,7 +100,23 @@ def test_shipped_scenes_come_to_what_they_expect_and_collide_without_avoidance(n
         ({"obstacles": [{**BALL, "radius": float("nan")}]}, r"obstacles\[0\].radius: must be"),
         ({"obstacles": [{**BALL, "center": [0, 0]}]}, r"obstacles\[0\].center: must have 3"),
         ({"obstacles": [{**BALL, "center": [0, 0, 1e4]}]}, r"center: must be within 100 m"),
-        ({"obstacles": [{**BALL, "speed": 1}]}, r"obstacles\[0\].speed: no such key"),
+        ({"obstacles": [{**BALL, "fast": 1}]}, r"obstacles\[0\].fast: no such key"),
+        ({"obstacles": [{**BALL, "moves": LINE}]}, r"speed: must be given with"),
+        ({"obstacles": [{**BALL, "error": 0.01}]}, r"speed: must be given with"),
+        ({"obstacles": [{**BALL, "speed": -0.1}]}, r"obstacles\[0\].speed: must be"),
+        ({"obstacles": [{**BALL, "speed": 0.1, "error": float("nan")}]}, r"obstacles\[0\].error: "),
+        (
+            {"obstacles": [{**BALL, "speed": 0.1, "moves": LINE}]},
+            r"obstacles\[0\].moves: reaches 0.2 m/s, where speed counts on at most 0.1 m/s",
+        ),
+        (
+            {"obstacles": [{**BALL, "speed": 0.1, "moves": {"kind": "lime"}}]},
+            r"obstacles\[0\].moves.kind: no path 'lime'",
+        ),
+        (
+            {"obstacles": [{**BALL, "speed": 1, "moves": {**LINE, "frame": "tool"}}]},
+            r"obstacles\[0\].moves: must be a path along the axes of the base",
+        ),
         ({"obstacles": [BALL] * 300}, r"obstacles: may be up to 200, not 300"),
         ({"obstacles": [{**BALL, "name": "a"}] * 2}, r"obstacles\[1\].name: 'a' is given twice"),
         (

@@ -33,6 +33,18 @@ def test_they_are_drawn_where_they_are(result, tmp_path):
     assert ball["radius"] == 0.05
 
 
+@pytest.mark.long
+def test_one_that_moves_is_drawn_where_it_is_then(tmp_path):
+    moves = {"kind": "line", "by": [0.0, 0.1, 0.0], "period": 0.1}
+    ball = {**OBSTACLES[0], "speed": 1.0, "moves": moves}
+    changes = {"obstacles": [ball], "duration": 0.1, "window": None, "accept": None}
+    result = simulate(load_experiment("adaptive_nephroid_known", changes))
+    page = Page(write_playback(result, tmp_path / "playback.html"))
+    (first, *_, last) = (place for _, place in page.tracks["/obstacles/0", ".position"])
+    np.testing.assert_allclose(first, [0.5, 0.3, 0.5], atol=1e-6)
+    np.testing.assert_allclose(last, [0.5, 0.4, 0.5], atol=1e-2)
+
+
 def test_the_distance_is_among_curves_and_numbers(result):
     assert result.series["distance"].shape == result.time.shape
     assert result.metrics["distance_min_m"] <= result.series["distance"].min() + 1e-12

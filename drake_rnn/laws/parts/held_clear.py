@@ -19,6 +19,11 @@ within the box, which is convex, so a velocity on the way keeps every bound as w
 With the jerk bounded the same holds of the next acceleration, and rows are of the velocity z that
 the program is solved for (`drake_rnn.laws.parts.held_within`).
 
+An obstacle that moves is measured, p_WO, with an error of at most e, and is at most u fast: t
+later a pair with it is apart by the distance from where it is measured less e + u t, which takes
+the place of d. So what is certified holds whatever it does until the arm rests; and a stop that was
+certified a sample ago holds whatever is measured now. To an arm that rests nothing is promised.
+
 To look at distances takes longer than the rest of the law. So those of the last look are kept,
 with the posture they belong to: no pair can have come nearer since than the joints' way allows, and
 where that leaves room for the whole stop, nothing is looked at.
@@ -49,6 +54,8 @@ _POSTURES, _HALVINGS = 6, 12
 _UNSURE = 40
 # Shares of the way from the stop's first velocity to one that is not free that are tried.
 _SHARES = (0.5, 0.25)
+# What an obstacle that is not seen counts as overlapping with everything [m].
+_ANYWHERE = 1e3
 # Slope of a row that no joint changes [m].
 _FLAT = 1e-9
 
@@ -74,15 +81,18 @@ class Avoidance:
             )
 
 
-def require_free(clearance: Clearance, avoidance: Avoidance, q: Array) -> None:
+def require_free(
+    clearance: Clearance, avoidance: Avoidance, q: Array, p_WO: Array | None = None
+) -> None:
     """Raise an InvalidInputError if an arm starts nearer to something than it may come.
 
     Args:
         clearance: The pairs that are to stay apart.
         avoidance: How near they may come.
         q: Posture at the start, shape (n,) [rad].
+        p_WO: How far obstacles have moved, shape (m, 3) [m]; None if not at all.
     """
-    gaps, floor = clearance.gaps(q), avoidance.floor
+    gaps, floor = clearance.gaps(q, p_WO) - clearance.errors, avoidance.floor
     if gaps.min(initial=np.inf) < floor:
         one, other = clearance.names[int(gaps.argmin())]
         raise InvalidInputError(
@@ -94,9 +104,11 @@ def require_free(clearance: Clearance, avoidance: Avoidance, q: Array) -> None:
 class Known(NamedTuple):
     """Distances that were looked at.
 
+    Errors of what was measured, and what obstacles may have moved since, are taken off.
+
     Attributes:
         q: The posture that they belong to, shape (n,) [rad].
-        gaps: Distances of the pairs there, shape (p,) [m].
+        gaps: Distances of the pairs there, at least, shape (p,) [m].
         stop: Those along the full stop from there, if they were looked at in this sample: the
             numbers of samples, shape (s,), postures, shape (s, n), and distances, shape (s, p).
     """
@@ -104,6 +116,44 @@ class Known(NamedTuple):
     q: Array
     gaps: Array
     stop: tuple[Array, Array, Array] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """What is in an arm's way from now on, as far as it is known.
+
+    Attributes:
+        clearance: The pairs that are to stay apart.
+        p_WO: How far obstacles have moved, as measured now, shape (m, 3) [m].
+        period: Length of a sample [s].
+    """
+
+    clearance: Clearance
+    p_WO: Array | None
+    period: float
+
+    def gaps(self, q: Array, k: Array) -> Array:
+        """Return the least that pairs can be apart, shape (s, p) [m].
+
+        Args:
+            q: Postures, shape (s, n) [rad].
+            k: After how many samples they are reached, shape (s,).
+        """
+        return self.least(self.clearance.gaps(q, self.p_WO), self.doubt(k))
+
+    def least(self, gaps: Array, doubt: Array) -> Array:
+        """Return distances without a doubt; an obstacle whose place is not a number is anywhere."""
+        if self.p_WO is None:
+            return gaps - doubt
+        return np.where(np.isnan(gaps), -_ANYWHERE, gaps - doubt)
+
+    def doubt(self, k: Array) -> Array:
+        """Return how much nearer pairs may be than measured, k samples later, shape (s, p) [m]."""
+        return self.clearance.errors + self.nearer(k)
+
+    def nearer(self, k: float | Array) -> Array:
+        """Return how much nearer obstacles can come in k samples, shape (..., p) [m]."""
+        return np.multiply.outer(k, self.clearance.speeds * self.period)
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,35 +176,50 @@ class WithinClear:
         own = {"seen": (self.clearance.size,), "gaps": (self.clearance.count,), "held_back": (1,)}
         return self.within.shapes | own
 
-    def start(self, q: Array) -> Kept:
+    def start(self, q: Array, p_WO: Array | None = None) -> Kept:
         """Return its parts of the state in a posture, shape (n,) [rad].
+
+        Args:
+            q: The posture.
+            p_WO: How far obstacles have moved, shape (m, 3) [m]; None if not at all.
 
         Raises:
             InvalidInputError: If the arm is nearer to something there than it may come.
         """
-        require_free(self.clearance, self.avoidance, q)
-        own = {"seen": q, "gaps": self.clearance.gaps(q), "held_back": np.zeros(1)}
+        require_free(self.clearance, self.avoidance, q, p_WO)
+        gaps = self.clearance.gaps(q, p_WO) - self.clearance.errors
+        own = {"seen": q, "gaps": gaps, "held_back": np.zeros(1)}
         return self.within.start(q) | own
 
     def chosen(
-        self, program: Program, q: Array, v: Array, kept: Kept, period: float
+        self,
+        program: Program,
+        q: Array,
+        v: Array,
+        kept: Kept,
+        period: float,
+        p_WO: Array | None = None,
     ) -> tuple[Array, Kept]:
-        """Return the next velocity, as `WithinAcceleration.chosen` does."""
+        """Return the next velocity, as `WithinAcceleration.chosen` does.
+
+        Obstacles that move are where p_WO says, shape (m, 3) [m], as measured now.
+        """
         J, b, _, g, softness = program
         choice = self.within.choice(program, q, v, kept, period)
-        known, rows = Known(kept["seen"], kept["gaps"]), None
+        rows, world = None, World(self.clearance, p_WO, period)
+        known = Known(kept["seen"], kept["gaps"] - world.nearer(1.0))
         widest = np.maximum(choice.box[1] - choice.first_z, choice.first_z - choice.box[0])
-        if self._may_bind(q, widest, known, choice, period):
-            known, rows = self._rows(q, widest, choice, period)
+        if self._may_bind(q, widest, known, choice, world):
+            known, rows = self._rows(q, widest, choice, world)
         if rows is None:
             z = within_box(J, b, g, softness, *choice.box)
         else:
             found = within_rows(J, b, g, softness, *choice.box, rows)
             z = choice.first_z if found is None else found
         first, u, held_back = choice.first, choice.chosen(z), kept["held_back"]
-        if not self._is_free(q, u, known, choice.stop):
-            nearer = (first + share * (u - first) for share in _SHARES)
-            u = next((x for x in nearer if self._is_free(q, x, known, choice.stop)), first)
+        if not self._is_free(q, u, known, choice.stop, world):
+            way = (first + share * (u - first) for share in _SHARES)
+            u = next((x for x in way if self._is_free(q, x, known, choice.stop, world)), first)
             held_back = held_back + 1.0
         v, own = choice.taken(u)
         return v, own | {"seen": known.q, "gaps": known.gaps, "held_back": held_back}
@@ -164,47 +229,54 @@ class WithinClear:
         return known.gaps - self.clearance.reaches @ (np.abs(q - known.q) + way)
 
     def _may_bind(
-        self, q: Array, widest: Array, known: Known, choice: Choice, period: float
+        self, q: Array, widest: Array, known: Known, choice: Choice, world: World
     ) -> bool:
         """Return whether any velocity of the box can fail a row, by what is known of distances."""
         stop, first = choice.stop, choice.first
-        (leverage,) = choice.leverage(np.array([stop.samples(first)]))
-        rate = self.avoidance.approach * period
-        room = rate * (self._left(q, known, stop.way(first)) - self.avoidance.distance)
+        samples = stop.samples(first)
+        (leverage,) = choice.leverage(np.array([samples]))
+        left = self._left(q, known, stop.way(first)) - world.nearer(samples)
+        room = self.avoidance.approach * world.period * (left - self.avoidance.distance)
         return bool((self.clearance.reaches @ (leverage * widest) > room).any())
 
     def _rows(
-        self, q: Array, widest: Array, choice: Choice, period: float
+        self, q: Array, widest: Array, choice: Choice, world: World
     ) -> tuple[Known, Rows | None]:
         """Return what is known of distances now, and the rows of the pairs that may matter."""
         stop, first = choice.stop, choice.first
         k = np.unique(np.rint(1.0 + _PARTS * (stop.samples(first) - 1.0)))
         leverage = choice.leverage(k)
-        rate = self.avoidance.approach * period
+        rate = self.avoidance.approach * world.period
         # Of a pair that is farther away no velocity of the box can fail the row.
         within = self.avoidance.distance + (leverage * widest) @ self.clearance.reaches.T / rate
         path = q + np.vstack((np.zeros_like(q), stop.moved(first, k)))
+        k_path = np.concatenate(([0.0], k))
+        doubt = world.doubt(k_path)
         # Where the arm is, distances are all that is wanted.
-        near = self.clearance.near(path, np.vstack((np.full_like(within[0], -np.inf), within)))
-        known = Known(q, near.gaps[0], (np.concatenate(([0.0], k)), path, near.gaps))
+        bound = np.vstack((np.full_like(within[0], -np.inf), within)) + doubt
+        near = self.clearance.near(path, bound, world.p_WO)
+        gaps = world.least(near.gaps, doubt)
+        known = Known(q, gaps[0], (k_path, path, gaps))
         A = near.slopes * leverage[near.postures - 1]
         size = np.sqrt((A * A).sum(axis=1))
         some = size > _FLAT
         if not some.any():
             return known, None
-        room = near.gaps[near.postures, near.pairs] - self.avoidance.distance
+        room = gaps[near.postures, near.pairs] - self.avoidance.distance
         c = A @ choice.first_z - rate * np.maximum(room, 0.0)
         return known, Rows(A[some] / size[some, None], c[some] / size[some])
 
-    def _is_free(self, q: Array, u: Array, known: Known, stop: HeldStop | HeldJerkStop) -> bool:
+    def _is_free(
+        self, q: Array, u: Array, known: Known, stop: HeldStop | HeldJerkStop, world: World
+    ) -> bool:
         """Return whether the arm can do u for a period and then stop, always free."""
-        floor, reaches = self.avoidance.floor, self.clearance.reaches
-        if (self._left(q, known, stop.way(u)) >= floor).all():
+        floor, reaches, samples = self.avoidance.floor, self.clearance.reaches, stop.samples(u)
+        if (self._left(q, known, stop.way(u)) - world.nearer(samples) >= floor).all():
             return True
-        if known.stop is not None and self._is_free_beside(q, u, known.stop, stop):
+        if known.stop is not None and self._is_free_beside(q, u, known.stop, stop, world):
             return True
-        k = np.linspace(0.0, stop.samples(u), _POSTURES)
-        gaps = self.clearance.gaps(q + stop.moved(u, k))
+        k = np.linspace(0.0, samples, _POSTURES)
+        gaps = world.gaps(q + stop.moved(u, k), k)
         # Where it is now it was certified to be free. What is not a number is not free.
         if not (gaps[1:] >= floor).all():
             return False
@@ -212,14 +284,15 @@ class WithinClear:
         begin, end, d_begin, d_end = k[:-1], k[1:], gaps[:-1], gaps[1:]
         for _ in range(_HALVINGS):
             way = stop.travelled(u, end) - stop.travelled(u, begin)
-            unsure = ~(0.5 * (d_begin + d_end - way @ reaches.T) >= floor).all(axis=1)
+            nearer = way @ reaches.T + world.nearer(end - begin)
+            unsure = ~(0.5 * (d_begin + d_end - nearer) >= floor).all(axis=1)
             if not unsure.any():
                 return True
             if unsure.sum() > _UNSURE:
                 return False
             begin, end = begin[unsure], end[unsure]
             middle = 0.5 * (begin + end)
-            d_middle = self.clearance.gaps(q + stop.moved(u, middle))
+            d_middle = world.gaps(q + stop.moved(u, middle), middle)
             if not (d_middle >= floor).all():
                 return False
             d_begin = np.concatenate((d_begin[unsure], d_middle))
@@ -228,16 +301,27 @@ class WithinClear:
         return False
 
     def _is_free_beside(
-        self, q: Array, u: Array, seen: tuple[Array, Array, Array], stop: HeldStop | HeldJerkStop
+        self,
+        q: Array,
+        u: Array,
+        seen: tuple[Array, Array, Array],
+        stop: HeldStop | HeldJerkStop,
+        world: World,
     ) -> bool:
         """Return whether that is so by what was seen along the full stop, which passes near."""
-        k, path, gaps = seen
+        k_seen, path, gaps = seen
         reaches = self.clearance.reaches
         # To the end of this stop, which may take a sample more.
-        k = np.append(k[:-1], max(k[-1], stop.samples(u)))
-        least = gaps - np.abs(q + stop.moved(u, k) - path) @ reaches.T
-        between = np.diff(stop.travelled(u, k), axis=0) @ reaches.T
+        k = np.append(k_seen[:-1], max(k_seen[-1], stop.samples(u)))
+        least = gaps - np.abs(q + stop.moved(u, k) - path) @ reaches.T - world.nearer(k - k_seen)
+        between = np.diff(stop.travelled(u, k), axis=0) @ reaches.T + world.nearer(np.diff(k))
         return bool((least[1:] + least[:-1] - between >= 2.0 * self.avoidance.floor).all())
+
+
+def seen_obstacles(clearance: Clearance | None) -> dict[str, tuple[int, ...]]:
+    """Return the signal by which a law sees obstacles that move, p_WO, with its shape; if any."""
+    count = 0 if clearance is None else len(clearance.solids.moving)
+    return {"p_WO": (count, 3)} if count else {}
 
 
 #: What chooses a velocity that keeps limits and, maybe, distances.

@@ -220,8 +220,8 @@ class WithinAcceleration:
         """Shapes of its parts of the state, by name."""
         return {}
 
-    def start(self, q: Array) -> Kept:
-        """Return its parts of the state in a posture, shape (n,) [rad]."""
+    def start(self, q: Array, p_WO: Array | None = None) -> Kept:
+        """Return its parts of the state in a posture, shape (n,) [rad]; obstacles do not matter."""
         return {}
 
     def choice(
@@ -233,7 +233,13 @@ class WithinAcceleration:
         return VelocityChoice(box, v, HeldStop(most, period))
 
     def chosen(
-        self, program: Program, q: Array, v: Array, kept: Kept, period: float
+        self,
+        program: Program,
+        q: Array,
+        v: Array,
+        kept: Kept,
+        period: float,
+        p_WO: Array | None = None,
     ) -> tuple[Array, Kept]:
         """Return the next velocity, shape (..., n) [rad/s], and its parts of the next state.
 
@@ -243,6 +249,7 @@ class WithinAcceleration:
             v: Velocities until now, shape (..., n) [rad/s].
             kept: Its parts of the state, by name.
             period: Time for which a velocity is held [s].
+            p_WO: How far obstacles have moved; does not matter here.
         """
         J, b, _, g, softness = program
         box = self.limits.held_velocity_box(q, v, period)
@@ -267,7 +274,7 @@ class WithinJerk:
         n = self.limits.size
         return {"a": (n,), "a_path": (n,), "v_path": (n,)}
 
-    def start(self, q: Array) -> Kept:
+    def start(self, q: Array, p_WO: Array | None = None) -> Kept:
         """Return its parts of the state in a posture, as `WithinAcceleration.start` does."""
         return {name: np.zeros(shape) for name, shape in self.shapes.items()}
 
@@ -284,7 +291,13 @@ class WithinJerk:
         return AccelerationChoice(accelerations, v, kept["a"], a_r, x, self.limits, period)
 
     def chosen(
-        self, program: Program, q: Array, v: Array, kept: Kept, period: float
+        self,
+        program: Program,
+        q: Array,
+        v: Array,
+        kept: Kept,
+        period: float,
+        p_WO: Array | None = None,
     ) -> tuple[Array, Kept]:
         """Return the next velocity, as `WithinAcceleration.chosen` does."""
         choice = self.choice(program, q, v, kept, period)

@@ -9,6 +9,9 @@ or one and an obstacle. While the joints move by Delta q, a pair comes nearer by
 over the joints between its two sides, where rho_i bounds how far from joint i's axis any point of
 the capsule's segment can be: its distance from the axis to the next joint, which no posture
 changes, and the lengths from there on.
+
+Obstacles may move, without turning: p_WO is how far each has gone from where it is stated, in the
+order of `drake_rnn.robot.clearance.solids.Solids.moving`.
 """
 
 from __future__ import annotations
@@ -51,18 +54,24 @@ class Near(NamedTuple):
 
 
 class _Sides(NamedTuple):
-    """The two sides of all pairs: capsules of the arm, and what they may meet, shape by shape."""
+    """The two sides of all pairs: capsules of the arm, and what they may meet, shape by shape.
+
+    Those of obstacles come with their places among the obstacles that move.
+    """
 
     round_first: Indices
     own_second: Indices
     fixed: Array
+    fixed_order: Indices
     box_first: Indices
     centers: Array
     R_WO: Array
     half: Array
+    box_order: Indices
     wall_first: Indices
     normals: Array
     levels: Array
+    wall_order: Indices
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,54 +117,72 @@ class Clearance:
             np.where(first & ~second, spans[self._first], 0.0) + np.where(second & ~first, own, 0.0)
         )
 
-    def gaps(self, q: Array) -> Array:
+    @cached_property
+    def speeds(self) -> Array:
+        """How fast a pair may come nearer by the obstacle's own motion, shape (p,) [m/s]."""
+        return self._of_pairs(self.solids.speeds)
+
+    @cached_property
+    def errors(self) -> Array:
+        """How much nearer the obstacle of a pair may be than measured, shape (p,) [m]."""
+        return self._of_pairs(self.solids.errors)
+
+    def gaps(self, q: Array, p_WO: Array | None = None) -> Array:
         """Return the distance of each pair, shape (..., p) [m]; negative where they overlap.
 
         Capsules whose segments cross, and segments in a box, count as overlapping by their radii.
 
         Args:
             q: Joint positions, shape (..., n) [rad].
+            p_WO: How far obstacles have moved, shape (m, 3) or (..., m, 3) [m]; None if not at all.
         """
-        return self._nearest(self.arm.placed(self.arm.poses.at(q)))[0]
+        return self._nearest(self.arm.placed(self.arm.poses.at(q)), p_WO)[0]
 
-    def least_along(self, q: Array) -> Array:
+    def least_along(self, q: Array, p_WO: Array | None = None) -> Array:
         """Return the least distance of any pair at postures on a way, shape (k,) [m].
 
-        Joints move straight from one to the next. Where a pair may have come nearer between two of
-        them than anywhere at them, by more than a micrometre, postures in between are looked at,
-        and the later of the two has what is found.
+        Joints and obstacles move straight from one to the next. Where a pair may have come nearer
+        between two of them than anywhere at them, by more than a micrometre, postures in between
+        are looked at, and the later of the two has what is found.
 
         Args:
             q: Joint positions, shape (k, n) [rad].
+            p_WO: How far obstacles have moved, shape (k, m, 3) [m]; None if not at all.
         """
-        gaps = self.gaps(q)
+        p_WO = np.zeros((len(q), len(self.solids.moving), 3)) if p_WO is None else p_WO
+        gaps = self.gaps(q, p_WO)
         least = gaps.min(axis=1)
         begin, end, d_begin, d_end = q[:-1], q[1:], gaps[:-1], gaps[1:]
+        left, reached = p_WO[:-1], p_WO[1:]
         owners = np.arange(1, len(q))
         for _ in range(_HALVINGS):
-            nearer = 0.5 * (d_begin + d_end - np.abs(end - begin) @ self.reaches.T)
+            way = np.abs(end - begin) @ self.reaches.T + self._drift(reached - left)
+            nearer = 0.5 * (d_begin + d_end - way)
             unsure = nearer.min(axis=1, initial=np.inf) < least.min() - _ENOUGH
             if not unsure.any():
                 break
             begin, end, owners = begin[unsure], end[unsure], owners[unsure]
-            middle = 0.5 * (begin + end)
-            d_middle = self.gaps(middle)
+            left, reached = left[unsure], reached[unsure]
+            middle, passed = 0.5 * (begin + end), 0.5 * (left + reached)
+            d_middle = self.gaps(middle, passed)
             np.minimum.at(least, owners, d_middle.min(axis=1))
             begin, end = np.concatenate((begin, middle)), np.concatenate((middle, end))
+            left, reached = np.concatenate((left, passed)), np.concatenate((passed, reached))
             d_begin = np.concatenate((d_begin[unsure], d_middle))
             d_end = np.concatenate((d_middle, d_end[unsure]))
             owners = np.concatenate((owners, owners))
         return np.asarray(least)
 
-    def near(self, q: Array, within: float | Array) -> Near:
+    def near(self, q: Array, within: float | Array, p_WO: Array | None = None) -> Near:
         """Return all distances, and how those below a bound change with the joints.
 
         Args:
             q: Joint positions, shape (k, n) [rad].
             within: The bound, a number or one for each posture and pair, shape (k, p) [m].
+            p_WO: How far obstacles have moved, shape (m, 3) [m]; None if not at all.
         """
         X = self.arm.poses.at(q)
-        gaps, found = self._nearest(self.arm.placed(X))
+        gaps, found = self._nearest(self.arm.placed(X), p_WO)
         postures, pairs = np.nonzero(gaps < within)
         p_A, p_B = found.p_A[postures, pairs], found.p_B[postures, pairs]
         distance = found.distance[postures, pairs]
@@ -173,17 +200,19 @@ class Clearance:
             slopes += sign * carried * (axes * turned).sum(axis=-1)
         return Near(gaps, postures, pairs, slopes)
 
-    def _nearest(self, ends: Array) -> tuple[Array, Nearest]:
+    def _nearest(self, ends: Array, p_WO: Array | None) -> tuple[Array, Nearest]:
         """Return the pairs' distances, and the nearest points of their segments."""
         sides = self._sides
+        if p_WO is not None and self.solids.moving.size:
+            sides = _moved(sides, p_WO)
         first, second = ends[..., sides.round_first, :, :], ends[..., sides.own_second, :, :]
         if sides.fixed.size:
-            fixed = np.broadcast_to(sides.fixed, (*ends.shape[:-3], *sides.fixed.shape))
+            fixed = np.broadcast_to(sides.fixed, (*ends.shape[:-3], *sides.fixed.shape[-3:]))
             second = np.concatenate((second, fixed), axis=-3)
         found = [between_segments(first, second)]
         if sides.half.size:
             R, p = sides.R_WO, sides.centers
-            near = to_boxes((ends[..., sides.box_first, :, :] - p[:, None, :]) @ R, sides.half)
+            near = to_boxes((ends[..., sides.box_first, :, :] - p[..., None, :]) @ R, sides.half)
             back = ((R @ x[..., None])[..., 0] + p for x in near[1:])
             found.append(Nearest(near.distance, *back))
         if sides.levels.size:
@@ -204,17 +233,21 @@ class Clearance:
         def repeated(values: Array) -> Array:
             return np.repeat(values, each, axis=0)
 
+        order = np.repeat(solids.order, each)
         return _Sides(
             round_first=np.concatenate((self._first[:own], outer[:r])),
             own_second=self.own[:, 1],
             fixed=repeated(solids.ends),
+            fixed_order=order[:r],
             box_first=outer[r : r + b],
             centers=repeated(solids.centers),
             R_WO=repeated(solids.R_WO),
             half=repeated(solids.half),
+            box_order=order[r : r + b],
             wall_first=outer[r + b :],
             normals=repeated(solids.normals),
             levels=repeated(solids.levels),
+            wall_order=order[r + b :],
         )
 
     @cached_property
@@ -248,6 +281,17 @@ class Clearance:
         second = np.concatenate((self.arm.radii[self.own[:, 1]], second))
         return np.asarray(self.arm.radii[self._first] + second)
 
+    def _drift(self, moved: Array) -> Array:
+        """Return how much nearer obstacles that move so, shape (k, m, 3), come, shape (k, p)."""
+        far = np.zeros((len(moved), len(self.solids.names)))
+        far[:, self.solids.moving] = np.linalg.norm(moved, axis=-1)
+        return self._of_pairs(far)
+
+    def _of_pairs(self, values: Array) -> Array:
+        """Return what obstacles have, shape (..., k), of each pair, shape (..., p)."""
+        own = np.zeros((*values.shape[:-1], len(self.own)))
+        return np.concatenate((own, np.repeat(values, len(self._movable), axis=-1)), axis=-1)
+
     def _spans(self) -> Array:
         """Return how far a capsule's segment can be from each joint's axis, shape (c, n) [m]."""
         poses, arm = self.arm.poses, self.arm
@@ -265,6 +309,18 @@ class Clearance:
                     way += float(poses.travels[j + 1 : link].sum())
                 spans[c, j] = 1.0 if poses.slides[j] else way
         return spans
+
+
+def _moved(sides: _Sides, p_WO: Array) -> _Sides:
+    """Return the sides of all pairs where obstacles have moved, of `Clearance.gaps`."""
+    # Obstacles at rest share the last place.
+    p = np.concatenate((p_WO, np.zeros((*p_WO.shape[:-2], 1, 3))), axis=-2)
+    rise = (sides.normals * p[..., sides.wall_order, :]).sum(axis=-1)
+    return sides._replace(
+        fixed=sides.fixed + p[..., sides.fixed_order, None, :],
+        centers=sides.centers + p[..., sides.box_order, :],
+        levels=sides.levels + rise,
+    )
 
 
 def _off_axis(points: Array, axis: Array) -> float:

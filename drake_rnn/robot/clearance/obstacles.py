@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, Field
 from ...errors import InvalidInputError
 from ...inputs.complaints import nearest, short
 from ...inputs.documents import construct, without_kind
-from ...inputs.fields import Angles, Array, Length, Point, validated, zeros
+from ...inputs.fields import Angles, Array, Length, NonNegative, Point, Speed, validated, zeros
 
 #: Obstacles that an arm can have; it takes longer than a sample to look at more.
 MOST = 200
@@ -37,11 +37,27 @@ _Place = Annotated[Point, BeforeValidator(_place)]
 class Obstacle:
     """A solid of a simple shape, in the base frame W.
 
+    One with a ``speed`` may move, but does not turn: where it is stated is where it begins.
+
     Args:
         name: Name in messages; by default its kind and number.
+        speed: Largest speed that is counted on [m/s]; without it the obstacle never moves.
+        error: Largest error of the position that is measured of it [m].
+        moves: Its motion, a path with its ``kind`` and fields that begins where the obstacle is;
+            without it, one that may move stands still in a simulation.
     """
 
     name: str = ""
+    speed: Speed | None = None
+    error: NonNegative = 0.0
+    moves: dict[str, Any] | None = None
+
+    def __post_init__(self) -> None:
+        if self.speed is None and (self.moves is not None or self.error):
+            given = "error" if self.moves is None else "moves"
+            raise ValueError(
+                f"speed: must be given with {given}, the largest that is counted on [m/s]"
+            )
 
     @property
     def corners(self) -> Array:
@@ -104,6 +120,7 @@ class BoxObstacle(Obstacle):
     rpy: Angles = Field(default_factory=zeros)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not (self.size > 0.0).all() or (self.size > 2.0 * _FARTHEST).any():
             raise ValueError(
                 f"size: must be three edges above 0 and up to {2.0 * _FARTHEST:g} m, not "
@@ -143,6 +160,7 @@ class HalfSpaceObstacle(Obstacle):
     normal: Point
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not np.linalg.norm(self.normal) > 0.0:
             raise ValueError("normal: must not be zero")
 

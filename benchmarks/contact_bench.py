@@ -41,7 +41,7 @@ def whole(experiment: Experiment, *, recorded: bool) -> float:
 
 def commands(experiment: Experiment) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return times [s] and the motors' commands: desired state and torque, one row per time."""
-    simulator, loop, recorder = recorded_simulator(experiment)
+    simulator, (loop, *_), recorder = recorded_simulator(experiment)
     recorder.watch(simulator)
     simulator.AdvanceTo(experiment.document.duration)
     kinematics, steps = experiment.arm.kinematics(), recorder.steps

@@ -16,12 +16,13 @@ import numpy as np
 
 from avoidance import document
 from drake_rnn import load_experiment, simulate
+from drake_rnn.robot.clearance.segments import between_segments
 from markdown_table import head, row
 
 NAME = "adaptive_nephroid_known"
 # Speed that is counted on, and least speed of a ball [m/s]; the error of its measured place [m].
 SPEED, SLOWEST, ERROR = 0.3, 0.05, 0.005
-RADII, AWAY = (0.03, 0.08), 0.6
+RADII, AWAY, APART = (0.03, 0.08), 0.6, 0.03
 DURATION = 8.0
 
 
@@ -32,15 +33,19 @@ def ball(seed: int, changes: dict[str, Any]) -> dict[str, Any]:
     assert empty.clearance is not None
     arm = empty.clearance.arm
     ends = arm.placed(arm.poses.at(empty.start))[arm.links > 0]
-    one, other = ends[rng.integers(len(ends))]
-    aim = one + rng.uniform() * (other - one)
-    away = rng.normal(size=3)
-    away *= AWAY / np.linalg.norm(away)
-    speed = rng.uniform(SLOWEST, SPEED)
+    while True:
+        one, other = ends[rng.integers(len(ends))]
+        aim = one + rng.uniform() * (other - one)
+        away = rng.normal(size=3)
+        away *= AWAY / np.linalg.norm(away)
+        speed, radius = rng.uniform(SLOWEST, SPEED), float(rng.uniform(*RADII))
+        to_arm = between_segments(np.tile(aim + away, (2, 1)), ends).distance
+        if (to_arm - arm.radii[arm.links > 0]).min() > radius + APART:
+            break
     return {
         "kind": "ball",
         "center": (aim + away).tolist(),
-        "radius": float(rng.uniform(*RADII)),
+        "radius": radius,
         "speed": SPEED,
         "error": ERROR,
         "moves": {"kind": "line", "by": (-2.0 * away).tolist(), "period": 2.0 * AWAY / speed},

@@ -83,7 +83,7 @@ def rows(name: str) -> list[tuple[str, float, float]]:
     kind = type(experiment.desired)
     for part in ("position", "orientation"):
         setattr(kind, part, timed(f"path {part}", getattr(kind, part)))
-    simulator, loop, recorder = recorded_simulator(experiment)
+    simulator, (loop, *_), recorder = recorded_simulator(experiment)
     recorder.watch(simulator)
     loop.controller._step = timed("law", unchecked(loop.controller.reading.step))
     simulator.Initialize()

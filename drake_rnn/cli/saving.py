@@ -10,6 +10,7 @@ from rich.markup import escape
 
 from ..inputs.signals_held import signals_held
 from ..playback import write_playback
+from ..runs.beside import SECOND
 from ..runs.folder import filled
 from ..runs.result import Result
 from .console import err, out, status
@@ -44,6 +45,11 @@ def write_result(
     out.print(metrics_table(result))
     if (joints := joints_table(result)) is not None:
         out.print(joints)
+    if result.second is not None:
+        for warning in result.second.warnings:
+            if f"second: {warning}" not in result.warnings:
+                err.print(f"[yellow]warning[/] {escape(f'second: {warning}')}")
+        out.print(metrics_table(result.second))
     cost = result.timings["wall_time_s"]
     out.print(f"time      {result.record['until_s']:g} s simulated in {cost:.3g} s")
     interrupted: KeyboardInterrupt | None = None
@@ -72,6 +78,8 @@ def _make(pictures: Pictures, result: Result, folder: Path, beside: Sequence[Res
     if pictures.figures:
         with status(f"{result.experiment.name}: drawing figures"):
             figures = draw_figures(result, folder / "figures")
+            if result.second is not None:
+                draw_figures(result.second, folder / SECOND / "figures")
         drawn = f"{folder / 'figures'} ({len(figures)})" if figures else "none"
         out.print(escape(f"figures   {drawn}"), soft_wrap=True)
     if pictures.playback and result.time.size > 1:

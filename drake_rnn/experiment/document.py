@@ -117,6 +117,9 @@ class ExperimentDocument:
             `drake_rnn.robot.clearance.obstacles`, and itself, also if the list is empty. A law
             with the field ``avoidance`` avoids them, any with ``safety.collisions``; of others the
             distance is measured. By default distances are not looked at.
+        second: Another arm beside this one: ``base``, where it stands, and keys of an experiment of
+            its own; those left out are as in this document. With ``follows`` its path goes along
+            with this arm's tool. Needs ``obstacles``.
         safety: What is kept of the command, whatever the law is; by default the law's command is
             taken as it is.
         force: Desired pressing force.
@@ -158,6 +161,7 @@ class ExperimentDocument:
     plant: PlantSettings | None = None
     environment: dict[str, Any] | None = None
     obstacles: list[Any] | None = None
+    second: dict[str, Any] | None = None
     safety: SafetySettings | None = None
     force: ForceProfile | None = None
     sensor: SensorSettings | None = None

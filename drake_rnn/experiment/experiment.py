@@ -15,7 +15,7 @@ from ..inputs.fields import Array
 from ..inputs.modules import Modules
 from ..laws import Circumstances, Law, PostureLaw, Safety
 from ..laws.checks import warnings_of
-from ..paths import Path, PlacedPath
+from ..paths import LedPath, Path, PlacedPath
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.obstacles import Obstacle
@@ -30,6 +30,7 @@ from .document import ExperimentDocument
 from .filter import FilterDelay, filter_delay
 from .path import GIVEN
 from .safety import kept_by
+from .second import Base, StandingArm, second_document, side_by_side
 from .sections import Sections, read_sections
 from .target import with_reachable_target
 
@@ -51,6 +52,9 @@ class Experiment:
         obstacles: What stands in the arm's way.
         clearance: What the arm is to stay clear of; None if distances are not looked at.
         motions: How obstacles that may move do; None without any.
+        second: The experiment of another arm beside this one; None without one. Of both, obstacles
+            and distances are in the base frame of this one.
+        base: Where that arm stands; None without one.
         safety: What is kept of the law's command; None if it is taken as it is.
         feedback: Arm that the law sees.
         path_delay: Delay with which the arm follows the path [s].
@@ -73,6 +77,8 @@ class Experiment:
     feedback: Feedback
     path_delay: float
     warnings: tuple[str, ...] = ()
+    second: Experiment | None = None
+    base: Base | None = None
 
     @property
     def name(self) -> str:
@@ -182,10 +188,7 @@ def make_experiment(
     Raises:
         InvalidInputError: If a key is wrong; the message names it, its value and what it may be.
     """
-    if not isinstance(document, ExperimentDocument):
-        document = construct(ExperimentDocument, document, "")
-    if path is not None:
-        document = replace(document, path=GIVEN)
+    document = _checked(document, path)
     arms = Arms() if arms is None else arms
     parts = read_sections(document, arms, path, modules)
     check_sensing(document.sensing, parts.law)
@@ -219,7 +222,51 @@ def make_experiment(
     )
     circumstances = _circumstances(found, delay, kinematics)
     unsure = warnings_of(law, "doubts", lambda: law.doubts(circumstances))
-    return replace(found, warnings=(*parts.warnings, *late, *moved, *unsafe, *unsure, *doubts))
+    warnings = (*parts.warnings, *late, *moved, *unsafe, *unsure, *doubts)
+    found = replace(found, warnings=warnings)
+    return found if document.second is None else _beside(found, modules, arms)
+
+
+def _checked(
+    document: Mapping[str, Any] | ExperimentDocument, path: Path | Trajectory | None
+) -> ExperimentDocument:
+    """Return a document with its own fields checked, which says if a path is given besides."""
+    if not isinstance(document, ExperimentDocument):
+        document = construct(ExperimentDocument, document, "")
+    return document if path is None else replace(document, path=GIVEN)
+
+
+def _beside(found: Experiment, modules: Modules, arms: Arms) -> Experiment:
+    """Return an experiment with that of the second arm beside it.
+
+    Raises:
+        InvalidInputError: If the second arm's section is wrong, or the two do not fit together.
+    """
+    document, base, follows = second_document(found.document)
+    if found.clearance is None:
+        raise InvalidInputError("obstacles: must be given with second; the list may be empty")
+    try:
+        other = make_experiment(document, modules=modules, arms=arms)
+    except InvalidInputError as error:
+        raise InvalidInputError(f"second: {error}") from None
+    assert other.clearance is not None
+    one, two = side_by_side(
+        StandingArm(found.law, found.clearance, found.start, found.limits),
+        StandingArm(other.law, other.clearance, other.start, other.limits),
+        base,
+        found.document.period,
+    )
+    warnings = (*found.warnings, *(f"second: {text}" for text in other.warnings))
+    other = replace(other, law=two.law, clearance=two.clearance, motions=found.motions)
+    if follows:
+        ways = (other.desired, found.desired)
+        led = LedPath(*ways, found.arm, found.p_WE_start, base.R.T)
+        other = replace(other, desired=led)
+        if document.task == "pose":
+            raise InvalidInputError("second.follows: needs task: xyz, xy, xz or yz")
+    return replace(
+        found, law=one.law, clearance=one.clearance, second=other, base=base, warnings=warnings
+    )
 
 
 def _unsafe(parts: Sections) -> list[str]:

@@ -26,6 +26,7 @@ ORIGINS = {
     "task_size": "task",
     "measurement": "sensing",
     "clearance": "arm and obstacles",
+    "other": "second",
 }
 
 
@@ -53,6 +54,7 @@ def make_law(
     task = document.task
     known = {"limits": limits, "home": start, "task_size": TASKS[task].size}
     known |= {"measurement": _measurement(document), "clearance": clearance}
+    known |= {"other": None}
     filled = {name: value for name, value in known.items() if name in field_names(kind)}
     for name in filled.keys() & document.law.keys():
         raise InvalidInputError(f"law.{name}: follows from {ORIGINS[name]}; leave it out")

@@ -70,12 +70,13 @@ from ..arrays.algebra import acts, joined, matvec
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Gain, Length, Speed, Vector, Weight, validated
 from ..robot.clearance import Clearance
+from ..robot.clearance.neighbour import Neighbour
 from ..robot.limits import JointLimits
 from ..robot.rotation import rotation_error
 from .law import Circumstances, Law, SampledReading
 from .layout import Layout, Signals
 from .parts.approach import approach, gain_within_jerk
-from .parts.held_clear import Avoidance, Within, require_free, seen_obstacles, within_safe
+from .parts.held_clear import Avoidance, Within, require_free, within_safe
 from .parts.held_within import Program, kept_limits
 from .parts.known_jacobian import MiddleJacobian
 from .parts.late import Late
@@ -84,6 +85,7 @@ from .parts.measurement import EXACT, LEVER, REACH, Measurement, feedback_gain, 
 from .parts.near_singular import softened
 from .parts.reached_limits import reached_limits
 from .parts.secondary import Secondary, manipulability_gradient, posture_doubts, pushed_back
+from .parts.world import seen_signals
 
 _ROUNDING = 1e-9
 _TARGET = "law.secondary.target"
@@ -121,6 +123,7 @@ class Adaptive(Law):
         measurement: Quality of what the law sees.
         clearance: What the arm is to stay clear of; None for nothing.
         avoidance: How near it may come; ``none`` not to avoid anything.
+        other: Another arm beside it, which ``clearance`` counts; None without one.
     """
 
     kind: Literal["adaptive"] = "adaptive"
@@ -142,11 +145,13 @@ class Adaptive(Law):
     measurement: Measurement = Field(default_factory=Measurement)
     clearance: Clearance | None = None
     avoidance: Avoidance | Literal["none"] = Field(default_factory=Avoidance)
+    other: Neighbour | None = None
 
     def __post_init__(self) -> None:
         self.limits.require_size("home", self.home)
-        if self.avoids is not None:
-            require_free(*self.avoids, self.home)
+        # What stands where beside another arm, only those who place both know.
+        if self.avoids is not None and self.other is None:
+            require_free(self.avoids[0], self.avoids[1].floor, self.home)
         n, target = self.limits.size, self.secondary.target
         if target is not None and target.size != n:
             raise ValueError(
@@ -179,6 +184,15 @@ class Adaptive(Law):
     def keeps_distance(self) -> float | None:
         """See `Law.keeps_distance`."""
         return None if self.avoids is None else self.avoids[1].floor
+
+    @property
+    def neighbour(self) -> Neighbour | None:
+        """See `Law.neighbour`."""
+        return self.other
+
+    def beside(self, clearance: Clearance, neighbour: Neighbour) -> Law | None:
+        """See `Law.beside`."""
+        return self.avoids and replace(self, clearance=clearance, other=neighbour)
 
     @property
     def limits_remedy(self) -> str:
@@ -259,7 +273,7 @@ class Adaptive(Law):
         known: dict[str, tuple[int, ...]] = {"J": (m, n)} if self.jacobian == "known" else {}
         if self.seeks_manipulability:
             known["J_omega"] = (3, n)
-        known |= seen_obstacles(None if self.avoids is None else self.avoids[0])
+        known |= seen_signals(None if self.avoids is None else self.avoids[0], self.other)
         return Layout(position=(n,), **known, **parts)
 
     @property
@@ -327,7 +341,7 @@ class AdaptiveReading(SampledReading):
     @cached_property
     def _within(self) -> Within:
         smoothing = 1.0 if self.law.jacobian == "known" else _SMOOTHED
-        return within_safe(self.law.limits, smoothing, self.law.avoids)
+        return within_safe(self.law.limits, smoothing, self.law.avoids, self.law.other)
 
     @cached_property
     def _late(self) -> Late:
@@ -345,7 +359,7 @@ class AdaptiveReading(SampledReading):
         return rows[..., None] * np.eye(law.task_size)
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
-        start = self._within.start(u["position"], u.get("p_WO"))
+        start = self._within.start(u["position"], u)
         start |= {"v": np.zeros(self.law.limits.size), "commanded": u["position"]}
         return self.state.joined(start | self._source.start(rng, u) | self._late.start(u))
 
@@ -358,7 +372,7 @@ class AdaptiveReading(SampledReading):
         g = self._preferred(q, v, J, u, period)
         softness = softened(J, self._softness)
         program = Program(J, along + feedback, along, g, softness)
-        v, held = self._within.chosen(program, q, v, kept, period, u.get("p_WO"))
+        v, held = self._within.chosen(program, q, v, kept, period, u)
         return self.state.joined({"v": v, "commanded": q + period * v, **held, **learned, **late})
 
     def _asked(self, u: Signals, since: Array | None, period: float) -> tuple[Array, Array]:

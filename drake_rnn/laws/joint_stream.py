@@ -130,7 +130,7 @@ class JointStreamReading(SampledReading):
         times = {"left": none, "since": none, "missed": none}
         none_yet = np.zeros(q.size)
         own = {"v": none_yet, "commanded": q, "goal": q, "pace": none_yet, **times}
-        return self.state.joined(own | self._within.start(q, u.get("p_WO")))
+        return self.state.joined(own | self._within.start(q, u))
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
         kept = self.state.named(x)
@@ -154,7 +154,7 @@ class JointStreamReading(SampledReading):
         else:
             inside = np.clip(goal, self._limits.position_lower, self._limits.position_upper)
             wanted = self._towards(inside, q, kept)
-        v, held = self._within.chosen(nearest(wanted), q, kept["v"], kept, period, u.get("p_WO"))
+        v, held = self._within.chosen(nearest(wanted), q, kept["v"], kept, period, u)
         own = {"v": v, "commanded": q + period * v, "goal": goal, "left": left, "pace": pace}
         return self.state.joined({**own, "since": since, "missed": missed, **held})
 

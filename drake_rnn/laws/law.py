@@ -25,6 +25,8 @@ import numpy as np
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
+from ..robot.clearance import Clearance
+from ..robot.clearance.neighbour import Neighbour
 from .called import check_calls
 from .layout import Layout, Signals
 
@@ -188,6 +190,20 @@ class Law(Reading):
         starts at rest within its limits, in every reading that the law has; none by default.
         """
         return ()
+
+    @property
+    def neighbour(self) -> Neighbour | None:
+        """Another arm beside the one it moves, which it counts with; None without one."""
+        return None
+
+    def beside(self, clearance: Clearance, neighbour: Neighbour) -> Law | None:
+        """Return the law where another arm stands beside its own; None if it minds nothing there.
+
+        Args:
+            clearance: What its arm is to stay clear of, the other arm included.
+            neighbour: The other arm.
+        """
+        return None
 
     @property
     def keeps_distance(self) -> float | None:

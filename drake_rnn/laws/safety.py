@@ -25,9 +25,10 @@ from ..robot.limits import JointLimits
 from .called import unchecked
 from .law import SampledReading
 from .layout import Layout, Signals
-from .parts.held_clear import Avoidance, Within, require_free, seen_obstacles, within_safe
+from .parts.held_clear import Avoidance, Within, require_free, within_safe
 from .parts.held_within import Program, kept_limits
 from .parts.reached_limits import reached_limits
+from .parts.world import seen_signals
 
 # Price of a change of the task's velocity against one of the joints' [m^2].
 _SOFTNESS = 1e-6
@@ -71,12 +72,12 @@ class Safety:
     @property
     def inputs(self) -> dict[str, tuple[int, ...]]:
         """What it sees besides what the law does, with the shapes."""
-        return seen_obstacles(self.clearance)
+        return seen_signals(self.clearance)
 
     def check_start(self, q: Array) -> None:
         """Raise an InvalidInputError if a posture, shape (n,), is nearer to something than kept."""
         if self.clearance is not None:
-            require_free(self.clearance, self.avoidance, q)
+            require_free(self.clearance, self.avoidance.floor, q)
 
     def within(self, period: float) -> Within:
         """Return what chooses a velocity that is safe.
@@ -168,7 +169,7 @@ class SafeReading(SampledReading):
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
         x, q = self.wanting.initial_state(rng, u), u["position"]
         own = {"commanded": q, "wanted": self.wanting.state.part(x, "v")}
-        own |= self.within.start(q, u.get("p_WO"))
+        own |= self.within.start(q, u)
         # An arm at rest is what a stop is certified for.
         return self._joined(self.wanting.state.replaced(x, v=np.zeros(q.size)), own)
 
@@ -176,7 +177,7 @@ class SafeReading(SampledReading):
         kept, at = self._own.named(x[self.wanting.state.size :]), self._v
         wanted = self._step(t, self._theirs(x), u, period)
         q, program = kept["commanded"], nearest(wanted[at], u.get("J"))
-        safe, held = self.within.chosen(program, q, x[at], kept, period, u.get("p_WO"))
+        safe, held = self.within.chosen(program, q, x[at], kept, period, u)
         own = {"commanded": q + period * safe, "wanted": wanted[at], **held}
         return self._joined(self.wanting.state.replaced(wanted, v=safe), own)
 

@@ -40,6 +40,7 @@ with all other time laws the point rests at the corners. Every other curve is on
 from ..inputs.kinds import Kinds
 from .cat import Cat as Cat
 from .curve import Curve as Curve
+from .led import LedPath as LedPath
 from .line import Line as Line
 from .path import (
     BASE as BASE,

@@ -59,14 +59,15 @@ _DEPTH_ONLY = {**_BEHIND, "material.colorWrite": False, "renderOrder": 1.0}
 
 
 class DrawnArm:
-    """An arm below "/arm" in the scene.
+    """An arm in the scene.
 
     Args:
         arm: The arm.
         meshcat: Meshcat with the scene.
+        place: Scene path that it is below.
     """
 
-    def __init__(self, arm: Arm, meshcat: Meshcat) -> None:
+    def __init__(self, arm: Arm, meshcat: Meshcat, place: str = "/arm") -> None:
         self.arm = arm
         self._meshcat = meshcat
         builder = DiagramBuilder()
@@ -79,7 +80,7 @@ class DrawnArm:
         parameters = MeshcatVisualizerParams()
         parameters.default_color = Rgba(*colours.components(colours.ARM))
         parameters.role = Role.kIllustration
-        parameters.prefix = "/arm"
+        parameters.prefix = place
         MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, parameters)
         self._diagram = builder.Build()
         self._context = self._diagram.CreateDefaultContext()
@@ -87,7 +88,7 @@ class DrawnArm:
         self.inspector: SceneGraphInspector = scene_graph.model_inspector()
         for body in self._beyond_task_frame:
             # If a tool beyond the task frame were drawn, it would seem to be what follows the path.
-            meshcat.SetProperty(f"/arm/{_scene_name(body)}", "visible", False)
+            meshcat.SetProperty(f"{place}/{_scene_name(body)}", "visible", False)
 
     @property
     def bodies(self) -> list[Any]:

@@ -25,6 +25,7 @@ from .paths_in_air import PathsInAir
 from .paths_on_surface import PathsOnSurface
 from .recorded import recorded
 from .replay import ReplayedMotion, name_of, replayed_contact
+from .second_arm import SecondArm, second_arm
 from .shown_curves import curves_of
 from .stage import set_stage
 from .template import rendered
@@ -55,7 +56,8 @@ def make_page(
     if experiment.target is not None:
         drawn.draw_target(experiment.target)
     boxes = boxes_of(motion, drawn)
-    paths = _drawn_paths(meshcat, motion, beside, boxes)
+    second = second_arm(meshcat, motion)
+    paths = _drawn_paths(meshcat, motion, beside, boxes, second)
     points = np.concatenate((boxes.corners, paths.set_up()))
     floor, size = float(points[:, 2].min()), float(np.ptp(points, axis=0).max())
     set_stage(meshcat, floor, size)
@@ -63,7 +65,7 @@ def make_page(
     paths.draw(floor)
     duration = max(each.duration for each in (motion, *beside))
     frames = np.arange(math.ceil(duration * rate - 1e-6) + 1) / rate
-    _record(meshcat, motion, frames, rate, drawn, paths)
+    _record(meshcat, motion, frames, rate, drawn, second, paths)
     title = " beside ".join(name_of(each.result) for each in (motion, *beside))
     data = {
         "duration": duration,
@@ -119,14 +121,18 @@ def _window(motion: ReplayedMotion) -> list[float] | None:
 
 
 def _drawn_paths(
-    meshcat: Meshcat, motion: ReplayedMotion, beside: Sequence[ReplayedMotion], boxes: Boxes
+    meshcat: Meshcat,
+    motion: ReplayedMotion,
+    beside: Sequence[ReplayedMotion],
+    boxes: Boxes,
+    second: SecondArm | None,
 ) -> DrawnPaths:
     """Return the paths of several runs, or of one: on the surface it presses on, or in the air."""
     if beside:
         return PathsBeside(meshcat, motion, beside, boxes)
     contact = replayed_contact(motion)
     if contact is None:
-        return PathsInAir(meshcat, motion, boxes)
+        return PathsInAir(meshcat, motion, boxes, second)
     return PathsOnSurface(meshcat, motion, contact, boxes)
 
 
@@ -136,6 +142,7 @@ def _record(
     time: Array,
     rate: int,
     drawn: DrawnArm,
+    second: SecondArm | None,
     paths: DrawnPaths,
 ) -> None:
     """Record the animation, ``time`` of each frame [s], and publish it in the scene."""
@@ -143,6 +150,8 @@ def _record(
     for frame, q in enumerate(motion.at(time, motion.position)):
         # Drake rounds a time down to a frame: half a frame later, it finds the right one.
         drawn.draw(q, (frame + 0.5) / rate)
+    if second is not None:
+        second.record(time, rate)
     recording = meshcat.get_mutable_recording()
     paths.record(recording, time)
     begin = float(motion.result.time[0])

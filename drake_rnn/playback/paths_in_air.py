@@ -13,6 +13,7 @@ from .curves import Curves
 from .drawn_paths import DrawnCurves
 from .obstacles import corners_of_obstacles
 from .replay import ReplayedMotion
+from .second_arm import SecondArm
 from .views import View, box_round, facing
 
 # Radius of the traced path, relative to the extent of the scene.
@@ -29,14 +30,29 @@ class PathsInAir(DrawnCurves):
         meshcat: Meshcat with the scene.
         motion: The motion to replay.
         boxes: Boxes round the arm.
+        second: Another arm beside it, whose paths are drawn as well; None without one.
     """
 
-    def __init__(self, meshcat: Meshcat, motion: ReplayedMotion, boxes: Boxes) -> None:
-        path = np.concatenate((motion.course, motion.traced))
+    def __init__(
+        self,
+        meshcat: Meshcat,
+        motion: ReplayedMotion,
+        boxes: Boxes,
+        second: SecondArm | None = None,
+    ) -> None:
+        motions = [motion] if second is None else [motion, second.motion]
+        path = np.concatenate([part for each in motions for part in (each.course, each.traced)])
         around = corners_of_obstacles(motion.result.experiment)
+        if second is not None:
+            around = np.concatenate((around, second.corners))
         self._scene = np.concatenate((boxes.corners, path, around))
         self._size = float(np.ptp(self._scene, axis=0).max())
-        super().__init__([Curves(meshcat, motion, _RADIUS * self._size)], path)
+        places = ("", "/beside_it")
+        curves = [
+            Curves(meshcat, each, _RADIUS * self._size, place)
+            for each, place in zip(motions, places, strict=False)
+        ]
+        super().__init__(curves, path)
         self._motion = motion
         self._boxes = boxes
         self._axes = Axes(meshcat, motion, _RADIUS * self._size) if motion.turns else None

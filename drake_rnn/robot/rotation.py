@@ -94,6 +94,22 @@ def frame_about(axis: AnyArray) -> AnyArray:
     )
 
 
+def rotation_of(rpy: Array) -> Array:
+    """Return the rotation of roll, pitch and yaw, shape (3, 3), about fixed axes in turn.
+
+    Args:
+        rpy: Angles about x, then y, then z, shape (3,) [rad].
+    """
+    (cx, cy, cz), (sx, sy, sz) = np.cos(rpy), np.sin(rpy)
+    return np.array(
+        [
+            [cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx],
+            [sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx],
+            [-sy, cy * sx, cy * cx],
+        ]
+    )
+
+
 def rotation_by(vector: Array) -> Array:
     """Return the rotations by rotation vectors (O. Rodrigues).
 

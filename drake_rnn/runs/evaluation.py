@@ -16,6 +16,7 @@ from ..inputs.fields import Array
 from ..laws import Signals
 from ..laws.checks import warnings_of
 from ..measures import Motion, RunMetrics, Steps, Yardsticks, last_end, of_one_run
+from .beside import of_second
 from .caveats import contact_caveats, distance_caveats, limit_caveats, motor_caveats, standing
 from .motion import (
     measured_signals,
@@ -149,6 +150,45 @@ class Evaluation:
         except InvalidInputError as error:
             self._fault = error
             return {}
+
+
+class Evaluations:
+    """What a run comes to for each of its arms; see `Evaluation`.
+
+    Args:
+        experiment: Experiment that runs.
+        loops: Systems of each arm's loop.
+        period: Time between two stored samples [s]; infinite to store the last step alone.
+    """
+
+    def __init__(self, experiment: Experiment, loops: Sequence[Loop], period: float) -> None:
+        self._first = Evaluation(experiment, loops[0], period)
+        second = experiment.second
+        self._second = None if second is None else Evaluation(second, loops[1], period)
+
+    @property
+    def wall_time(self) -> float:
+        """Time that `take` has taken [s]."""
+        return self._first.wall_time + (0.0 if self._second is None else self._second.wall_time)
+
+    def take(self, steps: Steps) -> int:
+        """See `Evaluation.take`."""
+        if self._second is not None:
+            self._second.take(of_second(steps))
+        return self._first.take(steps)
+
+    def finish(
+        self, steps: Steps, found: Sequence[Sequence[Forecast]], diagram: Diagram
+    ) -> tuple[Result, InvalidInputError | None]:
+        """Return the result of a run, with that of its second arm; see `Evaluation.finish`.
+
+        Warnings about the path from before the run are of each arm.
+        """
+        result, fault = self._first.finish(steps, found[0], diagram)
+        if self._second is None:
+            return result, fault
+        second, other = self._second.finish(of_second(steps), found[1], diagram)
+        return replace(result, second=second), fault or other
 
 
 def _further_series(motion: Motion, steps: Steps) -> dict[str, Array]:

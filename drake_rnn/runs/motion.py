@@ -14,8 +14,10 @@ from ..inputs.fields import Array
 from ..laws import Reading, Signals
 from ..laws.checks import observables_of
 from ..measures import Motion, Pressing, Steps
+from ..paths import LedPath
 from ..robot.clearance import Clearance
 from ..robot.rotation import rotation_error
+from .beside import PREFIX
 
 # A joint that goes less far than this from one step to the next stands still [rad].
 _MOVED = 1e-12
@@ -143,12 +145,11 @@ def motion_of(
     position, velocity = (steps.series(prefix + name) for name in ("position", "velocity"))
     state, layout = steps.series("state"), loop.controller.reading.state
     p_WE, J, turned = _task_motion(experiment, position, steps.time - delay)
-    p_WE_desired, v_WE_desired = _desired(experiment, steps.time - delay)
+    p_WE_desired, v_WE_desired = _desired(experiment, steps, delay)
     if until is None and steps.time.size:
         until = float(steps.time[-1])
     tick, network_tick = ticks_of(experiment, loop)
-    clearance = None if virtual else experiment.clearance
-    distance, moving = _distances(experiment, clearance, steps.time, position)
+    distance, moving = _distances(experiment, None if virtual else experiment.clearance, steps)
     commanded = None
     if loop.arm.has_motors and not virtual:
         commanded = steps.series("position_commanded")
@@ -180,14 +181,17 @@ def motion_of(
 
 
 def _distances(
-    experiment: Experiment, clearance: Clearance | None, times: Array, position: Array
+    experiment: Experiment, clearance: Clearance | None, steps: Steps
 ) -> tuple[Array | None, Array | None]:
     """Return the least distances since the step before, and those while the arm moves [m]."""
     if clearance is None:
         return None, None
+    position = steps.series("position")
+    if clearance.alone is not None:
+        position = np.concatenate((position, steps.series(f"{PREFIX}position")), axis=1)
     if (motions := experiment.motions) is None:
         return clearance.least_along(position), None
-    least = clearance.least_along(position, motions.along(times))
+    least = clearance.least_along(position, motions.along(steps.time))
     moved = np.abs(np.diff(position, axis=0, prepend=position[:1])).max(axis=1) > _MOVED
     return least, np.where(moved, least, np.inf)
 
@@ -227,14 +231,24 @@ def _placed(experiment: Experiment, position: Array) -> Array:
     return np.array([kinematics.p_WE(q)[axes] for q in position])
 
 
-def _desired(experiment: Experiment, times: Array) -> tuple[Array, Array]:
-    """Return desired position and velocity at the given times."""
-    axes = list(experiment.task.axes)
+def _desired(experiment: Experiment, steps: Steps, delay: float) -> tuple[Array, Array]:
+    """Return desired position and velocity at every step, of a path followed with a delay."""
+    axes, times = list(experiment.task.axes), steps.time - delay
     p_WE, v_WE = np.empty((times.size, len(axes))), np.empty((times.size, len(axes)))
     for k, t in enumerate(times.tolist()):
         p, v, _ = experiment.desired.position(t)
         p_WE[k], v_WE[k] = p[axes], v[axes]
+    if isinstance(experiment.desired, LedPath):
+        return _led(experiment, experiment.desired, steps), v_WE
     return p_WE, v_WE
+
+
+def _led(experiment: Experiment, path: LedPath, steps: Steps) -> Array:
+    """Return the desired position beside where the leading arm is, at every step."""
+    arm = path.arm.kinematics()
+    led = [arm.p_WE(q) for q in steps.series(f"{PREFIX}position")]
+    axes, times = list(experiment.task.axes), steps.time.tolist()
+    return np.array([path.beside(t, p)[axes] for t, p in zip(times, led, strict=True)])
 
 
 def _pressing(experiment: Experiment, steps: Steps) -> Pressing | None:

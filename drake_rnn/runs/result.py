@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import zlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 from zipfile import BadZipFile
@@ -22,6 +22,7 @@ from ..inputs.modules import Modules
 from ..inputs.versions import versions
 from ..measures import METRICS
 from ..paths import Path as MotionPath
+from .beside import SECOND
 from .folder import filled, read_record
 from .verdict import Verdict, verdicts_of
 
@@ -54,6 +55,7 @@ class Result:
             ``real_time_factor``, simulated time over wall time of the run, and, if a clock samples
             the law, ``control_step_us``, the median time of one of its steps alone. They differ
             from run to run.
+        second: The result of a second arm beside the first one; None without one.
     """
 
     experiment: Experiment
@@ -65,6 +67,7 @@ class Result:
     status: Status = "complete"
     failure: str = ""
     timings: dict[str, float] = field(default_factory=dict)
+    second: Result | None = None
 
     def __repr__(self) -> str:
         verdicts = self.verdicts
@@ -110,19 +113,13 @@ class Result:
     @property
     def record(self) -> dict[str, Any]:
         """What ``run.json`` holds: status, verdicts, warnings, versions and timings."""
+        second = [] if self.second is None else self.second.verdicts
         return {
             "status": self.status,
             "failure": self.failure,
             "until_s": float(self.time[-1]) if self.time.size else 0.0,
             "duration_s": self.experiment.document.duration,
-            "accept": {
-                verdict.metric: {
-                    "value": verdict.value,
-                    "bound": str(verdict.bound),
-                    "met": verdict.met,
-                }
-                for verdict in self.verdicts
-            },
+            "accept": _told(self.verdicts) | _told(second, "second."),
             "warnings": list(self.warnings),
             "versions": versions(),
             "timings": self.timings,
@@ -157,6 +154,8 @@ class Result:
         (folder / "metrics.json").write_text(json.dumps(self.metrics, indent=2) + "\n")
         if self.graphviz:
             (folder / "diagram.dot").write_text(self.graphviz)
+        if self.second is not None:
+            self.second.save(folder / SECOND)
 
     @classmethod
     def load(
@@ -201,7 +200,9 @@ class Result:
             experiment = make_experiment(document, path, modules=modules)
         except InvalidInputError as error:
             raise InvalidInputError(f"{folder}: experiment.yaml: {error}") from error
-        graph = folder / "diagram.dot"
+        graph, second = folder / "diagram.dot", None
+        if experiment.second is not None and (folder / SECOND).is_dir():
+            second = replace(cls.load(folder / SECOND), experiment=experiment.second)
         return cls(
             experiment=experiment,
             time=time,
@@ -212,7 +213,25 @@ class Result:
             status=record.get("status", "complete"),
             failure=record.get("failure", ""),
             timings=record.get("timings", {}),
+            second=second,
         )
+
+
+def _told(verdicts: list[Verdict], prefix: str = "") -> dict[str, Any]:
+    return {
+        prefix + verdict.metric: {
+            "value": verdict.value,
+            "bound": str(verdict.bound),
+            "met": verdict.met,
+        }
+        for verdict in verdicts
+    }
+
+
+def stopped(result: Result, status: Status, failure: str) -> Result:
+    """Return a result, and that of a second arm, as those of a run that ended early."""
+    second = None if result.second is None else stopped(result.second, status, failure)
+    return replace(result, status=status, failure=failure, second=second)
 
 
 def _require_whole(time: Array, series: dict[str, Array], metrics: Any) -> None:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.primitives import MatrixGain
 
 from ..diagrams import AddLoop, Loop
+from ..diagrams.wiring import ports_of
 from ..errors import InterruptedRunError, InvalidInputError, SimulationError
 from ..experiment import (
     OUTSIDE,
@@ -24,19 +25,24 @@ from ..inputs.complaints import require_type, short
 from ..laws import Law
 from ..laws.called import unchecked
 from ..measures import PART, Recorder
+from ..paths import LedPath
 from ..systems import (
     ContinuousController,
     Controller,
     JointReference,
+    LeadingController,
+    LedSource,
     MovingAverage,
+    NeighbourSource,
     ObstacleSource,
     PathSource,
     SampledController,
     followed_path,
 )
+from .beside import PREFIX
 from .effort import check_effort
-from .evaluation import Evaluation
-from .result import Result, Status
+from .evaluation import Evaluations
+from .result import Result, Status, stopped
 from .stored import Series, stored_period, thinned
 
 #: Callback for the simulated time [s], called from time to time.
@@ -72,8 +78,9 @@ def check_experiment(
     if not anyway:
         check_effort(experiment, stored_period(experiment, series))
     warnings = list(experiment.warnings) if in_reach else check_reach(experiment)
-    diagram, loop = build_diagram(experiment)
-    _start(loop, diagram.CreateDefaultContext())
+    builder = DiagramBuilder()
+    loops = _add_loops(builder, experiment, None)
+    _start(loops, _built(builder, experiment).CreateDefaultContext())
     return warnings
 
 
@@ -113,11 +120,11 @@ def simulate(
     if not anyway:
         check_effort(experiment, period)
     started = time.perf_counter()
-    found = forecasts(experiment)
-    simulator, loop, recorder = recorded_simulator(experiment)
-    root = simulator.get_mutable_context()
-    _start(loop, root)
-    evaluation = Evaluation(experiment, loop, period)
+    found = [forecasts(each) for each in (experiment, experiment.second) if each is not None]
+    simulator, loops, recorder = recorded_simulator(experiment)
+    root, loop = simulator.get_mutable_context(), loops[0]
+    _start(loops, root)
+    evaluation = Evaluations(experiment, loops, period)
     recorder.watch(simulator, evaluation.take, PART)
     if progress is not None:
         simulator.set_monitor(_with_progress(recorder, progress))
@@ -131,7 +138,7 @@ def simulate(
     result.timings["wall_time_s"] = time.perf_counter() - started
     if failure is not None:
         status: Status = "interrupted" if isinstance(failure, InterruptedRunError) else "failed"
-        failure.result = replace(result, status=status, failure=str(failure))
+        failure.result = stopped(result, status, str(failure))
         raise failure
     if isinstance(loop.controller, SampledController):
         context = loop.controller.GetMyContextFromRoot(root)
@@ -174,7 +181,7 @@ def build_diagram(experiment: Experiment, law: Law | None = None) -> tuple[Diagr
         InvalidInputError: If the parts of the diagram do not fit together.
     """
     builder = DiagramBuilder()
-    loop = _add_experiment(builder, experiment, law)
+    loop, *_ = _add_loops(builder, experiment, law)
     return _built(builder, experiment), loop
 
 
@@ -184,16 +191,79 @@ def _built(builder: DiagramBuilder, experiment: Experiment) -> Diagram:
     return diagram
 
 
-def _add_experiment(builder: DiagramBuilder, experiment: Experiment, law: Law | None) -> Loop:
+def _add_loops(
+    builder: DiagramBuilder, experiment: Experiment, law: Law | None
+) -> tuple[Loop, ...]:
+    """Add the loop of an experiment and, beside it, that of its second arm, if there is one."""
     require_type("experiment", experiment, Experiment)
-    document = experiment.document
+    document, second = experiment.document, experiment.second
     law = experiment.law if law is None else law
-    controller: Controller
-    if document.period is not None:
-        controller = SampledController(law, document.period, document.seed, experiment.safety)
-    else:
-        controller = ContinuousController(law, document.seed)
-    source = _add_path(builder, experiment, controller)
+    if document.period is None:
+        return (_add_experiment(builder, experiment, ContinuousController(law, document.seed)),)
+    settings = (document.period, document.seed)
+    if second is None:
+        controller = SampledController(law, *settings, experiment.safety)
+        return (_add_experiment(builder, experiment, controller),)
+    leader = LeadingController(law, *settings)
+    follower = SampledController(second.law, *settings)
+    seen = [
+        _add_neighbour(builder, one, other, controller)
+        for one, other, controller in ((experiment, second, follower), (second, experiment, leader))
+    ]
+    first = _add_experiment(builder, experiment, leader, ports_of(seen[0]))
+    led = _add_led(builder, experiment, second, leader)
+    loops = (first, _add_experiment(builder, second, follower, ports_of(seen[1]) | led, PREFIX))
+    for source, port in (
+        (seen[0], follower.GetOutputPort("state")),
+        (seen[1], leader.GetOutputPort("next_state")),
+    ):
+        builder.Connect(port, source.get_input_port())
+    return loops
+
+
+def _add_neighbour(
+    builder: DiagramBuilder, one: Experiment, other: Experiment, controller: SampledController
+) -> NeighbourSource:
+    """Add what the law of one arm sees of the other arm, whose controller is not connected yet."""
+    neighbour = one.law.neighbour
+    assert neighbour is not None
+    source = NeighbourSource(neighbour, controller.reading.state, other.start)
+    name = f"{'second_' if neighbour.has_chosen else ''}neighbour"
+    return builder.AddNamedSystem(name, source)
+
+
+def _add_led(
+    builder: DiagramBuilder, first: Experiment, second: Experiment, leader: LeadingController
+) -> dict[str, OutputPort]:
+    """Add and return the desired positions of a second arm that goes along with the first one."""
+    if not isinstance(second.desired, LedPath):
+        return {}
+    kinematics = first.arm.kinematics()
+    axes = second.task.axes
+    source = LedSource(second.desired, kinematics, first.start, leader.period, axes)
+    builder.AddNamedSystem("led", source)
+    at, _ = leader.reading.state.parts["commanded"]
+    for state, joints in (("state", "now"), ("next_state", "next")):
+        port = leader.GetOutputPort(state)
+        part = np.eye(port.size())[at]
+        taken = builder.AddNamedSystem(f"led_{joints}", MatrixGain(part))
+        builder.Connect(port, taken.get_input_port())
+        builder.Connect(taken.get_output_port(), source.GetInputPort(joints))
+    return ports_of(source)
+
+
+def _add_experiment(
+    builder: DiagramBuilder,
+    experiment: Experiment,
+    controller: Controller,
+    beside: Mapping[str, OutputPort] | None = None,
+    prefix: str = "",
+) -> Loop:
+    """Add the loop of one arm; ``beside`` is what its law sees of another one, by name."""
+    document = experiment.document
+    source = _add_path(builder, experiment, controller, prefix)
+    signals = _add_previews(builder, experiment, controller, prefix)
+    signals |= beside or {}
     arm, start, contact = experiment.arm, experiment.start, experiment.contact
     # Whether the start may lie outside the limits was checked when the experiment was made.
     body = experiment.level(arm, start, contact, document.plant, outside=OUTSIDE)
@@ -207,20 +277,21 @@ def _add_experiment(builder: DiagramBuilder, experiment: Experiment, law: Law | 
         filter=_filter(experiment),
         feedback=experiment.feedback,
         sensing=document.sensing,
-        signals=_add_previews(builder, experiment, controller),
+        signals=signals,
         seed=document.seed,
+        prefix=prefix,
     )
 
 
 def _add_path(
-    builder: DiagramBuilder, experiment: Experiment, controller: Controller
+    builder: DiagramBuilder, experiment: Experiment, controller: Controller, prefix: str
 ) -> PathSource:
     source = PathSource(
         experiment.desired,
         task=experiment.document.task,
         preview=controller.period if "p_preview" in controller.reading.inputs else None,
     )
-    return builder.AddNamedSystem("path", source)
+    return builder.AddNamedSystem(f"{prefix}path", source)
 
 
 def _filter(experiment: Experiment) -> MovingAverage | None:
@@ -233,7 +304,7 @@ def _filter(experiment: Experiment) -> MovingAverage | None:
 
 
 def _add_previews(
-    builder: DiagramBuilder, experiment: Experiment, controller: Controller
+    builder: DiagramBuilder, experiment: Experiment, controller: Controller, prefix: str
 ) -> dict[str, OutputPort]:
     """Add and return signals of other times: future joint positions and a delayed path."""
     document, desired, start = experiment.document, experiment.desired, experiment.start
@@ -242,19 +313,19 @@ def _add_previews(
         until = document.duration + preview.count * preview.interval
         positions_at = followed_path(desired, experiment.arm, start, until, document.task)
         ahead = JointReference(positions_at, experiment.arm.n, preview.interval, preview.count)
-        builder.AddNamedSystem("joint_reference", ahead)
+        builder.AddNamedSystem(f"{prefix}joint_reference", ahead)
         signals["position_preview"] = ahead.GetOutputPort("position_preview")
     delayed = document.filter is not None and document.filter.delay_desired
     if delayed and "p_WE_desired" in controller.reading.inputs:
         past = PathSource(desired, task=document.task, delay=experiment.path_delay)
-        builder.AddNamedSystem("delayed_path", past)
+        builder.AddNamedSystem(f"{prefix}delayed_path", past)
         for name in ("p_WE_desired", "R_WE_desired"):
             if name in controller.reading.inputs:
                 signals[name] = past.GetOutputPort(name)
     motions, sees = experiment.motions, "p_WO" in controller.reading.inputs
     if sees and motions is not None and document.period is not None:
         source = ObstacleSource(motions, document.period, document.seed)
-        builder.AddNamedSystem("obstacles", source)
+        builder.AddNamedSystem(f"{prefix}obstacles", source)
         signals["p_WO"] = source.GetOutputPort("p_WO")
     return signals
 
@@ -267,12 +338,18 @@ def build_simulator(experiment: Experiment, law: Law | None = None) -> tuple[Sim
 
 def recorded_simulator(
     experiment: Experiment, law: Law | None = None
-) -> tuple[Simulator, Loop, Recorder]:
-    """Return what `build_simulator` does, and a recorder in the diagram that does not watch yet."""
+) -> tuple[Simulator, tuple[Loop, ...], Recorder]:
+    """Return what `build_simulator` does, with the loop of each arm, and a recorder of the diagram.
+
+    The recorder does not watch yet.
+    """
     builder = DiagramBuilder()
-    loop = _add_experiment(builder, experiment, law)
-    recorder = Recorder(builder, _recorded(loop))
-    return _simulator(_built(builder, experiment), experiment, loop), loop, recorder
+    loops = _add_loops(builder, experiment, law)
+    ports = _recorded(loops[0])
+    if len(loops) > 1:
+        ports |= {PREFIX + name: port for name, port in _recorded(loops[1]).items()}
+    recorder = Recorder(builder, ports)
+    return _simulator(_built(builder, experiment), experiment, loops[0]), loops, recorder
 
 
 def _simulator(diagram: Diagram, experiment: Experiment, loop: Loop) -> Simulator:
@@ -322,15 +399,16 @@ def _stops(experiment: Experiment) -> list[float]:
     return [*(t for t in experiment.desired.knots(end).tolist() if 0 < t < end), end]
 
 
-def _start(loop: Loop, root: Context) -> None:
-    """Set the law's initial state, which may depend on a ``J`` it cannot see, and try the law."""
-    J_port = loop.kinematics.GetOutputPort("J")
-    kinematics_context = loop.kinematics.GetMyContextFromRoot(root)
-    context = loop.controller.GetMyMutableContextFromRoot(root)
-    n = loop.kinematics.arm.n
-    J = J_port.Eval(kinematics_context).reshape(-1, n)
-    loop.controller.set_state(context, loop.controller.initial_state(context, J=J))
-    loop.controller.try_law(context)
+def _start(loops: Sequence[Loop], root: Context) -> None:
+    """Set the laws' initial states, which may depend on a ``J`` they cannot see, and try them."""
+    for loop in loops:
+        J_port = loop.kinematics.GetOutputPort("J")
+        kinematics_context = loop.kinematics.GetMyContextFromRoot(root)
+        context = loop.controller.GetMyMutableContextFromRoot(root)
+        n = loop.kinematics.arm.n
+        J = J_port.Eval(kinematics_context).reshape(-1, n)
+        loop.controller.set_state(context, loop.controller.initial_state(context, J=J))
+        loop.controller.try_law(context)
 
 
 def _with_progress(recorder: Recorder, progress: Progress) -> Callable[[Context], None]:

@@ -284,6 +284,10 @@ class SampledController(Controller):
         self._write(state, self.try_law(context))
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
+        self._write(state, self._next(context))
+
+    def _next(self, context: Context) -> Array:
+        """Return the law's state after the sample that is due."""
         # A copy, so that a law that modifies its arguments cannot change the context.
         x = self._read_state(context)
         t, u = context.get_time(), self.signals(context)
@@ -295,7 +299,7 @@ class SampledController(Controller):
             raise self._error("step", f" raised {described(error)}", t) from error
         if not is_sound(x, self._state_shape):
             self._require_sound("step", "", x, context)
-        self._write(state, x)
+        return np.asarray(x)
 
 
 class ContinuousController(Controller):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import Avoidance, Guard, InvalidInputError, JointStream, load_arm, make_obstacles
-from drake_rnn.laws.parts.held_clear import World
+from drake_rnn.laws.parts.world import World
 from drake_rnn.robot.clearance.arm_clearance import arm_clearance
 
 PANDA = load_arm("panda")
@@ -72,7 +72,7 @@ def test_an_obstacle_faster_than_counted_on_touches_an_arm_that_moves():
 
 def test_what_may_happen_until_an_arm_rests_is_taken_off_the_distance():
     clearance, _ = guarded()
-    world = World(clearance, np.zeros((1, 3)), PERIOD)
+    world = World(clearance, None, {"p_WO": np.zeros((1, 3))}, PERIOD)
     k = np.array([0.0, 10.0])
     now, later = world.gaps(np.tile(HOME, (2, 1)), k)
     own = len(clearance.own)

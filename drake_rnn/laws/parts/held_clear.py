@@ -32,6 +32,7 @@ where that leaves room for the whole stop, nothing is looked at.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -39,12 +40,20 @@ import numpy as np
 from ...errors import InvalidInputError
 from ...inputs.fields import Array, Gain, Length, validated
 from ...robot.clearance import Clearance
-from ...robot.held_jerk_stop import HeldJerkStop
-from ...robot.held_stop import HeldStop
+from ...robot.clearance.neighbour import Neighbour
 from ...robot.limits import JointLimits
 from .box_program import within_box
-from .held_within import Choice, Kept, Program, WithinAcceleration, WithinJerk, within_limits
+from .held_within import (
+    Choice,
+    Kept,
+    Program,
+    Seen,
+    WithinAcceleration,
+    WithinJerk,
+    within_limits,
+)
 from .rows_program import Rows, within_rows
+from .world import BothStop, Stop, World
 
 #: Parts of the stop at which rows are set up.
 _PARTS = np.array([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0])
@@ -54,8 +63,6 @@ _POSTURES, _HALVINGS = 6, 12
 _UNSURE = 40
 # Shares of the way from the stop's first velocity to one that is not free that are tried.
 _SHARES = (0.5, 0.25)
-# What an obstacle that is not seen counts as overlapping with everything [m].
-_ANYWHERE = 1e3
 # Slope of a row that no joint changes [m].
 _FLAT = 1e-9
 
@@ -81,18 +88,16 @@ class Avoidance:
             )
 
 
-def require_free(
-    clearance: Clearance, avoidance: Avoidance, q: Array, p_WO: Array | None = None
-) -> None:
+def require_free(clearance: Clearance, floor: float, q: Array, p_WO: Array | None = None) -> None:
     """Raise an InvalidInputError if an arm starts nearer to something than it may come.
 
     Args:
         clearance: The pairs that are to stay apart.
-        avoidance: How near they may come.
+        floor: How near they may come [m].
         q: Posture at the start, shape (n,) [rad].
         p_WO: How far obstacles have moved, shape (m, 3) [m]; None if not at all.
     """
-    gaps, floor = clearance.gaps(q, p_WO) - clearance.errors, avoidance.floor
+    gaps = clearance.gaps(q, p_WO) - clearance.errors
     if gaps.min(initial=np.inf) < floor:
         one, other = clearance.names[int(gaps.argmin())]
         raise InvalidInputError(
@@ -119,44 +124,6 @@ class Known(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class World:
-    """What is in an arm's way from now on, as far as it is known.
-
-    Attributes:
-        clearance: The pairs that are to stay apart.
-        p_WO: How far obstacles have moved, as measured now, shape (m, 3) [m].
-        period: Length of a sample [s].
-    """
-
-    clearance: Clearance
-    p_WO: Array | None
-    period: float
-
-    def gaps(self, q: Array, k: Array) -> Array:
-        """Return the least that pairs can be apart, shape (s, p) [m].
-
-        Args:
-            q: Postures, shape (s, n) [rad].
-            k: After how many samples they are reached, shape (s,).
-        """
-        return self.least(self.clearance.gaps(q, self.p_WO), self.doubt(k))
-
-    def least(self, gaps: Array, doubt: Array) -> Array:
-        """Return distances without a doubt; an obstacle whose place is not a number is anywhere."""
-        if self.p_WO is None:
-            return gaps - doubt
-        return np.where(np.isnan(gaps), -_ANYWHERE, gaps - doubt)
-
-    def doubt(self, k: Array) -> Array:
-        """Return how much nearer pairs may be than measured, k samples later, shape (s, p) [m]."""
-        return self.clearance.errors + self.nearer(k)
-
-    def nearer(self, k: float | Array) -> Array:
-        """Return how much nearer obstacles can come in k samples, shape (..., p) [m]."""
-        return np.multiply.outer(k, self.clearance.speeds * self.period)
-
-
-@dataclass(frozen=True, eq=False)
 class WithinClear:
     """Limits of the joints, and no collision.
 
@@ -164,11 +131,13 @@ class WithinClear:
         within: What bounds the joints.
         clearance: The pairs that are to stay apart.
         avoidance: How near they may come.
+        neighbour: The arm beside it; None without one.
     """
 
     within: WithinAcceleration | WithinJerk
     clearance: Clearance
     avoidance: Avoidance
+    neighbour: Neighbour | None = None
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
@@ -176,79 +145,80 @@ class WithinClear:
         own = {"seen": (self.clearance.size,), "gaps": (self.clearance.count,), "held_back": (1,)}
         return self.within.shapes | own
 
-    def start(self, q: Array, p_WO: Array | None = None) -> Kept:
-        """Return its parts of the state in a posture, shape (n,) [rad].
-
-        Args:
-            q: The posture.
-            p_WO: How far obstacles have moved, shape (m, 3) [m]; None if not at all.
+    def start(self, q: Array, seen: Seen) -> Kept:
+        """Return its parts of the state in a posture, shape (n,) [rad], as all begins to move.
 
         Raises:
             InvalidInputError: If the arm is nearer to something there than it may come.
         """
-        require_free(self.clearance, self.avoidance, q, p_WO)
-        gaps = self.clearance.gaps(q, p_WO) - self.clearance.errors
-        own = {"seen": q, "gaps": gaps, "held_back": np.zeros(1)}
-        return self.within.start(q) | own
+        world = World(self.clearance, self.neighbour, seen, 0.0)
+        whole = world.posture(q)
+        require_free(self.clearance, self.avoidance.floor, whole, world.p_WO)
+        gaps = self.clearance.gaps(whole, world.p_WO) - self.clearance.errors
+        own = {"seen": whole, "gaps": gaps, "held_back": np.zeros(1)}
+        return self.within.start(q, seen) | own
 
     def chosen(
-        self,
-        program: Program,
-        q: Array,
-        v: Array,
-        kept: Kept,
-        period: float,
-        p_WO: Array | None = None,
+        self, program: Program, q: Array, v: Array, kept: Kept, period: float, seen: Seen
     ) -> tuple[Array, Kept]:
-        """Return the next velocity, as `WithinAcceleration.chosen` does.
-
-        Obstacles that move are where p_WO says, shape (m, 3) [m], as measured now.
-        """
+        """Return the next velocity, as `WithinAcceleration.chosen` does."""
         J, b, _, g, softness = program
         choice = self.within.choice(program, q, v, kept, period)
-        rows, world = None, World(self.clearance, p_WO, period)
+        rows, world = None, World(self.clearance, self.neighbour, seen, period)
         known = Known(kept["seen"], kept["gaps"] - world.nearer(1.0))
         widest = np.maximum(choice.box[1] - choice.first_z, choice.first_z - choice.box[0])
-        if self._may_bind(q, widest, known, choice, world):
-            known, rows = self._rows(q, widest, choice, world)
+        # From here on q is the posture of all.
+        q, stop = world.posture(q), world.around(choice.stop)
+        if self._may_bind(q, widest, known, choice, stop, world):
+            known, rows = self._rows(q, widest, choice, stop, world)
         if rows is None:
             z = within_box(J, b, g, softness, *choice.box)
         else:
             found = within_rows(J, b, g, softness, *choice.box, rows)
             z = choice.first_z if found is None else found
         first, u, held_back = choice.first, choice.chosen(z), kept["held_back"]
-        if not self._is_free(q, u, known, choice.stop, world):
+        if not self._is_free(q, u, known, stop, world):
             way = (first + share * (u - first) for share in _SHARES)
-            u = next((x for x in way if self._is_free(q, x, known, choice.stop, world)), first)
+            u = next((x for x in way if self._is_free(q, x, known, stop, world)), first)
             held_back = held_back + 1.0
         v, own = choice.taken(u)
         return v, own | {"seen": known.q, "gaps": known.gaps, "held_back": held_back}
+
+    @cached_property
+    def _reaches(self) -> Array:
+        """How much nearer pairs come by the arm's own joints; see `Clearance.reaches`."""
+        return self.clearance.reaches[:, : self.within.limits.size]
 
     def _left(self, q: Array, known: Known, way: Array) -> Array:
         """Return how far each pair is apart at least after a way of the joints, shape (p,) [m]."""
         return known.gaps - self.clearance.reaches @ (np.abs(q - known.q) + way)
 
     def _may_bind(
-        self, q: Array, widest: Array, known: Known, choice: Choice, world: World
+        self,
+        q: Array,
+        widest: Array,
+        known: Known,
+        choice: Choice,
+        stop: Stop | BothStop,
+        world: World,
     ) -> bool:
         """Return whether any velocity of the box can fail a row, by what is known of distances."""
-        stop, first = choice.stop, choice.first
-        samples = stop.samples(first)
+        first, samples = choice.first, choice.stop.samples(choice.first)
         (leverage,) = choice.leverage(np.array([samples]))
         left = self._left(q, known, stop.way(first)) - world.nearer(samples)
         room = self.avoidance.approach * world.period * (left - self.avoidance.distance)
-        return bool((self.clearance.reaches @ (leverage * widest) > room).any())
+        return bool((self._reaches @ (leverage * widest) > room).any())
 
     def _rows(
-        self, q: Array, widest: Array, choice: Choice, world: World
+        self, q: Array, widest: Array, choice: Choice, stop: Stop | BothStop, world: World
     ) -> tuple[Known, Rows | None]:
         """Return what is known of distances now, and the rows of the pairs that may matter."""
-        stop, first = choice.stop, choice.first
-        k = np.unique(np.rint(1.0 + _PARTS * (stop.samples(first) - 1.0)))
+        first = choice.first
+        k = np.unique(np.rint(1.0 + _PARTS * (choice.stop.samples(first) - 1.0)))
         leverage = choice.leverage(k)
         rate = self.avoidance.approach * world.period
         # Of a pair that is farther away no velocity of the box can fail the row.
-        within = self.avoidance.distance + (leverage * widest) @ self.clearance.reaches.T / rate
+        within = self.avoidance.distance + (leverage * widest) @ self._reaches.T / rate
         path = q + np.vstack((np.zeros_like(q), stop.moved(first, k)))
         k_path = np.concatenate(([0.0], k))
         doubt = world.doubt(k_path)
@@ -257,7 +227,7 @@ class WithinClear:
         near = self.clearance.near(path, bound, world.p_WO)
         gaps = world.least(near.gaps, doubt)
         known = Known(q, gaps[0], (k_path, path, gaps))
-        A = near.slopes * leverage[near.postures - 1]
+        A = near.slopes[:, : widest.size] * leverage[near.postures - 1]
         size = np.sqrt((A * A).sum(axis=1))
         some = size > _FLAT
         if not some.any():
@@ -267,7 +237,7 @@ class WithinClear:
         return known, Rows(A[some] / size[some, None], c[some] / size[some])
 
     def _is_free(
-        self, q: Array, u: Array, known: Known, stop: HeldStop | HeldJerkStop, world: World
+        self, q: Array, u: Array, known: Known, stop: Stop | BothStop, world: World
     ) -> bool:
         """Return whether the arm can do u for a period and then stop, always free."""
         floor, reaches, samples = self.avoidance.floor, self.clearance.reaches, stop.samples(u)
@@ -305,7 +275,7 @@ class WithinClear:
         q: Array,
         u: Array,
         seen: tuple[Array, Array, Array],
-        stop: HeldStop | HeldJerkStop,
+        stop: Stop | BothStop,
         world: World,
     ) -> bool:
         """Return whether that is so by what was seen along the full stop, which passes near."""
@@ -318,18 +288,15 @@ class WithinClear:
         return bool((least[1:] + least[:-1] - between >= 2.0 * self.avoidance.floor).all())
 
 
-def seen_obstacles(clearance: Clearance | None) -> dict[str, tuple[int, ...]]:
-    """Return the signal by which a law sees obstacles that move, p_WO, with its shape; if any."""
-    count = 0 if clearance is None else len(clearance.solids.moving)
-    return {"p_WO": (count, 3)} if count else {}
-
-
 #: What chooses a velocity that keeps limits and, maybe, distances.
 Within = WithinAcceleration | WithinJerk | WithinClear
 
 
 def within_safe(
-    limits: JointLimits, smoothing: Any, avoids: tuple[Clearance, Avoidance] | None
+    limits: JointLimits,
+    smoothing: Any,
+    avoids: tuple[Clearance, Avoidance] | None,
+    neighbour: Neighbour | None = None,
 ) -> Within:
     """Return what keeps limits, see `within_limits`, and, where anything is avoided, a distance.
 
@@ -337,6 +304,7 @@ def within_safe(
         limits: Limits of the joints, those of `drake_rnn.laws.parts.reached_limits`.
         smoothing: See `WithinJerk`.
         avoids: What the arm is to stay clear of, and how near it may come; None for nothing.
+        neighbour: The arm beside it that ``avoids`` counts; None without one.
     """
     found = within_limits(limits, smoothing)
-    return found if avoids is None else WithinClear(found, *avoids)
+    return found if avoids is None else WithinClear(found, *avoids, neighbour)

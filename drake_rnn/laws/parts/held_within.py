@@ -16,6 +16,7 @@ wants for the path alone, without feedback and without a box.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple, Protocol
@@ -31,6 +32,8 @@ from ...robot.limits import JointLimits
 from .box_program import wanted, within_box
 
 Kept = dict[str, Array]
+#: What a law sees, by the name of the signal.
+Seen = Mapping[str, Array]
 
 
 class Program(NamedTuple):
@@ -220,8 +223,13 @@ class WithinAcceleration:
         """Shapes of its parts of the state, by name."""
         return {}
 
-    def start(self, q: Array, p_WO: Array | None = None) -> Kept:
-        """Return its parts of the state in a posture, shape (n,) [rad]; obstacles do not matter."""
+    def start(self, q: Array, seen: Seen) -> Kept:
+        """Return its parts of the state in a posture, shape (n,) [rad].
+
+        Args:
+            q: The posture.
+            seen: What the law sees, by name.
+        """
         return {}
 
     def choice(
@@ -233,13 +241,7 @@ class WithinAcceleration:
         return VelocityChoice(box, v, HeldStop(most, period))
 
     def chosen(
-        self,
-        program: Program,
-        q: Array,
-        v: Array,
-        kept: Kept,
-        period: float,
-        p_WO: Array | None = None,
+        self, program: Program, q: Array, v: Array, kept: Kept, period: float, seen: Seen
     ) -> tuple[Array, Kept]:
         """Return the next velocity, shape (..., n) [rad/s], and its parts of the next state.
 
@@ -249,7 +251,7 @@ class WithinAcceleration:
             v: Velocities until now, shape (..., n) [rad/s].
             kept: Its parts of the state, by name.
             period: Time for which a velocity is held [s].
-            p_WO: How far obstacles have moved; does not matter here.
+            seen: What the law sees, by name.
         """
         J, b, _, g, softness = program
         box = self.limits.held_velocity_box(q, v, period)
@@ -274,7 +276,7 @@ class WithinJerk:
         n = self.limits.size
         return {"a": (n,), "a_path": (n,), "v_path": (n,)}
 
-    def start(self, q: Array, p_WO: Array | None = None) -> Kept:
+    def start(self, q: Array, seen: Seen) -> Kept:
         """Return its parts of the state in a posture, as `WithinAcceleration.start` does."""
         return {name: np.zeros(shape) for name, shape in self.shapes.items()}
 
@@ -291,13 +293,7 @@ class WithinJerk:
         return AccelerationChoice(accelerations, v, kept["a"], a_r, x, self.limits, period)
 
     def chosen(
-        self,
-        program: Program,
-        q: Array,
-        v: Array,
-        kept: Kept,
-        period: float,
-        p_WO: Array | None = None,
+        self, program: Program, q: Array, v: Array, kept: Kept, period: float, seen: Seen
     ) -> tuple[Array, Kept]:
         """Return the next velocity, as `WithinAcceleration.chosen` does."""
         choice = self.choice(program, q, v, kept, period)

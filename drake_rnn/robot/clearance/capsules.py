@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +50,33 @@ class ArmCapsules:
     links: NDArray[np.intp]
     ends: Array
     radii: Array
+
+    @classmethod
+    def beside(cls, one: ArmCapsules, other: ArmCapsules) -> ArmCapsules:
+        """Return the capsules of two arms in the same world frame; the other's have a prime."""
+        return cls(
+            LinkPoses.beside(one.poses, other.poses),
+            (*one.bodies, *(f"{body}'" for body in other.bodies)),
+            np.concatenate((one.links, one.poses.count + other.links)),
+            np.concatenate((one.ends, other.ends)),
+            np.concatenate((one.radii, other.radii)),
+        )
+
+    def moved(self, R: Array, p: Array) -> ArmCapsules:
+        """Return them where the arm's base is turned by R, shape (3, 3), and moved by p [m]."""
+        poses = replace(self.poses, axes=self.poses.axes @ R.T, points=self.poses.points @ R.T + p)
+        return replace(self, poses=poses, ends=self.ends @ R.T + p)
+
+    @property
+    def carried(self) -> NDArray[np.bool_]:
+        """For each capsule, whether a joint carries it, shape (c, n)."""
+        poses = self.poses
+        bases = np.array([begin + a for a, begin in enumerate(poses.begins)])
+        of_capsule, of_joint = (
+            np.searchsorted(bases, links, side="right") for links in (self.links, poses.moved_by)
+        )
+        reaches = poses.moved_by <= self.links[:, None]
+        return np.asarray((of_joint == of_capsule[:, None]) & reaches)
 
     def placed(self, X: Array) -> Array:
         """Return the ends of all segments in the world frame, shape (..., c, 2, 3) [m].

@@ -82,11 +82,14 @@ class Clearance:
         arm: The arm's capsules.
         own: Pairs of capsules that are to stay apart, shape (s, 2).
         solids: The obstacles.
+        alone: Number of capsules that obstacles count for, the first ones: those of one arm, where
+            there is another one beside it; None for all of them.
     """
 
     arm: ArmCapsules
     own: Indices
     solids: Solids
+    alone: int | None = None
 
     @property
     def count(self) -> int:
@@ -252,8 +255,8 @@ class Clearance:
 
     @cached_property
     def _movable(self) -> Indices:
-        """Capsules that some joint moves, which obstacles count for."""
-        return np.nonzero(self.arm.links > 0)[0]
+        """Capsules that some joint moves, which obstacles count for; of one arm."""
+        return np.nonzero(self._carried[: self.alone].any(axis=1))[0]
 
     @cached_property
     def _first(self) -> Indices:
@@ -264,7 +267,7 @@ class Clearance:
     @cached_property
     def _carried(self) -> NDArray[np.bool_]:
         """For each capsule, whether a joint carries it, shape (c, n)."""
-        return np.asarray(np.arange(self.size) < self.arm.links[:, None])
+        return self.arm.carried
 
     @cached_property
     def _second_carried(self) -> NDArray[np.bool_]:
@@ -296,17 +299,19 @@ class Clearance:
         """Return how far a capsule's segment can be from each joint's axis, shape (c, n) [m]."""
         poses, arm = self.arm.poses, self.arm
         spans = np.zeros((len(arm.links), self.size))
-        for c, (link, ends) in enumerate(zip(arm.links, arm.ends, strict=True)):
-            for j in range(link):
+        for c, (carried, ends) in enumerate(zip(self._carried, arm.ends, strict=True)):
+            joints = np.nonzero(carried)[0]
+            for j in joints:
                 # To the next joint or, from the last, to the farther end.
-                following = poses.points[j + 1 : link]
+                after = joints[joints > j]
+                following = poses.points[after]
                 way = _off_axis(
                     (following[:1] if len(following) else ends) - poses.points[j], poses.axes[j]
                 )
                 if len(following):
                     way += float(np.linalg.norm(np.diff(following, axis=0), axis=1).sum())
                     way += float(np.linalg.norm(ends - following[-1], axis=1).max())
-                    way += float(poses.travels[j + 1 : link].sum())
+                    way += float(poses.travels[after].sum())
                 spans[c, j] = 1.0 if poses.slides[j] else way
         return spans
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...inputs.fields import Array
 
@@ -19,20 +20,46 @@ class LinkPoses:
     product of exponentials, as of `drake_rnn.robot.screws.Screws`, which follows the end effector
     of many robots; this follows all links of one.
 
+    Arms beside each other have their joints and links one after the other, a base for each.
+
     Attributes:
         axes: Unit axes of the n joints, base to tip, shape (n, 3).
         points: A point on each axis, shape (n, 3) [m].
         slides: For each joint, whether it is prismatic.
         travels: How far each prismatic joint can be from zero, 0 for the others, shape (n,) [m].
+        begins: The first joint of each arm.
     """
 
     axes: Array
     points: Array
     slides: tuple[bool, ...]
     travels: Array
+    begins: tuple[int, ...] = (0,)
+
+    @classmethod
+    def beside(cls, one: LinkPoses, other: LinkPoses) -> LinkPoses:
+        """Return the joints of two arms in the same world frame."""
+        return cls(
+            np.concatenate((one.axes, other.axes)),
+            np.concatenate((one.points, other.points)),
+            (*one.slides, *other.slides),
+            np.concatenate((one.travels, other.travels)),
+            (*one.begins, *(len(one.slides) + begin for begin in other.begins)),
+        )
+
+    @cached_property
+    def moved_by(self) -> NDArray[np.intp]:
+        """The link that each joint moves first, shape (n,)."""
+        joints = np.arange(len(self.slides))
+        return joints + np.searchsorted(self.begins, joints, side="right")
+
+    @property
+    def count(self) -> int:
+        """Number of links, bases included."""
+        return len(self.slides) + len(self.begins)
 
     def at(self, q: Array) -> Array:
-        """Return the motions of links 0 to n from zero, shape (..., n + 1, 4, 4).
+        """Return the motions of all links from zero, shape (..., count, 4, 4).
 
         Args:
             q: Joint positions, shape (..., n) [rad, or m of a joint that slides].
@@ -40,10 +67,12 @@ class LinkPoses:
         turns, turned, slid, fixed = self._parts
         s, c = np.sin(q)[..., None, None], np.cos(q)[..., None, None]
         each = fixed + s * turns + (1.0 - c) * turned + q[..., None, None] * slid
-        motions = np.empty((*q.shape[:-1], len(self.slides) + 1, 4, 4))
-        motions[..., 0, :, :] = np.eye(4)
-        for k in range(len(self.slides)):
-            np.matmul(motions[..., k, :, :], each[..., k, :, :], out=motions[..., k + 1, :, :])
+        motions = np.empty((*q.shape[:-1], self.count, 4, 4))
+        for a, begin in enumerate(self.begins):
+            motions[..., begin + a, :, :] = np.eye(4)
+        for k, link in enumerate(self._moved_first):
+            before, after = motions[..., link - 1, :, :], motions[..., link, :, :]
+            np.matmul(before, each[..., k, :, :], out=after)
         return motions
 
     def axes_at(self, X: Array) -> tuple[Array, Array]:
@@ -52,9 +81,14 @@ class LinkPoses:
         Args:
             X: Motions of the links, from `at`.
         """
-        R, p = X[..., 1:, :3, :3], X[..., 1:, :3, 3]
+        X = X[..., self.moved_by, :, :]
+        R, p = X[..., :3, :3], X[..., :3, 3]
         points = (R @ self.points[..., None])[..., 0] + p
         return (R @ self.axes[..., None])[..., 0], points
+
+    @cached_property
+    def _moved_first(self) -> list[int]:
+        return [int(link) for link in self.moved_by]
 
     @cached_property
     def _parts(self) -> tuple[Array, Array, Array, Array]:

@@ -11,6 +11,7 @@ from ...errors import InvalidInputError
 from ...inputs.complaints import nearest, short
 from ...inputs.documents import construct, without_kind
 from ...inputs.fields import Angles, Array, Length, NonNegative, Point, Speed, validated, zeros
+from ..rotation import rotation_of
 
 #: Obstacles that an arm can have; it takes longer than a sample to look at more.
 MOST = 200
@@ -135,15 +136,7 @@ class BoxObstacle(Obstacle):
     @property
     def R_WO(self) -> Array:
         """Orientation of its frame, shape (3, 3)."""
-        (cx, cy, cz), (sx, sy, sz) = np.cos(self.rpy), np.sin(self.rpy)
-        # First about x, then about the fixed y, then about the fixed z.
-        return np.array(
-            [
-                [cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx],
-                [sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx],
-                [-sy, cy * sx, cy * cx],
-            ]
-        )
+        return rotation_of(self.rpy)
 
 
 @validated

@@ -1,0 +1,153 @@
+"""A second arm beside that of an experiment: what its document says, and what both know."""
+
+# No postponed annotations: pydantic resolves those of fields.
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from ..errors import InvalidInputError
+from ..inputs.complaints import nearest, short
+from ..inputs.dataclass_fields import field_names
+from ..inputs.documents import construct
+from ..inputs.fields import Angles, Array, Point, validated, zeros
+from ..laws import Law
+from ..laws.parts.held_clear import require_free
+from ..laws.parts.reached_limits import reached_limits
+from ..robot.clearance import Clearance
+from ..robot.clearance.beside import beside, stood
+from ..robot.clearance.neighbour import Neighbour
+from ..robot.limits import JointLimits
+from ..robot.rotation import rotation_of
+from .document import ExperimentDocument
+
+# What both arms share.
+_SHARED = (
+    *("second", "obstacles", "period", "integrator", "duration", "log_period", "seed", "name"),
+    *("over", "environment", "force", "sensor", "level", "plant", "safety", "filter", "dither"),
+)
+_NEEDS = (
+    "second: needs laws that keep clear of what is beside their arms: adaptive, with a period and "
+    "without avoidance: none"
+)
+
+
+@validated
+class Base:
+    """Where the base of a second arm stands, in the base frame of the first one.
+
+    Args:
+        translation: Position, shape (3,) [m].
+        rpy: Roll, pitch and yaw, shape (3,) [rad].
+    """
+
+    translation: Point = Field(default_factory=zeros)
+    rpy: Angles = Field(default_factory=zeros)
+
+    @property
+    def R(self) -> Array:
+        """Orientation, shape (3, 3)."""
+        return rotation_of(self.rpy)
+
+
+class StandingArm(NamedTuple):
+    """What is known of an arm that stands beside another one.
+
+    Attributes:
+        law: Its law.
+        clearance: What it is to stay clear of.
+        start: Its start posture, shape (n,) [rad].
+        limits: Limits of its joints.
+    """
+
+    law: Law
+    clearance: Clearance
+    start: Array
+    limits: JointLimits
+
+
+class SecondDocument(NamedTuple):
+    """What the section ``second`` says.
+
+    Attributes:
+        document: Document of the second arm by itself.
+        base: Where that arm stands.
+        follows: Whether its path goes along with the first arm's tool.
+    """
+
+    document: ExperimentDocument
+    base: Base
+    follows: bool
+
+
+def second_document(document: ExperimentDocument) -> SecondDocument:
+    """Return what the section ``second`` of a document says.
+
+    What the section ``second`` leaves out is as for the first arm.
+
+    Raises:
+        InvalidInputError: If it has a key that both arms share, or a wrong one.
+    """
+    given = dict(document.second or {})
+    base = construct(Base, given.pop("base", {}), "second.base")
+    follows = given.pop("follows", False)
+    if not isinstance(follows, bool):
+        raise InvalidInputError(f"second.follows: must be true or false, not {short(follows)}")
+    _require_own(given)
+    shared: dict[str, Any] = document.contents()
+    shared.pop("second")
+    own = {**shared, **given, "obstacles": []}
+    if document.name:
+        own["name"] = f"{document.name}_second"
+    if "accept" not in given:
+        own.pop("accept", None)
+    try:
+        return SecondDocument(construct(ExperimentDocument, own, ""), base, follows)
+    except InvalidInputError as error:
+        raise InvalidInputError(f"second.{error}") from None
+
+
+def _require_own(given: Mapping[str, Any]) -> None:
+    """Raise an InvalidInputError for a key that the second arm cannot have."""
+    for name in given:
+        if name in _SHARED:
+            raise InvalidInputError(f"second.{name}: is shared by both arms; leave it out")
+        if name not in field_names(ExperimentDocument):
+            known = ["base", "follows", *field_names(ExperimentDocument)]
+            raise InvalidInputError(f"second.{name}: no such key; {nearest(name, known)}")
+
+
+def side_by_side(
+    first: StandingArm, second: StandingArm, base: Base, period: float | None
+) -> tuple[StandingArm, StandingArm]:
+    """Return both arms with laws that count with each other; the first one chooses first.
+
+    Args:
+        first: The first arm.
+        second: The second arm, as if it stood alone.
+        base: Where it stands.
+        period: Period of both laws [s].
+
+    Raises:
+        InvalidInputError: If a law cannot, or the arms start too near to each other.
+    """
+    there = stood(second.clearance, base.R, base.translation)
+    # Obstacles are stated in the world of the first arm, and count for both.
+    there = replace(there, solids=first.clearance.solids)
+    found = []
+    for own, other, mine, theirs in (
+        (first, second, first.clearance, there),
+        (second, first, there, first.clearance),
+    ):
+        floor, clearance = own.law.keeps_distance, beside(mine, theirs.arm)
+        if period is None or floor is None:
+            raise InvalidInputError(_NEEDS)
+        # The second one sees what the first has just chosen.
+        neighbour = Neighbour(reached_limits(other.limits, period), has_chosen=own is second)
+        if (law := own.law.beside(clearance, neighbour)) is None:
+            raise InvalidInputError(_NEEDS)
+        require_free(clearance, floor, np.concatenate((own.start, other.start)))
+        found.append(own._replace(law=law, clearance=clearance))
+    return found[0], found[1]

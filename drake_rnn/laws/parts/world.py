@@ -1,0 +1,188 @@
+"""What is in an arm's way from now on: obstacles that move, and another arm beside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ...inputs.fields import Array
+from ...robot.clearance import Clearance
+from ...robot.clearance.neighbour import OTHER, Neighbour
+from ...robot.held_jerk_stop import HeldJerkStop
+from ...robot.held_stop import HeldStop
+from ...robot.jerk_stop import course
+from .held_within import Seen
+
+#: The fastest stop of an arm.
+Stop = HeldStop | HeldJerkStop
+
+# What an obstacle that is not seen counts as overlapping with everything [m].
+_ANYWHERE = 1e3
+
+
+@dataclass(frozen=True, eq=False)
+class NeighbourStop:
+    """How another arm goes on: what it has chosen, and then its fastest stop.
+
+    Attributes:
+        neighbour: The arm.
+        seen: What is seen of it.
+        period: Length of a sample [s].
+    """
+
+    neighbour: Neighbour
+    seen: Seen
+    period: float
+
+    @cached_property
+    def posture(self) -> Array:
+        """Where it is now, shape (n,) [rad]."""
+        return self.seen[f"{OTHER}commanded"] - self._chosen * self.period * self._v
+
+    @property
+    def samples(self) -> float:
+        """After how many samples it rests."""
+        return self._stop.samples(self._first) + self._chosen
+
+    def way(self) -> Array:
+        """Return how far each joint goes until it rests, shape (n,) [rad]."""
+        return self._chosen * self.period * np.abs(self._v) + self._stop.way(self._first)
+
+    def moved(self, k: Array) -> Array:
+        """Return how far the joints have gone after k samples, shape (s, n) [rad]."""
+        held = np.minimum(k, self._chosen)[:, None] * self.period * self._v
+        return held + self._stop.moved(self._first, np.maximum(k - self._chosen, 0.0))
+
+    def travelled(self, k: Array) -> Array:
+        """Return the way of each joint up to k samples, there and back, shape (s, n) [rad]."""
+        held = np.minimum(k, self._chosen)[:, None] * self.period * np.abs(self._v)
+        return held + self._stop.travelled(self._first, np.maximum(k - self._chosen, 0.0))
+
+    @property
+    def _chosen(self) -> float:
+        """Number of samples for which it has chosen."""
+        return float(self.neighbour.has_chosen)
+
+    @property
+    def _v(self) -> Array:
+        return self.seen[f"{OTHER}v"]
+
+    @cached_property
+    def _stop(self) -> Stop:
+        limits = self.neighbour.limits
+        most = limits.require("acceleration", "braking in time")
+        if limits.jerk is None:
+            return HeldStop(most, self.period)
+        return HeldJerkStop(self._v, most, limits.jerk, self.period)
+
+    @cached_property
+    def _first(self) -> Array:
+        """What its stop begins with."""
+        stop = self._stop
+        if isinstance(stop, HeldStop):
+            return stop.after(self._v)
+        a = self.seen[f"{OTHER}a"]
+        return course(self._v, a, stop.acceleration, stop.jerk, self.period).first
+
+
+@dataclass(frozen=True, eq=False)
+class BothStop:
+    """The stop of an arm and what another one beside it does meanwhile, joints behind joints.
+
+    Attributes:
+        own: The arm's.
+        other: The other one's.
+    """
+
+    own: Stop
+    other: NeighbourStop
+
+    def samples(self, u: Array) -> float:
+        """Return after how many samples both rest; see `HeldStop` and `HeldJerkStop`."""
+        return max(self.own.samples(u), self.other.samples)
+
+    def way(self, u: Array) -> Array:
+        """Return how far each joint goes until it rests, shape (n,) [rad]."""
+        return np.concatenate((self.own.way(u), self.other.way()))
+
+    def moved(self, u: Array, k: Array) -> Array:
+        """Return how far the joints have gone after k samples, shape (s, n) [rad]."""
+        return np.concatenate((self.own.moved(u, k), self.other.moved(k)), axis=1)
+
+    def travelled(self, u: Array, k: Array) -> Array:
+        """Return the way of each joint up to k samples, there and back, shape (s, n) [rad]."""
+        return np.concatenate((self.own.travelled(u, k), self.other.travelled(k)), axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """What is in an arm's way from now on, as far as it is known.
+
+    Postures are those of the arm and, behind them, of the one beside it, if there is one.
+
+    Attributes:
+        clearance: The pairs that are to stay apart.
+        neighbour: The arm beside it; None without one.
+        seen: What is seen.
+        period: Length of a sample [s].
+    """
+
+    clearance: Clearance
+    neighbour: Neighbour | None
+    seen: Seen
+    period: float
+
+    @cached_property
+    def _other(self) -> NeighbourStop | None:
+        if self.neighbour is None:
+            return None
+        return NeighbourStop(self.neighbour, self.seen, self.period)
+
+    @cached_property
+    def p_WO(self) -> Array | None:
+        """How far obstacles have moved, as measured now, shape (m, 3) [m]; None if none may."""
+        return self.seen.get("p_WO")
+
+    def posture(self, q: Array) -> Array:
+        """Return the posture of all, for that of the arm itself, shape (n,) [rad]."""
+        return q if self._other is None else np.concatenate((q, self._other.posture))
+
+    def around(self, stop: Stop) -> Stop | BothStop:
+        """Return what all do, for a stop of the arm itself."""
+        return stop if self._other is None else BothStop(stop, self._other)
+
+    def gaps(self, q: Array, k: Array) -> Array:
+        """Return the least that pairs can be apart, shape (s, p) [m].
+
+        Args:
+            q: Postures, shape (s, n) [rad].
+            k: After how many samples they are reached, shape (s,).
+        """
+        return self.least(self.clearance.gaps(q, self.p_WO), self.doubt(k))
+
+    def least(self, gaps: Array, doubt: Array) -> Array:
+        """Return distances without a doubt; an obstacle whose place is not a number is anywhere."""
+        if self.p_WO is None:
+            return gaps - doubt
+        return np.where(np.isnan(gaps), -_ANYWHERE, gaps - doubt)
+
+    def doubt(self, k: float | Array) -> Array:
+        """Return how much nearer pairs may be than measured, k samples later, shape (s, p) [m]."""
+        return self.clearance.errors + self.nearer(k)
+
+    def nearer(self, k: float | Array) -> Array:
+        """Return how much nearer obstacles can come in k samples, shape (..., p) [m]."""
+        return np.multiply.outer(k, self.clearance.speeds * self.period)
+
+
+def seen_signals(
+    clearance: Clearance | None, neighbour: Neighbour | None = None
+) -> dict[str, tuple[int, ...]]:
+    """Return the signals by which a law sees what moves in its way, with their shapes."""
+    count = 0 if clearance is None else len(clearance.solids.moving)
+    found: dict[str, tuple[int, ...]] = {"p_WO": (count, 3)} if count else {}
+    if neighbour is None:
+        return found
+    return found | {signal: (neighbour.limits.size,) for signal in neighbour.parts}

@@ -107,6 +107,7 @@ def swing(**fields):
         "position_commanded": velocity / 3,
         "p_WE_commanded": at_rest,
         "distance": 0.1 + time,
+        "distance_moving": 0.2 + time,
         "lap_start": 0.0,
         "pressing": Pressing(
             normal=np.eye(3)[2], force=force, desired=np.full(k, 5.0), desired_end=5.0

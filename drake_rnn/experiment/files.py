@@ -141,8 +141,9 @@ def _cut_short(document: dict[str, Any], changes: Mapping[str, Any]) -> None:
 def _resolve_files(document: dict[str, Any], folder: File) -> None:
     arm = _section(document, "arm")
     packages, environment = _section(arm, "packages"), _section(document, "environment")
-    paths = ((path, "file") for path in _path_sections(document))
-    files = ((arm, "model"), (arm, "limits"), (arm, "capsules"), *paths, (environment, "model"))
+    others = (*_path_sections(document), *_obstacle_sections(document))
+    named = ((section, "file") for section in others)
+    files = ((arm, "model"), (arm, "limits"), (arm, "capsules"), *named, (environment, "model"))
     for section, key in (*files, *((packages, key) for key in packages)):
         value = section.get(key)
         # Not `exists`, because a folder may have the name of a shipped arm.
@@ -161,6 +162,12 @@ def _path_sections(document: dict[str, Any]) -> list[dict[str, Any]]:
         path,
         *(inner for part in entries if isinstance(part, dict) for inner in _path_sections(part)),
     ]
+
+
+def _obstacle_sections(document: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the sections of the obstacles."""
+    given = document.get("obstacles")
+    return [each for each in given if isinstance(each, dict)] if isinstance(given, list) else []
 
 
 def _name_limits(document: dict[str, Any]) -> None:

@@ -20,7 +20,8 @@ from ..paths import Path
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
-from ..robot.clearance.obstacles import Obstacle, make_obstacles
+from ..robot.clearance.described_obstacles import make_obstacles
+from ..robot.clearance.obstacles import Obstacle
 from ..robot.limits import JointLimits
 from ..systems import BODIES, Feedback, ObstacleMotions, start_posture
 from .arms import Arms
@@ -96,7 +97,8 @@ def read_sections(
     seeks_posture = issubclass(kind, PostureLaw)
     start = start_posture(arm, document.start, OUTSIDE if seeks_posture else 0.0)
     path, doubts = path_of(document, arms, seeks_posture, path, modules)
-    obstacles = tuple(make_obstacles(document.obstacles or []))
+    given = document.obstacles or []
+    obstacles = arms.shared("obstacles", given, lambda: tuple(make_obstacles(given)))
     clearance, unseen = _clearance(document, arms, arm, start, obstacles)
     law = make_law(document, kind, arm.limits, start, clearance)
     safety = make_safety(document.safety, law, arm.limits, document.period, start, clearance)

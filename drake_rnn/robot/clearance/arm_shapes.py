@@ -87,7 +87,20 @@ def _part(inspector: SceneGraphInspector, geometries: list[GeometryId], body: st
 
 
 def _round(shape: Shape, body: str) -> Array:
-    """Return points whose hull holds a shape, in its own frame, shape (k, 3)."""
+    """Return points whose hull holds a shape of a body."""
+    if (points := points_round(shape)) is None:
+        raise InvalidInputError(
+            f"arm: {body!r} has a {type(shape).__name__}, round which no capsule fits; give the "
+            "body a capsule in a file: capsules"
+        )
+    return points
+
+
+def points_round(shape: Shape) -> Array | None:
+    """Return points whose hull holds a shape, in its own frame, shape (k, 3) [m].
+
+    Of a mesh they are the vertices of its convex hull. None for a shape that has no bounds.
+    """
     if isinstance(shape, Box):
         signs = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
         return np.asarray(signs * shape.size())
@@ -106,10 +119,7 @@ def _round(shape: Shape, body: str) -> Array:
     if isinstance(shape, (Mesh, Convex)):
         hull = shape.GetConvexHull()
         return np.array([hull.vertex(k) for k in range(hull.num_vertices())])
-    raise InvalidInputError(
-        f"arm: {body!r} has a {type(shape).__name__}, round which no capsule fits; give the body "
-        "a capsule in a file: capsules"
-    )
+    return None
 
 
 def _at_ends(points: Array, half: float) -> Array:

@@ -1,7 +1,7 @@
 """What stands where an arm must not be: balls, capsules, boxes and half-spaces."""
 
 # No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -64,6 +64,11 @@ class Obstacle:
     def corners(self) -> Array:
         """Corners of a box round it, shape (8, 3) [m]; none if it has no bounds."""
         return np.zeros((0, 3))
+
+    @property
+    def parts(self) -> Sequence["Obstacle"]:
+        """What it consists of, itself alone if it is a single shape."""
+        return (self,)
 
 
 @validated
@@ -172,29 +177,37 @@ OBSTACLES: Mapping[str, type[Obstacle]] = {
 }
 
 
-def make_obstacles(given: list[Any]) -> list[Obstacle]:
-    """Return the obstacles of a document.
+def make_obstacles(
+    given: list[Any], kinds: Mapping[str, type[Obstacle]] = OBSTACLES
+) -> list[Obstacle]:
+    """Return the obstacles of a document, each a single shape.
 
     Args:
         given: For each, its ``kind`` and fields.
+        kinds: Obstacles that there may be by their ``kind``.
 
     Raises:
         InvalidInputError: If there are too many, a kind is unknown or a field is wrong.
     """
-    if len(given) > MOST:
-        raise InvalidInputError(f"obstacles: may be up to {MOST}, not {len(given)}")
+    _require_few(given)
     found, names = [], set[str]()
     for k, fields in enumerate(given):
         key = f"obstacles[{k}]"
         if not isinstance(fields, Mapping):
             raise InvalidInputError(f"{key}: must be a kind with its fields, not {short(fields)}")
         kind = str(fields.get("kind"))
-        if kind not in OBSTACLES:
-            raise InvalidInputError(f"{key}.kind: {short(kind)}: {nearest(kind, list(OBSTACLES))}")
+        if kind not in kinds:
+            raise InvalidInputError(f"{key}.kind: {short(kind)}: {nearest(kind, list(kinds))}")
         own = {"name": f"{kind} {k + 1}", **without_kind(fields)}
-        obstacle = construct(OBSTACLES[kind], own, key)
-        if obstacle.name in names:
-            raise InvalidInputError(f"{key}.name: {obstacle.name!r} is given twice")
-        names.add(obstacle.name)
-        found.append(obstacle)
+        for part in construct(kinds[kind], own, key).parts:
+            if part.name in names:
+                raise InvalidInputError(f"{key}.name: {part.name!r} is given twice")
+            names.add(part.name)
+            found.append(part)
+    _require_few(found)
     return found
+
+
+def _require_few(obstacles: Sequence[Any]) -> None:
+    if len(obstacles) > MOST:
+        raise InvalidInputError(f"obstacles: may be up to {MOST}, not {len(obstacles)}")

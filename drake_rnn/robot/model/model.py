@@ -66,7 +66,7 @@ class Model:
             try:
                 parser.package_map().Add(package, folder)
             except RuntimeError as error:
-                raise InvalidInputError(f"arm.packages.{package}: {_one_line(error)}") from None
+                raise InvalidInputError(f"arm.packages.{package}: {one_line(error)}") from None
         try:
             if self.text is None:
                 instances = parser.AddModels(str(self.file))
@@ -77,7 +77,7 @@ class Model:
             lost = "unknown package" in str(error)
             hint = "; give the package's folder in arm.packages" if lost else ""
             raise InvalidInputError(
-                f"arm.model: {self.file} cannot be read: {_one_line(error)}{hint}"
+                f"arm.model: {self.file} cannot be read: {one_line(error)}{hint}"
             ) from None
         if len(instances) != 1:
             raise InvalidInputError(
@@ -125,7 +125,7 @@ def _mended(file: Path, packages: Mapping[str, str]) -> Model:
     except InvalidInputError:
         raise
     except ValueError as error:
-        raise InvalidInputError(f"arm.model: {file} cannot be read: {_one_line(error)}") from None
+        raise InvalidInputError(f"arm.model: {file} cannot be read: {one_line(error)}") from None
     warnings = [f"arm.model: {file.name}: {warning}" for warning in warnings]
     text, form = write_xml(root), _FORMATS[root.tag]
     if text == before and not expanded and file.suffix.lower() == f".{form}":
@@ -152,14 +152,14 @@ def _checked(model: Model) -> Model:
         try:
             plant.Finalize()
         except RuntimeError as error:
-            raise InvalidInputError(f"arm.model: {model.file}: {_one_line(error)}") from None
+            raise InvalidInputError(f"arm.model: {model.file}: {one_line(error)}") from None
     _require_near(plant, model.file)
     warnings = []
     if (loops := plant.num_constraints() - len(model.mimics)) > 0:
         warnings.append(f"constraints such as closed loops are left out ({loops})")
     if said:
         times = "once" if len(said) == 1 else f"{len(said)} times"
-        warnings.append(f"Drake warns {times}, first: {_one_line(said[0])[:200]}")
+        warnings.append(f"Drake warns {times}, first: {one_line(said[0])[:200]}")
     del plant  # it points to the scene graph, which must outlive it
     told = (f"arm.model: {model.file.name}: {warning}" for warning in warnings)
     return replace(model, warnings=(*model.warnings, *told))
@@ -179,6 +179,6 @@ def _require_near(plant: MultibodyPlant, file: Path) -> None:
             )
 
 
-def _one_line(message: object) -> str:
+def one_line(message: object) -> str:
     """Return a message of Drake without line breaks and places in a text that no user sees."""
     return " ".join(_PLACE.sub("", str(message)).split())

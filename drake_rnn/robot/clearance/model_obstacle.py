@@ -1,0 +1,105 @@
+"""An obstacle from a model file: a solid of a simple shape round each of its shapes."""
+
+# No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field
+from pydrake.geometry import Box, Capsule, Cylinder, Ellipsoid, HalfSpace, Shape, Sphere
+from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
+
+from ...errors import InvalidInputError
+from ...inputs.fields import Angles, Point, validated, zeros
+from ..model.still import StillModel
+from .arm_shapes import points_round
+from .enclosing_box import EnclosingBox, enclosing_box
+from .enclosing_capsule import enclosing_capsule
+from .obstacles import BallObstacle, BoxObstacle, CapsuleObstacle, HalfSpaceObstacle, Obstacle
+
+
+@validated
+class ModelObstacle(Obstacle):
+    """What a URDF or SDF file describes, one rigid thing.
+
+    Each collision geometry of a body, or what is drawn of a body that has none, is an obstacle of
+    its own: balls, boxes, capsules and half-spaces as they are; a cylinder, an ellipsoid or the
+    convex hull of a mesh as a box or a capsule that holds it, whichever is smaller. Their names are
+    that of the model and of the body.
+
+    Args:
+        file: URDF or SDF file, all of whose joints are fixed.
+        translation: Place of the model's frame, shape (3,) [m].
+        rpy: Roll, pitch and yaw of the model's frame, shape (3,) [rad].
+    """
+
+    kind: Literal["model"] = "model"
+    file: str
+    translation: Point = Field(default_factory=zeros)
+    rpy: Angles = Field(default_factory=zeros)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        try:
+            self.parts  # noqa: B018  a file that cannot be read is to be refused now
+        except InvalidInputError as error:
+            raise ValueError(f"file: {Path(self.file).name}: {error}") from None
+        except ValueError as error:
+            raise ValueError(f"file: {error}") from None
+
+    @cached_property
+    def parts(self) -> tuple[Obstacle, ...]:
+        """Its shapes, as obstacles."""
+        model, found = StillModel(Path(self.file)), list[Obstacle]()
+        X_WM = RigidTransform(RollPitchYaw(self.rpy), self.translation)
+        count = dict[str, int]()
+        moving: dict[str, Any] = {"speed": self.speed, "error": self.error, "moves": self.moves}
+        for body, X_MG, shape in model.shapes():
+            count[body] = count.get(body, 0) + 1
+            number = f" {count[body]}" if count[body] > 1 else ""
+            made = _solid(shape, X_WM @ X_MG)
+            name = f"{self.name}/{body}{number}"
+            found.append(made[0](name=name, **made[1], **moving))
+        return tuple(found)
+
+
+def _solid(shape: Shape, X_WG: RigidTransform) -> tuple[type[Obstacle], Mapping[str, Any]]:
+    """Return the obstacle that a shape is, or the smaller one of two round it, as its fields."""
+    if isinstance(shape, Sphere):
+        return BallObstacle, {"center": X_WG.translation(), "radius": shape.radius()}
+    if isinstance(shape, Capsule):
+        half = 0.5 * shape.length()
+        ends = tuple(X_WG @ np.array([0.0, 0.0, z]) for z in (-half, half))
+        return CapsuleObstacle, {"ends": ends, "radius": shape.radius()}
+    if isinstance(shape, HalfSpace):
+        normal = X_WG.rotation().col(2)
+        return HalfSpaceObstacle, {"point": X_WG.translation(), "normal": normal}
+    if isinstance(shape, Box):
+        return _box(EnclosingBox(np.zeros(3), np.eye(3), shape.size()), X_WG)
+    if (points := points_round(shape)) is None:
+        raise ValueError(f"no box holds a {type(shape).__name__}")
+    box, capsule = _box_round(shape) or enclosing_box(points), enclosing_capsule(points)
+    if box.volume <= capsule.volume:
+        return _box(box, X_WG)
+    ends = tuple(X_WG @ end for end in capsule.ends)
+    return CapsuleObstacle, {"ends": ends, "radius": capsule.radius}
+
+
+def _box_round(shape: Shape) -> EnclosingBox | None:
+    """Return the box that touches a cylinder or an ellipsoid on six sides; None for others."""
+    if isinstance(shape, Cylinder):
+        size = [2.0 * shape.radius(), 2.0 * shape.radius(), shape.length()]
+    elif isinstance(shape, Ellipsoid):
+        size = [2.0 * shape.a(), 2.0 * shape.b(), 2.0 * shape.c()]
+    else:
+        return None
+    return EnclosingBox(np.zeros(3), np.eye(3), np.array(size))
+
+
+def _box(box: EnclosingBox, X_WG: RigidTransform) -> tuple[type[Obstacle], Mapping[str, Any]]:
+    """Return a box as an obstacle; it is given in the frame of the shape that it holds."""
+    R_WB = X_WG.rotation() @ RotationMatrix.ProjectToRotationMatrix(box.R)
+    rpy = RollPitchYaw(R_WB).vector()
+    return BoxObstacle, {"center": X_WG @ box.center, "size": box.size, "rpy": rpy}

@@ -18,6 +18,8 @@ FORCE = "#008060"
 BOUND, BOUND_ON_DARK = "#222222", "#E8E8E8"
 #: The arm, muted so that none of its parts looks like a path, and what it presses on.
 ARM, SURFACE = "#C9CDD2", "#EFE8D8"
+#: What the arm's distances are measured from.
+CAPSULE = "#4F5A66"
 #: Beside the arm's own: its joints and tool.
 ARM_DARK = "#8E959D"
 

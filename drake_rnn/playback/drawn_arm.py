@@ -70,6 +70,7 @@ class DrawnArm:
     def __init__(self, arm: Arm, meshcat: Meshcat, place: str = "/arm") -> None:
         self.arm = arm
         self._meshcat = meshcat
+        self._place = place
         builder = DiagramBuilder()
         self.plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
         arm.add_to(self.plant)
@@ -88,7 +89,7 @@ class DrawnArm:
         self.inspector: SceneGraphInspector = scene_graph.model_inspector()
         for body in self._beyond_task_frame:
             # If a tool beyond the task frame were drawn, it would seem to be what follows the path.
-            meshcat.SetProperty(f"{place}/{_scene_name(body)}", "visible", False)
+            meshcat.SetProperty(self.place(body), "visible", False)
 
     @property
     def bodies(self) -> list[Any]:
@@ -100,6 +101,22 @@ class DrawnArm:
         for frame in self.inspector.GetAllFrameIds():
             for geometry in self.inspector.GetGeometries(frame, Role.kIllustration):
                 yield self.plant.GetBodyFromFrameId(frame), geometry
+
+    def place(self, body: Any) -> str:
+        """Return the scene path of a body."""
+        return f"{self._place}/{_scene_name(body)}"
+
+    def carrier(self, name: str) -> Any:
+        """Return a body that is seen and moves as the named one does, if possible itself; or None.
+
+        Raises:
+            RuntimeError: If there is no body of that name.
+        """
+        hidden = {body.index() for body in self._beyond_task_frame}
+        seen = {body.index() for body, _ in self.geometries()} - hidden
+        own = self.plant.GetBodyByName(name)
+        alike = (own, *self.plant.GetBodiesWeldedTo(own))
+        return next((body for body in alike if body.index() in seen), None)
 
     def set_posture(self, q: Array) -> None:
         """Set the joint positions, shape (n,) [rad], without drawing."""

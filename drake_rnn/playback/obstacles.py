@@ -61,15 +61,25 @@ def _drawn(obstacle: Obstacle) -> tuple[Shape, RigidTransform]:
     if isinstance(obstacle, BoxObstacle):
         return Box(obstacle.size), RigidTransform(RotationMatrix(obstacle.R_WO), obstacle.center)
     if isinstance(obstacle, CapsuleObstacle):
-        one, other = obstacle.ends
-        length = float(np.linalg.norm(other - one))
-        if length < 1e-6:
-            return Sphere(obstacle.radius), RigidTransform(one)
-        R = RotationMatrix.MakeFromOneVector((other - one) / length, 2)
-        return Capsule(obstacle.radius, length), RigidTransform(R, 0.5 * (one + other))
+        return capsule_between(*obstacle.ends, obstacle.radius)
     if isinstance(obstacle, HalfSpaceObstacle):
         n = obstacle.normal_W
         middle = n.dot(obstacle.point) * n - 0.5 * _THICKNESS * n
         R = RotationMatrix.MakeFromOneVector(n, 2)
         return Box(_SIZE, _SIZE, _THICKNESS), RigidTransform(R, middle)
     raise TypeError(f"no drawing of a {type(obstacle).__name__}")
+
+
+def capsule_between(one: Array, other: Array, radius: float) -> tuple[Shape, RigidTransform]:
+    """Return the capsule round a segment, a ball if its ends are one, and its pose.
+
+    Args:
+        one: One end of the segment, shape (3,) [m].
+        other: The other end, shape (3,) [m].
+        radius: Radius [m].
+    """
+    length = float(np.linalg.norm(other - one))
+    if length < 1e-6:
+        return Sphere(radius), RigidTransform(one)
+    R = RotationMatrix.MakeFromOneVector((other - one) / length, 2)
+    return Capsule(radius, length), RigidTransform(R, 0.5 * (one + other))

@@ -13,6 +13,7 @@ from pydrake.geometry import Meshcat, MeshcatAnimation, MeshcatParams
 from ..inputs.fields import Array
 from ..measures import LEAST, PREFIXED_UNITS, PREFIXES
 from ..robot.drake_log import quiet_drake
+from .arm_capsules import draw_capsules
 from .boxes import Boxes, boxes_of
 from .camera import some
 from .drawn_arm import DrawnArm
@@ -61,7 +62,10 @@ def make_page(
     points = np.concatenate((boxes.corners, paths.set_up()))
     floor, size = float(points[:, 2].min()), float(np.ptp(points, axis=0).max())
     set_stage(meshcat, floor, size)
-    draw_obstacles(meshcat, motion.result.experiment.obstacles)
+    draw_obstacles(meshcat, experiment.obstacles)
+    capsules = draw_capsules(meshcat, drawn, experiment.clearance)
+    if second is not None:
+        capsules += second.draw_capsules()
     paths.draw(floor)
     duration = max(each.duration for each in (motion, *beside))
     frames = np.arange(math.ceil(duration * rate - 1e-6) + 1) / rate
@@ -73,6 +77,7 @@ def make_page(
         "size": size,
         "window": _window(motion),
         "units": {"prefixes": PREFIXES, "prefixed": PREFIXED_UNITS, "least": LEAST},
+        "capsules": capsules,
         "curves": [curve.as_data(frames) for curve in curves_of(motion)],
         **_seen(motion, beside, paths, size),
     }

@@ -9,6 +9,7 @@ from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform, RotationMatrix
 
 from ..inputs.fields import Array
+from .arm_capsules import draw_capsules
 from .boxes import boxes_of
 from .drawn_arm import DrawnArm
 from .replay import ReplayedMotion, replayed_motion
@@ -39,6 +40,7 @@ class SecondArm:
     def __init__(self, meshcat: Meshcat, motion: ReplayedMotion, X_WB: RigidTransform) -> None:
         self.motion = motion
         self._X_WB = X_WB
+        self._meshcat = meshcat
         self._drawn = DrawnArm(motion.result.experiment.arm, meshcat, f"{_PLACE}/arm")
         meshcat.SetTransform(_PLACE, X_WB)
 
@@ -47,6 +49,11 @@ class SecondArm:
         """Corners of boxes round it in several postures, shape (k, 3) [m]."""
         corners = boxes_of(self.motion, self._drawn).corners
         return np.asarray(corners @ self._X_WB.rotation().matrix().T + self._X_WB.translation())
+
+    def draw_capsules(self) -> list[str]:
+        """Draw its capsules, hidden; return their scene paths."""
+        clearance = self.motion.result.experiment.clearance
+        return draw_capsules(self._meshcat, self._drawn, clearance, self._X_WB)
 
     def record(self, time: Array, rate: int) -> None:
         """Draw it at the time of each frame, shape (f,) [s], while the scene records."""

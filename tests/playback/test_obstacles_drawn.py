@@ -45,6 +45,28 @@ def test_one_that_moves_is_drawn_where_it_is_then(tmp_path):
     np.testing.assert_allclose(last, [0.5, 0.4, 0.5], atol=1e-2)
 
 
+@pytest.mark.long
+def test_capsules_are_drawn_round_the_bodies_they_move_with_and_hidden(result, tmp_path):
+    page = Page(write_playback(result, tmp_path / "playback.html"))
+    arm = result.experiment.clearance.arm
+    places = page.data["capsules"]
+    assert len(places) == len(arm.bodies)
+    for place in places:
+        assert place.startswith("/arm/")
+        assert page.properties[place, "visible"] is False
+        (shape,) = page.objects[f"{place}/tint"]["geometries"]
+        assert shape["radius"] in arm.radii
+    # They are below the bodies, which move them: nothing else is recorded.
+    assert not any("capsules" in place for place, _ in page.tracks)
+
+
+def test_without_distances_there_are_no_capsules_to_show(tmp_path):
+    plain = simulate(load_experiment("slc_nephroid_known", {"duration": 0.1, "window": None}))
+    page = Page(write_playback(plain, tmp_path / "playback.html"))
+    assert page.data["capsules"] == []
+    assert 'id="capsules"' not in page.text
+
+
 def test_the_distance_is_among_curves_and_numbers(result):
     assert result.series["distance"].shape == result.time.shape
     assert result.metrics["distance_min_m"] <= result.series["distance"].min() + 1e-12

@@ -31,6 +31,15 @@ function setView(name) {
   }
 }
 
+function setCapsules(visible) {
+  picture.showCapsules(visible);
+  byId("capsules")?.setAttribute("aria-pressed", visible);
+}
+
+function toggleCapsules() {
+  setCapsules(byId("capsules")?.getAttribute("aria-pressed") === "false");
+}
+
 function setChrome(visible) {
   document.body.classList.toggle("bare", !visible);
   resize();
@@ -56,6 +65,7 @@ function pressed(event) {
     1: () => setView("arm"),
     2: () => setView("close"),
     3: () => setView("path"),
+    c: toggleCapsules,
   };
   if (!actions[key]) return;
   event.preventDefault();
@@ -70,6 +80,7 @@ function listen() {
   for (const button of document.querySelectorAll("[data-view]")) {
     button.addEventListener("click", () => setView(button.dataset.view));
   }
+  byId("capsules")?.addEventListener("click", toggleCapsules);
   byId("theme").addEventListener("click", () => {
     setTheme(THEMES[(THEMES.indexOf(theme) + 1) % THEMES.length]);
   });
@@ -121,6 +132,7 @@ window.playback = {
   setSpeed: (x) => player.setSpeed(x),
   setView,
   setTheme,
+  setCapsules,
   chrome: setChrome,
 };
 

@@ -9,6 +9,7 @@ const drawn = {
   },
   paint: paintStage,
   show: showTime,
+  showCapsules,
   setView: (name) => camera.setView(name),
   resize() {
     viewer.set_3d_pane_size(pane.clientWidth, pane.clientHeight);
@@ -28,6 +29,7 @@ const undrawn = {
   },
   paint() {},
   show() {},
+  showCapsules() {},
   setView() {},
   resize() {},
   draw() {},

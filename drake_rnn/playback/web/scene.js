@@ -169,6 +169,12 @@ function showTime(t) {
   viewer.set_dirty();
 }
 
+/** Shows or hides the capsules round the arm. */
+function showCapsules(visible) {
+  for (const path of data.capsules) nodeAt(path).object.visible = visible;
+  viewer.set_dirty();
+}
+
 /** Narrows the light's shadow to the scene: sharper, and with fewer points to compute. */
 function aimSun() {
   const sun = objectAt("Lights/FillLight");

@@ -12,10 +12,14 @@ from where it was. After its first sample, what is left of a stop is the stop fr
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from ..inputs.fields import Array
+
+# A loss of speed that stops any joint within a sample [rad/s].
+_AT_ONCE = 1e9
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,13 +58,10 @@ class HeldStop:
             w: Velocities in the first of them, shape (n,) [rad/s].
             k: Numbers of samples, at least 0, shape (s,); between two, velocities are held.
         """
-        whole = np.floor(k)[:, None]
-        speed, most = np.abs(w), self._braking(w)
-        begun, ended = (
-            np.where(j > 0.0, self._gone(speed, np.clip(j - 1.0, 0.0, most)), 0.0)
-            for j in (whole, whole + 1.0)
-        )
-        return np.copysign(begun + (k[:, None] - whole) * (ended - begun), w)
+        whole, speed = np.floor(k)[:, None], np.abs(w)
+        gone = self._gone(speed, np.minimum(whole - 1.0, self._braking(w)))
+        held = np.maximum(speed - whole * self._loss, 0.0)
+        return np.copysign(gone + (k[:, None] - whole) * self.period * held, w)
 
     def travelled(self, w: Array, k: Array) -> Array:
         """Return the way of each joint up to k samples, shape (s, n) [rad]; none turns on it."""
@@ -77,10 +78,17 @@ class HeldStop:
 
     def _braking(self, w: Array) -> Array:
         """Return for how many samples a joint brakes before it rests, shape (n,)."""
-        return np.floor(np.abs(w) / (self.acceleration * self.period))
+        return np.floor(np.abs(w) / self._loss)
 
     def _gone(self, speed: Array, m: Array) -> Array:
-        slower = np.where(m > 0.0, m * (m + 1.0), 0.0)
-        with np.errstate(invalid="ignore"):
-            less = np.where(m > 0.0, 0.5 * slower * self.acceleration * self.period**2, 0.0)
-        return np.asarray((m + 1.0) * self.period * speed - less)
+        """Return how far a joint has gone after m + 1 samples, in m of which it braked."""
+        return (m + 1.0) * (self.period * speed - m * self._half)
+
+    @cached_property
+    def _loss(self) -> Array:
+        """What a joint loses of its speed in a sample; a number also where it may stop at once."""
+        return np.minimum(self.acceleration * self.period, _AT_ONCE)
+
+    @cached_property
+    def _half(self) -> Array:
+        return 0.5 * self.period * self._loss

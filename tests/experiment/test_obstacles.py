@@ -60,8 +60,9 @@ def test_shipped_scenes_come_to_what_they_expect_and_collide_without_avoidance(n
     result = shared_run(name)
     for metric, accepted in result.experiment.document.accept.items():
         assert accepted.holds(result.metrics[metric]), metric
-    # The certificate had hardly anything to hold back.
-    assert result.series["held_back"][-1, 0] < 20.0
+    # The certificate has hardly anything to hold back, but while a ball comes at the arm.
+    held_back, samples = result.series["held_back"][-1, 0], result.time[-1] / 1e-3
+    assert held_back < (0.05 * samples if "moving" in name else 20.0)
     blind = simulate(load_experiment(name, {"law.avoidance": "none", "accept": None}))
     assert blind.metrics["distance_min_m"] < 0.0
 

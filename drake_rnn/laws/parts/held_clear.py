@@ -1,7 +1,7 @@
 r"""Choosing the velocity of the next sample without collisions, within bounds to the jerk.
 
 The law may always brake as hard as it can, and what it certifies is that this stop is free. With
-w_0 the first velocity of the full stop from v, that stop passes postures q_k. At four of them, each
+w_0 the first velocity of the full stop from v, that stop passes postures q_k. At five of them, each
 pair whose distance d may matter gives the program a row, by its slope n with respect to the joints
 and by D, how far a change of w moves them there,
 
@@ -164,18 +164,17 @@ class WithinClear:
         """Return the next velocity, as `WithinAcceleration.chosen` does."""
         J, b, _, g, softness = program
         choice = self.within.choice(program, q, v, kept, period)
-        rows, world = None, World(self.clearance, self.neighbour, seen, period)
+        world = World(self.clearance, self.neighbour, seen, period)
         known = Known(kept["seen"], kept["gaps"] - world.nearer(1.0))
-        widest = np.maximum(choice.box[1] - choice.first_z, choice.first_z - choice.box[0])
+        z: Array | None = within_box(J, b, g, softness, *choice.box)
         # From here on q is the posture of all.
         q, stop = world.posture(q), world.around(choice.stop)
-        if self._may_bind(q, widest, known, choice, stop, world):
+        if self._may_bind(q, np.abs(z - choice.first_z), known, choice, stop, world):
+            widest = np.maximum(choice.box[1] - choice.first_z, choice.first_z - choice.box[0])
             known, rows = self._rows(q, widest, choice, stop, world)
-        if rows is None:
-            z = within_box(J, b, g, softness, *choice.box)
-        else:
-            found = within_rows(J, b, g, softness, *choice.box, rows)
-            z = choice.first_z if found is None else found
+            if rows is not None:
+                z = within_rows(z, J, b, g, softness, *choice.box, rows)
+        z = choice.first_z if z is None else z
         first, u, held_back = choice.first, choice.chosen(z), kept["held_back"]
         if not self._is_free(q, u, known, stop, world):
             way = (first + share * (u - first) for share in _SHARES)
@@ -196,18 +195,18 @@ class WithinClear:
     def _may_bind(
         self,
         q: Array,
-        widest: Array,
+        change: Array,
         known: Known,
         choice: Choice,
         stop: Stop | BothStop,
         world: World,
     ) -> bool:
-        """Return whether any velocity of the box can fail a row, by what is known of distances."""
+        """Return whether a z can fail a row that is so far from the stop's, as far as is known."""
         first, samples = choice.first, choice.stop.samples(choice.first)
         (leverage,) = choice.leverage(np.array([samples]))
         left = self._left(q, known, stop.way(first)) - world.nearer(samples)
         room = self.avoidance.approach * world.period * (left - self.avoidance.distance)
-        return bool((self._reaches @ (leverage * widest) > room).any())
+        return bool((self._reaches @ (leverage * change) > room).any())
 
     def _rows(
         self, q: Array, widest: Array, choice: Choice, stop: Stop | BothStop, world: World
@@ -240,13 +239,29 @@ class WithinClear:
         self, q: Array, u: Array, known: Known, stop: Stop | BothStop, world: World
     ) -> bool:
         """Return whether the arm can do u for a period and then stop, always free."""
-        floor, reaches, samples = self.avoidance.floor, self.clearance.reaches, stop.samples(u)
+        floor, samples = self.avoidance.floor, stop.samples(u)
         if (self._left(q, known, stop.way(u)) - world.nearer(samples) >= floor).all():
             return True
-        if known.stop is not None and self._is_free_beside(q, u, known.stop, stop, world):
-            return True
+        if known.stop is not None:
+            # The full stop, which was looked at, passes near; this one may take a sample more.
+            seen, path, gaps = known.stop
+            k = np.append(seen[:-1], max(seen[-1], samples))
+            off = np.abs(q + stop.moved(u, k) - path) @ self.clearance.reaches.T
+            least = gaps - off - world.nearer(k - seen)
+            if self._is_free_between(q, u, k, least, stop, world):
+                return True
         k = np.linspace(0.0, samples, _POSTURES)
         gaps = world.gaps(q + stop.moved(u, k), k)
+        return self._is_free_between(q, u, k, gaps, stop, world)
+
+    def _is_free_between(
+        self, q: Array, u: Array, k: Array, gaps: Array, stop: Stop | BothStop, world: World
+    ) -> bool:
+        """Return whether it is, by how far pairs are apart at least after k samples, shape (s, p).
+
+        A pair that came nearer than the floor between two of these would have had too short a way.
+        """
+        floor, reaches = self.avoidance.floor, self.clearance.reaches
         # Where it is now it was certified to be free. What is not a number is not free.
         if not (gaps[1:] >= floor).all():
             return False
@@ -269,23 +284,6 @@ class WithinClear:
             d_end = np.concatenate((d_middle, d_end[unsure]))
             begin, end = np.concatenate((begin, middle)), np.concatenate((middle, end))
         return False
-
-    def _is_free_beside(
-        self,
-        q: Array,
-        u: Array,
-        seen: tuple[Array, Array, Array],
-        stop: Stop | BothStop,
-        world: World,
-    ) -> bool:
-        """Return whether that is so by what was seen along the full stop, which passes near."""
-        k_seen, path, gaps = seen
-        reaches = self.clearance.reaches
-        # To the end of this stop, which may take a sample more.
-        k = np.append(k_seen[:-1], max(k_seen[-1], stop.samples(u)))
-        least = gaps - np.abs(q + stop.moved(u, k) - path) @ reaches.T - world.nearer(k - k_seen)
-        between = np.diff(stop.travelled(u, k), axis=0) @ reaches.T + world.nearer(np.diff(k))
-        return bool((least[1:] + least[:-1] - between >= 2.0 * self.avoidance.floor).all())
 
 
 #: What chooses a velocity that keeps limits and, maybe, distances.

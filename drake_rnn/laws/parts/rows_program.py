@@ -14,7 +14,6 @@ import daqp
 import numpy as np
 
 from ...inputs.fields import Array
-from .box_program import within_box
 
 # By how much a row may be short [rad/s]: rounding errors must not leave a program without solution.
 _SLACK = 1e-7
@@ -35,11 +34,19 @@ class Rows(NamedTuple):
 
 
 def within_rows(
-    J: Array, b: Array, g: Array, softness: Array, lower: Array, upper: Array, rows: Rows
+    free: Array,
+    J: Array,
+    b: Array,
+    g: Array,
+    softness: Array,
+    lower: Array,
+    upper: Array,
+    rows: Rows,
 ) -> Array | None:
     """Return the velocity of the program for one robot, shape (n,) [rad/s]; None without one.
 
     Args:
+        free: The velocity of the program without rows, shape (n,) [rad/s].
         J: Jacobian, shape (m, n).
         b: Task velocity, shape (m,).
         g: Preferred joint velocities, shape (n,) [rad/s].
@@ -48,9 +55,8 @@ def within_rows(
         upper: Upper bounds, likewise.
         rows: Further bounds.
     """
-    v = within_box(J, b, g, softness, lower, upper)
-    if (rows.A @ v >= rows.c - _SLACK).all():
-        return v
+    if (rows.A @ free >= rows.c - _SLACK).all():
+        return free
     found = _solved(J, b, g, softness, lower, upper, rows)
     if found is None:
         return None

@@ -109,7 +109,8 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def _nearest(p_A: Array, p_B: Array) -> Nearest:
-    return Nearest(np.sqrt(_dot(p_A - p_B, p_A - p_B)), p_A, p_B)
+    apart = p_A - p_B
+    return Nearest(np.sqrt(_dot(apart, apart)), p_A, p_B)
 
 
 def _dot(a: Array, b: Array) -> Array:

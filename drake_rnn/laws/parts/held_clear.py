@@ -166,15 +166,15 @@ class WithinClear:
         choice = self.within.choice(program, q, v, kept, period)
         world = World(self.clearance, self.neighbour, seen, period)
         known = Known(kept["seen"], kept["gaps"] - world.nearer(1.0))
-        z: Array | None = within_box(J, b, g, softness, *choice.box)
+        z = within_box(J, b, g, softness, *choice.box)
         # From here on q is the posture of all.
         q, stop = world.posture(q), world.around(choice.stop)
         if self._may_bind(q, np.abs(z - choice.first_z), known, choice, stop, world):
             widest = np.maximum(choice.box[1] - choice.first_z, choice.first_z - choice.box[0])
             known, rows = self._rows(q, widest, choice, stop, world)
             if rows is not None:
-                z = within_rows(z, J, b, g, softness, *choice.box, rows)
-        z = choice.first_z if z is None else z
+                found = within_rows(z, J, b, g, softness, *choice.box, rows)
+                z = choice.first_z if found is None else found
         first, u, held_back = choice.first, choice.chosen(z), kept["held_back"]
         if not self._is_free(q, u, known, stop, world):
             way = (first + share * (u - first) for share in _SHARES)

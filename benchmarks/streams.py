@@ -4,18 +4,23 @@ A stream is what a slow source might send to an arm at 1 kHz: targets 10 to 50 t
 a smooth motion, with noise, jumps, gaps, NaN, and an end while it moves. Five balls stand round the
 arm. All get the same targets, and the last one that was a number while there is none::
 
-    python benchmarks/streams.py --streams 200
+    python benchmarks/streams.py --streams 1000
     python benchmarks/streams.py --streams 1000 --collisions no
+
+With ``--kept FILE`` each stream's figures are kept as a line of that file, and those that are there
+already are not run again.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from multiprocessing import get_context
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -132,8 +137,8 @@ def low_pass(limits: JointLimits, home: Array, _: Any) -> Follower:
 FOLLOWERS = {"guard": guard, "Ruckig": ruckig, "klimits": klimits, "low pass of 3 Hz": low_pass}
 
 
-def run(seed: int, follower: str, collisions: bool) -> dict[str, float]:
-    """Return what a stream comes to."""
+def run(seed: int, collisions: bool) -> dict[str, Any]:
+    """Return what a stream comes to, by who follows it."""
     changes = document("panda", 1.0, None)
     obstacles = scene(seed, changes) if collisions else []
     made = load_experiment("adaptive_nephroid_known", {**changes, "obstacles": obstacles})
@@ -141,19 +146,22 @@ def run(seed: int, follower: str, collisions: bool) -> dict[str, float]:
     assert clearance is not None
     limits = made.limits.replace(velocity=VELOCITY, acceleration=ACCELERATION, jerk=JERK)
     smooth, sent = source(seed, home)
-    follow = FOLLOWERS[follower](limits, home, clearance if collisions else None)
-    began = time.process_time()
-    q = np.array([home, *(follow(target) for target in sent)])
-    took = time.process_time() - began
-    found = dict(_excess(q))
     moving = slice(0, round(ENDS / PERIOD))
-    return {
-        **found,
-        "distance": float(clearance.least_along(q[::5]).min()) if collisions else np.inf,
-        "error": float(np.sqrt(((q[1:] - smooth)[moving] ** 2).mean())),
-        "delay": _delay(q[1:][moving], smooth[moving]),
-        "us": 1e6 * took / len(sent),
-    }
+    found: dict[str, Any] = {"seed": seed}
+    for name, follower in FOLLOWERS.items():
+        follow = follower(limits, home, clearance if collisions else None)
+        began = time.process_time()
+        q = np.array([home, *(follow(target) for target in sent)])
+        took = time.process_time() - began
+        found[name] = {
+            **dict(_excess(q)),
+            "position": float(limits.violation(q).max()),
+            "distance": float(clearance.least_along(q[::5]).min()) if collisions else np.inf,
+            "error": float(np.sqrt(((q[1:] - smooth)[moving] ** 2).mean())),
+            "delay": _delay(q[1:][moving], smooth[moving]),
+            "us": 1e6 * took / len(sent),
+        }
+    return found
 
 
 def _excess(q: Array) -> Iterator[tuple[str, float]]:
@@ -173,39 +181,50 @@ def _delay(q: Array, smooth: Array) -> float:
     return PERIOD * late[int(np.argmin(errors))]
 
 
+def _kept(file: Path | None, streams: int) -> dict[int, dict[str, Any]]:
+    """Return the streams that were run before, by their seeds."""
+    if file is None or not file.exists():
+        return {}
+    lines = [json.loads(line) for line in file.read_text().splitlines()]
+    return {found["seed"]: found for found in lines if found["seed"] < streams}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--streams", type=int, default=200)
     parser.add_argument("--collisions", choices=("yes", "no"), default="yes")
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--kept", type=Path, default=None)
     options = parser.parse_args()
-    passed = ("v", "a", "jerk")
-    head(
-        "by",
-        "streams",
-        "collided",
-        "least distance [mm]",
-        *passed,
-        "rms error [mrad]",
-        "delay [ms]",
-        "us",
-    )
     seen = options.collisions == "yes"
+    known = _kept(options.kept, options.streams)
+    left = [seed for seed in range(options.streams) if seed not in known]
     with ProcessPoolExecutor(options.jobs, mp_context=get_context("spawn")) as pool:
-        for name in FOLLOWERS:
-            task = partial(run, follower=name, collisions=seen)
-            found = list(pool.map(task, range(options.streams)))
-            of = {key: np.array([each[key] for each in found]) for key in found[0]}
-            row(
-                name,
-                len(found),
-                int((of["distance"] < 0.0).sum()) if seen else "-",
-                f"{1e3 * of['distance'].min():.2f}" if seen else "-",
-                *(f"{of[key].max():.0e}" for key in ("velocity", "acceleration", "jerk")),
-                f"{1e3 * np.median(of['error']):.1f}",
-                f"{1e3 * np.median(of['delay']):.0f}",
-                f"{np.median(of['us']):.0f}",
-            )
+        for found in pool.map(partial(run, collisions=seen), left):
+            known[found["seed"]] = found
+            if options.kept is not None:
+                with options.kept.open("a") as file:
+                    file.write(json.dumps(found) + "\n")
+    _print(list(known.values()), seen)
+
+
+def _print(streams: list[dict[str, Any]], seen: bool) -> None:
+    """Print the table of streams; with ``seen``, of those among obstacles."""
+    errors = ("rms error [mrad]", "delay [ms]", "us")
+    distance = ("collided", "least distance [mm]")
+    head("by", "streams", *distance, "q [rad]", "v", "a", "jerk", *errors)
+    for name in FOLLOWERS:
+        of = {key: np.array([each[name][key] for each in streams]) for key in streams[0][name]}
+        row(
+            name,
+            len(streams),
+            int((of["distance"] < 0.0).sum()) if seen else "-",
+            f"{1e3 * of['distance'].min():.2f}" if seen else "-",
+            *(f"{of[key].max():.0e}" for key in ("position", "velocity", "acceleration", "jerk")),
+            f"{1e3 * np.median(of['error']):.1f}",
+            f"{1e3 * np.median(of['delay']):.0f}",
+            f"{np.median(of['us']):.0f}",
+        )
 
 
 if __name__ == "__main__":

@@ -118,6 +118,8 @@ def solved_regular(A: AnyArray, b: AnyArray) -> AnyArray:
     """
     if type(b) is not _ndarray:
         return solved_for(A, b)
+    if b.shape[-1] == 0:
+        return b
     if b.shape != (3,) or A.ndim != 2:
         try:
             return solved_for(A, b)

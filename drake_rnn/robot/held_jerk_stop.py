@@ -40,8 +40,9 @@ class HeldJerkStop:
         """Return how far each joint gets from where it is at most, shape (n,) [rad]."""
         stop = self._course(b)
         begun = self.period * (self.v + self.period * b)
-        ways = (begun, begun + stop.moved(stop.turn), begun + stop.moved(stop.samples))
-        return np.asarray(np.abs(ways).max(axis=0))
+        turned, ended = stop.ends
+        ways = np.maximum(np.abs(begun + turned), np.abs(begun + ended))
+        return np.asarray(np.maximum(np.abs(begun), ways))
 
     def moved(self, b: Array, k: Array) -> Array:
         """Return how far the joints have gone after k samples, shape (s, n) [rad].
@@ -51,13 +52,16 @@ class HeldJerkStop:
             k: Numbers of samples, at least 0, shape (s,) or (s, n); velocities are held.
         """
         k = k[:, None] if k.ndim == 1 else k
-        stop, whole = self._course(b), np.floor(k)
-        begun, ended = (
-            np.minimum(j, 1.0) * self.period * (self.v + self.period * b)
-            + stop.moved(np.maximum(j - 1.0, 0.0))
-            for j in (whole, whole + 1.0)
-        )
-        return np.asarray(begun + (k - whole) * (ended - begun))
+        whole = np.floor(k)
+        begun, part = self._after(b, whole), k - whole
+        if not part.any():
+            return begun
+        return np.asarray(begun + part * (self._after(b, whole + 1.0) - begun))
+
+    def _after(self, b: Array, k: Array) -> Array:
+        """Return how far the joints have gone after whole numbers of samples, shape (s, n)."""
+        first = np.minimum(k, 1.0) * self.period * (self.v + self.period * b)
+        return np.asarray(first + self._course(b).moved(np.maximum(k - 1.0, 0.0)))
 
     def travelled(self, b: Array, k: Array) -> Array:
         """Return the way of each joint up to k samples, there and back, shape (s, n) [rad]."""

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays.algebra import clipped, differentiable, functions_of
+from ..arrays.algebra import clipped, differentiable, functions_of, is_one
 from ..inputs.fields import Array
-from .jerk_stop import gaining, stop
+from .jerk_stop import course, gaining, stop
 
 
 class JerkLimits(NamedTuple):
@@ -58,12 +58,9 @@ def _box(q: Array, v: Array, a: Array, limits: JerkLimits, period: float) -> tup
     room = xp.stack((limits.position[1] - q, q - limits.position[0]))
     near = room < _long_way(v, a, limits, period)
     if xp is not np or near.any():
-        c = stop(q, v, a, limits.acceleration, limits.jerk, period).first
-        # Joint by joint, so that a joint near its limit changes no bit of another joint.
-        held = _held_back(upwards, c, room[0], v, limits, period)
-        upwards = xp.where(near[0], held, upwards)
-        held = _held_back(downwards, -c, room[1], -v, limits, period)
-        downwards = xp.where(near[1], held, downwards)
+        c = course(v, a, limits.acceleration, limits.jerk, period).first
+        upwards = _before_end(near[0], upwards, c, room[0], v, limits, period)
+        downwards = _before_end(near[1], downwards, -c, room[1], -v, limits, period)
     # Without this, rounding could move a bound beyond the jerk limit.
     upper = clipped(upwards, slowest, fastest)
     return xp.minimum(clipped(-downwards, slowest, fastest), upper), upper
@@ -75,6 +72,26 @@ def _upper(v: Array, fastest: Array, most: Array, d: Array, period: float) -> Ar
     left = (most - v) / (period * d)
     room = gaining(xp.maximum(differentiable(left), 0.0))
     return xp.minimum(fastest, xp.where(xp.isfinite(left), d * room, fastest))
+
+
+def _before_end(
+    near: Array, upper: Array, c: Array, room: Array, v: Array, limits: JerkLimits, period: float
+) -> Array:
+    """Return the upper accelerations, held back where a joint is ``near`` its position limit.
+
+    Joint by joint, so that a joint near its limit changes no bit of another joint. The other
+    arguments are those of `_held_back`.
+    """
+    if not is_one(upper):
+        held = _held_back(upper, c, room, v, limits, period)
+        return functions_of(upper).where(near, held, upper)
+    # Of one robot only the joints that are near are looked at.
+    if not near.any():
+        return upper
+    fewer = limits._replace(acceleration=limits.acceleration[near], jerk=limits.jerk[near])
+    found = upper.copy()
+    found[near] = _held_back(upper[near], c[near], room[near], v[near], fewer, period)
+    return found
 
 
 def _held_back(

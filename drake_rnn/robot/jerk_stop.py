@@ -17,7 +17,9 @@ this. After its first period, the rest of a stop is the stop from there. A joint
 within its limits now can therefore do so one period later, and the set of accelerations that allow
 it is never empty.
 
-All functions take leading axes of robots, in NumPy or in JAX arrays, and work joint by joint.
+All functions take leading axes of robots, in NumPy or in JAX arrays, and work joint by joint. For
+the joints of one robot a stop is worked out in plain numbers, with the same bits, see
+`drake_rnn.robot.joint_stop`.
 """
 
 from __future__ import annotations
@@ -28,12 +30,13 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays.algebra import functions_of
+from ..arrays.algebra import clipped, functions_of, is_one
 from ..arrays.namespace import AnyArray
 from ..inputs.fields import Array
+from . import joint_stop
 
-# Whole steps that the count of a short stop's first periods may be off by, at first.
-_OFF = 3
+# Joints up to which plain numbers are faster than arrays.
+_FEW = 32
 
 
 def gained(x: AnyArray) -> AnyArray:
@@ -109,13 +112,27 @@ class Course:
         fall = xp.where(turns, 2.0 * self.v / (self.period * self.step), 0.0)
         with np.errstate(invalid="ignore"):
             root = xp.sqrt(xp.maximum((x - 0.5) ** 2 + fall, 0.0))
-        return xp.where(turns, xp.clip(xp.floor(x - 0.5 - root), 0.0, self.steps), 0.0)
+        return xp.where(turns, clipped(xp.floor(x - 0.5 - root), 0.0, self.steps), 0.0)
 
-    @property
-    def turned(self) -> Any:
-        """How far it is where it turns, shape (..., n) [rad]."""
-        way = _way(self.v, self.x * self.step, -self.step, self.turn, self.period)
-        return self.mirror * way
+    @cached_property
+    def ends(self) -> tuple[Any, Any]:
+        """How far it is where it turns, and where it rests, shape (..., n) each [rad]."""
+        if not _are_few(self.x):
+            way = _way(self.v, self.x * self.step, -self.step, self.turn, self.period)
+            return self.mirror * way, self.moved(self.samples)
+        h, ends = self.period, []
+        for sign, v, x, p, m, y, most, d in zip(
+            *(part.tolist() for part in (self.mirror, self.v, self.x)),
+            *(part.tolist() for part in (self.steps, self.longest, self.last)),
+            *(part.tolist() for part in (self.most, self.step)),
+            strict=True,
+        ):
+            turn = joint_stop.turn(v, x, p, h * d)
+            way = joint_stop.way(v, x * d, -d, turn, h)
+            end = joint_stop.end(v, x, (p, m, y), most, d, h)
+            ends.append((sign * way, sign * end))
+        turned, ended = np.array(ends).T
+        return turned, ended
 
     def moved(self, k: Array) -> Any:
         """Return how far the joint is after k periods, shape (..., n) [rad].
@@ -129,13 +146,13 @@ class Course:
         n = xp.minimum(k, p)
         way = _way(self.v, a, -d, n, h)
         v = self.v + h * (n * a - d * 0.5 * n * (n + 1.0))
-        n = xp.clip(k - p, 0.0, m)
+        n = clipped(k - p, 0.0, m)
         way = way + _way(v, -self.most, 0.0 * d, n, h)
         v = v - h * n * self.most
-        n = xp.clip(k - p - m, 0.0, 1.0)
+        n = clipped(k - p - m, 0.0, 1.0)
         v = v - n * h * self.last * d
         way = way + n * h * v
-        n = xp.clip(k - p - m - 1.0, 0.0, xp.floor(self.last))
+        n = clipped(k - p - m - 1.0, 0.0, xp.floor(self.last))
         return self.mirror * (way + _way(v, -self.last * d, d, n, h))
 
 
@@ -149,8 +166,13 @@ def course(v: Array, a: Array, most: Array, jerk: Array, period: float) -> Cours
         jerk: Largest jerks, shape (..., n) [rad/s^3].
         period: Time for which a velocity is held [s].
     """
-    xp = functions_of(v, a)
     d = jerk * period
+    if _are_few(v) and _are_few(a):
+        joints = zip(v.tolist(), a.tolist(), most.tolist(), d.tolist(), strict=True)
+        rows = np.array([joint_stop.course(*joint, period) for joint in joints])
+        mirror, v, x, steps, longest, last = rows.T
+        return Course(mirror, v, x, steps, longest, last, most, d, period)
+    xp = functions_of(v, a)
     x, slow = a / d, -v / (period * d)
     # Where the acceleration alone, brought to zero, leaves the joint too slow, all is mirrored.
     mirror = xp.where(slow > xp.sign(x) * gained(xp.abs(x) - 1.0), -1.0, 1.0)
@@ -171,8 +193,13 @@ def stop(q: Array, v: Array, a: Array, most: Array, jerk: Array, period: float) 
     """
     found = course(v, a, most, jerk, period)
     xp = functions_of(q, v, a)
-    end, turn = found.moved(found.samples), found.turned
-    return Stop(found.first, q + xp.maximum(xp.maximum(end, turn), 0.0))
+    turned, ended = found.ends
+    return Stop(found.first, q + xp.maximum(xp.maximum(ended, turned), 0.0))
+
+
+def _are_few(x: AnyArray) -> bool:
+    """Return whether joints, shape (..., n), are those of one robot, in NumPy, and not too many."""
+    return is_one(x) and x.size <= _FEW
 
 
 def _phases(x: Array, slow: Array, most: Array) -> tuple[Array, Array, Array]:
@@ -198,11 +225,11 @@ def _short(x: Array, slow: Array) -> tuple[Array, Array]:
     best, best_y, found = guess, xp.zeros_like(guess), guess < 0.0
     # The guess is exact for infinitely small steps. With whole steps it was off by at most two in
     # all tests; the nearest count that fits is taken.
-    for step in sorted(range(-_OFF, _OFF + 1), key=abs):
+    for step in joint_stop.OFF:
         p = guess + step
         left = p * x - 0.5 * p * (p + 1.0) - slow
         y = gaining(xp.maximum(left, 0.0))
-        slack = 1e-9 * (1.0 + xp.abs(x))
+        slack = joint_stop.SLACK * (1.0 + xp.abs(x))
         fits = (p >= least) & (left >= -slack) & (y >= p - x - 1.0 - slack)
         fits = fits & (y <= p - x + 1.0 + slack) & ~found
         best, best_y = xp.where(fits, p, best), xp.where(fits, y, best_y)

@@ -337,8 +337,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
                 "law.orientation: must be rotation for a path that turns the tool, not printed, "
                 "which can only hold it"
             )
-        if self.contact_loss is not None:
-            self.contact_loss.check("law.contact_loss", circumstances.pressing_force)
+        self._task.check("law.contact_loss", circumstances.pressing_force)
         return []
 
     @property
@@ -353,9 +352,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
                 f"law.orientation: the rows of w have rank {rank:.0f}, but a rotation needs 3, so "
                 "the orientation is not held; consider orientation: rotation"
             )
-        if self.contact_loss is not None:
-            found += self.contact_loss.caveats("law.contact_loss", metrics)
-        return found
+        return found + self._task.caveats("law.contact_loss", metrics)
 
     def _bounded(self, z: Array, u: Signals) -> Array:
         """Return the network's state with its multipliers bounded."""

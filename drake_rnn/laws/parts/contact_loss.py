@@ -99,8 +99,7 @@ class ContactLoss:
         """
         if pressing_force is not None and self.floor >= pressing_force:
             raise InvalidInputError(
-                f"{key}.floor: must be below force.value, {pressing_force:g} N, "
-                f"not {self.floor:g}"
+                f"{key}.floor: must be below force.value, {pressing_force:g} N, not {self.floor:g}"
             )
 
     def caveats(self, key: str, metrics: Mapping[str, float]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -166,6 +167,25 @@ class SurfaceTask(NamedTuple):
         if self.contact_loss is None:
             return {}
         return {"contact_lost": (kept["contact"][..., :1] == LOST).astype(float)}
+
+    def check(self, key: str, pressing_force: float | None) -> None:
+        """Raise an InvalidInputError if the desired force would count as no contact.
+
+        Args:
+            key: Key of the reaction to a lost contact, for the message.
+            pressing_force: Desired pressing force [N]; None without a contact.
+        """
+        if self.contact_loss is not None:
+            self.contact_loss.check(key, pressing_force)
+
+    def caveats(self, key: str, metrics: Mapping[str, float]) -> list[str]:
+        """Return what to say after a run with these metrics.
+
+        Args:
+            key: Key of the reaction to a lost contact, for the message.
+            metrics: Metrics of the run, by name.
+        """
+        return [] if self.contact_loss is None else self.contact_loss.caveats(key, metrics)
 
     def _rise(self, kept: Signals, u: Signals, out: Any) -> Any:
         """Return the speed out of the surface that the force asks for [m/s].

@@ -401,7 +401,7 @@ class AdaptiveReading(SampledReading):
         along, feedback = self._task.asked({**kept, **felt}, u, since, period)
         law = self.law
         g = law.secondary.preferred(law.limits, law.home, q, v, J, u, period)
-        softness = softened(J, self._softness)
+        softness = softened(J, self._task.weighed(self._softness, u))
         program = Program(J, along + feedback, along, g, softness)
         v, held = self._within.chosen(program, q, v, kept, period, u)
         own = {"v": v, "commanded": q + period * v}

@@ -12,7 +12,8 @@ surface alone, and along the normal the tip retreats as the force asks, which ca
 
 with d - d_d how much too deep the tip is for the force that is desired
 (`drake_rnn.laws.parts.stiffness`), and s_n the same function s with the gain of the force and the
-largest speed along the normal.
+largest speed along the normal. The row along the normal has a thousandth of the softness of the
+others: a wall that leaves no way to follow the path costs the path, not the force.
 """
 
 from __future__ import annotations
@@ -23,12 +24,15 @@ from typing import Any
 
 import numpy as np
 
-from ...arrays.algebra import dot, joined
+from ...arrays.algebra import dot, joined, outer
 from ...inputs.fields import Array
 from ...robot.rotation import rotation_error
 from ..layout import Signals
 from .approach import approach
 from .surface_task import Kept, SurfaceTask
+
+# Softness along the normal of a surface that is pressed on, as a share of that along the surface.
+_FIRM = 1e-3
 
 
 @dataclass(frozen=True)
@@ -95,6 +99,22 @@ class PathTask:
             turned = turned - since[..., :3]
         back_turning = approach(turned, self.kappa, self.turn_braking, self.turn_limit)
         return joined((turning, along)), joined((back_turning, back))
+
+    def weighed(self, softness: Array, u: Signals) -> Array:
+        """Return the softness of the rows, that along the normal much smaller, shape (..., m, m).
+
+        Where bounds and what is in the way leave no velocity that does the whole task, the force is
+        kept first.
+
+        Args:
+            softness: Softness of the rows, with one number for the position, shape (..., m, m).
+            u: Signals at the sample.
+        """
+        if self.surface is None:
+            return softness
+        n = u["normal_WE"]
+        along = joined((0.0 * n, n)) if self.turns else n
+        return softness - (1.0 - _FIRM) * softness[..., -1:, -1:] * outer(along, along)
 
     def _pressing(
         self, surface: SurfaceTask, kept: Signals, u: Signals, along: Array, away: Array

@@ -1,19 +1,17 @@
-"""The contact of an experiment's tool with a surface, made and checked as a whole."""
+"""The contact of an experiment's tool with a surface, checked together with law and path."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..environments import ENVIRONMENTS, ContactModel, Surface
+from ..environments import ContactModel, Surface
 from ..errors import InvalidInputError
-from ..inputs.documents import construct, without_kind
 from ..inputs.fields import Array
-from ..inputs.modules import Modules
 from ..inputs.own_code import naming
 from ..paths import PlacedPath
 from ..robot.arm import Arm
 from ..robot.tool import beyond_tool
-from ..systems import BODIES, Contact
+from ..systems import Contact
 from .sections import Sections
 
 # Largest extent of a path along the normal, where only the force is controlled [m].
@@ -22,22 +20,19 @@ _OFF = 1e-3
 _STUCK = 1e-3
 
 
-def make_contact(
-    parts: Sections, desired: PlacedPath, modules: Modules
-) -> tuple[Contact | None, list[str]]:
-    """Return the contact of an experiment, None if it has none, and warnings about it.
+def contact_doubts(parts: Sections, desired: PlacedPath) -> list[str]:
+    """Return warnings about the contact of an experiment, checked together with law and path.
 
     Args:
         parts: What the sections of the experiment's document describe.
         desired: Path of the experiment, placed at the start.
-        modules: Modules that may be imported for the environment.
 
     Raises:
         InvalidInputError: If a key is missing, wrong or must be left out.
     """
     document, law, arm, start = parts.document, parts.law, parts.arm, parts.start
-    section = document.environment
-    if section is None:
+    contact = parts.contact
+    if contact is None:
         if "normal_WE" in law.inputs:
             raise InvalidInputError(
                 "environment: must be given; this law presses against a surface"
@@ -45,27 +40,20 @@ def make_contact(
         for name, given in (("force", document.force), ("sensor", document.sensor)):
             if given is not None:
                 raise InvalidInputError(f"{name}: only with an environment")
-        return None, []
-    kind = ENVIRONMENTS.named_by(section, modules)
-    BODIES[document.level].check_surface(kind)
-    if document.force is None:
-        raise InvalidInputError("force: must be given with an environment")
+        return []
     if document.sensor is not None and "normal_force" not in law.inputs:
         raise InvalidInputError(
             "sensor: must be left out; with these settings the law does not use the measured force"
         )
-    surface: Surface = construct(kind, without_kind(section), "environment")
-    contact = Contact(surface, document.force, document.sensor)
-    contact.check_period(document.period)
-    _require_mobility(surface, arm, start)
-    _require_along(surface, desired)
+    _require_mobility(contact.surface, arm, start)
+    _require_along(contact.surface, desired)
     doubts = _doubts(contact, desired, arm, start)
     fails_at = None if document.sensor is None else document.sensor.fails_at
     if fails_at is not None and fails_at >= document.duration:
         doubts.append(
             f"sensor.fails_at: {fails_at:g} s is not before the run's end, {document.duration:g} s"
         )
-    return contact, doubts
+    return doubts
 
 
 def _require_mobility(surface: Surface, arm: Arm, start: Array) -> None:

@@ -25,7 +25,7 @@ from ..robot.task import Task, named_task
 from ..systems import BODIES, Body, Contact, Feedback, ObstacleMotions
 from ..systems.moving_average import averaged_limits
 from .arms import Arms
-from .contact import make_contact
+from .contact import contact_doubts
 from .document import ExperimentDocument
 from .filter import FilterDelay, filter_delay
 from .path import GIVEN
@@ -202,7 +202,7 @@ def make_experiment(
             "path: carries an orientation, which this law does not see; give task: pose, or a law "
             "with the input R_WE_desired, or leave the orientation out"
         )
-    contact, doubts = make_contact(parts, desired, modules)
+    doubts = contact_doubts(parts, desired)
     found = Experiment(
         document=document,
         arm=parts.arm,
@@ -212,7 +212,7 @@ def make_experiment(
         start=start,
         p_WE_start=kinematics.p_WE(start),
         R_WE_start=kinematics.R_WE(start),
-        contact=contact,
+        contact=parts.contact,
         obstacles=parts.obstacles,
         clearance=parts.clearance,
         motions=parts.motions,

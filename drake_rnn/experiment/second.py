@@ -88,8 +88,13 @@ def second_document(document: ExperimentDocument) -> SecondDocument:
     What the section ``second`` leaves out is as for the first arm.
 
     Raises:
-        InvalidInputError: If it has a key that both arms share, or a wrong one.
+        InvalidInputError: If it has a key that both arms share, or a wrong one; or if the document
+            has an environment.
     """
+    if document.environment is not None:
+        raise InvalidInputError(
+            "environment: must be left out with second; which of two arms presses cannot be said"
+        )
     given = dict(document.second or {})
     base = construct(Base, given.pop("base", {}), "second.base")
     follows = given.pop("follows", False)

@@ -23,12 +23,13 @@ from ..robot.clearance.arm_clearance import arm_clearance
 from ..robot.clearance.described_obstacles import make_obstacles
 from ..robot.clearance.obstacles import Obstacle
 from ..robot.limits import JointLimits
-from ..systems import BODIES, Feedback, ObstacleMotions, start_posture
+from ..systems import BODIES, Contact, Feedback, ObstacleMotions, start_posture
 from .arms import Arms
 from .document import ExperimentDocument
 from .law import make_law
 from .moving import obstacle_motions
 from .path import path_of
+from .pressed import described_contact, pressed_solids
 from .safety import make_safety
 
 #: How far the start may lie outside the position limits for a law that brings it back [rad].
@@ -53,6 +54,7 @@ class Sections:
         clearance: What the arm is to stay clear of; None if distances are not looked at.
         safety: What is kept of the law's command; None if it is taken as it is.
         motions: How obstacles that may move do; None without any.
+        contact: Contact of the tool with a surface; None without one.
         warnings: Warnings about arm, limits, path and start.
     """
 
@@ -66,6 +68,7 @@ class Sections:
     clearance: Clearance | None
     motions: ObstacleMotions | None
     safety: Safety | None
+    contact: Contact | None
     warnings: tuple[str, ...]
 
 
@@ -99,13 +102,25 @@ def read_sections(
     path, doubts = path_of(document, arms, seeks_posture, path, modules)
     given = document.obstacles or []
     obstacles = arms.shared("obstacles", given, lambda: tuple(make_obstacles(given)))
-    clearance, unseen = _clearance(document, arms, arm, start, obstacles)
+    contact = described_contact(document, modules)
+    clearance, unseen = _clearance(document, arms, arm, start, obstacles, contact)
     law = make_law(document, kind, arm.limits, start, clearance)
     safety = make_safety(document.safety, law, arm.limits, document.period, start, clearance)
     motions = _motions(document, obstacles, clearance, modules)
     warnings = (*known, *doubts, *unseen, *_outside(arm, start))
     return Sections(
-        document, feedback, arm, start, path, law, obstacles, clearance, motions, safety, warnings
+        document=document,
+        feedback=feedback,
+        arm=arm,
+        start=start,
+        path=path,
+        law=law,
+        obstacles=obstacles,
+        clearance=clearance,
+        safety=safety,
+        motions=motions,
+        contact=contact,
+        warnings=warnings,
     )
 
 
@@ -129,17 +144,22 @@ def _clearance(
     arm: Arm,
     start: Array,
     obstacles: tuple[Obstacle, ...],
+    contact: Contact | None,
 ) -> tuple[Clearance | None, tuple[str, ...]]:
     """Return what the arm is to stay clear of, and warnings about it."""
     if document.obstacles is None and not (document.safety and document.safety.collisions):
         return None, ()
     # Of an arm without a home, what touches at the start is not looked at.
     posture = start if arm.home is None else arm.home
-    return arms.shared(
-        "clearance",
-        [document.arm, posture.tolist(), document.obstacles],
-        lambda: arm_clearance(arm, obstacles, posture),
-    )
+    placed = None if contact is None else [document.environment, start.tolist()]
+
+    def made() -> tuple[Clearance, tuple[str, ...]]:
+        pressed, unseen = pressed_solids(contact, arm, start)
+        found, doubts = arm_clearance(arm, obstacles, posture, pressed)
+        return found, (*doubts, *unseen)
+
+    said = [document.arm, posture.tolist(), document.obstacles, placed]
+    return arms.shared("clearance", said, made)
 
 
 def _level(document: ExperimentDocument) -> Feedback:

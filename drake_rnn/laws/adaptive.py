@@ -11,7 +11,9 @@ At each sample the law chooses the joint velocity v to hold for the next period 
 
 The feed-forward is the secant to the next sample, and the feedback is one that can be braked. With
 the orientation held, the rotation vector from R_d(t) to R_d(t + h) and that from R to R_d do the
-same for the rows of the rotation, which W weighs by the square of a lever.
+same for the rows of the rotation, which W weighs by the square of a lever. With a force that it
+keeps on a surface, b along the normal is what the force asks for
+(`drake_rnn.laws.parts.path_task`); the box is the same.
 
 ============  ======================  =================================================
 symbol        here                    meaning
@@ -61,34 +63,37 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
 
-from ..arrays.algebra import acts, joined, matvec
+from ..arrays.algebra import acts, matvec
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Gain, Length, Speed, Vector, Weight, validated
 from ..robot.clearance import Clearance
 from ..robot.clearance.neighbour import Neighbour
 from ..robot.limits import JointLimits
-from ..robot.rotation import rotation_error
 from .law import Circumstances, Law, SampledReading
 from .layout import Layout, Signals
-from .parts.approach import approach, gain_within_jerk
+from .parts.approach import gain_within_jerk
+from .parts.force_control import ForceControl
 from .parts.held_clear import Avoidance, Within, require_free, within_safe
 from .parts.held_within import Program, kept_limits
 from .parts.known_jacobian import MiddleJacobian
-from .parts.late import Late
+from .parts.late import Late, samples_late
 from .parts.learned_jacobian import LearnedJacobian
 from .parts.measurement import EXACT, LEVER, REACH, Measurement, feedback_gain, suited
-from .parts.near_singular import softened
+from .parts.near_singular import row_softness, softened
+from .parts.path_task import PathTask
 from .parts.reached_limits import reached_limits
-from .parts.secondary import Secondary, manipulability_gradient, posture_doubts, pushed_back
+from .parts.secondary import Secondary, posture_doubts
+from .parts.surface_task import SurfaceTask
 from .parts.world import seen_signals
 
 _ROUNDING = 1e-9
 _TARGET = "law.secondary.target"
+_LOST = "law.force_control.contact_loss"
 _UNMOVED = (
     "law.J_hat_initial: zero moves no joint, so nothing is learned unless law.secondary or a noise "
     "moves the arm; consider uniform"
@@ -117,6 +122,7 @@ class Adaptive(Law):
         softness: Price mu of the task's error; 1e-6 by default, more where measurements have
             errors.
         secondary: What the joints do besides.
+        force_control: How it keeps a force along the normal of a surface; None to press on nothing.
         J_hat_initial: Initial J_hat: ``uniform`` in [0, 1], ``zero``, or ``exact``, the arm's own.
         variance: Variance R of the measured velocity; by default as suits the measurement.
         wander: Growth q_n of the variance of J_hat's entries [1/s]; likewise.
@@ -139,6 +145,7 @@ class Adaptive(Law):
     lever: Length = LEVER
     softness: Weight | None = None
     secondary: Secondary = Field(default_factory=Secondary)
+    force_control: ForceControl | None = None
     J_hat_initial: Literal["uniform", "zero", "exact"] = "uniform"
     variance: Weight | None = None
     wander: Weight | None = None
@@ -157,7 +164,11 @@ class Adaptive(Law):
             raise ValueError(
                 f"secondary: target must have {n} entries, one per joint, not {target.size}"
             )
-        if self.seeks_manipulability and (self.jacobian == "learned" or self.task_size == 2):
+        if self.force_control is not None and self.task_size == 2:
+            raise ValueError("force_control: needs task: xyz or pose; leave it out")
+        if self.secondary.seeks_manipulability and (
+            self.jacobian == "learned" or self.task_size == 2
+        ):
             raise ValueError(
                 "secondary: manipulability needs jacobian: known and task: xyz or pose; leave it "
                 "out"
@@ -220,11 +231,6 @@ class Adaptive(Law):
         gain = min(gain, gain_within_jerk(REACH * jerk, self.braking))
         return min(gain, gain_within_jerk(jerk, self.turn_braking)) if self.turns else gain
 
-    @property
-    def seeks_manipulability(self) -> bool:
-        """Whether the joints are led away from singular postures."""
-        return acts(self.secondary.manipulability)
-
     def sampled(self, period: float) -> SampledReading:
         """Return an `AdaptiveReading`, with the numbers that suit measurement and period.
 
@@ -241,12 +247,6 @@ class Adaptive(Law):
                 f"law.kappa: may be at most {1.0 / period:.6g} /s at a period of {period:g} s, "
                 f"where it corrects the whole error in one sample, not {kappa:g}"
             )
-        late = self.measurement.delay / period
-        if abs(late - round(late)) > _ROUNDING * max(late, 1.0):
-            raise InvalidInputError(
-                f"law.measurement.delay, in a document sensing.delay: must be a multiple of the "
-                f"period, {period:g} s, not {self.measurement.delay:g}"
-            )
         law = replace(
             self,
             kappa=kappa,
@@ -255,7 +255,8 @@ class Adaptive(Law):
             wander=suits.wander if self.wander is None else self.wander,
             limits=reached_limits(self.limits, period),
         )
-        return AdaptiveReading(law, suits.samples, suits.still, round(late))
+        late = samples_late(self.measurement.delay, period)
+        return AdaptiveReading(law, suits.samples, suits.still, late)
 
     @cached_property
     def state(self) -> Layout:
@@ -271,10 +272,16 @@ class Adaptive(Law):
         names = ("WE", "WE_desired", "preview")
         parts = {f"{letter}_{name}": shape for letter, shape in shapes.items() for name in names}
         known: dict[str, tuple[int, ...]] = {"J": (m, n)} if self.jacobian == "known" else {}
-        if self.seeks_manipulability:
+        if self.secondary.seeks_manipulability:
             known["J_omega"] = (3, n)
         known |= seen_signals(None if self.avoids is None else self.avoids[0], self.other)
-        return Layout(position=(n,), **known, **parts)
+        contact = {} if self.surface is None else self.surface.inputs
+        return Layout(position=(n,), **known, **parts, **contact)
+
+    @cached_property
+    def surface(self) -> SurfaceTask | None:
+        """What it does on the surface that it presses on; None if it presses on nothing."""
+        return None if self.force_control is None else self.force_control.task
 
     @property
     def turns(self) -> bool:
@@ -282,7 +289,11 @@ class Adaptive(Law):
         return self.task_size == 6
 
     def doubts(self, circumstances: Circumstances) -> list[str]:
-        """See `Law.doubts`; of the first J_hat, and of the posture that joints are pulled to."""
+        """See `Law.doubts`; of the first J_hat, and of the posture that joints are pulled to.
+
+        Raises:
+            InvalidInputError: If the pressing force would count as no contact.
+        """
         found = []
         if self.jacobian == "learned" and self.J_hat_initial == "zero":
             found.append(_UNMOVED)
@@ -290,6 +301,8 @@ class Adaptive(Law):
             given = self.secondary.target
             key, target = ("start", self.home) if given is None else (_TARGET, given)
             found += posture_doubts(key, target, self.limits, circumstances.task_J)
+        if self.surface is not None:
+            self.surface.check(_LOST, circumstances.pressing_force)
         return found
 
 
@@ -322,12 +335,25 @@ class AdaptiveReading(SampledReading):
     def state(self) -> Layout:
         n = self.law.limits.size
         own = {"v": (n,), "commanded": (n,)}
-        parts = (self._within, self._source, self._late)
+        parts = (self._within, self._source, self._late, self._task)
         return Layout(**own, **{name: s for part in parts for name, s in part.shapes.items()})
 
     @property
     def inputs(self) -> Layout:
         return self.law.inputs
+
+    @cached_property
+    def observables(self) -> Layout:
+        surface = self.law.surface
+        return Layout(**({} if surface is None else surface.observables))
+
+    def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
+        surface = self.law.surface
+        return {} if surface is None else surface.diagnostics(self.state.named(x))
+
+    def caveats(self, metrics: Mapping[str, float]) -> list[str]:
+        surface = self.law.surface
+        return [] if surface is None else surface.caveats(_LOST, metrics)
 
     @cached_property
     def _source(self) -> MiddleJacobian | LearnedJacobian:
@@ -344,69 +370,39 @@ class AdaptiveReading(SampledReading):
         return within_safe(self.law.limits, smoothing, self.law.avoids, self.law.other)
 
     @cached_property
+    def _task(self) -> PathTask:
+        law = self.law
+        feedback = (law.braking, law.feedback_limit, law.turn_braking, law.turn_limit)
+        return PathTask(law.kappa, *feedback, law.turns, law.surface)
+
+    @cached_property
     def _late(self) -> Late:
         return Late(self.late, self.law.limits.size)
 
     @cached_property
     def _softness(self) -> Array:
-        """Softness of the rows, a diagonal matrix, shape (..., m, m)."""
-        law = self.law
-        softness: Any = law.softness
-        each = np.ones(min(law.task_size, 3))
-        # A lever of each robot's own gives both parts its leading axis.
-        rows = joined((each * law.lever**-2, each + 0.0 * law.lever)) if law.turns else each
-        rows = softness * rows
-        return rows[..., None] * np.eye(law.task_size)
+        """Softness of the rows, shape (..., m, m)."""
+        law, softness = self.law, self.law.softness
+        return row_softness(softness, law.lever, law.task_size)
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
         start = self._within.start(u["position"], u)
         start |= {"v": np.zeros(self.law.limits.size), "commanded": u["position"]}
-        return self.state.joined(start | self._source.start(rng, u) | self._late.start(u))
+        start |= self._source.start(rng, u) | self._late.start(u) | self._task.start()
+        return self.state.joined(start)
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
         kept = self.state.named(x)
         v, q = kept["v"], kept["commanded"]
         J, learned = self._source.advanced(kept, u, period)
         moved, late = self._late.moved(kept, q)
-        along, feedback = self._asked(u, None if moved is None else matvec(J, moved), period)
-        g = self._preferred(q, v, J, u, period)
-        softness = softened(J, self._softness)
+        felt = self._task.felt(kept, u, period)
+        since = None if moved is None else matvec(J, moved)
+        along, feedback = self._task.asked({**kept, **felt}, u, since, period)
+        law = self.law
+        g = law.secondary.preferred(law.limits, law.home, q, v, J, u, period)
+        softness = softened(J, self._task.weighed(self._softness, u))
         program = Program(J, along + feedback, along, g, softness)
         v, held = self._within.chosen(program, q, v, kept, period, u)
-        return self.state.joined({"v": v, "commanded": q + period * v, **held, **learned, **late})
-
-    def _asked(self, u: Signals, since: Array | None, period: float) -> tuple[Array, Array]:
-        """Return the task velocities of the path and of the feedback, shape (..., m).
-
-        Args:
-            u: Signals at the sample.
-            since: Motion of the end effector since it was measured, shape (..., m); None if it is
-                measured at once.
-            period: Time until the next sample [s].
-        """
-        law, desired = self.law, u["p_WE_desired"]
-        along, away = (u["p_preview"] - desired) / period, desired - u["p_WE"]
-        if since is not None:
-            away = away - since[..., -away.shape[-1] :]
-        back = approach(away, law.kappa, law.braking, law.feedback_limit)
-        if not law.turns:
-            return along, back
-        R_desired = u["R_WE_desired"]
-        turning = rotation_error(R_desired, u["R_preview"]) / period
-        turned = rotation_error(u["R_WE"], R_desired)
-        if since is not None:
-            turned = turned - since[..., :3]
-        back_turning = approach(turned, law.kappa, law.turn_braking, law.turn_limit)
-        return joined((turning, along)), joined((back_turning, back))
-
-    def _preferred(self, q: Array, v: Array, J: Array, u: Signals, period: float) -> Array:
-        """Return the joint velocities preferred among those that do the task, shape (..., n)."""
-        law, terms = self.law, self.law.secondary
-        g = terms.posture * ((law.home if terms.target is None else terms.target) - q)
-        if acts(terms.limits):
-            g = g + pushed_back(q, law.limits, terms.limits, terms.limits_zone)
-        if law.seeks_manipulability:
-            g = g + terms.manipulability * manipulability_gradient(J, u["J_omega"])
-        if acts(terms.low_acceleration):
-            g = v + (g - v) * (period / (terms.low_acceleration + period))
-        return g
+        own = {"v": v, "commanded": q + period * v}
+        return self.state.joined({**own, **held, **learned, **late, **felt})

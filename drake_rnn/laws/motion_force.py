@@ -98,7 +98,7 @@ from ..robot.rotation import rotation_error
 from .law import Circumstances, ContinuousLaw, ContinuousReading, SampledLaw, SampledReading
 from .layout import Layout, Signals
 from .parts.bounded_multipliers import not_outward, within
-from .parts.contact_loss import LOST, ContactLoss
+from .parts.contact_loss import ContactLoss
 from .parts.kept_limits import kept_with_lag
 from .parts.learning import first_J_hat, gradient, rank_one_update
 from .parts.primal_dual import PrimalDual, substeps
@@ -220,15 +220,12 @@ class MotionForce(SampledLaw, ContinuousLaw):
             "v_WE_desired": (3,),
             "R_WE_desired": (3, 3),
             "w_WE_desired": (3,),
-            "normal_WE": (3,),
-            "normal_force_desired": (1,),
+            **self._task.inputs,
         }
         if self.jacobian != "learned":
             parts["J"] = (3, n)
         if self._learns:
             parts |= {"velocity": (n,), "v_WE": (3,)}
-        if self.force_feedback == "measured":
-            parts["normal_force"] = (1,)
         return Layout(**parts)
 
     @cached_property
@@ -237,9 +234,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
         parts = {"velocity_lower": (n,), "velocity_upper": (n,), "saturated": (1,)}
         if self.orientation == "printed":
             parts["orientation_rank"] = (1,)
-        if self.contact_loss is not None:
-            parts["contact_lost"] = (1,)
-        return Layout(**parts)
+        return Layout(**parts, **self._task.observables)
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
         parts = {name: np.zeros(shape) for name, (_, shape) in self.state.parts.items()}
@@ -327,10 +322,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
         if self.orientation == "printed":
             singular = xp.linalg.svd(self._orientation_rows(u), compute_uv=False)
             told["orientation_rank"] = (singular > 0.02).sum(axis=-1, keepdims=True).astype(float)
-        if self.contact_loss is not None:
-            phase = self.state.part(x, "contact")[..., :1]
-            told["contact_lost"] = (phase == LOST).astype(float)
-        return told
+        return told | self._task.diagnostics(self.state.named(x))
 
     def doubts(self, circumstances: Circumstances) -> list[str]:
         """Return no warnings: there is only something to check.
@@ -345,12 +337,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
                 "law.orientation: must be rotation for a path that turns the tool, not printed, "
                 "which can only hold it"
             )
-        loss, force = self.contact_loss, circumstances.pressing_force
-        if loss is not None and force is not None and loss.floor >= force:
-            raise InvalidInputError(
-                f"law.contact_loss.floor: must be below force.value, {force:g} N, "
-                f"not {loss.floor:g}"
-            )
+        self._task.check("law.contact_loss", circumstances.pressing_force)
         return []
 
     @property
@@ -365,10 +352,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
                 f"law.orientation: the rows of w have rank {rank:.0f}, but a rotation needs 3, so "
                 "the orientation is not held; consider orientation: rotation"
             )
-        if self.contact_loss is not None and "contact_lost_time_s" in metrics:
-            does = {"hold": "holds still", "retreat": "retreats"}[self.contact_loss.reaction]
-            found.append(f"law.contact_loss: without contact the end effector {does}")
-        return found
+        return found + self._task.caveats("law.contact_loss", metrics)
 
     def _bounded(self, z: Array, u: Signals) -> Array:
         """Return the network's state with its multipliers bounded."""
@@ -401,15 +385,14 @@ class MotionForce(SampledLaw, ContinuousLaw):
         if self._learns:
             J_hat = self.state.part(x, "J_hat")
             known["J_hat"] = rank_one_update(J_hat, u["velocity"], u["v_WE"], self.rho, period)
-        if self._task.parts():
-            known |= self._task.felt(self.state, x, u, period)
+        known |= self._task.felt(self.state.named(x), u, period)
         return self.state.replaced(x, **known) if known else x
 
     def _network(self, x: Array, u: Signals, J_hat: Array) -> PrimalDual:
         """Return the network with its inputs held for one sample."""
         J_drive = J_hat if self.jacobian == "learned" else u["J"]
         rows, drive = self._rows(J_hat, J_drive, u)
-        wanted = self._task.tip_velocity(self.state, x, u)
+        wanted = self._task.tip_velocity(self.state.named(x), u)
         split = self._split(u)
         if split is not None:
             wanted = matvec(split, wanted)

@@ -66,6 +66,27 @@ def find_tool(plant: MultibodyPlant, frame: Frame) -> Tool:
     return Tool(body, joint, held, tuple(geometries))
 
 
+def bodies_at_tip(arm: Arm) -> frozenset[str]:
+    """Return the names of the bodies from E's to the tool, which alone touch what is pressed on.
+
+    Of an arm without a tool they are those from E's to the last joint.
+    """
+    scene_graph, plant = SceneGraph(), MultibodyPlant(0.0)
+    plant.RegisterAsSourceForSceneGraph(scene_graph)
+    arm.add_to(plant)
+    plant.Finalize()
+    held_by, body = holders(plant), plant.GetFrameByName(arm.frame).body()
+    names = [body.name()]
+    while not plant.GetCollisionGeometriesForBody(body):
+        holder = held_by.get(body.index())
+        if holder is None or holder.num_positions():
+            break
+        body = holder.parent_body()
+        names.append(body.name())
+    del plant, body, held_by  # they point to the scene graph, which must outlive them
+    return frozenset(names)
+
+
 def standoff(arm: Arm, q: Array, normal: Array) -> float:
     """Return the distance from E's origin to the tool's outermost point against ``normal`` [m].
 

@@ -4,12 +4,12 @@ r"""A velocity within a box that does a task as well as it can, found by block p
     \min_v \tfrac12 |v - g|^2 + \tfrac12 (J v - b)^T S^{-1} (J v - b) \quad \text{s.t.} \quad
     \underline v \le v \le \overline v
 
-with S diagonal and small: the task is soft, so there is always a solution, and its multipliers
-y = S^-1 (b - J v) stay bounded where no velocity in the box does the task. With the joints at their
-bounds known, y solves m equations, (S + J_F J_F^T) y = b - J v_0, where F are the free joints and
-v_0 has g for these and the bounds for the others. Each joint then wants g + J^T y, and who wants
-beyond the box is at its bound in the next round, while who is at a bound and wants away from it
-is free.
+with S positive definite and small: the task is soft, so there is always a solution, and its
+multipliers y = S^-1 (b - J v) stay bounded where no velocity in the box does the task. With the
+joints at their bounds known, y solves m equations, (S + J_F J_F^T) y = b - J v_0, where F are the
+free joints and v_0 has g for these and the bounds for the others. Each joint then wants g + J^T y,
+and who wants beyond the box is at its bound in the next round, while who is at a bound and wants
+away from it is free.
 
 All joints change sides at once as long as fewer are wrong each time, or once more; then only the
 last one that is wrong does, as Murty's rule has it, which ends (Kim and Park, "Fast nonnegative

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
 from ...arrays.algebra import functions_of, is_one, joined
+from ...errors import InvalidInputError
 from ...inputs.fields import Array, NonNegative, Speed, validated
 
 APPROACHING, IN_CONTACT, LOST = 0.0, 1.0, 2.0
@@ -87,3 +89,27 @@ class ContactLoss:
             arrived = state[..., 2, None] >= self.retreat_distance
             return functions_of(state).where(arrived, 0.0, self.retreat_speed)
         return 0.0 if state[2] >= self.retreat_distance else self.retreat_speed
+
+    def check(self, key: str, pressing_force: float | None) -> None:
+        """Raise an InvalidInputError if the desired force would count as no contact.
+
+        Args:
+            key: Key of these settings, for the message.
+            pressing_force: Desired pressing force [N]; None without a contact.
+        """
+        if pressing_force is not None and self.floor >= pressing_force:
+            raise InvalidInputError(
+                f"{key}.floor: must be below force.value, {pressing_force:g} N, not {self.floor:g}"
+            )
+
+    def caveats(self, key: str, metrics: Mapping[str, float]) -> list[str]:
+        """Return a sentence on what is done, after a run with these metrics that lost its contact.
+
+        Args:
+            key: Key of these settings, for the message.
+            metrics: Metrics of the run, by name.
+        """
+        if "contact_lost_time_s" not in metrics:
+            return []
+        does = {"hold": "holds still", "retreat": "retreats"}[self.reaction]
+        return [f"{key}: without contact the end effector {does}"]

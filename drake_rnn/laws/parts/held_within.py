@@ -44,7 +44,7 @@ class Program(NamedTuple):
         b: Task velocity, shape (..., m).
         along: Task velocity of the path alone, without feedback, shape (..., m).
         g: Preferred joint velocities, shape (..., n) [rad/s].
-        softness: Softness of the rows, a diagonal matrix, shape (..., m, m).
+        softness: Softness of the rows, a symmetric matrix, shape (..., m, m).
     """
 
     J: Array

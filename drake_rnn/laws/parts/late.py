@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...arrays.algebra import functions_of
+from ...errors import InvalidInputError
 from ...inputs.fields import Array
 from ..layout import Signals
 
@@ -26,7 +27,29 @@ def pushed(rows: Array, newest: Array, axis: int) -> Array:
     return xp.concatenate((xp.expand_dims(newest, axis), kept), axis=axis)
 
 
+# Share of a delay by which it may be off a multiple of the period.
+_ROUNDING = 1e-9
+
 Kept = dict[str, Array]
+
+
+def samples_late(delay: float, period: float) -> int:
+    """Return the number of samples by which measurements are late.
+
+    Args:
+        delay: Delay of the measurements [s].
+        period: Sampling period [s].
+
+    Raises:
+        InvalidInputError: If the delay is no multiple of the period.
+    """
+    late = delay / period
+    if abs(late - round(late)) > _ROUNDING * max(late, 1.0):
+        raise InvalidInputError(
+            f"law.measurement.delay, in a document sensing.delay: must be a multiple of the "
+            f"period, {period:g} s, not {delay:g}"
+        )
+    return round(late)
 
 
 @dataclass(frozen=True)

@@ -7,14 +7,31 @@ grows as the square of the way below it. Rows of the rotation count as with a le
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from ...arrays.algebra import functions_of, matmul, root, transposed
+from ...arrays.algebra import functions_of, joined, matmul, root, transposed
 from ...inputs.fields import Array
 
 # Smallest singular value from which on a posture counts as near a singular one, and what is added
 # to the softness in a singular one: with 1e-4 arms still cycle, with 1e-3 they rest.
 _EDGE, _MOST = 0.05, 1e-3
+
+
+def row_softness(softness: Any, lever: Any, task_size: int) -> Array:
+    """Return the softness of a task's rows, a diagonal matrix, shape (..., m, m).
+
+    Args:
+        softness: Price of an error of the position [m^2].
+        lever: Length that makes an error of the orientation count like one of the position [m].
+        task_size: Number m of rows; of 6 the first three are rotation.
+    """
+    each = np.ones(min(task_size, 3))
+    # A lever of each robot's own gives both parts its leading axis.
+    rows = joined((each * lever**-2, each + 0.0 * lever)) if task_size == 6 else each
+    rows = softness * rows
+    return rows[..., None] * np.eye(task_size)
 
 
 def softened(J: Array, softness: Array) -> Array:

@@ -22,9 +22,10 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from ...arrays.algebra import functions_of, is_one, matmul, scaled, solved, transposed
+from ...arrays.algebra import acts, functions_of, is_one, matmul, scaled, solved, transposed
 from ...inputs.fields import Array, Gain, GainOrZero, NonNegative, Vector, between, validated
 from ...robot.limits import JointLimits
+from ..layout import Signals
 
 # Keeps the gradient of the manipulability finite in a singular posture [m^2].
 _REGULAR = 1e-6
@@ -50,6 +51,41 @@ class Secondary:
     limits_zone: Gain = 0.3
     manipulability: GainOrZero = 0.0
     low_acceleration: Annotated[NonNegative, between(0.0, 100.0)] = 0.0
+
+    @property
+    def seeks_manipulability(self) -> bool:
+        """Whether the joints are led away from singular postures."""
+        return acts(self.manipulability)
+
+    def preferred(
+        self,
+        limits: JointLimits,
+        home: Array,
+        q: Array,
+        v: Array,
+        J: Array,
+        u: Signals,
+        period: float,
+    ) -> Array:
+        """Return the joint velocities preferred among those that do the task, shape (..., n).
+
+        Args:
+            limits: Limits of the joints.
+            home: Posture at the start, shape (n,) [rad].
+            q: Joint positions, shape (..., n) [rad].
+            v: Velocities until now, shape (..., n) [rad/s].
+            J: Jacobian of the task, shape (..., m, n).
+            u: Signals at the sample, ``J_omega`` among them where singular postures are left.
+            period: Time until the next sample [s].
+        """
+        g = self.posture * ((home if self.target is None else self.target) - q)
+        if acts(self.limits):
+            g = g + pushed_back(q, limits, self.limits, self.limits_zone)
+        if self.seeks_manipulability:
+            g = g + self.manipulability * manipulability_gradient(J, u["J_omega"])
+        if acts(self.low_acceleration):
+            g = v + (g - v) * (period / (self.low_acceleration + period))
+        return g
 
 
 def pushed_back(q: Array, limits: JointLimits, weight: Any, zone: Any) -> Array:

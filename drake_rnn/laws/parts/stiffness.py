@@ -179,3 +179,7 @@ class FixedStiffness:
             gain: Gain of the feedback [1/s].
         """
         return gain * (force - desired) / self.value
+
+    def depth_error(self, state: Array, force: Any, desired: Any) -> Any:
+        """Return how much too deep the tip is for the desired force [m]."""
+        return (force - desired) / self.value

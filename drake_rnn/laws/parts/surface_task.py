@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...arrays.algebra import clipped, dot, functions_of, is_one, outer, scaled
 from ...inputs.fields import Array
-from ..layout import Layout, Signals
+from ..layout import Signals
 from .contact_loss import LOST, ContactLoss
 from .stiffness import FixedStiffness, OnlineStiffness
+
+Kept = dict[str, Array]
+
+_NOTHING = np.zeros(0)
 
 
 def surface_split(normal_WE: Array, stiffness: Any) -> Array:
@@ -70,6 +75,17 @@ class SurfaceTask(NamedTuple):
         assert isinstance(self.surface, FixedStiffness)
         return self.surface.value
 
+    @property
+    def inputs(self) -> dict[str, tuple[int, ...]]:
+        """Shapes of the signals of the contact that it sees, by name."""
+        told: dict[str, tuple[int, ...]] = {"normal_WE": (3,), "normal_force_desired": (1,)}
+        return told | ({"normal_force": (1,)} if self.measured else {})
+
+    @property
+    def observables(self) -> dict[str, tuple[int, ...]]:
+        """Shapes of what `diagnostics` returns, by name."""
+        return {} if self.contact_loss is None else {"contact_lost": (1,)}
+
     def parts(self) -> dict[str, tuple[int, ...]]:
         """Return the parts of its state, by name."""
         parts: dict[str, tuple[int, ...]] = {}
@@ -79,7 +95,7 @@ class SurfaceTask(NamedTuple):
             parts["contact"] = (ContactLoss.size,)
         return parts
 
-    def start(self) -> dict[str, Array]:
+    def start(self) -> Kept:
         """Return the initial values of these parts, by name."""
         parts = {}
         if self.learns_stiffness:
@@ -88,60 +104,108 @@ class SurfaceTask(NamedTuple):
             parts["contact"] = self.contact_loss.start()
         return parts
 
-    def felt(self, state: Layout, x: Array, u: Signals, period: float) -> dict[str, Array]:
+    def felt(self, kept: Signals, u: Signals, period: float) -> Kept:
         """Return stiffness and contact after one more sample of the force, as far as they are kept.
 
         Args:
-            state: Layout of the law's state, which has these parts.
-            x: State of the law, shape (..., state.size).
+            kept: Parts of the law's state, by name.
             u: Signals at the sample.
             period: Sampling period [s].
         """
+        if not self.parts():
+            return {}
         force, desired = _number(u["normal_force"]), _number(u["normal_force_desired"])
         felt = {}
         if self.learns_stiffness:
             depth = -dot(u["normal_WE"], u["p_WE"])
-            known = state.part(x, "stiffness")
-            felt["stiffness"] = self.surface.update(known, force, desired, depth)
+            felt["stiffness"] = self.surface.update(kept["stiffness"], force, desired, depth)
         if self.contact_loss is not None:
-            contact = state.part(x, "contact")
-            felt["contact"] = self.contact_loss.update(contact, force, desired, period)
+            felt["contact"] = self.contact_loss.update(kept["contact"], force, desired, period)
         return felt
 
-    def tip_velocity(self, state: Layout, x: Array, u: Signals) -> Array:
+    def tip_velocity(self, kept: Signals, u: Signals) -> Array:
         """Return the desired velocity of the tip, shape (..., 3) [m/s].
 
         Args:
-            state: Layout of the law's state, which has these parts.
-            x: State of the law, shape (..., state.size).
+            kept: Parts of the law's state, by name.
             u: Signals at the sample.
         """
-        if self.contact_loss is None:
-            return self._pressing(state, x, u)
-        contact = state.part(x, "contact")
-        if not is_one(contact):
-            away = self.contact_loss.retreat(contact) * u["normal_WE"]
-            pressing = self._pressing(state, x, u)
-            return functions_of(x, pressing).where(contact[..., :1] == LOST, away, pressing)
-        if contact[0] == LOST:
-            return self.contact_loss.retreat(contact) * u["normal_WE"]
-        return self._pressing(state, x, u)
-
-    def _pressing(self, state: Layout, x: Array, u: Signals) -> Array:
-        """Return the desired velocity of a tip that has not lost its contact."""
         n = u["normal_WE"]
         along = u["v_WE_desired"] + self.gain * (u["p_WE_desired"] - u["p_WE"])
         out = dot(n, along)
+        pressing = along + (self._rise(kept, u, out) - out) * n
+        return self.unless_lost(kept, pressing, n)
+
+    def depth_error(self, kept: Signals, u: Signals) -> Any:
+        """Return how much too deep the tip is for the desired force [m], a float or (..., 1).
+
+        Args:
+            kept: Parts of the law's state, by name.
+            u: Signals at the sample.
+        """
+        force, desired = _number(u["normal_force"]), _number(u["normal_force_desired"])
+        return self.surface.depth_error(self._known(kept), force, desired)
+
+    def unless_lost(self, kept: Signals, pressing: Array, normal_WE: Array) -> Array:
+        """Return a velocity of the tip where it has contact, and that of the reaction elsewhere.
+
+        Args:
+            kept: Parts of the law's state, by name.
+            pressing: Velocity of a tip that has not lost its contact, shape (..., 3) [m/s].
+            normal_WE: Outward normal of the surface, shape (..., 3).
+        """
+        if self.contact_loss is None:
+            return pressing
+        contact = kept["contact"]
+        away = self.contact_loss.retreat(contact) * normal_WE
+        if is_one(contact):
+            return away if contact[0] == LOST else pressing
+        return functions_of(contact, pressing).where(contact[..., :1] == LOST, away, pressing)
+
+    def diagnostics(self, kept: Signals) -> Kept:
+        """Return the observables, by name, from the parts of the law's state."""
+        if self.contact_loss is None:
+            return {}
+        return {"contact_lost": (kept["contact"][..., :1] == LOST).astype(float)}
+
+    def check(self, key: str, pressing_force: float | None) -> None:
+        """Raise an InvalidInputError if the desired force would count as no contact.
+
+        Args:
+            key: Key of the reaction to a lost contact, for the message.
+            pressing_force: Desired pressing force [N]; None without a contact.
+        """
+        if self.contact_loss is not None:
+            self.contact_loss.check(key, pressing_force)
+
+    def caveats(self, key: str, metrics: Mapping[str, float]) -> list[str]:
+        """Return what to say after a run with these metrics.
+
+        Args:
+            key: Key of the reaction to a lost contact, for the message.
+            metrics: Metrics of the run, by name.
+        """
+        return [] if self.contact_loss is None else self.contact_loss.caveats(key, metrics)
+
+    def _rise(self, kept: Signals, u: Signals, out: Any) -> Any:
+        """Return the speed out of the surface that the force asks for [m/s].
+
+        Args:
+            kept: Parts of the law's state, by name.
+            u: Signals at the sample.
+            out: Speed out of the surface that the path asks for [m/s].
+        """
         desired = _number(u["normal_force_desired"])
         if self.measured:
-            known = state.part(x, "stiffness") if self.learns_stiffness else x[..., :0]
-            force = _number(u["normal_force"])
+            force, known = _number(u["normal_force"]), self._known(kept)
             rise = self.surface.retreat_speed(known, force, desired, self.gain)
         else:
             rise = out - self.gain * desired / self.stiffness
-        if self.approach_speed is not None:
-            rise = _limited(rise, self.approach_speed)
-        return along + (rise - out) * n
+        return rise if self.approach_speed is None else _limited(rise, self.approach_speed)
+
+    def _known(self, kept: Signals) -> Array:
+        """Return what is known of the stiffness; nothing if it is given."""
+        return kept["stiffness"] if self.learns_stiffness else _NOTHING
 
 
 def _number(signal: Array) -> Any:

@@ -11,6 +11,7 @@ from ...errors import InvalidInputError
 from ...inputs.complaints import nearest
 from ...inputs.fields import Array
 from ..arm import Arm
+from ..tool import bodies_at_tip
 from .arm_capsules import capsules_of, place_capsules
 from .clearance import Clearance
 from .obstacles import Obstacle
@@ -21,7 +22,10 @@ TOUCHING = 0.01
 
 
 def arm_clearance(
-    arm: Arm, obstacles: Sequence[Obstacle], posture: Array
+    arm: Arm,
+    obstacles: Sequence[Obstacle],
+    posture: Array,
+    pressed: Sequence[Obstacle] = (),
 ) -> tuple[Clearance, tuple[str, ...]]:
     """Return what an arm is to stay clear of, and warnings.
 
@@ -34,9 +38,11 @@ def arm_clearance(
         obstacles: The obstacles.
         posture: The arm's home or another posture in which it does not touch itself, shape (n,)
             [rad].
+        pressed: What its tool presses on, which only its other bodies are to stay clear of.
 
     Raises:
-        InvalidInputError: If the arm has no geometry, or its file of capsules does not fit it.
+        InvalidInputError: If the arm has no geometry, its file of capsules does not fit it, or an
+            obstacle has the name of what is pressed on.
     """
     described = arm.description.capsules
     capsules, left_out = capsules_of(arm)
@@ -59,13 +65,30 @@ def arm_clearance(
         and {names[pair[0]], names[pair[1]]} not in [set(out) for out in left_out]
     ]
     own = np.array(apart, dtype=np.intp).reshape(-1, 2)
-    solids = Solids.of(obstacles)
+    solids = Solids.of([*obstacles, *pressed])
+    touching = _touching(arm, names, solids, {obstacle.name for obstacle in pressed})
     if described is not None:
-        return Clearance(placed, own, solids), ()
+        return Clearance(placed, own, solids, touching=touching), ()
     near = Clearance(placed, own, Solids.of([])).gaps(posture) < TOUCHING
     doubts = [
         f"obstacles: {names[a]} and {names[b]}, whose capsules touch where the arm is at home, may "
         "collide unseen; give a file of capsules in arm.capsules"
         for a, b in own[near]
     ]
-    return Clearance(placed, own[~near], solids), tuple(doubts)
+    return Clearance(placed, own[~near], solids, touching=touching), tuple(doubts)
+
+
+def _touching(
+    arm: Arm, bodies: Sequence[str], solids: Solids, pressed: set[str]
+) -> frozenset[tuple[int, int]]:
+    """Return the pairs of a capsule of the tool and a solid that it presses on."""
+    if not pressed:
+        return frozenset()
+    found = [k for k, name in enumerate(solids.names) if name in pressed]
+    if len(found) > len(pressed):
+        name = next(solids.names[k] for k in found if solids.names.count(solids.names[k]) > 1)
+        raise InvalidInputError(
+            f"obstacles: {name!r} is the name of what the tool presses on; give another name"
+        )
+    at_tip = bodies_at_tip(arm)
+    return frozenset((a, k) for a, body in enumerate(bodies) if body in at_tip for k in found)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ...inputs.fields import Array
@@ -25,7 +27,7 @@ def beside(one: Clearance, other: ArmCapsules) -> Clearance:
     others = np.arange(count, count + len(other.links))
     pairs = np.stack(np.meshgrid(moved, others, indexing="ij"), axis=-1).reshape(-1, 2)
     own = np.concatenate((one.own, pairs)).astype(np.intp)
-    return Clearance(arm, own, one.solids, alone=count)
+    return Clearance(arm, own, one.solids, alone=count, touching=one.touching)
 
 
 def stood(clearance: Clearance, R: Array, p: Array) -> Clearance:
@@ -36,4 +38,4 @@ def stood(clearance: Clearance, R: Array, p: Array) -> Clearance:
         R: Orientation of its base, shape (3, 3).
         p: Position of its base, shape (3,) [m].
     """
-    return Clearance(clearance.arm.moved(R, p), clearance.own, clearance.solids)
+    return replace(clearance, arm=clearance.arm.moved(R, p))

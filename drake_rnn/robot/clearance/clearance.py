@@ -84,12 +84,15 @@ class Clearance:
         solids: The obstacles.
         alone: Number of capsules that obstacles count for, the first ones: those of one arm, where
             there is another one beside it; None for all of them.
+        touching: Capsules and obstacles that may touch, by their numbers: pairs that are not
+            looked at, such as a tool and what it presses on.
     """
 
     arm: ArmCapsules
     own: Indices
     solids: Solids
     alone: int | None = None
+    touching: frozenset[tuple[int, int]] = frozenset()
 
     @property
     def count(self) -> int:
@@ -106,7 +109,7 @@ class Clearance:
         """Names of the two sides of each pair."""
         bodies, solids = self.arm.bodies, self.solids.names
         own = [(bodies[a], bodies[b]) for a, b in self.own]
-        return (*own, *((bodies[a], solids[k]) for k in range(len(solids)) for a in self._movable))
+        return (*own, *((bodies[a], solids[k]) for a, k in self._outer))
 
     @cached_property
     def reaches(self) -> Array:
@@ -229,40 +232,43 @@ class Clearance:
 
     @cached_property
     def _sides(self) -> _Sides:
-        own, solids, outer = len(self.own), self.solids, self._first[len(self.own) :]
-        each = len(self._movable)
-        r, b = (each * len(part) for part in (solids.radii, solids.half))
-
-        def repeated(values: Array) -> Array:
-            return np.repeat(values, each, axis=0)
-
-        order = np.repeat(solids.order, each)
+        own, solids = len(self.own), self.solids
+        first, second = self._outer.T
+        r, b = len(solids.radii), len(solids.half)
+        is_round, is_wall = second < r, second >= r + b
+        is_box = ~(is_round | is_wall)
+        balls, boxes, walls = second[is_round], second[is_box] - r, second[is_wall] - r - b
         return _Sides(
-            round_first=np.concatenate((self._first[:own], outer[:r])),
+            round_first=np.concatenate((self._first[:own], first[is_round])),
             own_second=self.own[:, 1],
-            fixed=repeated(solids.ends),
-            fixed_order=order[:r],
-            box_first=outer[r : r + b],
-            centers=repeated(solids.centers),
-            R_WO=repeated(solids.R_WO),
-            half=repeated(solids.half),
-            box_order=order[r : r + b],
-            wall_first=outer[r + b :],
-            normals=repeated(solids.normals),
-            levels=repeated(solids.levels),
-            wall_order=order[r + b :],
+            fixed=solids.ends[balls],
+            fixed_order=solids.order[second[is_round]],
+            box_first=first[is_box],
+            centers=solids.centers[boxes],
+            R_WO=solids.R_WO[boxes],
+            half=solids.half[boxes],
+            box_order=solids.order[second[is_box]],
+            wall_first=first[is_wall],
+            normals=solids.normals[walls],
+            levels=solids.levels[walls],
+            wall_order=solids.order[second[is_wall]],
         )
 
     @cached_property
-    def _movable(self) -> Indices:
-        """Capsules that some joint moves, which obstacles count for; of one arm."""
-        return np.nonzero(self._carried[: self.alone].any(axis=1))[0]
+    def _outer(self) -> Indices:
+        """Capsule and obstacle of each pair of the two, shape (o, 2).
+
+        Obstacles count for the capsules of one arm that some joint moves.
+        """
+        movable = np.nonzero(self._carried[: self.alone].any(axis=1))[0]
+        pairs = ((a, k) for k in range(len(self.solids.names)) for a in movable)
+        kept = [(a, k) for a, k in pairs if (int(a), k) not in self.touching]
+        return np.array(kept, dtype=np.intp).reshape(-1, 2)
 
     @cached_property
     def _first(self) -> Indices:
         """Capsule of the arm of each pair, shape (p,)."""
-        outer = np.tile(self._movable, len(self.solids.names))
-        return np.concatenate((self.own[:, 0], outer)).astype(np.intp)
+        return np.concatenate((self.own[:, 0], self._outer[:, 0])).astype(np.intp)
 
     @cached_property
     def _carried(self) -> NDArray[np.bool_]:
@@ -272,16 +278,15 @@ class Clearance:
     @cached_property
     def _second_carried(self) -> NDArray[np.bool_]:
         """For the other side of each pair, whether a joint carries it, shape (p, n)."""
-        outer = np.zeros((len(self._first) - len(self.own), self.size), dtype=bool)
+        outer = np.zeros((len(self._outer), self.size), dtype=bool)
         return np.concatenate((self._carried[self.own[:, 1]], outer))
 
     @cached_property
     def _radii(self) -> Array:
         """The radii of both sides of each pair, shape (p,) [m]."""
-        each, solids = len(self._movable), self.solids
-        none = np.zeros(len(solids.half) + len(solids.levels))
-        second = np.repeat(np.concatenate((solids.radii, none)), each)
-        second = np.concatenate((self.arm.radii[self.own[:, 1]], second))
+        solids = self.solids
+        second = np.concatenate((solids.radii, np.zeros(len(solids.half) + len(solids.levels))))
+        second = np.concatenate((self.arm.radii[self.own[:, 1]], second[self._outer[:, 1]]))
         return np.asarray(self.arm.radii[self._first] + second)
 
     def _drift(self, moved: Array) -> Array:
@@ -293,7 +298,7 @@ class Clearance:
     def _of_pairs(self, values: Array) -> Array:
         """Return what obstacles have, shape (..., k), of each pair, shape (..., p)."""
         own = np.zeros((*values.shape[:-1], len(self.own)))
-        return np.concatenate((own, np.repeat(values, len(self._movable), axis=-1)), axis=-1)
+        return np.concatenate((own, values[..., self._outer[:, 1]]), axis=-1)
 
     def _spans(self) -> Array:
         """Return how far a capsule's segment can be from each joint's axis, shape (c, n) [m]."""

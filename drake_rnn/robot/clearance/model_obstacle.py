@@ -59,10 +59,25 @@ class ModelObstacle(Obstacle):
         for body, X_MG, shape in model.shapes():
             count[body] = count.get(body, 0) + 1
             number = f" {count[body]}" if count[body] > 1 else ""
-            made = _solid(shape, X_WM @ X_MG)
             name = f"{self.name}/{body}{number}"
-            found.append(made[0](name=name, **made[1], **moving))
+            found.append(solid_round(shape, X_WM @ X_MG, name, **moving))
         return tuple(found)
+
+
+def solid_round(shape: Shape, X_WG: RigidTransform, name: str, **moving: Any) -> Obstacle:
+    """Return the obstacle that a shape of Drake's is, or the smaller one of two that hold it.
+
+    Args:
+        shape: The shape.
+        X_WG: Its pose in the base frame.
+        name: Name of the obstacle.
+        moving: Fields of an obstacle that may move.
+
+    Raises:
+        ValueError: If it has no bounds and is no half-space.
+    """
+    kind, fields = _solid(shape, X_WG)
+    return kind(name=name, **fields, **moving)
 
 
 def _solid(shape: Shape, X_WG: RigidTransform) -> tuple[type[Obstacle], Mapping[str, Any]]:

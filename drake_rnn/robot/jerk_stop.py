@@ -117,6 +117,14 @@ class Course:
         way = _way(self.v, self.x * self.step, -self.step, self.turn, self.period)
         return self.mirror * way
 
+    def falling_velocity(self, k: Array) -> Any:
+        """Return the velocity after k <= `steps` periods, if not mirrored, (..., n) [rad/s]."""
+        return self.v + self.period * self.step * k * (self.x - 0.5 * (k + 1.0))
+
+    def falling_way(self, k: Array) -> Any:
+        """Return how far the joint is then, if not mirrored, shape (..., n) [rad]."""
+        return _way(self.v, self.x * self.step, -self.step, k, self.period)
+
     def moved(self, k: Array) -> Any:
         """Return how far the joint is after k periods, shape (..., n) [rad].
 

@@ -74,6 +74,7 @@ from ..inputs.fields import Array, Gain, Length, Speed, Vector, Weight, validate
 from ..robot.clearance import Clearance
 from ..robot.clearance.neighbour import Neighbour
 from ..robot.limits import JointLimits
+from ..robot.resting import require_resting
 from .law import Circumstances, Law, SampledReading
 from .layout import Layout, Signals
 from .parts.approach import gain_within_jerk
@@ -108,7 +109,8 @@ class Adaptive(Law):
 
     Args:
         limits: Limits of the joints. Where no limit of the acceleration is known, it is unbounded.
-            The jerk is bounded if its limits are given and can be reached within a period.
+            The jerk is bounded if its limits are given and can be reached within a period. An
+            envelope of the velocity is kept with and without them.
         home: Posture at the start, shape (n,) [rad].
         task_size: Number of rows of J; of 6 rows the first three are rotation.
         jacobian: ``known`` reads J; ``learned`` learns it from ``position`` and ``p_WE``.
@@ -156,6 +158,7 @@ class Adaptive(Law):
 
     def __post_init__(self) -> None:
         self.limits.require_size("home", self.home)
+        require_resting(self.limits, self.home, "home")
         # What stands where beside another arm, only those who place both know.
         if self.avoids is not None and self.other is None:
             require_free(self.avoids[0], self.avoids[1].floor, self.home)

@@ -161,7 +161,8 @@ class JointStreamReading(SampledReading):
     def _towards(self, goal: Array, q: Array, kept: Kept) -> Array:
         """Return the velocities that are wanted on the way to the goal, shape (n,) [rad/s].
 
-        The fastest that can still be stopped there: the goal counts as a position limit.
+        The fastest that can still be stopped there: the goal counts as a position limit, to which
+        no envelope belongs.
 
         Args:
             goal: Where the joints are to rest, shape (n,) [rad].
@@ -172,7 +173,8 @@ class JointStreamReading(SampledReading):
         back = goal < q
         lower = np.where(back, goal, limits.position_lower)
         upper = np.where(back, limits.position_upper, goal)
-        ended = unchecked(limits, position_lower=lower, position_upper=upper)
+        free = {"envelope_offset": None, "envelope_deceleration": None}
+        ended = unchecked(limits, position_lower=lower, position_upper=upper, **free)
         if limits.jerk is None:
             down, up = ended.held_velocity_box(q, v, h)
         else:

@@ -22,6 +22,7 @@ from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..robot.clearance import Clearance
 from ..robot.limits import JointLimits
+from ..robot.resting import require_resting
 from .called import unchecked
 from .law import SampledReading
 from .layout import Layout, Signals
@@ -75,7 +76,8 @@ class Safety:
         return seen_signals(self.clearance)
 
     def check_start(self, q: Array) -> None:
-        """Raise an InvalidInputError if a posture, shape (n,), is nearer to something than kept."""
+        """Raise an InvalidInputError unless joints can rest in a posture, shape (n,), all kept."""
+        require_resting(self.limits, q, "start")
         if self.clearance is not None:
             require_free(self.clearance, self.avoidance.floor, q)
 

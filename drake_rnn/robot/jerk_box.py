@@ -9,6 +9,7 @@ import numpy as np
 from ..arrays.algebra import clipped, differentiable, functions_of, is_one
 from ..inputs.fields import Array
 from .jerk_stop import course, gaining, stop
+from .velocity_envelope import VelocityEnvelope, farthest
 
 
 class JerkLimits(NamedTuple):
@@ -17,12 +18,14 @@ class JerkLimits(NamedTuple):
     Attributes:
         position: Lower and upper position limits, shape (..., n) each [rad].
         velocity, acceleration, jerk: Largest magnitudes, shape (..., n) [rad/s .. rad/s^3].
+        envelope: How much less the velocities may be near the position limits; None without one.
     """
 
     position: tuple[Array, Array]
     velocity: Array
     acceleration: Array
     jerk: Array
+    envelope: VelocityEnvelope | None = None
 
 
 def jerk_box(
@@ -33,7 +36,8 @@ def jerk_box(
     Between them lies the first acceleration of the fastest stop from now, and after any of them
     there is a stop within the limits, if there is one now. Where a position limit is close, the
     chord between the largest acceleration and that of the stop gives the bound: between these two,
-    how far a joint gets is convex in its next acceleration.
+    how far a joint gets is convex in its next acceleration. With an envelope, the way that it needs
+    for its velocity counts as gone; the proof is in `drake_rnn.robot.velocity_envelope`.
 
     Args:
         q: Joint positions, shape (..., n) [rad].
@@ -56,7 +60,7 @@ def _box(q: Array, v: Array, a: Array, limits: JerkLimits, period: float) -> tup
     upwards = _upper(v, fastest, limits.velocity, d, period)
     downwards = _upper(-v, -slowest, limits.velocity, d, period)
     room = xp.stack((limits.position[1] - q, q - limits.position[0]))
-    near = room < _long_way(v, a, limits, period)
+    near = room < _long_room(v, a, limits, period)
     if xp is not np or near.any():
         c = course(v, a, limits.acceleration, limits.jerk, period).first
         upwards = _before_end(near[0], upwards, c, room[0], v, limits, period)
@@ -88,7 +92,11 @@ def _before_end(
     # Of one robot only the joints that are near are looked at.
     if not near.any():
         return upper
-    fewer = limits._replace(acceleration=limits.acceleration[near], jerk=limits.jerk[near])
+    fewer = limits._replace(
+        acceleration=limits.acceleration[near],
+        jerk=limits.jerk[near],
+        envelope=limits.envelope and VelocityEnvelope(*(part[near] for part in limits.envelope)),
+    )
     found = upper.copy()
     found[near] = _held_back(upper[near], c[near], room[near], v[near], fewer, period)
     return found
@@ -97,7 +105,7 @@ def _before_end(
 def _held_back(
     upper: Array, c: Array, room: Array, v: Array, limits: JerkLimits, period: float
 ) -> Array:
-    """Return the upper accelerations after which the stop ends before the position limit.
+    """Return the upper accelerations after which the stop keeps position limit and envelope.
 
     Args:
         upper: Largest accelerations otherwise, shape (..., n) [rad/s^2].
@@ -121,14 +129,18 @@ def _held_back(
 def _way(b: Array, v: Array, limits: JerkLimits, period: float) -> Array:
     """Return how far up a joint gets that accelerates at ``b`` and then stops [rad]."""
     w = v + period * b
+    if limits.envelope is not None:
+        bounds = limits.acceleration, limits.jerk
+        return farthest(w, b, limits.envelope, *bounds, period)
     after = stop(period * w, w, b, limits.acceleration, limits.jerk, period)
     return after.highest
 
 
-def _long_way(v: Array, a: Array, limits: JerkLimits, period: float) -> Array:
-    """Return a way that no stop exceeds, whatever the next acceleration is [rad]."""
+def _long_room(v: Array, a: Array, limits: JerkLimits, period: float) -> Array:
+    """Return a room that no stop needs, whatever the next acceleration is [rad]."""
     xp = functions_of(v, a)
     ramp = limits.acceleration / limits.jerk + 3.0 * period
     speed = xp.abs(v) + period * limits.acceleration + 0.5 * xp.abs(a) * ramp
     speed = xp.minimum(speed + period * limits.acceleration, limits.velocity + xp.abs(v))
-    return speed * (speed / limits.acceleration + 2.0 * ramp)
+    way = speed * (speed / limits.acceleration + 2.0 * ramp)
+    return way if limits.envelope is None else way + limits.envelope.room(speed)

@@ -134,6 +134,14 @@ class Course:
         turned, ended = np.array(ends).T
         return turned, ended
 
+    def falling_velocity(self, k: Array) -> Any:
+        """Return the velocity after k <= `steps` periods, if not mirrored, (..., n) [rad/s]."""
+        return self.v + self.period * self.step * k * (self.x - 0.5 * (k + 1.0))
+
+    def falling_way(self, k: Array) -> Any:
+        """Return how far the joint is then, if not mirrored, shape (..., n) [rad]."""
+        return _way(self.v, self.x * self.step, -self.step, k, self.period)
+
     def moved(self, k: Array) -> Any:
         """Return how far the joint is after k periods, shape (..., n) [rad].
 

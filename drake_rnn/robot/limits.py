@@ -15,6 +15,7 @@ from ..inputs.complaints import short
 from ..inputs.dataclass_fields import fields_of
 from ..inputs.fields import Array, Bounds, validated
 from .jerk_box import JerkLimits, jerk_box
+from .velocity_envelope import VelocityEnvelope
 
 #: Limits of the derivatives of the joint positions, first to fifth, and their units.
 DERIVATIVE_UNITS = {
@@ -28,11 +29,21 @@ DERIVATIVE_UNITS = {
 # Of any derivative, in its unit: what is slower than a micrometre a second does not move.
 _LEAST = 1e-6
 
-#: The fields of `JointLimits` and their units for a joint that turns.
-FIELD_UNITS = {"position_lower": "rad", "position_upper": "rad", **DERIVATIVE_UNITS}
+# The two fields of a velocity envelope, which go together.
+_OFFSET, _DECELERATION = "envelope_offset", "envelope_deceleration"
 
-#: All limits by name and their units; ``position`` stands for its lower and its upper limit.
-LIMIT_UNITS = {"position": "rad", **DERIVATIVE_UNITS}
+#: The fields of `JointLimits` and their units for a joint that turns.
+FIELD_UNITS = {
+    "position_lower": "rad",
+    "position_upper": "rad",
+    **DERIVATIVE_UNITS,
+    _OFFSET: "rad/s",
+    _DECELERATION: "rad/s^2",
+}
+
+#: All limits by name and their units; ``position`` stands for its lower and its upper limit, and
+#: ``envelope`` for that of the velocity by the position.
+LIMIT_UNITS = {"position": "rad", **DERIVATIVE_UNITS, "envelope": "rad/s"}
 
 
 @validated
@@ -46,6 +57,10 @@ class JointLimits:
         velocity: Largest speeds, shape (n,) [rad/s].
         acceleration, jerk, snap, crackle: Largest magnitudes of the higher derivatives,
             shape (n,) [rad/s^2 .. rad/s^5].
+        envelope_offset, envelope_deceleration: Offset o and deceleration D of the envelope of the
+            velocity, shape (n,) [rad/s, rad/s^2]: at a way r from a position limit, the velocity
+            towards it is at most -o + sqrt(2 D r), see `drake_rnn.robot.velocity_envelope`. Give
+            both or none; D is infinite for a joint without an envelope.
     """
 
     position_lower: Bounds
@@ -55,10 +70,14 @@ class JointLimits:
     jerk: Bounds | None = None
     snap: Bounds | None = None
     crackle: Bounds | None = None
+    envelope_offset: Bounds | None = None
+    envelope_deceleration: Bounds | None = None
 
     def __post_init__(self) -> None:
         known = {
-            name: bound for name in DERIVATIVE_UNITS if (bound := self.bounds[name]) is not None
+            name: bound
+            for name in (*DERIVATIVE_UNITS, _OFFSET, _DECELERATION)
+            if (bound := self.bounds[name]) is not None
         }
         for name, bound in {"position_upper": self.position_upper, **known}.items():
             if bound.size != self.position_lower.size:
@@ -74,11 +93,31 @@ class JointLimits:
                 "position_lower: must be below position_upper, but they are "
                 f"{lower:g} and {upper:g} for joint {joint + 1}"
             )
+        offset = known.pop(_OFFSET, None)
         for name, bound in known.items():
             if not (bound > 0).all():
                 raise ValueError(f"{name}: must be positive, not {bound.tolist()}")
             if not (bound >= _LEAST).all():
                 raise ValueError(f"{name}: must be at least {_LEAST:g}, not {bound.tolist()}")
+        self._check_envelope(offset)
+
+    def _check_envelope(self, offset: Array | None) -> None:
+        """Raise a ValueError unless an envelope is known as a whole and leaves some positions."""
+        given = {_OFFSET: offset, _DECELERATION: self.envelope_deceleration}
+        for name, other in ((_OFFSET, _DECELERATION), (_DECELERATION, _OFFSET)):
+            if given[name] is None and given[other] is not None:
+                raise ValueError(f"{name}: must be given where {other} is")
+        if offset is None:
+            return
+        if not (np.isfinite(offset) & (offset >= 0)).all():
+            raise ValueError(f"{_OFFSET}: must be finite and at least 0, not {offset.tolist()}")
+        lower, upper = self.resting
+        if not (lower < upper).all():
+            joint = int(np.argmin(upper - lower))
+            raise ValueError(
+                f"{_OFFSET}: leaves joint {joint + 1} no position to rest at, with "
+                f"{offset[joint]:g} rad/s; it must be smaller, or {_DECELERATION} larger"
+            )
 
     @classmethod
     def unlimited(cls, size: int) -> JointLimits:
@@ -96,6 +135,24 @@ class JointLimits:
     def bounds(self) -> Mapping[str, Array | None]:
         """All limits by the name of the field; None where none is known."""
         return fields_of(self)
+
+    @property
+    def envelope(self) -> VelocityEnvelope | None:
+        """How much less the velocities may be near the position limits; None without one."""
+        if self.envelope_offset is None or self.envelope_deceleration is None:
+            return None
+        return VelocityEnvelope(self.envelope_offset, self.envelope_deceleration)
+
+    @property
+    def resting(self) -> tuple[Array, Array]:
+        """Lowest and highest positions at which a joint may rest, shape (..., n) each [rad].
+
+        These are the position limits, or farther inside where there is an envelope.
+        """
+        if (envelope := self.envelope) is None:
+            return self.position_lower, self.position_upper
+        room = envelope.room(0.0 * envelope.offset)
+        return self.position_lower + room, self.position_upper - room
 
     @property
     def size(self) -> int:
@@ -298,8 +355,9 @@ class JointLimits:
 
         The velocity held for the next period is v + ``period`` times the acceleration. The box
         leaves every joint a stop within its limits of position, velocity, acceleration and jerk,
-        see `drake_rnn.robot.jerk_box`. From a state that has one, as from rest, the box is never
-        empty. From any other, the joint stops as fast as it may.
+        and within its envelope if it has one, see `drake_rnn.robot.jerk_box`. From a state that has
+        such a stop, as from rest, the box is never empty. From any other, the joint stops as fast
+        as it may.
 
         Args:
             q: Joint positions, shape (..., n) [rad].
@@ -316,7 +374,7 @@ class JointLimits:
         most = self.require("acceleration", "stopping in time")
         jerk = self.require("jerk", "stopping in time")
         position = self.position_lower, self.position_upper
-        known = JerkLimits(position, self.velocity, most, jerk)
+        known = JerkLimits(position, self.velocity, most, jerk, self.envelope)
         return jerk_box(q, v, a, known, period)
 
     def violation(self, q: Array) -> Array:

@@ -14,6 +14,7 @@ from ..errors import InvalidInputError
 from ..inputs.complaints import require_type
 from ..inputs.fields import Array
 from ..robot.arm import Arm
+from ..robot.resting import require_resting
 from ..robot.task import TASKS, named_task
 from .contact import Contact
 from .plant_settings import PlantSettings
@@ -171,8 +172,9 @@ def start_posture(arm: Arm, start: Array | None, outside: float = 0.0) -> Array:
 
     Raises:
         InvalidInputError: If there is neither; if ``start`` has the wrong shape or lies outside
-            the position limits by more than ``outside`` [rad]; if ``outside`` is negative or NaN;
-            or if ``arm`` is not an `Arm`.
+            the position limits by more than ``outside`` [rad]; if joints cannot rest there under
+            the envelope of the velocity, where nothing outside is allowed; if ``outside`` is
+            negative or NaN; or if ``arm`` is not an `Arm`.
     """
     require_type("arm", arm, Arm)
     if not outside >= 0.0:
@@ -184,6 +186,18 @@ def start_posture(arm: Arm, start: Array | None, outside: float = 0.0) -> Array:
             f"start: must be given; {arm.name} has no home posture, and `drake-rnn arm` or "
             "proposed_home(arm) proposes one"
         )
+    start = _one_per_joint(arm, start)
+    if not np.isfinite(start).all() or (arm.limits.violation(start) > outside).any():
+        raise InvalidInputError(
+            f"start: {arm.limits.complaint(start, outside, arm.joints, arm.units)}"
+        )
+    if not outside:
+        require_resting(arm.limits, start, "start", arm.joints, arm.units)
+    return start
+
+
+def _one_per_joint(arm: Arm, start: Array) -> Array:
+    """Return a start posture as an array, shape (n,); an InvalidInputError unless it is one."""
     try:
         start = np.asarray(start, dtype=float)
     except (TypeError, ValueError):
@@ -192,8 +206,4 @@ def start_posture(arm: Arm, start: Array | None, outside: float = 0.0) -> Array:
         raise InvalidInputError(f"start: must have the shape ({arm.n},), not {start.shape}")
     if start.size != arm.n:
         raise InvalidInputError(f"start: has {start.size} entries for {arm.n} joints")
-    if not np.isfinite(start).all() or (arm.limits.violation(start) > outside).any():
-        raise InvalidInputError(
-            f"start: {arm.limits.complaint(start, outside, arm.joints, arm.units)}"
-        )
     return start

@@ -49,8 +49,8 @@ def pressing(**options):
 
 
 def adaptive(**options):
-    """The law `adaptive`; without a bound on the jerk, unless it is given."""
-    limits = LIMITS.replace(jerk=options.pop("jerk", None))
+    """The law `adaptive`; without a bound on the jerk or an envelope, unless it is given."""
+    limits = LIMITS.replace(jerk=options.pop("jerk", None), **options.pop("envelope", {}))
     return Adaptive(limits=limits, home=HOME, **options)
 
 
@@ -63,6 +63,7 @@ ALL_TERMS = {
     "low_acceleration": 0.1,
 }
 RETREAT = ContactLoss(reaction="retreat", patience=0.01)
+ENVELOPE = {"envelope_offset": 0.3, "envelope_deceleration": 4.0}
 FIVE = [100.0, 1e2, 2e2, 2e2, 2e2]
 FILTERS = {"reading": "filters", "time_constants": [1e-2, 0.9, 0.8, 0.7, 0.7]}
 
@@ -75,6 +76,7 @@ LAWS = {
     "adaptive_pose_learned": adaptive(task_size=6, jacobian="learned"),
     "adaptive_jerk": adaptive(jerk=500.0, kappa=80.0),
     "adaptive_jerk_learned": adaptive(jerk=500.0, jacobian="learned"),
+    "adaptive_envelope": adaptive(jerk=500.0, envelope=ENVELOPE),
     "adaptive_terms": adaptive(secondary=ALL_TERMS),
     "adaptive_late": adaptive(
         jacobian="learned", measurement={"error": 1e-6, "delay": 2e-3, "secant_samples": 3}
@@ -123,6 +125,7 @@ GAINS = {
     "adaptive_learned": ("kappa", "wander", "variance", "softness", "limits.velocity"),
     "adaptive_pose": ("lever", "turn_braking", "turn_limit", "secondary.limits_zone"),
     "adaptive_jerk": ("kappa", "limits.jerk", "limits.acceleration", "limits.position_upper"),
+    "adaptive_envelope": ("limits.envelope_offset", "limits.envelope_deceleration"),
     "adaptive_terms": (
         "secondary.posture",
         "secondary.target",

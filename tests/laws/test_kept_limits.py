@@ -30,6 +30,7 @@ LIMITS = JointLimits(
     snap=np.full(N, 100.0),
     crackle=np.full(N, 1000.0),
 )
+ENVELOPE = {"envelope_offset": 0.1, "envelope_deceleration": 1.0}
 TARGET = np.array([0.9, 0.55, -0.9, 0.9, -1.9])
 FIVE = [100.0, 1e4, 2e4, 2e4, 2e4]
 
@@ -77,6 +78,11 @@ LAWS = {
     ),
     "adaptive": (Adaptive(limits=LIMITS.replace(jerk=None), home=np.zeros(N)), 1e-3),
     "adaptive_jerk": (Adaptive(limits=LIMITS, home=np.zeros(N)), 5e-3),
+    "adaptive_envelope": (Adaptive(limits=LIMITS.replace(**ENVELOPE), home=np.zeros(N)), 5e-3),
+    "adaptive_envelope_alone": (
+        Adaptive(limits=LIMITS.replace(jerk=None, **ENVELOPE), home=np.zeros(N)),
+        1e-3,
+    ),
     "adaptive_learned": (
         Adaptive(limits=LIMITS, home=np.zeros(N), jacobian="learned"),
         5e-3,
@@ -96,6 +102,7 @@ BROKEN = {
     "sa": "acceleration",
     "pseudoinverse": "velocity",
     "adaptive": "jerk",
+    "adaptive_jerk": "envelope",
 }
 
 
@@ -142,6 +149,10 @@ def exceeded(law, period, seed, until):
         positions.append(q)
         velocities.append(v)
     beyond = {"position": LIMITS.violation(np.array(positions)).max()}
+    position = LIMITS.position_lower, LIMITS.position_upper
+    envelope = LIMITS.replace(**ENVELOPE).envelope
+    lowest, highest = envelope.velocities(np.array(positions), position)
+    beyond["envelope"] = np.maximum(velocities - highest, lowest - velocities).max()
     for order, name in enumerate(DERIVATIVE_UNITS):
         size = np.abs(np.diff(velocities, n=order, axis=0)) / period**order
         beyond[name] = (size / LIMITS.bounds[name] - 1.0).max()

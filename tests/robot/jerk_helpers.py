@@ -3,6 +3,7 @@
 import numpy as np
 
 from drake_rnn.robot.jerk_box import JerkLimits
+from drake_rnn.robot.velocity_envelope import VelocityEnvelope
 
 
 def spread(rng, low, high, count):
@@ -23,4 +24,6 @@ def joints(rng, count):
 
 def one(limits, k):
     """The limits of one joint of many, as an arm of one joint."""
-    return JerkLimits(limits.position[:, k : k + 1], *(bound[k : k + 1] for bound in limits[1:]))
+    envelope = limits.envelope and VelocityEnvelope(*(x[k : k + 1] for x in limits.envelope))
+    bounds = (bound[k : k + 1] for bound in limits[1:4])
+    return JerkLimits(limits.position[:, k : k + 1], *bounds, envelope)

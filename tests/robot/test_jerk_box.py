@@ -103,7 +103,7 @@ def test_bounds_that_do_not_look_ahead_are_broken():
 
 def as_joint_limits(limits):
     lower, upper = limits.position
-    _, velocity, acceleration, jerk = limits
+    _, velocity, acceleration, jerk, _ = limits
     return JointLimits(
         position_lower=lower,
         position_upper=upper,

@@ -1,9 +1,10 @@
 r"""Choosing the velocity of the next sample within bounds to the acceleration, or to the jerk.
 
 With the acceleration bounded, the program's box is that of `JointLimits.held_velocity_box`. With
-the jerk bounded, the box of the next acceleration, `JointLimits.held_acceleration_box`, is so
-narrow that a law which aims at the velocity alone swings about it: by the time the velocity is
-reached, the acceleration is not the path's. So the same program is solved for z, the velocity once
+the jerk bounded, or with an envelope of the velocity, it is made of that of the next acceleration,
+`JointLimits.held_acceleration_box`. With a low bound of the jerk this is so narrow that a law which
+aims at the velocity alone swings about it: by the time the velocity is reached, the acceleration is
+not the path's. So the same program is solved for z, the velocity once
 the acceleration has been brought to a reference a_r,
 
 .. math::
@@ -303,8 +304,8 @@ class WithinJerk:
 
 def kept_limits(limits: JointLimits) -> tuple[str, ...]:
     """Return the names of the limits that are kept: all that are known, up to the jerk."""
-    higher = ("acceleration", "jerk")
-    return ("position", "velocity", *(n for n in higher if limits.bounds[n] is not None))
+    higher = (name for name in ("acceleration", "jerk") if limits.bounds[name] is not None)
+    return ("position", "velocity", *higher, *(("envelope",) if limits.envelope else ()))
 
 
 def within_limits(limits: JointLimits, smoothing: Any) -> WithinAcceleration | WithinJerk:

@@ -32,7 +32,8 @@ def reached_limits(limits: JointLimits, period: float) -> JointLimits:
 
     Their acceleration is infinite if none is known, they have no jerk that no change of the
     acceleration in a period can reach, and their position limits are a trace inside of the true
-    ones.
+    ones. An envelope of the velocity needs the box with a jerk: it has the largest that can be
+    reached then, which bounds nothing.
 
     Args:
         limits: Limits of the joints.
@@ -40,12 +41,13 @@ def reached_limits(limits: JointLimits, period: float) -> JointLimits:
     """
     acceleration = np.inf if limits.acceleration is None else limits.acceleration
     known = inner_limits(limits).replace(acceleration=acceleration)
-    if limits.jerk is None:
+    if limits.jerk is None and limits.envelope is None:
         return known
     # How far a stop goes needs a finite acceleration: what the other limits leave of it.
     speed = np.minimum(limits.velocity, (limits.position_upper - limits.position_lower) / period)
     most = np.minimum(np.minimum(acceleration, 2.0 * speed / period), _UNBOUNDED)
     change = 2.0 * most / period
-    if (limits.jerk >= change).all():
+    jerk = change if limits.jerk is None else np.minimum(limits.jerk, change)
+    if (jerk >= change).all() and limits.envelope is None:
         return known.replace(jerk=None)
-    return known.replace(acceleration=most, jerk=np.minimum(limits.jerk, change))
+    return known.replace(acceleration=most, jerk=jerk)

@@ -1,0 +1,195 @@
+r"""Velocity limits that fall as a joint comes near its position limit, and stops that keep them.
+
+The controllers of some robots bound the velocity by the way r left to the position limit,
+
+.. math::
+    v \le -o + \sqrt{2 D r} \quad\Leftrightarrow\quad
+    r \ge \frac{(v + o)^2}{2 D} \quad\text{for } v \ge 0,
+
+and downwards as if mirrored: the *envelope* of a joint, with an offset o and a deceleration D. At
+rest r must be at least o^2 / 2D, so that part of its range is out of a joint's reach. With
+
+.. math::
+    H_i = q_i + \frac{(\max(v_i, 0) + o)^2}{2 D}
+
+a joint keeps its envelope in sample i exactly if H_i is not beyond its position limit, and then it
+keeps the position limit, too. v_i is the velocity held until q_i is reached; as q_i >= q_(i - 1)
+where v_i > 0, the velocity is within the envelope at both ends of the sample. No square root is
+taken, so nothing happens where that of the envelope ends.
+
+**Why the box of `drake_rnn.robot.jerk_box` keeps it.** Let c be the first acceleration of the
+fastest stop from now (`drake_rnn.robot.jerk_stop`), and v_i(b), q_i(b) what follows where b is
+taken first and then the stop from there. Of stops that are not mirrored, which end from above:
+
+1. *The stop is the least of all motions* that keep the bounds of acceleration and jerk and, once it
+   has turned, do not go below v = 0. In its steps down and at the largest deceleration its
+   acceleration is as small as it may be. From the one deceleration in between on, the acceleration
+   rises by whole steps: a motion whose v_i were smaller first there would have a smaller
+   acceleration, as its v_(i - 1) is not smaller, and could never catch up before the stop is at
+   rest, where it would be below zero.
+2. So v_i(b) is the least value of a linear program in which b stands on the right hand side, and
+   *convex in b*; by the same argument it rises with b. q_i(b) is a sum of such velocities, and H_i
+   of both with positive slopes; the largest H_i is convex in b, too.
+3. A b > c leads to such a stop. Of those below c, each v_i(b) <= v_i(c): the accelerations of both
+   rise by whole steps, or c is as small as it may be, so that there are none.
+
+So if H keeps the limit after c, it does after every b <= c, and on the chord from c to the largest
+acceleration, where H breaks it, up to where the chord meets the limit. What is left of the stop
+after its first step is that stop: by induction c keeps the limit in the next sample, and the box is
+never empty. At rest c = 0 keeps it where o^2 / 2D are left, and nowhere else: a start nearer to
+the limit is refused.
+
+**How many samples have to be looked at.** Let
+
+.. math::
+    \delta_i = \frac{2 (H_i - H_{i-1})}{h} = 2 v_i + a_i \frac{v_i + v_{i-1} + 2 o}{D}.
+
+While the acceleration falls and while it is held, delta_i changes its sign once, from above zero to
+below: divided by v_i + v_(i - 1) + 2 o its parts both fall. So the sample with the largest H is
+found by halving the steps down, of which there are at most 2 A / J h + 1, or is that of those at
+the largest deceleration at which delta_i ends to be positive,
+
+.. math:: \tfrac12 (v_i + v_{i-1}) = \frac{A (o + D h / 2)}{D - A}.
+
+Where the acceleration rises again, by steps of d = J h, z of which are left, H is beyond the end of
+the stop by
+
+.. math::
+    E(z) = \frac{(h d\, T(z) + o)^2}{2 D} - h^2 d \sum_{j \ge 1} T(z - j) .
+
+T is that of `drake_rnn.robot.jerk_stop`. Between whole z it is convex, so never more than at the
+nearest two, and over these it rises, falls and rises again, or only rises. Its largest value is at
+the first fall or at the most steps there are. For the limits of a Franka FR3 at 1 kHz these are
+four steps down and two back. With a bound of the jerk so low that there are more than
+2^`_HALVINGS` steps down, a bound is taken of the samples between which the largest is.
+
+All functions take leading axes of robots, in NumPy or in JAX arrays, and work joint by joint.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..arrays.algebra import functions_of, root
+from ..inputs.fields import Array
+from .jerk_stop import Course, course, gained
+
+# Times that an interval of samples is halved; each takes as long as a tenth of all the rest.
+_HALVINGS = 8
+# More than one, by more than rounding.
+_ROUNDED = 1.0 + 1e-12
+
+
+class VelocityEnvelope(NamedTuple):
+    """Bounds of the velocities of joints by the ways left to their position limits.
+
+    Attributes:
+        offset: o, shape (..., n) [rad/s].
+        deceleration: D, shape (..., n) [rad/s^2]; infinite where there is none.
+    """
+
+    offset: Array
+    deceleration: Array
+
+    def room(self, v: Array) -> Any:
+        """Return the ways to the limits that velocities towards them need, shape (..., n) [rad].
+
+        Args:
+            v: The velocities, shape (..., n) [rad/s]; those away from the limits count as none.
+        """
+        xp = functions_of(v, self.offset)
+        return (xp.maximum(v, 0.0) + self.offset) ** 2 * (0.5 / self.deceleration)
+
+    def velocities(self, q: Array, position: tuple[Any, Any]) -> tuple[Any, Any]:
+        """Return the lowest and the highest velocities, shape (..., n) [rad/s]; infinite without.
+
+        Args:
+            q: Joint positions, shape (..., n) [rad].
+            position: Lower and upper position limits, shape (..., n) each [rad].
+        """
+        xp = functions_of(q, self.offset)
+        is_there = xp.isfinite(self.deceleration)
+        twice = 2.0 * xp.where(is_there, self.deceleration, 1.0)
+        rooms = (xp.where(is_there, room, 1.0) for room in (q - position[0], position[1] - q))
+        down, up = (
+            xp.where(is_there, root(twice * xp.maximum(room, 0.0)) - self.offset, xp.inf)
+            for room in rooms
+        )
+        return -down, up
+
+
+def farthest(
+    w: Array, b: Array, envelope: VelocityEnvelope, most: Array, jerk: Array, period: float
+) -> Array:
+    """Return the largest H, less q, of a joint that accelerates at b and then stops [rad].
+
+    Args:
+        w: Velocities after the acceleration, shape (..., n) [rad/s].
+        b: The accelerations, shape (..., n) [rad/s^2].
+        envelope: The envelope.
+        most: Largest accelerations, shape (..., n) [rad/s^2].
+        jerk: Largest jerks, shape (..., n) [rad/s^3].
+        period: Time for which a velocity is held [s].
+    """
+    xp, d = functions_of(w, b), jerk * period
+    # What is left of a stop from above is one, too, whatever rounding makes of it.
+    least = -_ROUNDED * period * d * xp.sign(b) * gained(xp.abs(b) / d - 1.0)
+    after = course(xp.where(w > 0.0, xp.maximum(w, least), w), b, most, jerk, period)
+    falling, held = _falling(after, envelope), _held(after, envelope)
+    largest = xp.maximum(xp.maximum(falling, held), _rising(after, envelope))
+    # One that stops from below moves away from its upper limit.
+    beyond = xp.where(after.mirror > 0.0, largest, -xp.inf)
+    return period * w + xp.maximum(envelope.room(w), beyond)
+
+
+def _falling(after: Course, envelope: VelocityEnvelope) -> Any:
+    """Return a bound of H where the acceleration falls by steps."""
+    xp, x, h, d = functions_of(after.x), after.x, after.period, after.step
+    share = d / envelope.deceleration
+    # As long as the acceleration is positive H rises; at -D and below it falls.
+    low = xp.clip(xp.floor(x), 0.0, after.steps)
+    high = xp.clip(xp.ceil(x + envelope.deceleration / d), low, after.steps)
+    for _ in range(_HALVINGS):
+        if xp is np and not (low < high).any():
+            break
+        middle = xp.ceil(0.5 * (low + high))
+        v, a = after.falling_velocity(middle), x - middle
+        rises = 2.0 * v + share * a * (2.0 * v - h * d * a + 2.0 * envelope.offset) > 0.0
+        low, high = (
+            xp.where(rises & (low < high), middle, low),
+            xp.where(rises | (low >= high), high, middle - 1.0),
+        )
+    # Between the two the velocity falls.
+    return after.falling_way(high) + envelope.room(after.falling_velocity(low))
+
+
+def _held(after: Course, envelope: VelocityEnvelope) -> Any:
+    """Return the largest H at the largest deceleration, from its beginning on."""
+    xp, h, most = functions_of(after.x), after.period, after.most
+    D = envelope.deceleration
+    excess = 1.0 - most / D
+    mean = most * (envelope.offset / D + 0.5 * h) / xp.where(excess > 0.0, excess, 1.0)
+    begun = after.falling_velocity(after.steps)
+    count = xp.floor((begun - mean) / (h * most) + 0.5)
+    count = xp.where(excess > 0.0, xp.clip(count, 0.0, after.longest), 0.0)
+    way = h * count * (begun - 0.5 * h * most * (count + 1.0))
+    return after.falling_way(after.steps) + way + envelope.room(begun - h * most * count)
+
+
+def _rising(after: Course, envelope: VelocityEnvelope) -> Any:
+    """Return a bound of H where the acceleration rises by steps to zero."""
+    xp, h, d = functions_of(after.x), after.period, after.step
+    share = 1.0 / envelope.deceleration
+    needed = 1.0 + 2.0 * envelope.offset * share / h
+    square = 1.0 - 4.0 * d * share * needed
+    fall = 2.0 * needed / (1.0 + xp.sqrt(xp.maximum(square, 0.0)))
+    steps = xp.floor(after.last)
+    first = xp.where(square > 0.0, xp.minimum(steps, xp.floor(fall)), steps)
+
+    def beyond(z: Array) -> Any:
+        left = h * h * d * (z**3 - z) / 6.0
+        return envelope.room(0.5 * h * d * z * (z + 1.0)) - left
+
+    return after.moved(after.samples) + xp.maximum(beyond(first), beyond(steps))

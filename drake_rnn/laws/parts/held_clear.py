@@ -24,6 +24,10 @@ later a pair with it is apart by the distance from where it is measured less e +
 the place of d. So what is certified holds whatever it does until the arm rests; and a stop that was
 certified a sample ago holds whatever is measured now. To an arm that rests nothing is promised.
 
+Rows alone leave the arm at their edge, where they come and go from sample to sample. So in
+a zone before it the joints prefer, of what does the task, to go away from what is near, along the
+slope of its distance: an elbow makes way before it has to.
+
 To look at distances takes longer than the rest of the law. So those of the last look are kept,
 with the posture they belong to: no pair can have come nearer since than the joints' way allows, and
 where that leaves room for the whole stop, nothing is looked at.
@@ -38,8 +42,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...errors import InvalidInputError
-from ...inputs.fields import Array, Gain, Length, validated
+from ...inputs.fields import Array, Gain, GainOrZero, Length, validated
 from ...robot.clearance import Clearance
+from ...robot.clearance.clearance import Near
 from ...robot.clearance.neighbour import Neighbour
 from ...robot.limits import JointLimits
 from .box_program import within_box
@@ -75,17 +80,25 @@ class Avoidance:
         floor: Distance that no pair comes below: that is certified [m].
         distance: Distance at which it comes to rest before an obstacle in its way [m].
         approach: Share of the distance left that may be used up in a second [1/s].
+        away: Weight with which joints that the task leaves free prefer to go away from what is
+            within ``zone`` [rad^2/(m s)]: as the square of the way into the zone, and whole at
+            ``distance``; 0 not to.
+        zone: Distance below which they do [m].
     """
 
     floor: Length = 0.005
     distance: Length = 0.01
     approach: Gain = 10.0
+    away: GainOrZero = 2.0
+    zone: Length = 0.1
 
     def __post_init__(self) -> None:
-        if not self.distance > self.floor:
-            raise ValueError(
-                f"distance: must be greater than floor, {self.floor:g} m, not {self.distance:g}"
-            )
+        for lower, upper in (("floor", "distance"), ("distance", "zone")):
+            least, given = getattr(self, lower), getattr(self, upper)
+            if not given > least:
+                raise ValueError(
+                    f"{upper}: must be greater than {lower}, {least:g} m, not {given:g}"
+                )
 
 
 def require_free(clearance: Clearance, floor: float, q: Array, p_WO: Array | None = None) -> None:
@@ -121,6 +134,22 @@ class Known(NamedTuple):
     q: Array
     gaps: Array
     stop: tuple[Array, Array, Array] | None = None
+
+
+class Looked(NamedTuple):
+    """What was seen along the full stop, where the arm is first.
+
+    Attributes:
+        known: The distances.
+        near: What is near, of these postures.
+        gaps: Distances that pairs have at least, shape (1 + s, p) [m].
+        leverage: By how much a change of z moves the joints to the others, shape (s, n) [s].
+    """
+
+    known: Known
+    near: Near
+    gaps: Array
+    leverage: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,15 +195,22 @@ class WithinClear:
         choice = self.within.choice(program, q, v, kept, period)
         world = World(self.clearance, self.neighbour, seen, period)
         known = Known(kept["seen"], kept["gaps"] - world.nearer(1.0))
-        z = within_box(J, b, g, softness, *choice.box)
         # From here on q is the posture of all.
         q, stop = world.posture(q), world.around(choice.stop)
-        if self._may_bind(q, np.abs(z - choice.first_z), known, choice, stop, world):
-            widest = np.maximum(choice.box[1] - choice.first_z, choice.first_z - choice.box[0])
-            known, rows = self._rows(q, widest, choice, stop, world)
-            if rows is not None:
-                found = within_rows(z, J, b, g, softness, *choice.box, rows)
-                z = choice.first_z if found is None else found
+        looked = None
+        if self._may_lead_away(q, known):
+            looked = self._looked(q, choice, stop, world)
+            g = g + self._away(looked)
+        z = within_box(J, b, g, softness, *choice.box)
+        if looked is None and self._may_bind(
+            q, np.abs(z - choice.first_z), known, choice, stop, world
+        ):
+            looked = self._looked(q, choice, stop, world)
+        if looked is not None:
+            known = looked.known
+            rows = self._rows(looked, choice, world)
+            found = z if rows is None else within_rows(z, J, b, g, softness, *choice.box, rows)
+            z = choice.first_z if found is None else found
         first, u, held_back = choice.first, choice.chosen(z), kept["held_back"]
         if not self._is_free(q, u, known, stop, world):
             way = (first + share * (u - first) for share in _SHARES)
@@ -208,32 +244,56 @@ class WithinClear:
         room = self.avoidance.approach * world.period * (left - self.avoidance.distance)
         return bool((self._reaches @ (leverage * change) > room).any())
 
-    def _rows(
-        self, q: Array, widest: Array, choice: Choice, stop: Stop | BothStop, world: World
-    ) -> tuple[Known, Rows | None]:
-        """Return what is known of distances now, and the rows of the pairs that may matter."""
+    def _may_lead_away(self, q: Array, known: Known) -> bool:
+        """Return whether anything but the arm itself may be within the zone, as far as is known."""
+        if not self.avoidance.away:
+            return False
+        left = self._left(q, known, np.zeros_like(q))
+        return bool((left[self.clearance.outer] < self.avoidance.zone).any())
+
+    def _looked(self, q: Array, choice: Choice, stop: Stop | BothStop, world: World) -> Looked:
+        """Return distances along the full stop, with the slopes of those that may matter."""
         first = choice.first
         k = np.unique(np.rint(1.0 + _PARTS * (choice.stop.samples(first) - 1.0)))
         leverage = choice.leverage(k)
-        rate = self.avoidance.approach * world.period
         # Of a pair that is farther away no velocity of the box can fail the row.
+        widest = np.maximum(choice.box[1] - choice.first_z, choice.first_z - choice.box[0])
+        rate = self.avoidance.approach * world.period
         within = self.avoidance.distance + (leverage * widest) @ self._reaches.T / rate
+        # Where the arm is, joints are led away from what is not the arm itself.
+        zone = self.avoidance.zone if self.avoidance.away else -np.inf
+        now = np.where(self.clearance.outer, zone, -np.inf)
         path = q + np.vstack((np.zeros_like(q), stop.moved(first, k)))
         k_path = np.concatenate(([0.0], k))
         doubt = world.doubt(k_path)
-        # Where the arm is, distances are all that is wanted.
-        bound = np.vstack((np.full_like(within[0], -np.inf), within)) + doubt
-        near = self.clearance.near(path, bound, world.p_WO)
+        near = self.clearance.near(path, np.vstack((now, within)) + doubt, world.p_WO)
         gaps = world.least(near.gaps, doubt)
-        known = Known(q, gaps[0], (k_path, path, gaps))
-        A = near.slopes[:, : widest.size] * leverage[near.postures - 1]
+        return Looked(Known(q, gaps[0], (k_path, path, gaps)), near, gaps, leverage)
+
+    def _away(self, looked: Looked) -> Array:
+        """Return the velocities with which the joints prefer to go away, shape (n,) [rad/s]."""
+        near, (zone, distance) = looked.near, (self.avoidance.zone, self.avoidance.distance)
+        here = near.postures == 0
+        gaps = looked.gaps[0, near.pairs[here]]
+        into = np.clip((zone - gaps) / (zone - distance), 0.0, 1.0)
+        away: Array = self.avoidance.away * (into * into) @ near.slopes[here]
+        return away[: looked.leverage.shape[1]]
+
+    def _rows(self, looked: Looked, choice: Choice, world: World) -> Rows | None:
+        """Return the rows of the pairs that may matter; None without any."""
+        near = looked.near
+        ahead = near.postures > 0
+        postures, pairs = near.postures[ahead], near.pairs[ahead]
+        leverage = looked.leverage[postures - 1]
+        A = near.slopes[ahead, : leverage.shape[1]] * leverage
         size = np.sqrt((A * A).sum(axis=1))
         some = size > _FLAT
         if not some.any():
-            return known, None
-        room = gaps[near.postures, near.pairs] - self.avoidance.distance
+            return None
+        room = looked.gaps[postures, pairs] - self.avoidance.distance
+        rate = self.avoidance.approach * world.period
         c = A @ choice.first_z - rate * np.maximum(room, 0.0)
-        return known, Rows(A[some] / size[some, None], c[some] / size[some])
+        return Rows(A[some] / size[some, None], c[some] / size[some])
 
     def _is_free(
         self, q: Array, u: Array, known: Known, stop: Stop | BothStop, world: World

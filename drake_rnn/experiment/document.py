@@ -15,6 +15,7 @@ from ..inputs.documents import to_yaml
 from ..inputs.fields import Finite, NonNegative, Positive, Seed, Vector, between, validated
 from ..inputs.names import require_folder_name
 from ..measures import METRIC_NAMES
+from ..paths import RecordedTargets
 from ..robot.task import TASKS
 from ..systems import BODIES
 from ..systems.body import Feedback
@@ -106,7 +107,8 @@ class ExperimentDocument:
         task: Part of the end effector's pose that the task is about: ``xyz``; ``xy`` for a planar
             arm; or ``pose``, position and orientation.
         path: ``kind`` and the fields of a path; not for a law that seeks a target posture
-            while the end effector stays.
+            while the end effector stays, nor for one that follows joint targets.
+        targets: Joint targets that came to a law that follows such targets.
         law: ``kind`` and the fields of a law, without those that arm and task determine.
         level: ``kinematic``: the arm follows its command exactly. ``dynamic``: it has mass,
             motors and contact.
@@ -157,6 +159,7 @@ class ExperimentDocument:
     arm: str | dict[str, Any]
     task: str = "xyz"
     path: dict[str, Any] | None = None
+    targets: RecordedTargets | None = None
     law: dict[str, Any]
     level: str = "kinematic"
     plant: PlantSettings | None = None

@@ -15,7 +15,7 @@ from ..inputs.fields import Array
 from ..inputs.modules import Modules
 from ..laws import Circumstances, Law, PostureLaw, Safety
 from ..laws.checks import warnings_of
-from ..paths import LedPath, Path, PlacedPath
+from ..paths import JointTargets, LedPath, Path, PlacedPath
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.obstacles import Obstacle
@@ -45,6 +45,7 @@ class Experiment:
         arm: The arm, with the limits of the experiment.
         law: The law.
         path: The path.
+        targets: Joint targets that the law follows; None for a law that follows none.
         desired: The path placed at the start: the desired motion of the end effector.
         start: Start posture, shape (n,) [rad].
         p_WE_start: Position of the end effector at the start, shape (3,) [m].
@@ -66,6 +67,7 @@ class Experiment:
     arm: Arm
     law: Law
     path: Path
+    targets: JointTargets | None
     desired: PlacedPath
     start: Array
     p_WE_start: Array
@@ -210,6 +212,7 @@ def make_experiment(
         arm=parts.arm,
         law=law,
         path=parts.path,
+        targets=parts.targets,
         desired=desired,
         start=start,
         p_WE_start=kinematics.p_WE(start),

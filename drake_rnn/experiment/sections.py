@@ -16,7 +16,7 @@ from ..inputs.documents import construct
 from ..inputs.fields import Array
 from ..inputs.modules import Modules
 from ..laws import LAWS, Law, PostureLaw, Safety
-from ..paths import Path
+from ..paths import JointTargets, Path, TargetPath
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
@@ -32,6 +32,7 @@ from .moving import obstacle_motions
 from .path import path_of
 from .pressed import described_contact, pressed_solids
 from .safety import make_safety
+from .targets import followed_targets
 
 #: How far the start may lie outside the position limits for a law that brings it back [rad].
 OUTSIDE = 0.1
@@ -50,6 +51,7 @@ class Sections:
         arm: The arm, with the limits of the experiment.
         start: Start posture, shape (n,) [rad].
         path: The path.
+        targets: Joint targets that are followed; None for a law that follows none.
         law: The law.
         obstacles: What stands in the arm's way.
         clearance: What the arm is to stay clear of; None if distances are not looked at.
@@ -64,6 +66,7 @@ class Sections:
     arm: Arm
     start: Array
     path: Path
+    targets: JointTargets | None
     law: Law
     obstacles: tuple[Obstacle, ...]
     clearance: Clearance | None
@@ -100,7 +103,11 @@ def read_sections(
     )
     seeks_posture = issubclass(kind, PostureLaw)
     start = start_posture(arm, document.start, OUTSIDE if seeks_posture else 0.0)
-    path, doubts = path_of(document, arms, seeks_posture, path, modules)
+    targets, doubts = followed_targets(document, kind, arm)
+    if targets is None:
+        path, doubts = path_of(document, arms, seeks_posture, path, modules)
+    else:
+        path = TargetPath(targets)
     given = document.obstacles or []
     obstacles = arms.shared("obstacles", given, lambda: tuple(make_obstacles(given)))
     contact = described_contact(document, modules)
@@ -115,6 +122,7 @@ def read_sections(
         arm=arm,
         start=start,
         path=path,
+        targets=targets,
         law=law,
         obstacles=obstacles,
         clearance=clearance,

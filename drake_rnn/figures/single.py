@@ -141,7 +141,7 @@ def joint_angles(result: Result) -> Figure:
             ax.set_xlabel("")
     if bounded:
         plot_range(axes[n], position, bounds)
-    if result.experiment.target is not None:
+    if "joint_error" in result.series:
         handles = [Line2D([], [], label="target", **TARGET)]
         figure.legend(handles=handles, loc="outside upper center")
     figure.align_ylabels()
@@ -150,12 +150,13 @@ def joint_angles(result: Result) -> Figure:
 
 def _plot_angle(ax: Axes, result: Result, k: int, bounds: Array) -> None:
     """Plot the angle of joint ``k``, with its target and its bounds, as far as they are near."""
-    angle, target = result.series["position"][:, k], result.experiment.target
+    angle, error = result.series["position"][:, k], result.series.get("joint_error")
     ax.plot(result.time, angle, **nth(k))
     low, high = span(angle, least=0.02)
-    if target is not None:
-        ax.axhline(target[k], **TARGET)
-        low, high = min(low, target[k]), max(high, target[k])
+    if error is not None:
+        target = angle - error[:, k]
+        ax.plot(result.time, target, drawstyle="steps-post", **TARGET)
+        low, high = min(low, np.nanmin(target)), max(high, np.nanmax(target))
     for bound in bounds:
         # Near enough that the curve still fills half of its panel.
         if low - (high - low) <= bound <= high + (high - low):

@@ -34,6 +34,7 @@ LAWS: Kinds[Law] = Kinds(
     {
         "adaptive": Adaptive,
         "joint_drift_free": JointDriftFree,
+        "joint_stream": JointStream,
         "motion_force": MotionForce,
         "null_space_adjustment": NullSpaceAdjustment,
         "pseudoinverse": Pseudoinverse,

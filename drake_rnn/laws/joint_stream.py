@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
@@ -50,10 +51,13 @@ class JointStream(Law):
 
     limits: JointLimits
     home: Vector
+    kind: Literal["joint_stream"] = "joint_stream"
     interval: NonNegative = 0.0
     timeout: Positive = 0.2
     clearance: Clearance | None = None
     avoidance: Avoidance = Field(default_factory=Avoidance)
+
+    follows_joint_targets = True
 
     def __post_init__(self) -> None:
         self.limits.require_size("home", self.home)

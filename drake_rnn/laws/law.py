@@ -181,6 +181,8 @@ class Law(Reading):
     #: Whether the joint velocities scale with the speed of the path, so that `drake_rnn.fastest`
     #: may stretch the path in time.
     stays_on_path = False
+    #: Whether it follows joint targets that come to its input ``target``, and no path.
+    follows_joint_targets = False
 
     @property
     def keeps(self) -> tuple[str, ...]:

@@ -145,6 +145,21 @@ METRICS: tuple[Metric, ...] = (
         by=Settling(),
     ),
     Metric(
+        "target_error_max_rad",
+        "largest norm of the way of the joints to the newest of joint targets",
+        over="window",
+        shown=("path", "sweep"),
+        of=lambda motion, against: motion.following_error,
+    ),
+    Metric(
+        "target_error_rms_rad",
+        "root mean square of that norm",
+        over="window",
+        shown=("path", "sweep"),
+        of=lambda motion, against: square(motion.following_error),
+        by=RootMean,
+    ),
+    Metric(
         "end_effector_drift_max_m",
         "largest distance of the end effector from its start",
         shown=("posture", "sweep"),

@@ -71,7 +71,8 @@ class Motion:
         p_WE_desired, v_WE_desired: Their desired values, shape (k, ..., m) [m, m/s].
         J: Jacobian, shape (k, ..., m, n); for a pose task, three rotation rows come first.
         J_hat: Learned Jacobian, shape (k, ..., m, n); None without learning.
-        target: Target posture, shape (..., n) [rad]; None without one.
+        target: Target posture, shape (..., n) [rad], or the newest of those that came until each
+            step, shape (k, ..., n); None without one.
         orientation_error: Angle between the orientation of the end effector and the desired one,
             shape (k, ...) [rad]; None if the orientation is left free.
         pressing: Contact with a surface; None without one. With a contact, position errors are
@@ -149,6 +150,13 @@ class Motion:
         if self.target is None:
             return None
         return abs(self.position - self.target).max(axis=-1)
+
+    @cached_property
+    def following_error(self) -> AnyArray | None:
+        """Norm of the way to the newest of joint targets that come, shape (k, ...) [rad]."""
+        if self.target is None or self.target.ndim != self.position.ndim:
+            return None
+        return lengths(self.position - self.target)
 
     @cached_property
     def speed(self) -> AnyArray:

@@ -40,6 +40,7 @@ with all other time laws the point rests at the corners. Every other curve is on
 from ..inputs.kinds import Kinds
 from .cat import Cat as Cat
 from .curve import Curve as Curve
+from .joint_targets import JointTargets as JointTargets, RecordedTargets as RecordedTargets
 from .led import LedPath as LedPath
 from .line import Line as Line
 from .path import (
@@ -56,6 +57,7 @@ from .polygons import Parallelogram as Parallelogram, Square as Square
 from .relative import RelativePath as RelativePath
 from .rest import Rest as Rest
 from .sequence import Part as Part, Sequence as Sequence
+from .target_path import TargetPath as TargetPath
 from .timing import TimeLaw as TimeLaw, Timing as Timing, time_at as time_at, time_law as time_law
 from .trajectory import TrajectoryPath as TrajectoryPath, as_path as as_path
 from .trigonometric import (

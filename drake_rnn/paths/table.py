@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import csv
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from io import StringIO
 from typing import Any
 
 import numpy as np
 
 from ..inputs.complaints import short
+from ..inputs.csv_rows import Row, is_header, read_rows, require_few
 from ..inputs.fields import Array
-from ..inputs.given_file import content_of
 from ..inputs.numbers import decimal, is_number
 
 #: Columns that a file of points may have: of positions [m], of times [s], of unit quaternions, and
@@ -67,7 +64,7 @@ def listed(value: Any) -> Array:
     rows = value.tolist() if isinstance(value, np.ndarray) else value
     if not isinstance(rows, (list, tuple)):
         raise ValueError("must be a list of points [x, y, z]")
-    _require_few(len(rows), "points")
+    require_few(len(rows), "points", MOST_POINTS)
     points = _table(POSITION, enumerate(rows, 1), _given).points
     points.setflags(write=False)
     return points
@@ -82,41 +79,13 @@ def read_table(file: str) -> Table:
     Raises:
         ValueError: If it cannot be read; the message names file, row and column.
     """
-    try:
-        text = content_of(file, _MOST_BYTES).decode("utf-8-sig")
-        _require_few(max(text.count("\n"), text.count("\r")) - 1, "rows")
-        reader = csv.reader(StringIO(text, newline=""))
-        rows = [(reader.line_num, [cell.strip() for cell in cells]) for cells in reader]
-        rows = [(row, cells) for row, cells in rows if any(cells)]
-        if not rows:
-            raise ValueError("is empty")
-        if not any(map(_is_number, rows[0][1])):
-            return _table(_header(*rows[0]), rows[1:], decimal)
-        return _table(POSITION, rows, decimal)
-    except OSError as error:
-        raise ValueError(f"file {file}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise ValueError(f"file {file}: is not a text file") from None
-    except (ValueError, csv.Error) as error:
-        raise ValueError(f"file {file}: {error}") from None
+    return read_rows(file, _MOST_BYTES, MOST_POINTS, _of_rows)
 
 
-def _require_few(count: int, what: str) -> None:
-    """Raise a ValueError if there are more points than any robot needs."""
-    if count > MOST_POINTS:
-        share = math.ceil(count / MOST_POINTS)
-        raise ValueError(
-            f"has {count} {what}, and may have {MOST_POINTS}; keep one of {share} of them"
-        )
-
-
-def _is_number(cell: str) -> bool:
-    # NaN, infinity and what is no decimal are told of as numbers, not as names of columns.
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
+def _of_rows(rows: list[Row]) -> Table:
+    if is_header(rows[0][1]):
+        return _table(_header(*rows[0]), rows[1:], decimal)
+    return _table(POSITION, rows, decimal)
 
 
 def _header(row: int, cells: Sequence[str]) -> list[str]:

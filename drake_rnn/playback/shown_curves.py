@@ -112,7 +112,9 @@ def _forces(motion: ReplayedMotion) -> Iterator[Curve]:
 def _target(motion: ReplayedMotion) -> Iterator[Curve]:
     if (series := _series(motion, "joint_error")) is not None:
         farthest = np.abs(series[0]).max(axis=1)
-        yield Curve("joint_error", "to the target posture", "rad", motion.time, farthest, "log")
+        streams = motion.result.experiment.targets is not None
+        name = "to the newest target" if streams else "to the target posture"
+        yield Curve("joint_error", name, "rad", motion.time, farthest, "log")
 
 
 def _errors(motion: ReplayedMotion) -> Iterator[Curve]:

@@ -164,7 +164,7 @@ def motion_of(
         v_WE_desired=v_WE_desired,
         J=J,
         J_hat=layout.part(state, "J_hat") if "J_hat" in layout else None,
-        target=experiment.target,
+        target=_target(experiment, steps.time),
         orientation_error=turned,
         pressing=_pressing(experiment, steps),
         returns=experiment.desired.closed,
@@ -178,6 +178,13 @@ def motion_of(
         distance=distance,
         distance_moving=moving,
     )
+
+
+def _target(experiment: Experiment, times: Array) -> Array | None:
+    """Return the target posture, shape (n,), or the newest of targets at each time, (k, n)."""
+    if experiment.targets is None:
+        return experiment.target
+    return experiment.targets.goals(times, experiment.start)
 
 
 def _distances(

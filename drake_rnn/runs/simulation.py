@@ -37,6 +37,7 @@ from ..systems import (
     ObstacleSource,
     PathSource,
     SampledController,
+    TargetSource,
     followed_path,
 )
 from .beside import PREFIX
@@ -306,7 +307,7 @@ def _filter(experiment: Experiment) -> MovingAverage | None:
 def _add_previews(
     builder: DiagramBuilder, experiment: Experiment, controller: Controller, prefix: str
 ) -> dict[str, OutputPort]:
-    """Add and return signals of other times: future joint positions and a delayed path."""
+    """Add and return previews, a delayed path, joint targets and what obstacles do, by name."""
     document, desired, start = experiment.document, experiment.desired, experiment.start
     signals: dict[str, OutputPort] = {}
     if (preview := controller.law.joint_preview) is not None:
@@ -322,6 +323,9 @@ def _add_previews(
         for name in ("p_WE_desired", "R_WE_desired"):
             if name in controller.reading.inputs:
                 signals[name] = past.GetOutputPort(name)
+    if experiment.targets is not None and document.period is not None:
+        came = TargetSource(experiment.targets, document.period)
+        signals["target"] = builder.AddNamedSystem(f"{prefix}targets", came).get_output_port()
     motions, sees = experiment.motions, "p_WO" in controller.reading.inputs
     if sees and motions is not None and document.period is not None:
         source = ObstacleSource(motions, document.period, document.seed)

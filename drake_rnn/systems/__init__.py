@@ -36,6 +36,7 @@ from .plant_settings import PlantSettings as PlantSettings
 from .pose_sensor import PoseSensor as PoseSensor
 from .sensing_settings import SensingSettings as SensingSettings
 from .spring_contact import SpringContact as SpringContact
+from .target_source import TargetSource as TargetSource
 from .tool_force import ToolForce as ToolForce
 
 #: Classes of bodies, by an experiment's ``level``.

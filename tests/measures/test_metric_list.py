@@ -128,11 +128,12 @@ def observed(k):
 
 
 def test_every_metric_that_is_taken_is_in_the_list_and_the_other_way_round():
-    """Along a path, to a target at which the arm arrives, and of what a law tells."""
+    """Along a path, to a target at which the arm arrives, to many, and of what a law tells."""
     along = swing(velocity=4.0 * swing().velocity, tick=1e-3)
     towards = swing(target=np.zeros(2), position=np.zeros((1000, 2)))
+    stream = swing(target=np.zeros((1000, 2)))
     taken = set()
-    for motion in (along, towards):
+    for motion in (along, towards, stream):
         metrics = RunMetrics(Yardsticks.of(BOUNDED, None, 1e-3))
         metrics.add(replace(motion, observed=observed(motion.time.size)))
         taken |= metrics.found().keys()

@@ -79,6 +79,7 @@ from .laws import (
 )
 from .laws.parts.contact_loss import ContactLoss as ContactLoss
 from .laws.parts.measurement import Measurement as Measurement
+from .laws.parts.force_control import ForceControl as ForceControl
 from .laws.parts.secondary import Secondary as Secondary
 from .laws.parts.stiffness import OnlineStiffness as OnlineStiffness
 from .laws.parts.warm_up import WarmUp as WarmUp

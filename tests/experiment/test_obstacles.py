@@ -235,3 +235,43 @@ def test_the_guarded_run_comes_to_what_it_expects_and_collides_without():
 def test_what_safety_cannot_keep_is_refused(name, changes, said):
     with pytest.raises(InvalidInputError, match=said):
         load(name, **changes)
+
+
+def pressing(**changes):
+    given = {"obstacles": [], **SHORT, **changes}
+    return load_experiment("adaptive_contact_circle", given)
+
+
+def test_what_is_pressed_on_is_in_the_way_of_all_bodies_but_the_tool():
+    """The flange's last body ends 0.1 m above the ball's centre, which is 12 mm above the plate."""
+    clearance = pressing().clearance
+    bodies = [one for one, other in clearance.names if other == "environment"]
+    assert bodies == [f"iiwa_link_{k}" for k in range(1, 8)]
+    gaps = dict(zip(clearance.names, clearance.gaps(pressing().start), strict=True))
+    # The capsule of link 7 reaches farther than its body does, by 23 mm.
+    assert gaps["iiwa_link_7", "environment"] == pytest.approx(0.112 - 0.023, abs=1e-3)
+    assert ("tool", "wall") in pressing(obstacles=[{**BALL, "name": "wall"}]).clearance.names
+
+
+def test_an_arm_that_starts_with_another_body_at_what_it_presses_on_is_refused():
+    """A plate as thick as the arm is high has its first bodies inside, were it wide enough."""
+    plate = {"kind": "plate", "size": 2.0}
+    with pytest.raises(InvalidInputError, match="at the start iiwa_link_1 and environment are -"):
+        pressing(environment=plate)
+
+
+def test_a_spring_has_no_extent_and_is_not_looked_at():
+    changes = {"level": "kinematic", "environment": {"kind": "elastic_surface", "stiffness": 8e3}}
+    experiment = pressing(**changes, feedback=None)
+    assert all(other != "environment" for _, other in experiment.clearance.names)
+    assert any("a spring without extent" in text for text in experiment.warnings)
+
+
+def test_the_name_of_what_is_pressed_on_is_no_obstacles():
+    with pytest.raises(InvalidInputError, match="'environment' is the name of what the tool"):
+        pressing(obstacles=[{**BALL, "name": "environment"}])
+
+
+def test_of_two_arms_none_presses():
+    with pytest.raises(InvalidInputError, match="environment: must be left out with second"):
+        pressing(second={"base": {"translation": [1.5, 0, 0]}})

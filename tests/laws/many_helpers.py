@@ -78,6 +78,17 @@ LAWS = {
     "adaptive_jerk_learned": adaptive(jerk=500.0, jacobian="learned"),
     "adaptive_envelope": adaptive(jerk=500.0, envelope=ENVELOPE),
     "adaptive_terms": adaptive(secondary=ALL_TERMS),
+    # A softness of which a thousandth, along the normal, lets rounding errors be.
+    "adaptive_force": adaptive(
+        task_size=6,
+        softness=1e-3,
+        force_control={
+            "stiffness": OnlineStiffness(),
+            "approach_speed": 0.05,
+            "contact_loss": RETREAT,
+        },
+    ),
+    "adaptive_force_xyz": adaptive(softness=1e-3, force_control={"stiffness": 8000.0}),
     "adaptive_late": adaptive(
         jacobian="learned", measurement={"error": 1e-6, "delay": 2e-3, "secant_samples": 3}
     ),
@@ -133,6 +144,12 @@ GAINS = {
         "secondary.manipulability",
         "secondary.low_acceleration",
     ),
+    "adaptive_force": (
+        "force_control.approach_speed",
+        "force_control.stiffness.initial",
+        "braking",
+    ),
+    "adaptive_force_xyz": ("force_control.gain", "force_control.stiffness", "softness"),
     "slc_known": ("kappa", "rate", "return_gain", "home", "limits.velocity"),
     "slc_learned": ("kappa", "rho", "limit_stiffness", "limits.acceleration"),
     "slc_warm_up": ("kappa", "warm_up.acceleration", "warm_up.rho"),

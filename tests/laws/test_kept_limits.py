@@ -87,6 +87,10 @@ LAWS = {
         Adaptive(limits=LIMITS, home=np.zeros(N), jacobian="learned"),
         5e-3,
     ),
+    "adaptive_force": (
+        Adaptive(limits=LIMITS, home=np.zeros(N), force_control={"stiffness": 1000.0}),
+        5e-3,
+    ),
     "horizon": (RecedingHorizon(limits=LIMITS, horizon=40), 1e-2),
 }
 # A law that no case above shows: with its defaults.

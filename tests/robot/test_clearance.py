@@ -224,3 +224,24 @@ def test_obstacles_as_arrays_keep_their_order():
     solids = Solids.of(make_obstacles(OBSTACLES))
     assert solids.names == ("ball 1", "capsule 4", "box 2", "half_space 3")
     assert solids.levels.tolist() == [-0.1]
+
+
+def test_pairs_that_may_touch_are_left_out_and_all_others_stay_as_they_are():
+    """Of a ball, a box and a wall; the tool, of three capsules, may touch the box."""
+    arm = load_arm("iiwa14", frame="tip")
+    given = [
+        {"kind": "half_space", "point": [0.0, 0.0, -0.4], "normal": [0.0, 0.0, 1.0]},
+        {"kind": "ball", "center": [0.6, 0.5, 0.4], "radius": 0.1},
+        {"kind": "box", "center": [0.5, 0.0, -0.2], "size": [0.4, 0.4, 0.1], "name": "table"},
+    ]
+    every, _ = arm_clearance(arm, make_obstacles(given), arm.home)
+    some, _ = arm_clearance(arm, make_obstacles(given[:2]), arm.home, make_obstacles(given[2:]))
+    left_out = [k for k, names in enumerate(every.names) if names == ("tool", "table")]
+    assert len(left_out) == 3
+    kept = np.delete(np.arange(every.count), left_out)
+    assert some.names == tuple(every.names[k] for k in kept)
+    q = arm.home + 0.1
+    np.testing.assert_array_equal(some.gaps(q), every.gaps(q)[kept])
+    near, all_near = some.near(q[None], 10.0), every.near(q[None], 10.0)
+    np.testing.assert_array_equal(near.slopes, all_near.slopes[kept])
+    np.testing.assert_array_equal(some.reaches, every.reaches[kept])

@@ -6,7 +6,7 @@ from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 
 from drake_rnn import InvalidInputError, load_arm, shipped_arms
-from drake_rnn.robot.tool import beyond_tool, find_tool, standoff
+from drake_rnn.robot.tool import beyond_tool, bodies_at_tip, find_tool, standoff
 
 RADIUS = 0.012
 UP = np.array([0.0, 0.0, 1.0])
@@ -123,3 +123,13 @@ def test_what_is_drawn_beyond_the_ball_is_found(tmp_path, z):
 def test_of_a_shipped_arm_nothing_is_beyond_the_tool(name):
     arm = with_tip(name)
     assert beyond_tool(arm, arm.home, arm.kinematics().R_WE(arm.home)[:, 2] * -1.0) == {}
+
+
+@pytest.mark.parametrize("name", shipped_arms())
+def test_what_touches_is_the_tool_whatever_frame_of_it_is_named(name):
+    arm = with_tip(name)
+    assert bodies_at_tip(arm) == {found(arm, lambda tool: tool.body.name())}
+
+
+def test_of_an_arm_without_a_tool_all_from_its_frame_to_the_last_joint_may_touch():
+    assert bodies_at_tip(load_arm("iiwa14", tool=None)) == {"iiwa_link_7", "iiwa_link_ee"}

@@ -123,7 +123,9 @@ class PathTask:
         n = u["normal_WE"]
         along, away = along - dot(n, along) * n, away - dot(n, away) * n
         fastest = math.inf if surface.approach_speed is None else surface.approach_speed
-        too_deep = np.atleast_1d(surface.depth_error(kept, u))
+        too_deep = surface.depth_error(kept, u)
+        if isinstance(too_deep, float):
+            too_deep = np.array([too_deep])
         rise = approach(too_deep, surface.gain, self.braking, fastest)
         back = approach(away, self.kappa, self.braking, self.limit) + rise * n
         # Without contact nothing of the path is followed.

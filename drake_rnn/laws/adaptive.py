@@ -84,6 +84,7 @@ from .parts.held_within import Program, kept_limits
 from .parts.known_jacobian import MiddleJacobian
 from .parts.late import Late, samples_late
 from .parts.learned_jacobian import LearnedJacobian
+from .parts.led_away import LedAway
 from .parts.measurement import EXACT, LEVER, REACH, Measurement, feedback_gain, suited
 from .parts.near_singular import row_softness, softened
 from .parts.path_task import PathTask
@@ -375,7 +376,9 @@ class AdaptiveReading(SampledReading):
     @cached_property
     def _within(self) -> Within:
         smoothing = 1.0 if self.law.jacobian == "known" else _SMOOTHED
-        return within_safe(self.law.limits, smoothing, self.law.avoids, self.law.other)
+        terms = self.law.secondary
+        led_away = LedAway(terms.obstacles, terms.obstacles_zone) if terms.obstacles else None
+        return within_safe(self.law.limits, smoothing, self.law.avoids, self.law.other, led_away)
 
     @cached_property
     def _task(self) -> PathTask:

@@ -24,9 +24,8 @@ later a pair with it is apart by the distance from where it is measured less e +
 the place of d. So what is certified holds whatever it does until the arm rests; and a stop that was
 certified a sample ago holds whatever is measured now. To an arm that rests nothing is promised.
 
-Rows alone leave the arm at their edge, where they come and go from sample to sample. So in
-a zone before it the joints prefer, of what does the task, to go away from what is near, along the
-slope of its distance: an elbow makes way before it has to.
+Rows alone leave the arm at their edge, where they come and go from sample to sample. So joints that
+the task leaves free may be led away before (`drake_rnn.laws.parts.led_away`).
 
 To look at distances takes longer than the rest of the law. So those of the last look are kept,
 with the posture they belong to: no pair can have come nearer since than the joints' way allows, and
@@ -42,7 +41,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...errors import InvalidInputError
-from ...inputs.fields import Array, Gain, GainOrZero, Length, validated
+from ...inputs.fields import Array, Gain, Length, validated
 from ...robot.clearance import Clearance
 from ...robot.clearance.clearance import Near
 from ...robot.clearance.neighbour import Neighbour
@@ -57,6 +56,7 @@ from .held_within import (
     WithinJerk,
     within_limits,
 )
+from .led_away import LedAway
 from .rows_program import Rows, within_rows
 from .world import BothStop, Stop, World
 
@@ -80,25 +80,17 @@ class Avoidance:
         floor: Distance that no pair comes below: that is certified [m].
         distance: Distance at which it comes to rest before an obstacle in its way [m].
         approach: Share of the distance left that may be used up in a second [1/s].
-        away: Weight with which joints that the task leaves free prefer to go away from what is
-            within ``zone`` [rad^2/(m s)]: as the square of the way into the zone, and whole at
-            ``distance``; 0 not to.
-        zone: Distance below which they do [m].
     """
 
     floor: Length = 0.005
     distance: Length = 0.01
     approach: Gain = 10.0
-    away: GainOrZero = 2.0
-    zone: Length = 0.1
 
     def __post_init__(self) -> None:
-        for lower, upper in (("floor", "distance"), ("distance", "zone")):
-            least, given = getattr(self, lower), getattr(self, upper)
-            if not given > least:
-                raise ValueError(
-                    f"{upper}: must be greater than {lower}, {least:g} m, not {given:g}"
-                )
+        if not self.distance > self.floor:
+            raise ValueError(
+                f"distance: must be greater than floor, {self.floor:g} m, not {self.distance:g}"
+            )
 
 
 def require_free(clearance: Clearance, floor: float, q: Array, p_WO: Array | None = None) -> None:
@@ -161,12 +153,14 @@ class WithinClear:
         clearance: The pairs that are to stay apart.
         avoidance: How near they may come.
         neighbour: The arm beside it; None without one.
+        led_away: How joints that the task leaves free make way; None if they do not.
     """
 
     within: WithinAcceleration | WithinJerk
     clearance: Clearance
     avoidance: Avoidance
     neighbour: Neighbour | None = None
+    led_away: LedAway | None = None
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
@@ -198,9 +192,10 @@ class WithinClear:
         # From here on q is the posture of all.
         q, stop = world.posture(q), world.around(choice.stop)
         looked = None
-        if self._may_lead_away(q, known):
+        if self.led_away is not None and self._may_lead(q, known, self.led_away):
             looked = self._looked(q, choice, stop, world)
-            g = g + self._away(looked)
+            away = self.led_away.preferred(looked.near, looked.gaps)
+            g = g + away[: g.size]
         z = within_box(J, b, g, softness, *choice.box)
         if looked is None and self._may_bind(
             q, np.abs(z - choice.first_z), known, choice, stop, world
@@ -244,12 +239,10 @@ class WithinClear:
         room = self.avoidance.approach * world.period * (left - self.avoidance.distance)
         return bool((self._reaches @ (leverage * change) > room).any())
 
-    def _may_lead_away(self, q: Array, known: Known) -> bool:
+    def _may_lead(self, q: Array, known: Known, led_away: LedAway) -> bool:
         """Return whether anything but the arm itself may be within the zone, as far as is known."""
-        if not self.avoidance.away:
-            return False
         left = self._left(q, known, np.zeros_like(q))
-        return bool((left[self.clearance.outer] < self.avoidance.zone).any())
+        return bool((left[self.clearance.outer] < led_away.zone).any())
 
     def _looked(self, q: Array, choice: Choice, stop: Stop | BothStop, world: World) -> Looked:
         """Return distances along the full stop, with the slopes of those that may matter."""
@@ -261,7 +254,7 @@ class WithinClear:
         rate = self.avoidance.approach * world.period
         within = self.avoidance.distance + (leverage * widest) @ self._reaches.T / rate
         # Where the arm is, joints are led away from what is not the arm itself.
-        zone = self.avoidance.zone if self.avoidance.away else -np.inf
+        zone = -np.inf if self.led_away is None else self.led_away.zone
         now = np.where(self.clearance.outer, zone, -np.inf)
         path = q + np.vstack((np.zeros_like(q), stop.moved(first, k)))
         k_path = np.concatenate(([0.0], k))
@@ -269,15 +262,6 @@ class WithinClear:
         near = self.clearance.near(path, np.vstack((now, within)) + doubt, world.p_WO)
         gaps = world.least(near.gaps, doubt)
         return Looked(Known(q, gaps[0], (k_path, path, gaps)), near, gaps, leverage)
-
-    def _away(self, looked: Looked) -> Array:
-        """Return the velocities with which the joints prefer to go away, shape (n,) [rad/s]."""
-        near, (zone, distance) = looked.near, (self.avoidance.zone, self.avoidance.distance)
-        here = near.postures == 0
-        gaps = looked.gaps[0, near.pairs[here]]
-        into = np.clip((zone - gaps) / (zone - distance), 0.0, 1.0)
-        away: Array = self.avoidance.away * (into * into) @ near.slopes[here]
-        return away[: looked.leverage.shape[1]]
 
     def _rows(self, looked: Looked, choice: Choice, world: World) -> Rows | None:
         """Return the rows of the pairs that may matter; None without any."""
@@ -355,6 +339,7 @@ def within_safe(
     smoothing: Any,
     avoids: tuple[Clearance, Avoidance] | None,
     neighbour: Neighbour | None = None,
+    led_away: LedAway | None = None,
 ) -> Within:
     """Return what keeps limits, see `within_limits`, and, where anything is avoided, a distance.
 
@@ -363,6 +348,7 @@ def within_safe(
         smoothing: See `WithinJerk`.
         avoids: What the arm is to stay clear of, and how near it may come; None for nothing.
         neighbour: The arm beside it that ``avoids`` counts; None without one.
+        led_away: How joints that the task leaves free make way; None if they do not.
     """
     found = within_limits(limits, smoothing)
-    return found if avoids is None else WithinClear(found, *avoids, neighbour)
+    return found if avoids is None else WithinClear(found, *avoids, neighbour, led_away)

@@ -12,6 +12,9 @@ term                    preferred velocity
 ``manipulability``      weight times the gradient of ln sqrt(det J J^T), which leads away from
                         singular postures
 ``low_acceleration``    all of these, smoothed with this time constant
+``obstacles``           away from obstacles that the law avoids, and from another arm, from 0 at the
+                        edge of a zone to the weight where they touch, as the square of the way
+                        into the zone, along the slope of the distance; not smoothed
 ======================  ======================================================================
 """
 
@@ -23,7 +26,16 @@ from typing import Annotated, Any
 import numpy as np
 
 from ...arrays.algebra import acts, functions_of, is_one, matmul, scaled, solved, transposed
-from ...inputs.fields import Array, Gain, GainOrZero, NonNegative, Vector, between, validated
+from ...inputs.fields import (
+    Array,
+    Gain,
+    GainOrZero,
+    Length,
+    NonNegative,
+    Vector,
+    between,
+    validated,
+)
 from ...robot.limits import JointLimits
 from ..layout import Signals
 
@@ -43,6 +55,9 @@ class Secondary:
         manipulability: Weight of the manipulability's gradient [rad^2/s]; needs a known Jacobian
             and ``task`` xyz or pose.
         low_acceleration: Time constant of what is preferred [s].
+        obstacles: Weight of the slope of the distance to an obstacle that is touched
+            [rad^2/(m s)].
+        obstacles_zone: Distance below which the joints make way for an obstacle [m].
     """
 
     posture: GainOrZero = 1.0
@@ -51,6 +66,8 @@ class Secondary:
     limits_zone: Gain = 0.3
     manipulability: GainOrZero = 0.0
     low_acceleration: Annotated[NonNegative, between(0.0, 100.0)] = 0.0
+    obstacles: GainOrZero = 2.0
+    obstacles_zone: Length = 0.1
 
     @property
     def seeks_manipulability(self) -> bool:

@@ -29,7 +29,7 @@ class MinkAmong(in_the_middle(MinkBounded), ObstacleScheme):
 
     name = "mink"
     setting = "CollisionAvoidanceLimit, a limit of the user's own for the acceleration"
-    chosen: ClassVar[Mapping[str, Any]] = {"gain": 5e-6, "minimum_distance": 0.01, "detection": 0.2}
+    chosen: ClassVar[Mapping[str, Any]] = {"gain": 2e-6, "minimum_distance": 0.02, "detection": 0.2}
     grid: ClassVar[Mapping[str, Sequence[Any]]] = {
         "gain": (0.85, 2e-6, 5e-6),
         "minimum_distance": (0.01, 0.02),

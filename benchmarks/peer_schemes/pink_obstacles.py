@@ -17,29 +17,28 @@ from peer_schemes.pink_scheme import Pink
 from peer_schemes.scheme import in_the_middle
 from peer_schemes.shapes import Shapes
 
-#: Number of the nearest pairs that have a row.
-PAIRS = 10
-
 
 class PinkAmong(in_the_middle(Pink), ObstacleScheme):
     """Pink, linearised at the middle of the sample, with `SelfCollisionBarrier`."""
 
     name = "pink"
-    setting = f"SelfCollisionBarrier of {PAIRS} pairs"
+    setting = "SelfCollisionBarrier"
     chosen: ClassVar[Mapping[str, Any]] = {
-        "gain": 5.0,
+        "n_collision_pairs": 30,
+        "gain": 2.0,
         "d_min": 0.01,
-        "safe_displacement_gain": 0.0,
+        "safe_displacement_gain": 1e-4,
     }
     grid: ClassVar[Mapping[str, Sequence[Any]]] = {
-        "gain": (2.0, 5.0),
+        "n_collision_pairs": (10, 30),
+        "gain": (2.0,),
         "d_min": (0.01,),
-        "safe_displacement_gain": (0.0, 1e-4, 1e-3),
+        "safe_displacement_gain": (0.0, 1e-4),
     }
 
     def __init__(self, task: ObstacleTask) -> None:
         super().__init__(task)
-        self._barriers = (SelfCollisionBarrier(PAIRS, **self.chosen),)
+        self._barriers = (SelfCollisionBarrier(**self.chosen),)
 
     def _configured(self, model: pinocchio.Model, task: ObstacleTask) -> Configuration:
         shapes = Shapes(task)

@@ -59,7 +59,7 @@ class PlacoSoft(PlacoAmong):
     name = "placo, soft"
     setting = "soft"
     priority = "soft"
-    chosen: ClassVar[Mapping[str, Any]] = {"margin": 0.02, "trigger": 0.03, "weight": 1.0}
+    chosen: ClassVar[Mapping[str, Any]] = {"margin": 0.03, "trigger": 0.03, "weight": 100.0}
     grid: ClassVar[Mapping[str, Sequence[Any]]] = {
         "margin": (0.01, 0.02, 0.03),
         "trigger": (0.03,),

@@ -17,30 +17,29 @@ from peer_schemes.roboplan_scheme import OInK
 from peer_schemes.scheme import in_the_middle
 from peer_schemes.shapes import Shapes
 
-#: Number of the nearest pairs that have a row.
-PAIRS = 10
-
 
 class OInKAmong(in_the_middle(OInK), ObstacleScheme):
     """OInK, linearised at the middle of the sample, with `SelfCollisionBarrier`."""
 
     name = "OInK"
-    setting = f"SelfCollisionBarrier of {PAIRS} pairs, ProxQP to 1e-9"
-    solver: ClassVar[dict[str, float]] = {"eps_abs": 1e-9, "max_iter": 500}
+    setting = "SelfCollisionBarrier, ProxQP to 1e-9"
+    solver: ClassVar[dict[str, float]] = {"eps_abs": 1e-9, "max_iter": 200}
     chosen: ClassVar[Mapping[str, Any]] = {
-        "gain": 5.0,
+        "n_collision_pairs": 30,
+        "gain": 2.0,
         "d_min": 0.01,
-        "safe_displacement_gain": 0.0,
+        "safe_displacement_gain": 1.0,
     }
     grid: ClassVar[Mapping[str, Sequence[Any]]] = {
-        "gain": (2.0, 5.0),
+        "n_collision_pairs": (10, 30),
+        "gain": (2.0,),
         "d_min": (0.01,),
         "safe_displacement_gain": (0.0, 1.0),
     }
 
     def __init__(self, task: ObstacleTask) -> None:
         super().__init__(task)
-        options = SelfCollisionBarrierOptions(n_collision_pairs=PAIRS, **self.chosen)
+        options = SelfCollisionBarrierOptions(**self.chosen)
         self._barriers.append(SelfCollisionBarrier(self._oink, self._scene, task.period, options))
 
     def _read(self, task: ObstacleTask) -> Scene:

@@ -25,8 +25,7 @@ class Mink(AimedScheme):
 
     def __init__(self, task: Task) -> None:
         super().__init__(task)
-        urdf = without_shapes(task.arm).replace("</robot>", _COMPILER)
-        model = mujoco.MjModel.from_xml_string(urdf)
+        model = self._compiled(without_shapes(task.arm).replace("</robot>", _COMPILER))
         joints = task.arm.joints
         model.jnt_range[:] = np.stack(
             (task.limits.position_lower, task.limits.position_upper), axis=1
@@ -43,6 +42,9 @@ class Mink(AimedScheme):
         self._tasks = (self._frame_task, posture)
         velocity = dict(zip(joints, task.limits.velocity.tolist(), strict=True))
         self._limits = [mink.ConfigurationLimit(model), mink.VelocityLimit(model, velocity)]
+
+    def _compiled(self, urdf: str) -> mujoco.MjModel:
+        return mujoco.MjModel.from_xml_string(urdf)
 
     def pose(self, q: Array) -> tuple[Array, Array]:
         self._configuration.update(q)

@@ -24,6 +24,7 @@ class Pink(AimedScheme):
     setting = "AccelerationLimit, daqp to 1e-11"
     follows_twists = True
     solver: ClassVar[dict[str, float]] = {"primal_tol": 1e-11, "dual_tol": 1e-11}
+    _barriers: tuple[Any, ...] = ()
 
     def __init__(self, task: Task) -> None:
         super().__init__(task)
@@ -32,7 +33,7 @@ class Pink(AimedScheme):
         model.lowerPositionLimit = task.limits.position_lower.copy()
         model.upperPositionLimit = task.limits.position_upper.copy()
         self._frame = task.arm.frame
-        self._configuration = Configuration(model, model.createData(), task.start)
+        self._configuration = self._configured(model, task)
         self._frame_task = FrameTask(
             self._frame, position_cost=1.0, orientation_cost=LEVER if task.oriented else 0.0
         )
@@ -41,6 +42,9 @@ class Pink(AimedScheme):
         self._tasks = self._chosen(self._frame_task, posture)
         self._acceleration = AccelerationLimit(model, task.limits.acceleration)
         self._limits = (ConfigurationLimit(model), VelocityLimit(model), self._acceleration)
+
+    def _configured(self, model: pinocchio.Model, task: Task) -> Configuration:
+        return Configuration(model, model.createData(), task.start)
 
     def _chosen(self, frame: FrameTask, posture: PostureTask) -> tuple[Any, ...]:
         return frame, posture
@@ -62,6 +66,7 @@ class Pink(AimedScheme):
                 task.period,
                 solver="daqp",
                 limits=self._limits,
+                barriers=self._barriers,
                 safety_break=False,
                 **self.solver,
             )

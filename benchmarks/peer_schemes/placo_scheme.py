@@ -22,11 +22,7 @@ class PlacoWithoutAcceleration(AimedScheme):
 
     def __init__(self, task: Task) -> None:
         super().__init__(task)
-        with TemporaryDirectory() as folder:
-            file = Path(folder) / "arm.urdf"
-            file.write_text(without_shapes(task.arm))
-            robot = placo.RobotWrapper(str(file), placo.Flags.ignore_collisions)
-        limits, self._frame = task.limits, task.arm.frame
+        robot, limits, self._frame = self._read(task), task.limits, task.arm.frame
         for joint, *bounds in zip(
             task.arm.joints, limits.position_lower, limits.position_upper, strict=True
         ):
@@ -45,6 +41,12 @@ class PlacoWithoutAcceleration(AimedScheme):
             self._orientation.configure("orientation", "soft", LEVER**2)
         self._posture = self._solver.add_joints_task()
         self._posture.configure("posture", "soft", POSTURE_WEIGHT)
+
+    def _read(self, task: Task) -> placo.RobotWrapper:
+        with TemporaryDirectory() as folder:
+            file = Path(folder) / "arm.urdf"
+            file.write_text(without_shapes(task.arm))
+            return placo.RobotWrapper(str(file), placo.Flags.ignore_collisions)
 
     def pose(self, q: Array) -> tuple[Array, Array]:
         self._robot.state.q[-q.size :] = q

@@ -8,6 +8,7 @@ import numpy as np
 from roboplan.core import CartesianConfiguration, Scene, loadUrdfSceneDescriptionFromXml
 from roboplan.optimal_ik import (
     AccelerationLimit,
+    Barrier,
     ConfigurationTask,
     ConfigurationTaskOptions,
     FrameTask,
@@ -38,8 +39,7 @@ class OInK(AimedScheme):
 
     def __init__(self, task: Task) -> None:
         super().__init__(task)
-        description = loadUrdfSceneDescriptionFromXml(without_shapes(task.arm))
-        self._scene, self._frame = Scene("arm", description), task.arm.frame
+        self._scene, self._frame = self._read(task), task.arm.frame
         settings = OinkSettings()
         for name, value in self.solver.items():
             setattr(settings, name, value)
@@ -62,7 +62,11 @@ class OInK(AimedScheme):
         velocity = VelocityLimit(oink, task.period, task.limits.velocity)
         self._acceleration = AccelerationLimit(oink, task.period, task.limits.acceleration)
         self._limits = [PositionLimit(oink), velocity, self._acceleration]
+        self._barriers: list[Barrier] = []
         self._way = np.zeros(task.arm.n)
+
+    def _read(self, task: Task) -> Scene:
+        return Scene("arm", loadUrdfSceneDescriptionFromXml(without_shapes(task.arm)))
 
     def pose(self, q: Array) -> tuple[Array, Array]:
         X_WE = self._scene.forwardKinematics(q, self._frame)
@@ -74,7 +78,7 @@ class OInK(AimedScheme):
         self._frame_task.setTargetFrameTransform(self._X_target)
         self._acceleration.setLastVelocity(v)
         try:
-            self._oink.solveIk(self._scene, self._tasks, self._limits, self._way)
+            self._oink.solveIk(self._scene, self._tasks, self._limits, self._barriers, self._way)
         except RuntimeError as error:
             raise NoSolutionError from error
         return self._way / self.task.period

@@ -15,7 +15,7 @@ class Tables:
 
     def __init__(self, text):
         self._rows = {}
-        for section in re.split(r"^## ", text, flags=re.MULTILINE):
+        for section in re.split(r"^###? ", text, flags=re.MULTILINE):
             lines = [line for line in section.splitlines() if line.startswith("| ")]
             cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
             for row in cells[1:]:
@@ -91,6 +91,9 @@ def stated(t):
             t.settled(scheme, HELD),
         ]
 
+    def turned_round(scheme):
+        return t.cell("Into walls", scheme, "reversals")
+
     assert cone(PLACO) == cone(POSED)
     assert t.most(PLACO, "jerk") == t.most(OURS, "jerk") == t.most(PINK, "jerk")
     assert (t.most(PLACO, "a / bound"), t.most(PLACO, "failures")) == ("1", "0")
@@ -127,6 +130,7 @@ def stated(t):
         f"exceed the bound {t.most('pink, default tolerance', 'a / bound')} times",
         f"Drake's function {t.most(default, 'a / bound')} times, after which"
         f" {t.most(default, 'failures')} of 20000 samples",
+        f"round {turned_round('mink')} times a second, ours {turned_round('ours: adaptive')} times.",
         f"miss the path by {two(1e-3 * t.error('OInK, default tolerance'))} mm",
     ]
 

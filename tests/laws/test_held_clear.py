@@ -132,7 +132,7 @@ def test_targets_that_jump_among_balls_touch_nothing_and_break_no_bound(seed):
 def test_the_stop_that_was_certified_is_taken_where_nothing_else_is_free(monkeypatch):
     """Even if the program returned the worst corner of its box at every sample."""
     monkeypatch.setattr(held_clear, "within_box", lambda J, b, g, s, low, high: high)
-    monkeypatch.setattr(held_clear, "within_rows", lambda free, J, b, g, s, low, high, rows: high)
+    monkeypatch.setattr(held_clear, "within_rows", lambda v, J, b, g, s, low, high, rows: high)
     clearance = clearance_of()
     motion = moved(adaptive(clearance=clearance), pushed([0, 0, 0]), 3.0)
     assert clearance.least_along(motion.q).min() >= FLOOR
@@ -170,13 +170,15 @@ def test_a_task_that_rows_keep_from_being_done_has_a_price_that_is_bounded():
     J = np.array([[1.0, 1e-3]])
     given = (J, np.array([0.1]), np.zeros(2), 1e-6 * np.eye(1), -np.ones(2), np.ones(2))
     stopped = Rows(np.array([[-1.0, 0.0]]), np.zeros(1))
-    free = within_box(*given)
     assert _solved(*given, stopped)[1] > 0.9
-    assert within_rows(free, *given, stopped) == pytest.approx([0.0, 5e-3], abs=1e-4)
+    # It goes on as it went until now, but for 5 m/s of multiplier at a price of 101.
+    for v in (np.zeros(2), np.array([0.0, 0.3])):
+        expected = [0.0, (100.0 * v[1] + 5e-3) / 101.0]
+        assert within_rows(v, *given, stopped) == pytest.approx(expected, abs=1e-4)
     # Where the row is not in the way, the task is done.
-    assert J @ within_rows(free, *given, Rows(-stopped.A, stopped.c)) == pytest.approx(
-        [0.1], abs=1e-6
-    )
+    done = within_box(*given)
+    assert Rows(-stopped.A, stopped.c).hold(done)
+    assert J @ done == pytest.approx([0.1], abs=1e-6)
 
 
 def test_what_a_law_with_obstacles_cannot_do_is_refused():

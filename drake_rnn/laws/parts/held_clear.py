@@ -204,8 +204,9 @@ class WithinClear:
         if looked is not None:
             known = looked.known
             rows = self._rows(looked, choice, world)
-            found = z if rows is None else within_rows(z, J, b, g, softness, *choice.box, rows)
-            z = choice.first_z if found is None else found
+            if rows is not None and not rows.hold(z):
+                found = within_rows(v, J, b, g, softness, *choice.box, rows)
+                z = choice.first_z if found is None else found
         first, u, held_back = choice.first, choice.chosen(z), kept["held_back"]
         if not self._is_free(q, u, known, stop, world):
             way = (first + share * (u - first) for share in _SHARES)
@@ -240,9 +241,9 @@ class WithinClear:
         return bool((self._reaches @ (leverage * change) > room).any())
 
     def _may_lead(self, q: Array, known: Known, led_away: LedAway) -> bool:
-        """Return whether anything but the arm itself may be within the zone, as far as is known."""
+        """Return whether an obstacle may be within the zone, as far as is known."""
         left = self._left(q, known, np.zeros_like(q))
-        return bool((left[self.clearance.outer] < led_away.zone).any())
+        return bool((left[len(self.clearance.own) :] < led_away.zone).any())
 
     def _looked(self, q: Array, choice: Choice, stop: Stop | BothStop, world: World) -> Looked:
         """Return distances along the full stop, with the slopes of those that may matter."""
@@ -253,9 +254,10 @@ class WithinClear:
         widest = np.maximum(choice.box[1] - choice.first_z, choice.first_z - choice.box[0])
         rate = self.avoidance.approach * world.period
         within = self.avoidance.distance + (leverage * widest) @ self._reaches.T / rate
-        # Where the arm is, joints are led away from what is not the arm itself.
-        zone = -np.inf if self.led_away is None else self.led_away.zone
-        now = np.where(self.clearance.outer, zone, -np.inf)
+        # Where the arm is, joints are led away from obstacles, whose pairs come last.
+        now = np.full(self.clearance.count, -np.inf)
+        if self.led_away is not None:
+            now[len(self.clearance.own) :] = self.led_away.zone
         path = q + np.vstack((np.zeros_like(q), stop.moved(first, k)))
         k_path = np.concatenate(([0.0], k))
         doubt = world.doubt(k_path)

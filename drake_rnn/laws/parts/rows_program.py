@@ -4,6 +4,9 @@ Where a row keeps the arm from its task, what is left of the task's error is lar
 even a joint speed of rad/s that lessens it by a tenth of a millimetre a second pays. So the price
 is bounded there: the multipliers of the task, y = S^-1 (b - J v), are held to a largest size by a
 softer S, as if the error had a price in proportion to itself, not to its square.
+
+Rows come and go from sample to sample, and the velocity with them. So where any is in the way, a
+change of the velocity has a price as well, a hundred times that of a preference.
 """
 
 from __future__ import annotations
@@ -17,6 +20,8 @@ from ...inputs.fields import Array
 
 # By how much a row may be short [rad/s]: rounding errors must not leave a program without solution.
 _SLACK = 1e-7
+# Price of a change of the velocity where rows are in the way, against that of one preferred.
+_CALM = 100.0
 # Largest size of the multipliers of a task that rows keep from being done [rad/s per m/s].
 _DEAREST = 5.0
 
@@ -32,9 +37,13 @@ class Rows(NamedTuple):
     A: Array
     c: Array
 
+    def hold(self, v: Array) -> bool:
+        """Return whether a velocity, shape (n,) [rad/s], is within these bounds."""
+        return bool((self.A @ v >= self.c - _SLACK).all())
+
 
 def within_rows(
-    free: Array,
+    v: Array,
     J: Array,
     b: Array,
     g: Array,
@@ -45,8 +54,10 @@ def within_rows(
 ) -> Array | None:
     """Return the velocity of the program for one robot, shape (n,) [rad/s]; None without one.
 
+    For where the program without rows does not keep them.
+
     Args:
-        free: The velocity of the program without rows, shape (n,) [rad/s].
+        v: The velocity until now, shape (n,) [rad/s].
         J: Jacobian, shape (m, n).
         b: Task velocity, shape (m,).
         g: Preferred joint velocities, shape (n,) [rad/s].
@@ -55,15 +66,16 @@ def within_rows(
         upper: Upper bounds, likewise.
         rows: Further bounds.
     """
-    if (rows.A @ free >= rows.c - _SLACK).all():
-        return free
-    found = _solved(J, b, g, softness, lower, upper, rows)
+    # Preferred velocity and the one until now, at a price of one together.
+    g = (g + _CALM * v) / (1.0 + _CALM)
+    found = _solved(J, b, g, (1.0 + _CALM) * softness, lower, upper, rows)
     if found is None:
         return None
     size = float(np.linalg.norm(np.linalg.solve(softness, b - J @ found)))
     if size <= _DEAREST:
         return found
-    return _solved(J, b, g, softness * (size / _DEAREST), lower, upper, rows)
+    softer = (1.0 + _CALM) * softness * (size / _DEAREST)
+    return _solved(J, b, g, softer, lower, upper, rows)
 
 
 def _solved(

@@ -12,9 +12,9 @@ term                    preferred velocity
 ``manipulability``      weight times the gradient of ln sqrt(det J J^T), which leads away from
                         singular postures
 ``low_acceleration``    all of these, smoothed with this time constant
-``obstacles``           away from obstacles that the law avoids, and from another arm, from 0 at the
-                        edge of a zone to the weight where they touch, as the square of the way
-                        into the zone, along the slope of the distance; not smoothed
+``obstacles``           away from obstacles that the law avoids, along the slope of their distance:
+                        from 0 at the edge of a zone to the weight where they touch, as the square
+                        of the way into the zone; not smoothed
 ======================  ======================================================================
 """
 

@@ -124,15 +124,6 @@ class Clearance:
         )
 
     @cached_property
-    def outer(self) -> NDArray[np.bool_]:
-        """For each pair, whether its other side is no body of the same arm, shape (p,)."""
-        outer = np.ones(self.count, dtype=bool)
-        one, other = self.own.T
-        count = len(self.arm.radii) if self.alone is None else self.alone
-        outer[: len(self.own)] = (one < count) != (other < count)
-        return outer
-
-    @cached_property
     def speeds(self) -> Array:
         """How fast a pair may come nearer by the obstacle's own motion, shape (p,) [m/s]."""
         return self._of_pairs(self.solids.speeds)

@@ -130,7 +130,8 @@ def stated(t):
         f"exceed the bound {t.most('pink, default tolerance', 'a / bound')} times",
         f"Drake's function {t.most(default, 'a / bound')} times, after which"
         f" {t.most(default, 'failures')} of 20000 samples",
-        f"round {turned_round('mink')} times a second, ours {turned_round('ours: adaptive')} times.",
+        f"round {turned_round('mink')} times a second,"
+        f" ours {turned_round('ours: adaptive')} times.",
         f"miss the path by {two(1e-3 * t.error('OInK, default tolerance'))} mm",
     ]
 

@@ -37,6 +37,7 @@ from .pose_sensor import PoseSensor as PoseSensor
 from .sensing_settings import SensingSettings as SensingSettings
 from .spring_contact import SpringContact as SpringContact
 from .tool_force import ToolForce as ToolForce
+from .tunable_controller import TunableController as TunableController
 
 #: Classes of bodies, by an experiment's ``level``.
 BODIES: dict[str, type[Body]] = {body.level: body for body in (IdealArm, PlantArm)}

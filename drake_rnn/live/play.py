@@ -42,7 +42,7 @@ class _Told:
 
 
 class Play:
-    """A session that is played with on a page.
+    """A session that is played with on a page, by the thread that has made this object.
 
     Args:
         session: The session.
@@ -121,19 +121,24 @@ class Play:
 
     def _tell_of_ends(self) -> None:
         """Tell of what ends by itself: a simulation that fails, and a recording that is full."""
-        session = self._session
-        recorded = session.recording is not None and not session.recording.ended
-        if session.failure:
-            self._tell(Reply(f"stopped: {session.failure}", refused=True))
+        recorded = self._is_recording
+        if self._session.failure:
+            self._tell(Reply(f"stopped: {self._session.failure}", refused=True))
         elif self._recorded and not recorded:
             self._tell(Reply("the recording has ended"))
         self._recorded = recorded
+
+    @property
+    def _is_recording(self) -> bool:
+        recording = self._session.recording
+        return recording is not None and not recording.ended
 
     def _listen(self) -> None:
         for name, value in self._lease.taken().items():
             reply = self._saved() if name == _SAVE else self._session.set(name, value)
             if reply.text or not name.startswith(("target", "obstacle")):
                 self._tell(reply)
+        self._recorded = self._is_recording
 
     def _saved(self) -> Reply:
         try:

@@ -230,7 +230,7 @@ window.live = {
   get time() { return live.time; },
   get rate() { return live.rate; },
   get controls() { return panel.controls; },
-  get held() { return wire.key !== ""; },
+  get held() { return Boolean(wire.key); },
   set: (name, value) => wire.set(name, value),
   desired: () => live.desired,
   setView,

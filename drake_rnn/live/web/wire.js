@@ -8,7 +8,8 @@ const HEAD = 4, TAIL = 6;
 const MOVES = ["arm", "desired", "traced", "obstacles", "force"];
 
 const wire = {
-  key: "",
+  // Empty while another page has the controls; null until that is known.
+  key: null,
   waiting: new Map(),
   sending: false,
   sample: null,
@@ -40,7 +41,7 @@ const wire = {
   },
 
   async post(path, body) {
-    const headers = { "Content-Type": "application/json", "X-Key": this.key };
+    const headers = { "Content-Type": "application/json", "X-Key": this.key ?? "" };
     return fetch(path, { method: "POST", headers, body: JSON.stringify(body) });
   },
 

@@ -102,6 +102,11 @@ class Session:
         return self._recording
 
     @property
+    def takeovers(self) -> int:
+        """How often a simulation went on from another one, since the last reset."""
+        return self._count - 1
+
+    @property
     def is_paused(self) -> bool:
         """Whether nothing is simulated."""
         return self._paused
@@ -250,10 +255,10 @@ class Session:
         """Begin again, at rest where the experiment begins."""
         experiment = self.variants.experiment(setup)
         self.hands = Hands(self.variants.experiment(self.variants.base))
-        self._paused, self._failure = False, ""
+        self._paused, self._failure, self._count = False, "", 0
         self._recording: Recording | None = None
         self._begin(self.hands.led(experiment, 0.0), setup, 0.0, None)
-        return "reset" if self._count > 1 else ""
+        return "reset"
 
     def _begin(self, experiment: Experiment, setup: Setup, begin: float, carried: Any) -> None:
         segment = begun(experiment, begin, carried)

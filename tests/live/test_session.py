@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from playing import Watched, play
 
 from drake_rnn import InvalidInputError, load_experiment, simulate
 from drake_rnn.live.session import Session
 from drake_rnn.playback import write_playback
 from drake_rnn.runs.result import Result
+from live_stranger import Watched, play
 
 
 def played(name, changes=None, **options):

@@ -38,13 +38,13 @@ NAMES = (
 MOVED, AWAY = 1e-3, 0.05
 
 
-def print_bounds(seconds: float, seeds: int) -> None:
+def print_bounds(names: list[str], seconds: float, seeds: int) -> None:
     """Print how far bounds were exceeded while controls were set at random."""
     head(
         *("experiment", "simulated [s]", "set", "taken over", "largest jump", "position [rad]"),
         *("velocity", "acceleration", "jerk", "least distance [mm]", "times real time"),
     )
-    for name in NAMES:
+    for name in names:
         excess = dict.fromkeys(("position", "velocity", "acceleration", "jerk"), -np.inf)
         jump, distance, settings, taken, began = 0.0, np.inf, 0, 0, time.perf_counter()
         for seed in range(seeds):
@@ -122,11 +122,12 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0, help="simulated by each session")
     parser.add_argument("--seeds", type=int, default=3, help="sessions of each experiment")
     parser.add_argument("--latency", action="store_true", help="measure answers instead")
+    parser.add_argument("--experiments", default=",".join(NAMES), help="names, with commas")
     asked = parser.parse_args()
     if asked.latency:
         print_latency(10, 20.0)
     else:
-        print_bounds(asked.seconds, asked.seeds)
+        print_bounds(asked.experiments.split(","), asked.seconds, asked.seeds)
 
 
 if __name__ == "__main__":

@@ -21,9 +21,9 @@ def play_live(asked: Live) -> None:
     """Play with an experiment until Ctrl-C."""
     with errors():
         experiment = load_experiment(asked.experiment, changes_of(asked.changes, asked.seed))
+        session = Session(experiment, asked.obstacle_speed)
         require_writable(asked.out_folder)
         with status(f"{experiment.name}: making the page"):
-            session = Session(experiment, asked.obstacle_speed)
             play = Play(session, asked.host, asked.port, _Saving(asked.out_folder))
     for warning in session.warnings:
         err.print(f"[yellow]warning[/] {escape(warning)}")

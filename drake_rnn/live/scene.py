@@ -11,6 +11,7 @@ import numpy as np
 from pydrake.geometry import Meshcat, MeshcatParams
 from pydrake.math import RigidTransform, RotationMatrix
 
+from ..errors import InvalidInputError
 from ..experiment import Experiment
 from ..inputs.fields import Array
 from ..playback.force_arrow import arrow_of
@@ -39,6 +40,9 @@ class LiveScene:
     Args:
         experiment: The experiment.
         host: Address to listen at.
+
+    Raises:
+        InvalidInputError: If it cannot listen there.
     """
 
     def __init__(self, experiment: Experiment, host: str) -> None:
@@ -48,8 +52,13 @@ class LiveScene:
         drawn = self._scene.drawn
         drawn.draw(experiment.start, 0.0)
         self._bodies = [b for b in drawn.bodies if not drawn.plant.IsAnchored(b)]
-        with quiet_drake(logging.WARNING):
-            self._live = Meshcat(MeshcatParams(host=host, port=0, show_stats_plot=False))
+        try:
+            with quiet_drake(logging.WARNING):
+                self._live = Meshcat(MeshcatParams(host=host, port=0, show_stats_plot=False))
+        except RuntimeError:
+            raise InvalidInputError(
+                f"--host {host}: must be an address of this machine, and its port free"
+            ) from None
 
     @property
     def port(self) -> int:

@@ -149,6 +149,26 @@ class Run(Planned):
 
 
 @options
+class Live(Changed):
+    """Play with an experiment in a browser while it runs, at the rate of real time."""
+
+    experiment: One
+    seed: Seed = None
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the page; 0 for any.")] = 8040
+    host: Annotated[
+        str, typer.Option(help="Address to listen at; other machines reach any but localhost.")
+    ] = "localhost"
+    obstacle_speed: Annotated[
+        float,
+        typer.Option(
+            min=0.0,
+            metavar="SPEED",
+            help="Speed of obstacles that are dragged, where they have none [m/s]; 0 for none.",
+        ),
+    ] = 0.1
+
+
+@options
 class Fastest(Changed):
     """Run a path as fast as the limits on all derivatives allow."""
 

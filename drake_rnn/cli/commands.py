@@ -46,6 +46,7 @@ for _name, _place, _options in (
     ("paths", "catalogue:list_paths", asked.Paths),
     ("arm", "describing:describe_arm", asked.Arm),
     ("run", "running:run", asked.Run),
+    ("live", "live:play_live", asked.Live),
     ("fastest", "running:run_fastest", asked.Fastest),
     ("sweep", "sweeping:sweep", asked.Sweep),
     ("campaign", "campaigning:campaign", asked.Campaign),

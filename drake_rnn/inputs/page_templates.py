@@ -7,10 +7,10 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 
-def page_templates(folder: Path) -> Environment:
-    """Return the templates in a folder; they escape values, and refuse names without a value."""
+def page_templates(*folders: Path) -> Environment:
+    """Return the templates in folders; they escape values, and refuse names without a value."""
     return Environment(
-        loader=FileSystemLoader(folder),
+        loader=FileSystemLoader(folders),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

@@ -95,6 +95,17 @@ class Recorder:
         times = self._logs[0].sample_times()[:count]
         return Steps(times, rows, self._layout, self._origin)
 
+    def taken(self) -> Steps:
+        """Return the steps since the last call, of which only the last is kept for the next one.
+
+        They begin with the last step of the call before, and what is returned does not change.
+        """
+        with signals_held():
+            steps = self.steps
+            if steps.time.size:
+                self._drop(steps, steps.time.size - 1)
+            return Steps(steps.time.copy(), steps.rows, steps.layout, steps.origin)
+
     def _make_room(self) -> None:
         # An interrupt in this block could make steps count twice or not at all.
         with signals_held():

@@ -69,17 +69,27 @@ def record_arrow(
         points: Point of contact in each frame, shape (f, 3) [m].
         forces: Force on the tool in each frame, shape (f, 3) [N].
     """
-    reference = reference_force(contact)
     for frame, (point, force) in enumerate(zip(points, forces, strict=True)):
-        size = float(np.linalg.norm(force))
-        seen = size > _NONE * contact.desired_force
-        direction = force / size if seen else contact.normal
-        recording.SetTransform(frame, "/force", RigidTransform(_along(direction, contact), point))
-        length = max(size / reference, _NONE)
-        # A short arrow is slim as well.
-        width = min(length, 1.0)
-        recording.SetProperty(frame, "/force", "scale", [width, width, length])
+        R, scale, seen = arrow_of(contact, force)
+        recording.SetTransform(frame, "/force", RigidTransform(R, point))
+        recording.SetProperty(frame, "/force", "scale", scale)
         recording.SetProperty(frame, "/force", "visible", seen)
+
+
+def arrow_of(contact: ReplayedContact, force: Array) -> tuple[RotationMatrix, list[float], bool]:
+    """Return the orientation, the scale, and whether there is an arrow for a force.
+
+    Args:
+        contact: The contact, which sets the scale.
+        force: Force on the tool, shape (3,) [N].
+    """
+    size = float(np.linalg.norm(force))
+    seen = size > _NONE * contact.desired_force
+    direction = force / size if seen else contact.normal
+    length = max(size / reference_force(contact), _NONE)
+    # A short arrow is slim as well.
+    width = min(length, 1.0)
+    return _along(direction, contact), [width, width, length], seen
 
 
 def _along(direction: Array, contact: ReplayedContact) -> RotationMatrix:

@@ -54,6 +54,11 @@ def record_obstacles(recording: MeshcatAnimation, experiment: Experiment, times:
         move(recording, f"/obstacles/{number}", pose.translation() + p_WO[:, m])
 
 
+def pose_of(obstacle: Obstacle) -> RigidTransform:
+    """Return the pose at which an obstacle is drawn, where it begins."""
+    return _drawn(obstacle)[1]
+
+
 def _drawn(obstacle: Obstacle) -> tuple[Shape, RigidTransform]:
     """Return an obstacle's shape and pose."""
     if isinstance(obstacle, BallObstacle):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,37 @@ _SMALL = 0.3
 _OCCUPIED = 1000
 
 
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A motion's arm, surroundings and paths, drawn where the motion begins.
+
+    Attributes:
+        meshcat: Meshcat with the scene.
+        motion: The motion.
+        beside: Motions whose paths are drawn beside it.
+        drawn: Its arm.
+        second: Another arm beside it; None without one.
+        paths: The paths.
+        size: Largest extent [m].
+        capsules: Scene paths of the arms' capsules.
+    """
+
+    meshcat: Meshcat
+    motion: ReplayedMotion
+    beside: Sequence[ReplayedMotion]
+    drawn: DrawnArm
+    second: SecondArm | None
+    paths: DrawnPaths
+    size: float
+    capsules: list[str]
+
+    def as_data(self) -> dict[str, Any]:
+        """Return what the page's picture is drawn with."""
+        units = {"prefixes": PREFIXES, "prefixed": PREFIXED_UNITS, "least": LEAST}
+        seen = _seen(self.motion, self.beside, self.paths, self.size)
+        return {"size": self.size, "units": units, "capsules": self.capsules, **seen}
+
+
 def make_page(
     motion: ReplayedMotion,
     rate: int,
@@ -47,6 +79,32 @@ def make_page(
     Args:
         motion: The motion to replay.
         rate: Frame rate [1/s].
+        beside: Motions whose paths are drawn beside those of ``motion``.
+    """
+    scene = make_scene(motion, beside)
+    duration = max(each.duration for each in (motion, *beside))
+    frames = np.arange(math.ceil(duration * rate - 1e-6) + 1) / rate
+    _record(scene, frames, rate)
+    title = " beside ".join(name_of(each.result) for each in (motion, *beside))
+    data = {
+        "duration": duration,
+        "rate": rate,
+        "window": _window(motion),
+        "curves": [curve.as_data(frames) for curve in curves_of(motion)],
+        **scene.as_data(),
+    }
+    outcome = outcome_of(motion.result)
+    if beside:
+        # Numbers, curves and verdict belong to the run whose arm is shown.
+        outcome["summary"] = f"{name_of(motion.result)}: {outcome['summary']}"
+    return rendered(title, recorded(scene.meshcat.StaticHtml()), outcome, data)
+
+
+def make_scene(motion: ReplayedMotion, beside: Sequence[ReplayedMotion] = ()) -> Scene:
+    """Return the scene of a motion, without its animation.
+
+    Args:
+        motion: The motion.
         beside: Motions whose paths are drawn beside those of ``motion``.
     """
     experiment = motion.result.experiment
@@ -67,25 +125,7 @@ def make_page(
     if second is not None:
         capsules += second.draw_capsules()
     paths.draw(floor)
-    duration = max(each.duration for each in (motion, *beside))
-    frames = np.arange(math.ceil(duration * rate - 1e-6) + 1) / rate
-    _record(meshcat, motion, frames, rate, drawn, second, paths)
-    title = " beside ".join(name_of(each.result) for each in (motion, *beside))
-    data = {
-        "duration": duration,
-        "rate": rate,
-        "size": size,
-        "window": _window(motion),
-        "units": {"prefixes": PREFIXES, "prefixed": PREFIXED_UNITS, "least": LEAST},
-        "capsules": capsules,
-        "curves": [curve.as_data(frames) for curve in curves_of(motion)],
-        **_seen(motion, beside, paths, size),
-    }
-    outcome = outcome_of(motion.result)
-    if beside:
-        # Numbers, curves and verdict belong to the run whose arm is shown.
-        outcome["summary"] = f"{name_of(motion.result)}: {outcome['summary']}"
-    return rendered(title, recorded(meshcat.StaticHtml()), outcome, data)
+    return Scene(meshcat, motion, beside, drawn, second, paths, size, capsules)
 
 
 def _seen(
@@ -141,24 +181,17 @@ def _drawn_paths(
     return PathsOnSurface(meshcat, motion, contact, boxes)
 
 
-def _record(
-    meshcat: Meshcat,
-    motion: ReplayedMotion,
-    time: Array,
-    rate: int,
-    drawn: DrawnArm,
-    second: SecondArm | None,
-    paths: DrawnPaths,
-) -> None:
+def _record(scene: Scene, time: Array, rate: int) -> None:
     """Record the animation, ``time`` of each frame [s], and publish it in the scene."""
+    meshcat, motion = scene.meshcat, scene.motion
     meshcat.StartRecording(frames_per_second=rate, set_visualizations_while_recording=False)
     for frame, q in enumerate(motion.at(time, motion.position)):
         # Drake rounds a time down to a frame: half a frame later, it finds the right one.
-        drawn.draw(q, (frame + 0.5) / rate)
-    if second is not None:
-        second.record(time, rate)
+        scene.drawn.draw(q, (frame + 0.5) / rate)
+    if scene.second is not None:
+        scene.second.record(time, rate)
     recording = meshcat.get_mutable_recording()
-    paths.record(recording, time)
+    scene.paths.record(recording, time)
     begin = float(motion.result.time[0])
     record_obstacles(recording, motion.result.experiment, begin + time)
     # The page has a clock of its own.

@@ -10,8 +10,12 @@ from .. import colours
 from ..inputs.page_templates import page_templates
 from .recorded import Recorded
 
-# The scripts in the order in which they run; they share one scope.
-_SCRIPTS = ("numbers.js", "scene.js", "camera.js", "picture.js", "chart.js", "player.js", "main.js")
+#: The folder of the page's files.
+WEB = Path(__file__).parent / "web"
+#: The scripts of any page with such a picture and chart, in the order in which they run; they share
+#: one scope. Those of a playback come behind them.
+SCRIPTS = ("numbers.js", "scene.js", "camera.js", "picture.js", "chart.js", "looks.js")
+_OF_PLAYBACK = ("player.js", "main.js")
 
 
 def rendered(
@@ -25,7 +29,12 @@ def rendered(
         outcome: The outcome of the run, from `outcome_of`.
         data: The data that the page's scripts read.
     """
-    page = page_templates(Path(__file__).parent / "web").get_template("page.html.jinja")
+    page = page_templates(WEB).get_template("page.html.jinja")
     return page.render(
-        title=title, scene=scene, outcome=outcome, data=data, scripts=_SCRIPTS, colours=colours
+        title=title,
+        scene=scene,
+        outcome=outcome,
+        data=data,
+        scripts=SCRIPTS + _OF_PLAYBACK,
+        colours=colours,
     )

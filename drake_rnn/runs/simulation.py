@@ -81,7 +81,7 @@ def check_experiment(
     warnings = list(experiment.warnings) if in_reach else check_reach(experiment)
     builder = DiagramBuilder()
     loops = _add_loops(builder, experiment, None)
-    _start(loops, _built(builder, experiment).CreateDefaultContext())
+    start_laws(loops, _built(builder, experiment).CreateDefaultContext())
     return warnings
 
 
@@ -124,7 +124,7 @@ def simulate(
     found = [forecasts(each) for each in (experiment, experiment.second) if each is not None]
     simulator, loops, recorder = recorded_simulator(experiment)
     root, loop = simulator.get_mutable_context(), loops[0]
-    _start(loops, root)
+    start_laws(loops, root)
     evaluation = Evaluations(experiment, loops, period)
     recorder.watch(simulator, evaluation.take, PART)
     if progress is not None:
@@ -341,14 +341,22 @@ def build_simulator(experiment: Experiment, law: Law | None = None) -> tuple[Sim
 
 
 def recorded_simulator(
-    experiment: Experiment, law: Law | None = None
+    experiment: Experiment, law: Law | None = None, controller: Controller | None = None
 ) -> tuple[Simulator, tuple[Loop, ...], Recorder]:
     """Return what `build_simulator` does, with the loop of each arm, and a recorder of the diagram.
 
     The recorder does not watch yet.
+
+    Args:
+        experiment: The experiment.
+        law: Law to run instead of the experiment's own.
+        controller: Controller to run instead of one of that law, for a single arm.
     """
     builder = DiagramBuilder()
-    loops = _add_loops(builder, experiment, law)
+    if controller is None:
+        loops = _add_loops(builder, experiment, law)
+    else:
+        loops = (_add_experiment(builder, experiment, controller),)
     ports = _recorded(loops[0])
     if len(loops) > 1:
         ports |= {PREFIX + name: port for name, port in _recorded(loops[1]).items()}
@@ -403,7 +411,7 @@ def _stops(experiment: Experiment) -> list[float]:
     return [*(t for t in experiment.desired.knots(end).tolist() if 0 < t < end), end]
 
 
-def _start(loops: Sequence[Loop], root: Context) -> None:
+def start_laws(loops: Sequence[Loop], root: Context) -> None:
     """Set the laws' initial states, which may depend on a ``J`` they cannot see, and try them."""
     for loop in loops:
         J_port = loop.kinematics.GetOutputPort("J")

@@ -38,6 +38,7 @@ from .sensing_settings import SensingSettings as SensingSettings
 from .spring_contact import SpringContact as SpringContact
 from .target_source import TargetSource as TargetSource
 from .tool_force import ToolForce as ToolForce
+from .tunable_controller import TunableController as TunableController
 
 #: Classes of bodies, by an experiment's ``level``.
 BODIES: dict[str, type[Body]] = {body.level: body for body in (IdealArm, PlantArm)}

@@ -7,7 +7,7 @@ from types import NoneType
 from typing import ClassVar, Literal, get_args
 
 import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from ..environments import ENVIRONMENTS, Surface
 from ..errors import InvalidInputError
@@ -89,6 +89,17 @@ class Body(Diagram):
     def tick(self) -> float | None:
         """Time for which the joint velocity is held [s]; None if it is the commanded one."""
         return None
+
+    def set_motion(self, context: Context, q: Array, v: Array) -> None:
+        """Set positions and velocities of the joints, shape (n,) each, of an arm that has its own.
+
+        An arm that is always where it is commanded to be has none.
+
+        Args:
+            context: Context of this body.
+            q: Positions [rad].
+            v: Velocities [rad/s].
+        """
 
     def remedy(self, joint: int, off: float) -> str:
         """Return a remedy for a joint that is far from its command, as a part of a sentence.

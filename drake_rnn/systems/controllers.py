@@ -241,16 +241,7 @@ class SampledController(Controller):
         require_type("law", law, Law)
         if not isinstance(period, Real) or not (period > 0 and isfinite(period)):
             raise InvalidInputError(f"period: must be a positive time [s], not {short(period)}")
-        reading = sampled_reading(law, period)
-        if reading.integration_scheme not in GetIntegrationSchemes():
-            raise InvalidInputError(
-                f"{type(reading).__name__}.integration_scheme: must be one of Drake's, not "
-                f"{reading.integration_scheme!r}; "
-                + nearest(reading.integration_scheme, GetIntegrationSchemes())
-            )
-        require_type("safety", safety, Safety, NoneType)
-        if safety is not None:
-            reading = safety.around(reading, period)
+        reading = read_sampled(law, period, safety)
         super().__init__(law, reading, seed)
         self.period = period
         self._step: Any = unchecked(reading.step)
@@ -286,13 +277,17 @@ class SampledController(Controller):
     def _update(self, context: Context, state: DiscreteValues) -> None:
         self._write(state, self._next(context))
 
+    def _stepping(self, context: Context) -> Any:
+        """Return the method of the reading that makes a step."""
+        return self._step
+
     def _next(self, context: Context) -> Array:
         """Return the law's state after the sample that is due."""
         # A copy, so that a law that modifies its arguments cannot change the context.
         x = self._read_state(context)
         t, u = context.get_time(), self.signals(context)
         try:
-            x = self._step(t, x, u, self.period)
+            x = self._stepping(context)(t, x, u, self.period)
         except (SimulationError, KeyboardInterrupt):
             raise
         except BaseException as error:
@@ -300,6 +295,23 @@ class SampledController(Controller):
         if not is_sound(x, self._state_shape):
             self._require_sound("step", "", x, context)
         return np.asarray(x)
+
+
+def read_sampled(law: Law, period: float, safety: Safety | None) -> SampledReading:
+    """Return the reading of a law that a clock steps, with what is kept of its command around it.
+
+    Raises:
+        InvalidInputError: If there is none at this period, or nothing can be kept of its command.
+    """
+    reading = sampled_reading(law, period)
+    if reading.integration_scheme not in GetIntegrationSchemes():
+        raise InvalidInputError(
+            f"{type(reading).__name__}.integration_scheme: must be one of Drake's, not "
+            f"{reading.integration_scheme!r}; "
+            + nearest(reading.integration_scheme, GetIntegrationSchemes())
+        )
+    require_type("safety", safety, Safety, NoneType)
+    return reading if safety is None else safety.around(reading, period)
 
 
 class ContinuousController(Controller):

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.controllers import InverseDynamics
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import Context, DiagramBuilder
 from pydrake.systems.primitives import MatrixGain, Multiplexer
 
 from ..environments import ContactModel, Surface
 from ..errors import InvalidInputError
+from ..inputs.fields import Array
 from ..robot.arm import Arm
 from ..robot.tool import Tool
 from .body import Body, Feedback
@@ -58,6 +59,17 @@ class PlantArm(Body):
     def tick(self) -> float | None:
         """Time step of the plant [s]."""
         return self.settings.time_step
+
+    def set_motion(self, context: Context, q: Array, v: Array) -> None:
+        """See `Body.set_motion`."""
+        plant = self.plant
+        mine = self.GetMutableSubsystemContext(plant, context)
+        velocities = plant.GetVelocities(mine)
+        for name, velocity in zip(self.arm.joints, v, strict=True):
+            velocities[plant.GetJointByName(name).velocity_start()] = velocity
+        positions: Any = self.arm.posture(plant, q)
+        plant.SetPositions(mine, positions)
+        plant.SetVelocities(mine, velocities)
 
     def remedy(self, joint: int, off: float) -> str:
         """See `Body.remedy`."""

@@ -2,6 +2,9 @@
 
 const MARGINS = { left: 74, right: 24, top: 12, bottom: 22 };
 
+/** Times at the left and at the right end of the chart [s]. */
+const span = { from: 0, to: data.duration || 1 };
+
 const curves = data.curves.map((curve) => {
   const numbers = { time: unpacked(curve.time), values: unpacked(curve.values) };
   if (curve.desired) numbers.desired = unpacked(curve.desired);
@@ -86,7 +89,7 @@ const chart = {
 
   timeAt(x) {
     const { left, width } = this.frame();
-    return clamp((x - left) / width, 0, 1) * data.duration;
+    return span.from + clamp((x - left) / width, 0, 1) * (span.to - span.from);
   },
 
   /** Draws curve and axes only when they change, and the cursor over them. */
@@ -113,7 +116,7 @@ const chart = {
 
   drawCursor(context, paint) {
     const { left, top, width, height } = this.frame();
-    const x = left + (width * this.time) / (data.duration || 1);
+    const x = left + (width * (this.time - span.from)) / (span.to - span.from);
     context.strokeStyle = paint("ink");
     context.lineWidth = 1.5;
     context.beginPath();
@@ -187,7 +190,7 @@ function drawCurve(context, curve, frame, paint) {
   const place = range.log ? (v) => Math.log10(v / range.low) / Math.log10(range.high / range.low)
     : (v) => (v - range.low) / (range.high - range.low);
   const toY = (v) => top + height * (1 - clamp(v > 0 || !range.log ? place(v) : 0, -0.02, 1.02));
-  const toX = (t) => left + (width * t) / (data.duration || 1);
+  const toX = (t) => left + (width * (t - span.from)) / (span.to - span.from);
   context.font = "12px system-ui, sans-serif";
   drawAxes(context, curve, range, frame, { toX, toY, paint });
   context.save();
@@ -223,7 +226,7 @@ function drawAxes(context, curve, range, { left, top, width, height }, { toX, to
   }
   context.textAlign = "center";
   context.textBaseline = "top";
-  for (const tick of ticksOf({ low: 0, high: data.duration || 1 }, Math.max(2, Math.floor(width / 90)))) {
+  for (const tick of ticksOf({ low: span.from, high: span.to }, Math.max(2, Math.floor(width / 90)))) {
     context.fillText(`${parseFloat(tick.toPrecision(6))} s`, toX(tick), top + height + 6);
   }
   if (curve.bound !== null && curve.bound <= range.high && curve.bound >= range.low) {

@@ -1,0 +1,104 @@
+"""What a page may send, and what comes of anything else."""
+
+import json
+import math
+import random
+
+import numpy as np
+import pytest
+
+from drake_rnn import InvalidInputError, load_experiment
+from drake_rnn.live.controls import Button, Choice, Handle, Slider, Switch, read_message
+from drake_rnn.live.session import Session
+
+CONTROLS = {
+    "gain": Slider("gain", 0.1, 10.0, 1.0),
+    "on": Switch("on", False),
+    "law": Choice("law", ("one", "two"), "one"),
+    "press": Button("press"),
+    "point": Handle("point", (0.0, 0.0, 0.0), 1.0, "/place"),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "read"),
+    [
+        ("gain", 2, 2.0),
+        ("gain", -1e300, 0.1),
+        ("gain", 1e300, 10.0),
+        ("on", True, True),
+        ("law", "two", "two"),
+        ("press", None, None),
+        ("point", [0.1, 0.2, 0.3], [0.1, 0.2, 0.3]),
+        ("point", [0.0, 3.0, 4.0], [0.0, 0.6, 0.8]),
+        ("point", [1e308, 0.0, 0.0], [1.0, 0.0, 0.0]),
+    ],
+)
+def test_what_is_sent_is_brought_within_its_ends(name, value, read):
+    found = read_message(CONTROLS, name, value)
+    assert found == pytest.approx(read) if isinstance(read, (float, list)) else found is read
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("gain", math.nan),
+        ("gain", math.inf),
+        ("gain", True),
+        ("gain", "2"),
+        ("gain", 10**400),
+        ("on", 1),
+        ("law", "three"),
+        ("law", ["one"]),
+        ("press", 0),
+        ("point", [0.0, 1.0]),
+        ("point", [0.0, 1.0, math.nan]),
+        ("point", {"x": 1}),
+        ("other", 1.0),
+        ("__class__", 1.0),
+        (None, None),
+        (["gain"], 1.0),
+    ],
+)
+def test_anything_else_is_refused(name, value):
+    with pytest.raises(InvalidInputError):
+        read_message(CONTROLS, name, value)
+
+
+def junk(rng):
+    return rng.choice(
+        [
+            math.nan,
+            math.inf,
+            -(10**400),
+            1e308,
+            -0.0,
+            True,
+            None,
+            "law",
+            "\x00" * 50,
+            [],
+            [math.nan] * 3,
+            [1e308] * 3,
+            ["a"] * 3,
+            {"a": [1]},
+            [[[[[]]]]],
+        ]
+    )
+
+
+def test_a_thousand_messages_of_junk_break_nothing():
+    session = Session(load_experiment("slc_nephroid_known"))
+    rng = random.Random(0)
+    names = [*session.controls(), "save", "exec", "", "law.", "law.limits", "law.home"]
+    names = [name for name in names if name not in ("pause", "level", "law", "learned", "noise")]
+    refused = 0
+    for k in range(1000):
+        name, value = rng.choice(names), junk(rng)
+        refused += session.set(name, value).refused
+        if k % 50 == 0:
+            session.advance()
+            assert session.failure == ""
+    assert refused > 600
+    assert np.isfinite(session.position()).all()
+    json.dumps({name: each.as_data() for name, each in session.controls().items()}, allow_nan=False)

@@ -1,0 +1,133 @@
+"""The live page in a browser: dragged, set, switched, recorded and saved."""
+
+import re
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+
+import pytest
+
+from browsing import DESKTOP, PHONE, ask, messages, set_size, wait_for
+from drake_rnn.film.browser import open_browser, require_browser
+from drake_rnn.runs.result import Result
+
+_LOCAL = ["--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE localhost"]
+
+
+@contextmanager
+def playing(name, folder):
+    """Yield the address of a page of an experiment that runs, until Ctrl-C, which ends it well."""
+    command = [sys.executable, "-m", "drake_rnn", "live", name, "--port", "0", "--out", str(folder)]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+    process = subprocess.Popen(command, **pipes)
+    try:
+        line = process.stdout.readline()
+        yield re.search(r"http://\S+", line)[0]
+    finally:
+        process.send_signal(signal.SIGINT)
+        said, _ = process.communicate(timeout=60)
+    assert process.returncode == 0, said
+    assert "ended" in said
+
+
+@contextmanager
+def page(url):
+    require_browser()
+    with open_browser(DESKTOP, _LOCAL) as browser:
+        browser.get(url)
+        assert wait_for(lambda: ask(browser, "Boolean(window.live && live.ready)"), 60.0)
+        yield browser
+
+
+def drag(browser, by):
+    """Drag the target by pixels, as a mouse does."""
+    browser.execute_script(
+        """
+        const pane = document.getElementById("meshcat-pane"), box = pane.getBoundingClientRect();
+        const knob = viewer.scene_tree.find(["desired", "point"]).object;
+        const at = knob.getWorldPosition(viewer.camera.position.clone()).project(viewer.camera);
+        const x = box.left + (0.5 + at.x / 2) * box.width;
+        const y = box.top + (0.5 - at.y / 2) * box.height;
+        const tell = (kind, dx, dy) => pane.dispatchEvent(new PointerEvent(kind, {
+          bubbles: true, pointerId: 1, button: 0, buttons: 1, clientX: x + dx, clientY: y + dy }));
+        pane.setPointerCapture = () => {};
+        tell("pointerdown", 0, 0);
+        tell("pointermove", arguments[0] / 2, arguments[1] / 2);
+        tell("pointermove", arguments[0], arguments[1]);
+        tell("pointerup", arguments[0], arguments[1]);
+        """,
+        *by,
+    )
+
+
+def control(browser, name):
+    """Return what a control is set to."""
+    return ask(browser, "live.controls[arguments[0]]?.value", name)
+
+
+def press(browser, selector):
+    browser.execute_script("document.querySelector(arguments[0]).click()", selector)
+
+
+_SLIDE = """
+  const range = document.querySelector("[data-control='law.kappa']");
+  range.value = 800;
+  for (const kind of ["input", "change"]) range.dispatchEvent(new Event(kind));"""
+_CHOOSE = """
+  const select = document.querySelector("[data-control='law']");
+  select.value = arguments[0];
+  select.dispatchEvent(new Event("change"));"""
+
+
+@pytest.mark.long
+def test_everything_is_done_on_the_page(tmp_path):
+    with playing("slc_nephroid_known", tmp_path) as url, page(url) as browser:
+        assert wait_for(lambda: ask(browser, "live.held"))
+        press(browser, "[data-press=stop]")
+        time.sleep(1.5)
+        before = ask(browser, "live.desired()")
+        drag(browser, (90, -60))
+        assert wait_for(lambda: max(map(_far, before, ask(browser, "live.desired()"))) > 0.03)
+
+        press(browser, "#record")
+        assert wait_for(lambda: control(browser, "record"))
+        browser.execute_script(_SLIDE)
+        assert wait_for(lambda: control(browser, "law.kappa") > 10.0)
+        time.sleep(1.0)
+        press(browser, "[data-press=save]")
+        said = "document.getElementById('said').textContent"
+        assert wait_for(lambda: ask(browser, said).startswith("saved"), 90.0)
+        folder = tmp_path / "slc_nephroid_known_live_1"
+        assert Result.load(folder).time[-1] > 0.3
+        assert (folder / "playback.html").exists()
+
+        options = ask(browser, "live.controls.law.options")
+        law = next(each for each in options if each != control(browser, "law"))
+        browser.execute_script(_CHOOSE, law)
+        assert wait_for(lambda: control(browser, "law") == law)
+        press(browser, "[data-press=reset]")
+        assert wait_for(lambda: ask(browser, "live.time") < 3.0)
+
+        set_size(browser, PHONE)
+        press(browser, "#details")
+        wide = "document.documentElement.scrollWidth <= document.documentElement.clientWidth"
+        assert ask(browser, wide)
+        assert not messages(browser)
+
+
+@pytest.mark.long
+def test_a_second_page_watches_and_cannot_set(tmp_path):
+    with playing("adaptive_nephroid", tmp_path) as url, page(url) as browser:
+        assert wait_for(lambda: ask(browser, "live.held"))
+        browser.switch_to.new_window("window")
+        browser.get(url)
+        assert wait_for(lambda: ask(browser, "Boolean(window.live && live.ready)"), 60.0)
+        assert not ask(browser, "live.held")
+        assert ask(browser, "document.getElementById('panel').disabled")
+        assert ask(browser, "!document.getElementById('lent').hidden")
+
+
+def _far(one, other):
+    return abs(one - other)

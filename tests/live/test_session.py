@@ -1,0 +1,186 @@
+"""An experiment that is played with keeps its bounds, and is itself while nobody touches it."""
+
+import numpy as np
+import pytest
+
+from drake_rnn import InvalidInputError, load_experiment, simulate
+from drake_rnn.live.session import Session
+from drake_rnn.playback import write_playback
+from drake_rnn.runs.result import Result
+from live_stranger import Watched, play
+
+
+def played(name, changes=None, **options):
+    return Session(load_experiment(name, changes), **options)
+
+
+def advanced(session, seconds):
+    for _ in range(round(seconds / 0.02)):
+        session.advance()
+    return session
+
+
+@pytest.mark.parametrize("name", ["slc_nephroid_known", "adaptive_nephroid"])
+def test_untouched_it_is_the_run_to_the_last_bit(name):
+    session, found = played(name), []
+    session.watch = lambda segment, steps: found.append((steps.time[1:], steps.series("position")))
+    advanced(session, 0.4)
+    run = simulate(load_experiment(name, {"duration": 0.4, "log_period": 1e-3}))
+    q = np.concatenate([each[1:] for _, each in found])
+    assert np.array_equal(q, run.series["position"][1:])
+
+
+def kept(session, watched):
+    assert watched.jump == 0.0
+    assert watched.excess["position"] <= 1e-9
+    assert watched.excess["velocity"] <= 1e-9
+    assert watched.excess["acceleration"] <= 1e-9
+    assert watched.excess["jerk"] <= 1e-9
+
+
+@pytest.mark.parametrize("name", ["slc_nephroid_known", "adaptive_jerk"])
+def test_bounds_hold_whatever_is_set(name):
+    session = played(name)
+    watched = Watched(session)
+    assert play(session, 1.6, seed=5, switches=1.0) > 5
+    kept(session, watched)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize(
+    "name", ["slc_nephroid_known", "adaptive_nephroid", "adaptive_pose", "adaptive_jerk"]
+)
+def test_bounds_hold_for_long_whatever_is_set(name, seed):
+    session = played(name)
+    watched = Watched(session)
+    play(session, 20.0, seed)
+    kept(session, watched)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["adaptive_moving_obstacle", "slc_nephroid_guarded"])
+def test_nothing_touches_the_moving_arm_wherever_obstacles_are_dragged(name):
+    session = played(name)
+    watched = Watched(session)
+    play(session, 15.0, seed=1)
+    kept(session, watched)
+    assert watched.distance >= 0.005 - 1e-9
+
+
+def test_a_law_takes_over_with_the_velocity_of_the_last_one():
+    session = played("slc_nephroid_known")
+    watched = Watched(session)
+    session.set("target", [0.4, 0.3, 0.4])
+    advanced(session, 0.6)
+    before = session.controls()["law"].value
+    other = next(law for law in session.controls()["law"].options if law != before)
+    assert session.set("law", other).text == f"law: {other}"
+    assert session.controls()["law"].value == other
+    session.set("level", "dynamic")
+    advanced(session, 0.2)
+    kept(session, watched)
+    # The arm with motors went on with the command's velocity.
+    assert session.numbers()["velocity_ratio"] > 0.1
+
+
+def test_a_learned_jacobian_is_forgotten_and_learned_again_in_flight():
+    session = advanced(played("adaptive_nephroid"), 1.0)
+    watched = Watched(session)
+    assert session.numbers()["jacobian_error"] < 1.0
+    session.set("reset J", None)
+    assert session.numbers()["jacobian_error"] > 1.0
+    session.set("target", [0.3, 0.1, 0.5])
+    advanced(session, 1.0)
+    assert session.numbers()["jacobian_error"] < 1.0
+    kept(session, watched)
+
+
+def test_the_force_is_led_to_what_is_set():
+    session = advanced(played("motion_force_cat"), 0.1)
+    session.set("force", 0.2)
+    advanced(session, 0.8)
+    assert session.numbers()["force_desired"] == pytest.approx(0.2)
+    assert session.numbers()["force"] == pytest.approx(0.2, rel=0.05)
+    session.set("target", [0.5, 0.5, 1.0])
+    advanced(session, 0.3)
+    # The target is dragged along the surface alone.
+    p = session.hands.target.position(session.time)[0]
+    assert p[2] == pytest.approx(session.hands.target.own.position(0.0)[0][2], abs=1e-12)
+
+
+def test_gains_change_between_samples_and_reset_brings_them_back():
+    session = played("slc_nephroid_known")
+    session.set("law.kappa", 20.0)
+    advanced(session, 0.1)
+    assert session.controls()["law.kappa"].value == 20.0
+    session.set("reset", None)
+    assert session.controls()["law.kappa"].value == 4.0
+    assert session.time == 0.0
+    assert np.array_equal(session.position(), session.experiment.start)
+
+
+def test_what_is_saved_is_a_result_that_loads_and_plays(tmp_path):
+    session = advanced(played("slc_nephroid_known"), 0.2)
+    with pytest.raises(InvalidInputError, match="record first"):
+        session.recorded()
+    session.set("record", True)
+    session.set("target", [0.25, 0.1, 0.5])
+    advanced(session, 0.4)
+    session.set("law.kappa", 8.0)
+    advanced(session, 0.2)
+    begin = session.recording.begin
+    q = session.position().copy()
+    saved = session.recorded()
+    saved.save(tmp_path / "live")
+    loaded = Result.load(tmp_path / "live")
+    assert loaded.time[0] == 0.0
+    assert loaded.time[-1] == pytest.approx(0.6)
+    assert np.array_equal(loaded.series["position"][-1], q)
+    assert loaded.metrics["acceleration_violation_max_rad_s2"] < 1e-9
+    assert any("law.kappa = 8" in warning for warning in loaded.warnings)
+    desired = session.hands.target.position(begin + 0.3)[0]
+    assert loaded.series["p_WE_desired"][30] == pytest.approx(desired, abs=1e-12)
+    # Its document leads along the same points.
+    assert loaded.experiment.desired.position(0.3)[0] == pytest.approx(desired, abs=1e-4)
+    assert write_playback(loaded, tmp_path / "playback.html").stat().st_size > 1e6
+
+
+def test_a_switch_ends_the_recording_which_is_kept():
+    session = played("adaptive_nephroid")
+    session.set("record", True)
+    advanced(session, 0.1)
+    session.set("noise", True)
+    assert session.recording.ended
+    assert not session.controls()["record"].value
+    advanced(session, 0.1)
+    assert session.recorded().time[-1] == pytest.approx(0.1)
+
+
+def test_a_pause_stops_time_and_nothing_else():
+    session = advanced(played("slc_nephroid_known"), 0.1)
+    session.set("pause", True)
+    advanced(session, 1.0)
+    assert session.time == pytest.approx(0.1)
+    session.set("pause", False)
+    advanced(session, 0.02)
+    assert session.time == pytest.approx(0.12)
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "why"),
+    [
+        ("slc_nephroid_continuous", None, "give a period"),
+        ("adaptive_two_arms", None, "a single arm"),
+        ("horizon_circle", None, "known ahead"),
+    ],
+)
+def test_what_cannot_be_played_with_is_refused(name, changes, why):
+    with pytest.raises(InvalidInputError, match=why):
+        played(name, changes)
+
+
+def test_where_nothing_keeps_the_bounds_nothing_is_switched():
+    session = played("chain_circle")
+    assert not {"law", "level", "learned", "noise"} & session.controls().keys()
+    assert any("live:" in warning for warning in session.warnings)

@@ -75,12 +75,13 @@ def check_experiment(
             when it is tried at the start, or the run would take very many steps.
     """
     require_type("experiment", experiment, Experiment)
+    _simulated(experiment)
     if not anyway:
         check_effort(experiment, stored_period(experiment, series))
     warnings = list(experiment.warnings) if in_reach else check_reach(experiment)
     builder = DiagramBuilder()
     loops = _add_loops(builder, experiment, None)
-    _start(loops, _built(builder, experiment).CreateDefaultContext())
+    start_laws(loops, _built(builder, experiment).CreateDefaultContext())
     return warnings
 
 
@@ -116,14 +117,14 @@ def simulate(
     if progress is not None and not callable(progress):
         raise InvalidInputError(f"progress: must be a function of time, not {short(progress)}")
     period = stored_period(experiment, series)
-    experiment = thinned(experiment, period)
+    experiment = _simulated(thinned(experiment, period))
     if not anyway:
         check_effort(experiment, period)
     started = time.perf_counter()
     found = [forecasts(each) for each in (experiment, experiment.second) if each is not None]
     simulator, loops, recorder = recorded_simulator(experiment)
     root, loop = simulator.get_mutable_context(), loops[0]
-    _start(loops, root)
+    start_laws(loops, root)
     evaluation = Evaluations(experiment, loops, period)
     recorder.watch(simulator, evaluation.take, PART)
     if progress is not None:
@@ -144,6 +145,16 @@ def simulate(
         context = loop.controller.GetMyContextFromRoot(root)
         result.timings["control_step_us"] = _step_cost(loop.controller, context)
     return result
+
+
+def _simulated(experiment: Experiment) -> Experiment:
+    """Return an experiment, or raise an InvalidInputError if only a robot can move its arm."""
+    if not experiment.level.is_simulated:
+        raise InvalidInputError(
+            f"level: {experiment.document.level} is for `drake-rnn drive`, which moves a robot; a "
+            "run without one is at level: kinematic or dynamic"
+        )
+    return experiment
 
 
 def _advance(simulator: Simulator, experiment: Experiment) -> tuple[float, SimulationError | None]:
@@ -399,7 +410,7 @@ def _stops(experiment: Experiment) -> list[float]:
     return [*(t for t in experiment.desired.knots(end).tolist() if 0 < t < end), end]
 
 
-def _start(loops: Sequence[Loop], root: Context) -> None:
+def start_laws(loops: Sequence[Loop], root: Context) -> None:
     """Set the laws' initial states, which may depend on a ``J`` they cannot see, and try them."""
     for loop in loops:
         J_port = loop.kinematics.GetOutputPort("J")

@@ -31,7 +31,7 @@ from .drive import (
     RobotStatus as RobotStatus,
     RobotTask as RobotTask,
     SimulatedIiwa as SimulatedIiwa,
-    drive as drive,
+    drive_experiment as drive_experiment,
     drive_diagram as drive_diagram,
     driven_experiment as driven_experiment,
     lock_step as lock_step,

@@ -22,7 +22,7 @@ from ..drive import (
     IiwaLcm,
     SimulatedIiwa,
     connected,
-    drive,
+    drive_experiment,
     driven_experiment,
 )
 from ..errors import InvalidInputError
@@ -51,14 +51,16 @@ def drive_robot(asked: Drive) -> None:
         )
         if asked.dry:
             robot = FollowingRobot(_posture(asked.begin, experiment), IIWA.period)
-            _print_sent(drive(experiment, IIWA, robot, settings, say=_say).driven, experiment)
+            _print_sent(
+                drive_experiment(experiment, IIWA, robot, settings, say=_say).driven, experiment
+            )
             return
         if asked.begin is not None:
             raise InvalidInputError("--from: only with --dry; a robot tells where it stands")
         require_writable(folder)
         connection = IiwaLcm(connected(asked.url))
         with _stop_asked() as told:
-            result, driven = drive(
+            result, driven = drive_experiment(
                 experiment, IIWA, connection, settings, say=_say, is_told_to_stop=told
             )
         write_result(result, folder, Pictures(asked.figures, asked.playback))

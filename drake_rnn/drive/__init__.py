@@ -1,7 +1,11 @@
 """Robots behind messages: what drives them, what stops them, and one to try it on."""
 
 from .connection import Connection as Connection, RobotStatus as RobotStatus
-from .driving import DrivenRun as DrivenRun, drive as drive, drive_diagram as drive_diagram
+from .driving import (
+    DrivenRun as DrivenRun,
+    drive_experiment as drive_experiment,
+    drive_diagram as drive_diagram,
+)
 from .faults import Faults as Faults
 from .following_robot import FollowingRobot as FollowingRobot
 from .iiwa_lcm import IiwaLcm as IiwaLcm, connected as connected

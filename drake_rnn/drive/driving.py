@@ -43,7 +43,7 @@ class DrivenRun(NamedTuple):
     driven: Driven
 
 
-def drive(
+def drive_experiment(
     experiment: Experiment,
     robot: Robot,
     connection: Connection,
@@ -114,7 +114,7 @@ def drive_diagram(
         is_told_to_stop: Whether somebody wants it to end; asked in every cycle.
 
     Raises:
-        InvalidInputError, RobotError: As `drive` does.
+        InvalidInputError, RobotError: As `drive_experiment` does.
     """
     settings = DriveSettings() if settings is None else settings
     return Session(task, robot, connection, settings, say, is_told_to_stop).drive()

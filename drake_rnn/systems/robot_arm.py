@@ -22,8 +22,8 @@ class RobotArm(Body):
 
     Arguments and ports are those of `Body`. Between two steps of a simulator the holder of the
     connection writes what the robot has measured (`measure`), advances the simulator to the
-    robot's time, and sends what is then commanded (`command`); `drake_rnn.drive` does so for
-    experiments, and `drake_rnn.drive_diagram` for a diagram of your own. Until it is told
+    robot's time, and sends what is then commanded (`command`); `drake_rnn.drive_experiment` does
+    so for experiments, and `drake_rnn.drive_diagram` for a diagram of your own. Until it is told
     something else, the arm rests at its start.
     """
 

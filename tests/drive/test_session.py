@@ -7,13 +7,13 @@ import pytest
 from drive_helpers import PERIOD, Scripted, derivatives, known
 
 from drake_rnn import Result
-from drake_rnn.drive import IIWA, DriveSettings, drive
+from drake_rnn.drive import IIWA, DriveSettings, drive_experiment
 from drake_rnn.errors import RobotError
 
 
 def driven(robot, duration=1.2, settings=None, **asked):
     said = []
-    run = drive(known(duration), IIWA, robot, settings, say=said.append, **asked)
+    run = drive_experiment(known(duration), IIWA, robot, settings, say=said.append, **asked)
     return run, said
 
 

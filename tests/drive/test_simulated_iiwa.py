@@ -6,7 +6,7 @@ from drake import lcmt_iiwa_command
 from drive_helpers import derivatives, known, simulated
 from pydrake.lcm import DrakeLcm
 
-from drake_rnn.drive import IIWA, Faults, IiwaLcm, drive
+from drake_rnn.drive import IIWA, Faults, IiwaLcm, drive_experiment
 from drake_rnn.drive.iiwa_lcm import COMMAND, connected, encoded_command
 from drake_rnn.errors import RobotError
 
@@ -56,7 +56,7 @@ def test_messages_are_those_of_the_driver_and_others_are_noticed():
 
 def test_a_limit_stop_is_noticed_by_the_lag():
     connection, _ = simulated(known(), faults=Faults(deaf=np.inf, at=0.4))
-    result, driven = drive(known(), IIWA, connection)
+    result, driven = drive_experiment(known(), IIWA, connection)
     assert driven.stopped.watch == "lag"
     assert result.status == "failed"
     assert derivatives(driven.log, "run")[1] <= 1.0 + 1e-4
@@ -66,7 +66,7 @@ def test_a_limit_stop_is_noticed_by_the_lag():
 def test_an_experiment_is_followed_as_in_simulation():
     experiment = known(10.0)
     connection, _ = simulated(experiment, off=0.1)
-    result, driven = drive(experiment, IIWA, connection)
+    result, driven = drive_experiment(experiment, IIWA, connection)
     (measured_rms, measured_max), (commanded_rms, commanded_max) = path_errors(result, 5.0)
     assert measured_max <= 2e-3
     # The same law at level: kinematic: 0.29 and 0.51 mm.
@@ -76,7 +76,7 @@ def test_an_experiment_is_followed_as_in_simulation():
     approach = driven.log.of("approach")["position_sent"]
     assert np.abs(approach[-1] - experiment.start).max() <= 1e-6
     # Straight after it, the second run starts as well as the first.
-    again, _ = drive(experiment, IIWA, connection)
+    again, _ = drive_experiment(experiment, IIWA, connection)
     np.testing.assert_allclose(path_errors(again, 5.0)[1], path_errors(result, 5.0)[1], rtol=0.01)
 
 
@@ -95,7 +95,7 @@ SUDDEN = {
 @pytest.mark.parametrize("name", SUDDEN)
 def test_every_fault_ends_at_rest(name):
     connection, robot = simulated(known(), faults=Faults(at=0.4, **SUDDEN[name]))
-    result, driven = drive(known(), IIWA, connection)
+    result, driven = drive_experiment(known(), IIWA, connection)
     assert driven.stopped.watch == {"stall": "silence", "clock back": "clock"}.get(name, name)
     assert driven.rested <= 0.6
     assert result.status == "failed"
@@ -111,7 +111,7 @@ def test_every_fault_ends_at_rest(name):
 def test_lost_and_overtaken_messages_cost_accuracy_but_no_bound(share):
     experiment = known(10.0)
     connection, _ = simulated(experiment, faults=Faults(**{share: 0.05}))
-    result, driven = drive(experiment, IIWA, connection)
+    result, driven = drive_experiment(experiment, IIWA, connection)
     assert driven.stopped is None
     assert derivatives(driven.log, "run")[1] <= 1.0 + 1e-4
     assert path_errors(result, 5.0)[0][1] <= 6e-3

@@ -169,7 +169,9 @@ class Processes:
         self._thread = threading.Thread(target=self._listen)
         self._thread.start()
         quiet = ("--no-figures", "--no-playback", "--duration", "4", "--out", str(folder))
-        self.drive = self._begin("drive", EXPERIMENT, *quiet, "--wait", "20")
+        patient = ("--wait", "20", "--late", str(late), "--silence", str(late))
+        self._said: list[str] = []
+        self.drive = self._begin("drive", EXPERIMENT, *quiet, *patient)
 
     def _begin(self, *arguments: str) -> subprocess.Popen:
         line = [sys.executable, "-m", "drake_rnn", *arguments, "--url", self._url]

@@ -28,6 +28,8 @@ from ..drive import (
 from ..errors import InvalidInputError
 from ..experiment import Experiment
 from ..inputs.complaints import nearest
+from ..inputs.dataclass_fields import field_names, fields_of
+from ..inputs.documents import construct
 from ..inputs.fields import Array
 from .asked import Drive, ServeRobot
 from .changing import changes_of, require_writable
@@ -46,9 +48,8 @@ def drive_robot(asked: Drive) -> None:
         changes = changes_of(asked.changes, duration=asked.duration)
         experiment = driven_experiment(asked.experiment, IIWA, changes)
         folder = asked.out_folder / experiment.name
-        settings = DriveSettings(
-            **_given(silence=asked.silence, late=asked.late, lag=asked.lag, contact=asked.wait)
-        )
+        given = {"silence": asked.silence, "late": asked.late, "lag": asked.lag}
+        settings = construct(DriveSettings, _given(**given, contact=asked.wait), "")
         if asked.dry:
             robot = FollowingRobot(_posture(asked.begin, experiment), IIWA.period)
             _print_sent(
@@ -82,19 +83,10 @@ def serve_robot(asked: ServeRobot) -> None:
     """Simulate a robot behind its messages, in real time, until it is told to end."""
     with errors():
         _require_known(asked.robot)
-        faults = Faults(
-            delay=asked.delay,
-            loss=asked.loss,
-            reorder=asked.reorder,
-            noise=asked.noise,
-            at=asked.at,
-            stall=asked.stall,
-            silence=asked.silence,
-            deaf=np.inf if asked.limit_stop else 0.0,
-            clock=asked.clock,
-            nan=asked.nan,
-            beyond=asked.beyond,
-        )
+        names = [name for name in field_names(Faults) if name != "deaf"]
+        wrong = {name: fields_of(asked)[name] for name in names}
+        deaf = np.inf if asked.limit_stop else 0.0
+        faults = construct(Faults, wrong | {"deaf": deaf}, "")
         start = None if asked.begin is None else _numbers(asked.begin)
         robot = SimulatedIiwa(connected(asked.url), start, faults, asked.seed)
         out.print(escape(f"{asked.robot}: simulated at {asked.url}; Ctrl-C ends it"))

@@ -41,6 +41,8 @@ class Approach:
         self._guard = Guard(law, period, begin)
         self._start, self.period = task.start, period
 
+    held = 0.0
+
     @property
     def arrived(self) -> bool:
         """Whether the joints are commanded to rest at the start."""

@@ -48,14 +48,13 @@ class DrivenLaw(RobotTask):
         super().__init__(simulator, arm, document.duration, period, experiment.clearance)
         self._began = time.perf_counter()
 
-    def motion(self) -> tuple[Array, Array, Array]:
-        """See `RobotTask.motion`; the last sample's acceleration if the law bounds the jerk."""
-        position, velocity, acceleration = super().motion()
+    def _accelerated(self, velocity: Array, since: float) -> Array:
+        """See `RobotTask._accelerated`; the last sample's if the law bounds the jerk."""
         controller = self._loop.controller
-        if "a" in controller.reading.state and self._loop.filter is None:
-            context = controller.GetMyContextFromRoot(self._simulator.get_context())
-            acceleration = controller.reading.state.part(controller.state(context), "a")
-        return position, velocity, acceleration
+        if "a" not in controller.reading.state or self._loop.filter is not None:
+            return super()._accelerated(velocity, since)
+        context = controller.GetMyContextFromRoot(self._simulator.get_context())
+        return controller.reading.state.part(controller.state(context), "a")
 
     def result(self, told: Signals, status: Status, failure: str) -> Result:
         """Return the result of the run.

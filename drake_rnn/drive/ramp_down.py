@@ -26,6 +26,7 @@ class RampDown:
         limits: Limits to stop within.
         hardest: Largest accelerations that the robot may be told, shape (n,) [rad/s^2].
         period: Time of a step of the law [s].
+        held: Time for which the law still holds its velocity [s].
     """
 
     def __init__(
@@ -36,13 +37,15 @@ class RampDown:
         limits: JointLimits,
         hardest: Array,
         period: float,
+        *,
+        held: float = 0.0,
     ) -> None:
-        self._q, self._v, self._period = position, velocity, period
+        self._q, self._v, self._period = position + held * velocity, velocity, period
         self._jerk = limits.jerk
         self._most = _braking(position, velocity, limits, hardest, period)
         self._a = np.clip(acceleration, -self._most, self._most)
         # Time by which the last step is ahead of what was asked for.
-        self._ahead = 0.0
+        self._ahead = held
 
     @property
     def rests(self) -> bool:

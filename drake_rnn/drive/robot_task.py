@@ -12,6 +12,9 @@ from ..robot.clearance import Clearance
 from ..robot.limits import JointLimits
 from ..systems import RobotArm
 
+# Times that differ by less are one [s].
+_SAME = 1e-9
+
 
 class RobotTask:
     """A diagram that moves a robot.
@@ -45,8 +48,9 @@ class RobotTask:
         arm.arm.limits.require("acceleration", "coming to rest")
         self._simulator, self._body = simulator, arm
         self.duration, self.period, self.clearance = duration, period, clearance
-        self._before: tuple[float, Array] = (0.0, np.zeros(arm.arm.n))
-        self._acceleration = np.zeros(arm.arm.n)
+        at_rest = np.zeros(arm.arm.n)
+        self._motion: tuple[Array, Array, Array] = (arm.start, at_rest, at_rest)
+        self._advanced = 0.0
         simulator.Initialize()
 
     @property
@@ -85,20 +89,29 @@ class RobotTask:
         Raises:
             SimulationError: If a law in the diagram fails.
         """
+        # A time that ends a sample does so exactly, or Drake would begin the next one.
+        samples = round(until / self.period)
+        if abs(until - samples * self.period) < _SAME:
+            until = samples * self.period
         root = self._simulator.get_mutable_context()
         self._body.measure(root, position, velocity)
         self._simulator.AdvanceTo(until)
         command, speed = self._body.command(root)
-        since = until - self._before[0]
-        if since > 0.0:
-            self._acceleration = (speed - self._before[1]) / since
-            self._before = until, speed
+        if (since := until - self._advanced) > 0.0:
+            acceleration = self._accelerated(speed, since)
+            self._motion, self._advanced = (command, speed, acceleration), until
         return command
 
-    def motion(self) -> tuple[Array, Array, Array]:
-        """Return what is commanded now: position, velocity, acceleration, shape (n,) each.
+    @property
+    def held(self) -> float:
+        """Time for which the velocity is still held [s]."""
+        samples = self._advanced / self.period
+        return float((np.ceil(samples - 1e-9) - samples) * self.period)
 
-        The acceleration is the mean since the last call of `advance`.
-        """
-        position, velocity = self._body.command(self._simulator.get_context())
-        return position, velocity, self._acceleration
+    def motion(self) -> tuple[Array, Array, Array]:
+        """Return what `advance` has led to: position, velocity, acceleration, shape (n,) each."""
+        return self._motion
+
+    def _accelerated(self, velocity: Array, since: float) -> Array:
+        """Return the acceleration that has led to a velocity: the mean over a time [s]."""
+        return np.asarray((velocity - self._motion[1]) / since)

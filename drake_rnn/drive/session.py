@@ -86,6 +86,10 @@ class Session:
         self._last: RobotStatus
         self._sent: Array
         self._sent_at: float
+        # What moves it, and the motion that was commanded last.
+        self._moved: Approach | RobotTask
+        self._motion: tuple[Array, Array, Array]
+        self._held = 0.0
 
     def drive(self) -> Driven:
         """Bring the robot to the start, let it do its task, and bring it to rest.
@@ -99,19 +103,22 @@ class Session:
         self._sent = _held(status)
         approach = Approach(task, self._settings, self._sent, connection.period)
         self._begin(status)
+        self._moved, self._motion = approach, approach.motion()
         stopped: StopError | None = None
-        moved: Approach | RobotTask = approach
-        try:
-            with _without_collection():
+        with _without_collection():
+            try:
                 self._go(approach)
-                moved = task
+                self._moved = task
                 self._run()
-        except StopError as error:
-            stopped = error
-            self._say(f"stopped by {stopped}")
-        began = connection.now()
-        ramp = RampDown(*moved.motion(), moved.limits, self._hardest, moved.period)
-        rested = self._stop(ramp) - began
+            except StopError as error:
+                stopped = error
+                self._say(f"stopped by {stopped}")
+            except BaseException:
+                # Whatever it is, the robot comes to rest first.
+                self._stop()
+                raise
+            began = connection.now()
+            rested = self._stop() - began
         self._say(f"at rest {rested:.3g} s later")
         cycles = self._cycles
         return Driven(self._log, self._origin, stopped, rested, cycles.lost, cycles.late)
@@ -174,16 +181,19 @@ class Session:
     def _send(self, phase: Phase, cycle: Cycle, command: Array) -> None:
         if phase != "stop":
             self._watches.may_be_sent(command, self._sent, cycle.passed)
+            self._motion, self._held = self._moved.motion(), self._moved.held
         self._connection.send(command, cycle.time)
         self._cycles.answered()
         self._sent, self._sent_at = command, self._connection.now()
         self._log.add(phase, cycle, command, self._sent_at)
 
-    def _stop(self, ramp: RampDown) -> float:
+    def _stop(self) -> float:
         """Bring the robot to rest, whatever it tells; return when it was commanded to [s].
 
         After a time without commands it stands already, where it was commanded to be last.
         """
+        moved = self._moved
+        ramp = RampDown(*self._motion, moved.limits, self._hardest, moved.period, held=self._held)
         rested, stayed = np.nan, 0
         for _ in range(_LONGEST):
             cycle = self._cycles.whatever_comes()

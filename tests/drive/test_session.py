@@ -5,10 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from drive_helpers import PERIOD, Scripted, derivatives, known
+from pydrake.symbolic import Variable, cos, sin
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import SymbolicVectorSystem
 
-from drake_rnn import Result
+from drake_rnn import Result, RobotArm, RobotTask, SimulationError, drive_diagram, load_arm
 from drake_rnn.drive import IIWA, DriveSettings, drive_experiment
+from drake_rnn.drive.driven_law import DrivenLaw
 from drake_rnn.errors import RobotError
+
+IIWA_ARM = load_arm("iiwa14")
+T = Variable("t")
+HOME = IIWA_ARM.home.tolist()
+SWING = [HOME[0] + 0.1 * (1 - cos(2 * T)), *(q + 0 * T for q in HOME[1:])]
+RATE = [0.2 * sin(2 * T), *(0 * T for _ in HOME[1:])]
 
 
 def driven(robot, duration=1.2, settings=None, **asked):
@@ -152,3 +163,73 @@ def test_a_start_that_is_not_reached_in_time_ends_in_a_stop():
     assert made.stopped.watch == "approach"
     assert result.record["until_s"] == 0.0
     assert derivatives(made.log)[1] <= 0.5 + 1e-6
+
+
+def fails(task, until):
+    raise SimulationError("the law failed", until)
+
+
+def jumps(task, until):
+    return task.start + 0.5
+
+
+@pytest.mark.parametrize(
+    ("watch", "wrong", "sentence"),
+    [
+        ("law", fails, "the law failed"),
+        ("command", jumps, "is to move by"),
+    ],
+)
+def test_a_law_that_goes_wrong_is_stopped_from_what_was_sent_last(
+    monkeypatch, watch, wrong, sentence
+):
+    right = DrivenLaw.advance
+
+    def advance(task, until, position, velocity):
+        return right(task, until, position, velocity) if until < 0.6 else wrong(task, until)
+
+    monkeypatch.setattr(DrivenLaw, "advance", advance)
+    robot = Scripted(known().start)
+    (result, made), _ = driven(robot)
+    assert made.stopped.watch == watch
+    assert sentence in result.failure
+    speed, acceleration = derivatives(made.log)
+    assert speed <= 0.5 * (1 + 1e-9)
+    assert acceleration <= 1.0 + 1e-4
+
+
+def test_a_diagram_of_ones_own_drives_a_robot():
+    builder = DiagramBuilder()
+    arm = builder.AddNamedSystem("arm", RobotArm(IIWA_ARM))
+    # A joint that swings: q = q0 + 0.1 (1 - cos 2t).
+    swing = builder.AddSystem(SymbolicVectorSystem(time=T, output=SWING))
+    rate = builder.AddSystem(SymbolicVectorSystem(time=T, output=RATE))
+    builder.Connect(swing.get_output_port(), arm.GetInputPort("position_commanded"))
+    builder.Connect(rate.get_output_port(), arm.GetInputPort("velocity_commanded"))
+    task = RobotTask(Simulator(builder.Build()), arm, duration=1.0, period=1e-3)
+    robot = Scripted(arm.start)
+    made = drive_diagram(task, IIWA, robot)
+    assert made.stopped is None
+    run = made.log.of("run")
+    t = run["time"] - made.origin
+    expected = arm.start[0] + 0.1 * (1 - np.cos(2 * t))
+    np.testing.assert_allclose(run["position_sent"][:, 0], expected, atol=1e-9)
+    # It was at full speed; the arm's own limit of the acceleration brings it to rest.
+    assert not (robot.sent[-1] - robot.sent[-2]).any()
+
+
+def test_what_nobody_foresaw_still_brings_the_robot_to_rest(monkeypatch):
+    right = DrivenLaw.advance
+
+    def advance(task, until, position, velocity):
+        if until > 0.6:
+            raise KeyboardInterrupt
+        return right(task, until, position, velocity)
+
+    monkeypatch.setattr(DrivenLaw, "advance", advance)
+    robot = Scripted(known().start)
+    with pytest.raises(KeyboardInterrupt):
+        driven(robot)
+    velocity = np.diff(robot.sent, axis=0) / PERIOD
+    assert np.abs(np.diff(velocity, axis=0)).max() / PERIOD <= 1.0 + 1e-4
+    assert not velocity[-1].any()

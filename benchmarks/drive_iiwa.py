@@ -166,7 +166,7 @@ class Processes:
         self._lcm = connected(url)
         self.heard = Heard(self._lcm, time.monotonic)
         self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._listen)
+        self._thread = threading.Thread(target=self._listen, daemon=True)
         self._thread.start()
         quiet = ("--no-figures", "--no-playback", "--duration", "4", "--out", str(folder))
         patient = ("--wait", "20", "--late", str(late), "--silence", str(late))
@@ -220,7 +220,8 @@ def in_processes(url: str, repeats: int, late: float) -> None:
                 elif name == "drive told to end":
                     processes.drive.send_signal(signal.SIGINT)
                 said = processes.end()
-                stops = [line for line in said.splitlines() if line.startswith("stopped by")]
+                told = ("stopped by ", "failed ")
+                stops = [line for line in said.splitlines() if line.startswith(told)]
                 rest = f"{processes.heard.rest_after(fault):.2f}"
                 row(
                     name,

@@ -18,6 +18,24 @@ from .campaigns import (
 )
 from .campaigns.sweep import sweep as sweep
 from .diagrams import AddLoop as AddLoop, Loop as Loop, wiring_graph as wiring_graph
+from .drive import (
+    IIWA as IIWA,
+    Connection as Connection,
+    Driven as Driven,
+    DrivenRun as DrivenRun,
+    DriveSettings as DriveSettings,
+    Faults as Faults,
+    FollowingRobot as FollowingRobot,
+    IiwaLcm as IiwaLcm,
+    Robot as Robot,
+    RobotStatus as RobotStatus,
+    RobotTask as RobotTask,
+    SimulatedIiwa as SimulatedIiwa,
+    drive_experiment as drive_experiment,
+    drive_diagram as drive_diagram,
+    driven_experiment as driven_experiment,
+    lock_step as lock_step,
+)
 from .environments import (
     ENVIRONMENTS as ENVIRONMENTS,
     ContactModel as ContactModel,
@@ -30,6 +48,7 @@ from .environments import (
 from .errors import (
     DrakeRnnError as DrakeRnnError,
     InvalidInputError as InvalidInputError,
+    RobotError as RobotError,
     SimulationError as SimulationError,
 )
 from .experiment import (
@@ -156,6 +175,7 @@ from .systems import (
     PathSource as PathSource,
     PlantArm as PlantArm,
     PlantSettings as PlantSettings,
+    RobotArm as RobotArm,
     SampledController as SampledController,
     SensingSettings as SensingSettings,
     SensorSettings as SensorSettings,

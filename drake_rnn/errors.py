@@ -31,3 +31,7 @@ class SimulationError(DrakeRnnError, RuntimeError):
 
 class InterruptedRunError(SimulationError):
     """A run that was interrupted from the keyboard."""
+
+
+class RobotError(DrakeRnnError, RuntimeError):
+    """A robot that cannot be driven as it was found; nothing was commanded."""

@@ -55,6 +55,8 @@ for _name, _place, _options in (
     ("plot", "again:plot", asked.Plot),
     ("replay", "again:replay", asked.Replay),
     ("film", "filming:film", asked.Film),
+    ("drive", "driving:drive_robot", asked.Drive),
+    ("robot", "driving:serve_robot", asked.ServeRobot),
     ("new", "new:new", asked.New),
     ("claims", "claims:show_claims", asked.ShowClaims),
     ("report", "report:report", asked.Report),

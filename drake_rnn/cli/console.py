@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from ..errors import DrakeRnnError, InterruptedRunError, SimulationError
+from ..errors import DrakeRnnError, InterruptedRunError, RobotError, SimulationError
 from .statuses import BAD_INPUT, FAILED, INTERRUPTED, NOT_MET
 
 # Width of tables in a pipe or a file [characters].
@@ -31,7 +31,7 @@ def errors() -> Iterator[None]:
     except InterruptedRunError as error:
         err.print(escape(str(error)))
         raise typer.Exit(INTERRUPTED) from error
-    except SimulationError as error:
+    except (SimulationError, RobotError) as error:
         err.print(f"[red]failed[/] {escape(str(error))}")
         raise typer.Exit(FAILED) from error
     except (DrakeRnnError, OSError) as error:

@@ -39,6 +39,9 @@ Playback = Annotated[bool, typer.Option(help="Write playback.html.")]
 #: Each run of several at a time is made by a process of its own, of some 200 MB.
 MOST_JOBS = 256
 Jobs = Annotated[int, typer.Option(min=1, max=MOST_JOBS, help="Number of parallel runs.")]
+#: Where messages go by default: to this machine and no further.
+URL = "udpm://239.255.76.67:7699?ttl=0"
+Url = Annotated[str, typer.Option(metavar="URL", help="Address of the messages (LCM).")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print only warnings and errors.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print metrics and verdicts as JSON only.")]
 DryRun = Annotated[

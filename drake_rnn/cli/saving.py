@@ -51,7 +51,8 @@ def write_result(
                 err.print(f"[yellow]warning[/] {escape(f'second: {warning}')}")
         out.print(metrics_table(result.second))
     cost = result.timings["wall_time_s"]
-    out.print(f"time      {result.record['until_s']:g} s simulated in {cost:.3g} s")
+    how = "simulated" if result.experiment.level.is_simulated else "driven"
+    out.print(f"time      {result.record['until_s']:g} s {how} in {cost:.3g} s")
     interrupted: KeyboardInterrupt | None = None
     with filled(folder, result.record):
         # What was computed is kept; pictures can be made again.

@@ -76,6 +76,7 @@ def check_experiment(
             when it is tried at the start, or the run would take very many steps.
     """
     require_type("experiment", experiment, Experiment)
+    _simulated(experiment)
     if not anyway:
         check_effort(experiment, stored_period(experiment, series))
     warnings = list(experiment.warnings) if in_reach else check_reach(experiment)
@@ -117,7 +118,7 @@ def simulate(
     if progress is not None and not callable(progress):
         raise InvalidInputError(f"progress: must be a function of time, not {short(progress)}")
     period = stored_period(experiment, series)
-    experiment = thinned(experiment, period)
+    experiment = _simulated(thinned(experiment, period))
     if not anyway:
         check_effort(experiment, period)
     started = time.perf_counter()
@@ -145,6 +146,16 @@ def simulate(
         context = loop.controller.GetMyContextFromRoot(root)
         result.timings["control_step_us"] = _step_cost(loop.controller, context)
     return result
+
+
+def _simulated(experiment: Experiment) -> Experiment:
+    """Return an experiment, or raise an InvalidInputError if only a robot can move its arm."""
+    if not experiment.level.is_simulated:
+        raise InvalidInputError(
+            f"level: {experiment.document.level} is for `drake-rnn drive`, which moves a robot; a "
+            "run without one is at level: kinematic or dynamic"
+        )
+    return experiment
 
 
 def _advance(simulator: Simulator, experiment: Experiment) -> tuple[float, SimulationError | None]:

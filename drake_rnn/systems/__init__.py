@@ -34,6 +34,7 @@ from .path_source import PathSource as PathSource
 from .plant_arm import PlantArm as PlantArm
 from .plant_settings import PlantSettings as PlantSettings
 from .pose_sensor import PoseSensor as PoseSensor
+from .robot_arm import RobotArm as RobotArm
 from .sensing_settings import SensingSettings as SensingSettings
 from .spring_contact import SpringContact as SpringContact
 from .target_source import TargetSource as TargetSource
@@ -41,4 +42,4 @@ from .tool_force import ToolForce as ToolForce
 from .tunable_controller import TunableController as TunableController
 
 #: Classes of bodies, by an experiment's ``level``.
-BODIES: dict[str, type[Body]] = {body.level: body for body in (IdealArm, PlantArm)}
+BODIES: dict[str, type[Body]] = {body.level: body for body in (IdealArm, PlantArm, RobotArm)}

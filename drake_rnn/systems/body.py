@@ -56,6 +56,8 @@ class Body(Diagram):
     surfaces: ClassVar[type[Surface]]
     #: Whether motors with limited torque move the arm.
     has_motors: ClassVar[bool]
+    #: Whether a simulator alone can move the arm.
+    is_simulated: ClassVar[bool] = True
 
     def __init__(
         self,
@@ -75,7 +77,8 @@ class Body(Diagram):
         self.contact = contact
         require_type("settings", settings, PlantSettings, NoneType)
         self.check_plant(settings, None)
-        self.settings = PlantSettings() if settings is None and self.has_motors else settings
+        has_plant = self.has_motors and self.is_simulated
+        self.settings = PlantSettings() if settings is None and has_plant else settings
         self.kinematics = arm.kinematics()
         builder = DiagramBuilder()
         self._build(builder)

@@ -1,0 +1,76 @@
+"""The way of the joints to the start of a run, within bounds and clear of the arm itself."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..inputs.fields import Array
+from ..laws.guard import Guard
+from ..laws.joint_stream import JointStream
+from ..robot.clearance.arm_clearance import arm_clearance
+from ..robot.limits import JointLimits
+from .robot_task import RobotTask
+from .settings import DriveSettings
+
+#: Distance from the start at which the joints are there [rad].
+ARRIVED = 1e-9
+
+
+class Approach:
+    """The way from a posture to the start of a task.
+
+    Args:
+        task: The task. Its obstacles are avoided, where it has any, and the arm's own bodies in
+            any case.
+        settings: Bounds of the way.
+        begin: Posture in which the robot stands, shape (n,) [rad].
+        period: Time of a cycle [s].
+
+    Raises:
+        InvalidInputError: If that posture is beyond the limits, or the arm touches something.
+    """
+
+    def __init__(
+        self, task: RobotTask, settings: DriveSettings, begin: Array, period: float
+    ) -> None:
+        clearance = task.clearance
+        if clearance is None:
+            clearance, _ = arm_clearance(task.body.arm, (), task.start)
+        self.limits = _slowed(task.limits, settings)
+        law = JointStream(limits=self.limits, home=begin, clearance=clearance)
+        self._guard = Guard(law, period, begin)
+        self._start, self.period = task.start, period
+
+    held = 0.0
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the joints are commanded to rest at the start."""
+        off = np.abs(self._guard.position - self._start).max()
+        return bool(off <= ARRIVED and not np.abs(self._guard.velocity).max() > ARRIVED)
+
+    def advance(self, time: float) -> Array:
+        """Return the positions to command some time later [s], shape (n,) [rad]."""
+        for _ in range(max(round(time / self.period), 1)):
+            self._guard.command(self._start)
+        return self._guard.position
+
+    def motion(self) -> tuple[Array, Array, Array]:
+        """Return what is commanded: position, velocity, acceleration, shape (n,) each."""
+        return self._guard.position, self._guard.velocity, self._guard.part("a")
+
+
+def _slowed(limits: JointLimits, settings: DriveSettings) -> JointLimits:
+    """Return limits that are no wider than those of the approach."""
+    known = {
+        "velocity": settings.approach_velocity,
+        "acceleration": settings.approach_acceleration,
+        "jerk": settings.approach_jerk,
+    }
+    bounds = limits.bounds
+    return limits.replace(
+        **{
+            name: most if (own := bounds[name]) is None else np.minimum(own, most)
+            for name, most in known.items()
+        }
+    )

@@ -1,0 +1,93 @@
+"""The law of an experiment as a robot's task, and its record as a result."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from ..diagrams import Loop
+from ..errors import SimulationError
+from ..experiment import Experiment, forecasts
+from ..inputs.fields import Array
+from ..laws.layout import Signals
+from ..measures import Steps
+from ..runs.evaluation import Evaluations
+from ..runs.result import Result, Status, stopped
+from ..runs.simulation import recorded_simulator, start_laws
+from ..systems import RobotArm
+from .robot_task import RobotTask
+
+# No part of a run is evaluated before its end: that would take longer than a cycle.
+_ALL = 2**62
+
+
+class DrivenLaw(RobotTask):
+    """A law in its diagram, at the start of its experiment.
+
+    Args:
+        experiment: An experiment at ``level: robot``.
+
+    Raises:
+        InvalidInputError: If the path is out of reach, or the law fails when it is tried.
+    """
+
+    def __init__(self, experiment: Experiment) -> None:
+        self.experiment = experiment
+        document = experiment.document
+        self._found = forecasts(experiment)
+        simulator, loops, self._recorder = recorded_simulator(experiment)
+        self._loop: Loop = loops[0]
+        start_laws(loops, simulator.get_mutable_context())
+        self._evaluation = Evaluations(experiment, loops, document.log_period)
+        self._recorder.watch(simulator, part=_ALL)
+        arm, period = self._loop.arm, document.period
+        assert isinstance(arm, RobotArm)
+        assert period is not None
+        super().__init__(simulator, arm, document.duration, period, experiment.clearance)
+        self._began = time.perf_counter()
+
+    def _accelerated(self, velocity: Array, since: float) -> Array:
+        """See `RobotTask._accelerated`; the last sample's if the law bounds the jerk."""
+        controller = self._loop.controller
+        if "a" not in controller.reading.state or self._loop.filter is not None:
+            return super()._accelerated(velocity, since)
+        context = controller.GetMyContextFromRoot(self._simulator.get_context())
+        return controller.reading.state.part(controller.state(context), "a")
+
+    def result(self, told: Signals, status: Status, failure: str) -> Result:
+        """Return the result of the run.
+
+        Args:
+            told: ``time`` of the run at which the robot told something, shape (k,) [s], and its
+                ``position`` and ``velocity`` then, shape (k, n) [rad, rad/s].
+            status: Whether the run came to its end.
+            failure: Why it did not.
+        """
+        took = time.perf_counter() - self._began
+        steps = _with_measured(self._recorder.steps, told)
+        diagram = self._simulator.get_system()
+        result, fault = self._evaluation.finish(steps, [self._found], diagram)
+        at = np.searchsorted(steps.time, result.time - 1e-9)
+        commanded = {"position_commanded": steps.series("position_commanded")[at]}
+        result = replace(result, series=result.series | commanded)
+        result.timings["wall_time_s"] = took
+        if fault is not None and status == "complete":
+            status, failure = "failed", str(SimulationError(str(fault), self.time))
+        return result if status == "complete" else stopped(result, status, failure)
+
+
+def _with_measured(steps: Steps, told: Signals) -> Steps:
+    """Return steps with the measured joints as they were between two messages.
+
+    The law saw the last message, held until the next one.
+    """
+    if not told["time"].size:
+        return steps
+    rows = steps.rows.copy()
+    for name in ("position", "velocity"):
+        at, _ = steps.layout.parts[name]
+        columns = [np.interp(steps.time, told["time"], joint) for joint in told[name].T]
+        rows[:, at] = np.transpose(columns)
+    return replace(steps, rows=rows)

@@ -1,0 +1,166 @@
+"""An iiwa that is simulated behind the messages of the real one, by Drake's own systems."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+from drake import lcmt_iiwa_status
+from pydrake.lcm import DrakeLcm
+from pydrake.manipulation import BuildIiwaControl, IiwaDriver
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.lcm import LcmInterfaceSystem
+
+from ..inputs.fields import Array
+from ..robot.load_arm import load_arm
+from ..systems import start_posture
+from ..systems.plant import motors_of
+from .faults import Faults, Wire
+from .iiwa_lcm import COMMAND, STATUS
+from .robots import IIWA
+
+#: Time step of the plant [s].
+STEP = 1e-3
+# Time by which the simulation may be behind; it does not catch up with more [s].
+_BEHIND = 0.02
+
+
+class SimulatedIiwa:
+    """An iiwa that is told positions, and the faults of its messages.
+
+    Drake's `BuildIiwaControl` controls a MultibodyPlant as the robot's own controller does:
+    `IiwaCommandReceiver`, inverse dynamics with its default gains, `IiwaStatusSender`.
+
+    Args:
+        lcm: Messages to who drives it.
+        start: Posture in which it stands, shape (7,) [rad]; by default the arm's home.
+        faults: What goes wrong.
+        seed: Seed of the faults.
+
+    Raises:
+        InvalidInputError: If the posture is outside the limits.
+    """
+
+    def __init__(
+        self,
+        lcm: DrakeLcm,
+        start: Array | None = None,
+        faults: Faults | None = None,
+        seed: int = 0,
+    ) -> None:
+        self._lcm, self._faults = lcm, Faults() if faults is None else faults
+        self._to_robot, self._from_robot = (Wire(self._faults, (seed, way)) for way in (0, 1))
+        self._rng = np.random.default_rng((seed, 2))
+        self._time, self._stood, self._first = 0.0, 0.0, np.inf
+        self._told_wrong = False
+        lcm.Subscribe(COMMAND, self._command)
+        self._inner = DrakeLcm("memq://")
+        self._inner.Subscribe(STATUS, self._status)
+        self._simulator = _simulator(self._inner, start)
+        self._simulator.Initialize()
+
+    @property
+    def time(self) -> float:
+        """Time since its start [s]."""
+        return self._time
+
+    def step(self) -> None:
+        """Go on by a step of the plant, and send what is due."""
+        self._time += STEP
+        self._lcm.HandleSubscriptions(0)
+        for data in self._to_robot.take(self._time):
+            if not self._during(self._faults.deaf):
+                self._inner.Publish(COMMAND, data)
+        if self._during(self._faults.stall):
+            self._stood += STEP
+        else:
+            self._simulator.AdvanceTo(self._time - self._stood)
+        for data in self._from_robot.take(self._time):
+            self._lcm.Publish(STATUS, data)
+
+    def serve(self, is_told_to_stop: Callable[[], bool]) -> None:
+        """Go on in real time until somebody wants it to end."""
+        origin = time.monotonic() - self._time
+        while not is_told_to_stop():
+            ahead = origin + self._time - time.monotonic()
+            if ahead > 0.0:
+                time.sleep(ahead)
+            elif ahead < -_BEHIND:
+                origin -= ahead
+            self.step()
+
+    def _during(self, length: float) -> bool:
+        """Return whether a fault of some length is present."""
+        begin = self._first + self._faults.at
+        return begin <= self._time < begin + length
+
+    def _command(self, data: bytes) -> None:
+        self._first = min(self._first, self._time)
+        self._to_robot.put(self._time, data)
+
+    def _status(self, data: bytes) -> None:
+        faults, began = self._faults, self._time >= self._first + self._faults.at
+        if self._during(faults.silence):
+            return
+        message = lcmt_iiwa_status.decode(data)
+        measured = np.array(message.joint_position_measured)
+        if faults.noise > 0.0:
+            measured += faults.noise * self._rng.standard_normal(measured.size)
+        if began and not self._told_wrong:
+            self._told_wrong = True
+            if faults.nan:
+                measured[2] = np.nan
+            if faults.beyond:
+                measured[3] = IIWA.limits.position_upper[3] + 0.01
+        if began:
+            message.utime += round(faults.clock * 1e6)
+        message.joint_position_measured = measured.tolist()
+        self._from_robot.put(self._time, message.encode())
+
+
+def _simulator(lcm: DrakeLcm, start: Array | None) -> Simulator:
+    """Return a simulator of a plant with the robot's own controller behind its messages."""
+    arm = load_arm(IIWA.arm)
+    posture = start_posture(arm, start)
+    builder = DiagramBuilder()
+    plant, _ = AddMultibodyPlantSceneGraph(builder, STEP)
+    instance = arm.add_to(plant)
+    known = {motor.joint().name(): motor for motor in motors_of(plant, instance)}
+    for name in arm.joints:
+        if name not in known:
+            plant.AddJointActuator(f"{name}_motor", plant.GetJointByName(name, instance))
+    plant.Finalize()
+    plant.SetDefaultPositions(instance, arm.posture(arm.plant(), posture))
+    controlled = MultibodyPlant(0.0)
+    arm.add_to(controlled)
+    controlled.Finalize()
+    interface = builder.AddSystem(LcmInterfaceSystem(lcm))
+    BuildIiwaControl(
+        builder=builder,
+        lcm=lcm,
+        plant=plant,
+        iiwa_instance=instance,
+        driver_config=IiwaDriver(control_mode="position_only"),
+        controller_plant=controlled,
+    )
+    interface.set_name("messages")
+    simulator = Simulator(builder.Build())
+    return simulator
+
+
+def lock_step(robot: SimulatedIiwa, lcm: DrakeLcm) -> Callable[[float], None]:
+    """Return what waits for messages of a robot in this process, whose time then goes on.
+
+    Args:
+        robot: The robot, at ``lcm``.
+        lcm: Messages within this process, ``memq://``.
+    """
+
+    def wait(timeout: float) -> None:
+        robot.step()
+        lcm.HandleSubscriptions(0)
+
+    return wait

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..measures.metric import violation_metric
 from ..robot.limits import DERIVATIVE_UNITS
 from .document import Acceptance
 from .experiment import Experiment
@@ -23,4 +24,6 @@ def expected_bounds(experiment: Experiment) -> dict[str, Acceptance]:
     for order, name in enumerate(DERIVATIVE_UNITS, start=1):
         if name in kept and limits.bounds[name] is not None:
             bounds[f"limit_ratio_{order}_max"] = Acceptance(at_most=1.0 + 1e-9)
+    if "envelope" in kept and limits.envelope is not None:
+        bounds[violation_metric("envelope")] = Acceptance(at_most=1e-9)
     return bounds | experiment.document.accept

@@ -23,11 +23,26 @@ from .gathering import (
     shortfall,
 )
 from .metric import Metric, Shown, violation_metric
-from .values import Observed, below, distance, margin, mean, returning, root_of, square, top
+from .values import (
+    Observed,
+    below,
+    distance,
+    envelope_margin,
+    envelope_ratio,
+    margin,
+    mean,
+    returning,
+    root_of,
+    square,
+    top,
+)
 
 #: Joint error below which an arm has arrived at its target [rad].
 ARRIVED = 0.01
 
+# Distances to limits that are no magnitudes of a derivative.
+_MARGINS = {"position": margin, "envelope": envelope_margin}
+_EXCESS = {"envelope": "largest excess of a joint's velocity over its envelope; 0 within it"}
 _DIFFERENCES = ", from velocity differences over 10 ms"
 
 #: All metrics, in the order in which they are shown.
@@ -252,6 +267,20 @@ METRICS: tuple[Metric, ...] = (
         by=Smallest(),
     ),
     Metric(
+        "envelope_margin_min_rad_s",
+        "smallest distance of a joint's velocity to its envelope, which falls towards its position "
+        "limits; negative beyond it",
+        shown=("path", "posture", "return", "force"),
+        of=envelope_margin,
+        by=Smallest(),
+    ),
+    Metric(
+        "envelope_ratio_max",
+        "largest ratio of a joint's velocity to that of its envelope, both with the envelope's "
+        "offset added",
+        of=envelope_ratio,
+    ),
+    Metric(
         "distance_min_m",
         "least distance of the arm's capsules from each other and from obstacles, between steps "
         "too; negative where they overlap",
@@ -339,12 +368,12 @@ METRICS: tuple[Metric, ...] = (
     *(
         Metric(
             violation_metric(name),
-            f"largest excess of a joint's {name} over its bound; 0 within it"
-            + (_DIFFERENCES if order > 2 else ""),
-            of=margin if name == "position" else None,
-            by=Smallest(shortfall) if name == "position" else Largest(),
+            _EXCESS.get(name, f"largest excess of a joint's {name} over its bound; 0 within it")
+            + (_DIFFERENCES if order > 2 and name in DERIVATIVE_UNITS else ""),
+            of=_MARGINS.get(name),
+            by=Smallest(shortfall) if name in _MARGINS else Largest(),
         )
-        for order, (name, unit) in enumerate(LIMIT_UNITS.items())
+        for order, name in enumerate(LIMIT_UNITS)
     ),
     Metric(
         "held_jerk_violation_max_rad_s3",

@@ -11,6 +11,7 @@ import numpy as np
 from ..arrays.algebra import functions_of, root
 from ..arrays.namespace import AnyArray
 from ..arrays.series import lengths, summed
+from ..robot.velocity_envelope import VelocityEnvelope
 from .motion import Motion
 from .yardsticks import Yardsticks
 
@@ -58,6 +59,39 @@ def margin(motion: Motion, against: Yardsticks) -> AnyArray | None:
     if upper is not None:
         gaps.append((upper - motion.position).min(axis=-1))
     return reduce(functions_of(motion.position).minimum, gaps) if gaps else None
+
+
+def envelope_margin(motion: Motion, against: Yardsticks) -> AnyArray | None:
+    """Return by how much a joint might be faster under its envelope, if there is any [rad/s]."""
+    if (bounds := _envelope(motion, against)) is None:
+        return None
+    (lowest, highest), v = bounds, motion.velocity
+    return functions_of(v).minimum(v - lowest, highest - v).min(axis=-1)
+
+
+def envelope_ratio(motion: Motion, against: Yardsticks) -> AnyArray | None:
+    """Return the largest ratio of a velocity to that of its envelope, both with the offset added.
+
+    None without an envelope.
+    """
+    if (bounds := _envelope(motion, against)) is None:
+        return None
+    (lowest, highest), v, offset = bounds, motion.velocity, against.limits["envelope_offset"]
+    xp = functions_of(v)
+    up, down = ((side + offset) / (bound + offset) for side, bound in ((v, highest), (-v, -lowest)))
+    return xp.maximum(up, down).max(axis=-1)
+
+
+def _envelope(motion: Motion, against: Yardsticks) -> tuple[AnyArray, AnyArray] | None:
+    """Return the lowest and the highest velocities under the envelope; None without one."""
+    limits = against.limits
+    offset, deceleration = limits["envelope_offset"], limits["envelope_deceleration"]
+    if offset is None or deceleration is None:
+        return None
+    ends = ("position_lower", -np.inf), ("position_upper", np.inf)
+    lower, upper = (none if limits[name] is None else limits[name] for name, none in ends)
+    envelope = VelocityEnvelope(offset, deceleration)
+    return envelope.velocities(motion.position, (lower, upper))
 
 
 def returning(motion: Motion, against: Yardsticks) -> AnyArray | None:

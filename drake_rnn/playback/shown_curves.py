@@ -81,7 +81,17 @@ def thinned(time: Array, values: Array) -> tuple[Array, Array, Array]:
 
 def curves_of(motion: ReplayedMotion) -> list[Curve]:
     """Return the curves of a run, the most informative one first."""
-    groups = (_forces, _target, _errors, _distance, _jacobian, _ratios, _torque, _margins)
+    groups = (
+        _forces,
+        _target,
+        _errors,
+        _distance,
+        _jacobian,
+        _ratios,
+        _envelope,
+        _torque,
+        _margins,
+    )
     return [curve for group in groups for curve in group(motion) if _is_telling(curve)]
 
 
@@ -180,6 +190,18 @@ def _margins(motion: ReplayedMotion) -> Iterator[Curve]:
     margin = np.minimum(q - limits.position_lower, limits.position_upper - q).min(axis=1)
     label = "to nearest joint limit"
     yield Curve("margin", label, "rad", motion.time, margin, bound=0.0, above=True)
+
+
+def _envelope(motion: ReplayedMotion) -> Iterator[Curve]:
+    """Yield how much faster the joint that is nearest to the envelope of its velocity might be."""
+    limits, series = motion.result.experiment.limits, _series(motion, "velocity")
+    if limits.envelope is None or series is None:
+        return
+    (v,), position = series, (limits.position_lower, limits.position_upper)
+    lowest, highest = limits.envelope.velocities(motion.position, position)
+    margin = np.minimum(v - lowest, highest - v).min(axis=1)
+    label = "to the envelope of the velocity"
+    yield Curve("envelope_margin", label, "rad/s", motion.time, margin, bound=0.0, above=True)
 
 
 def _series(motion: ReplayedMotion, *names: str) -> list[Array] | None:

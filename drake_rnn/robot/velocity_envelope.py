@@ -72,7 +72,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..arrays.algebra import functions_of
+from ..arrays.algebra import functions_of, root
 from ..inputs.fields import Array
 from .jerk_stop import Course, course, gained
 
@@ -102,7 +102,7 @@ class VelocityEnvelope(NamedTuple):
         xp = functions_of(v, self.offset)
         return (xp.maximum(v, 0.0) + self.offset) ** 2 * (0.5 / self.deceleration)
 
-    def velocities(self, q: Array, position: tuple[Array, Array]) -> tuple[Any, Any]:
+    def velocities(self, q: Array, position: tuple[Any, Any]) -> tuple[Any, Any]:
         """Return the lowest and the highest velocities, shape (..., n) [rad/s]; infinite without.
 
         Args:
@@ -111,10 +111,11 @@ class VelocityEnvelope(NamedTuple):
         """
         xp = functions_of(q, self.offset)
         is_there = xp.isfinite(self.deceleration)
-        twice = 2.0 * xp.where(is_there, self.deceleration, 0.0)
-        rooms = (xp.maximum(room, 0.0) for room in (q - position[0], position[1] - q))
+        twice = 2.0 * xp.where(is_there, self.deceleration, 1.0)
+        rooms = (xp.where(is_there, room, 1.0) for room in (q - position[0], position[1] - q))
         down, up = (
-            xp.where(is_there, xp.sqrt(twice * room) - self.offset, xp.inf) for room in rooms
+            xp.where(is_there, root(twice * xp.maximum(room, 0.0)) - self.offset, xp.inf)
+            for room in rooms
         )
         return -down, up
 

@@ -16,6 +16,11 @@ from .result import Result
 EXCEEDED = 1.0 + 1e-9
 #: Excess over a limit that is more than a rounding error [rad, rad/s].
 _BEYOND = 1e-6
+# Metrics of limits that are no derivatives, besides that of their violation.
+_METRICS = {
+    "position": ("joint_limit_margin_min_rad",),
+    "envelope": ("envelope_margin_min_rad_s", "envelope_ratio_max"),
+}
 
 
 @dataclass(frozen=True)
@@ -25,7 +30,7 @@ class Use:
     Attributes:
         name: ``position``, ``velocity`` and so on.
         share: Largest ratio to the bound of any joint; of a position, distance from the middle of
-            its range over half of that.
+            its range over half of that; of an envelope, with its offset added to both.
         broken: Whether the bound is exceeded, by more than rounding.
     """
 
@@ -44,11 +49,11 @@ def counted_limits(experiment: Experiment) -> list[str]:
     asked = set(document.limits) if isinstance(document.limits, dict) else set()
     if {"position_lower", "position_upper"} & asked:
         asked.add("position")
+    if {"envelope_offset", "envelope_deceleration"} & asked:
+        asked.add("envelope")
     for order, name in enumerate(LIMIT_UNITS):
-        metrics = {violation_metric(name), f"limit_ratio_{order}_max"}
-        if name == "position":
-            metrics.add("joint_limit_margin_min_rad")
-        if metrics & document.accept.keys():
+        others = _METRICS.get(name, (f"limit_ratio_{order}_max",))
+        if {violation_metric(name), *others} & document.accept.keys():
             asked.add(name)
     counted = asked | {*experiment.kept_limits, *experiment.commanded_limits}
     return [name for name in LIMIT_UNITS if name in counted and _is_bounded(experiment, name)]
@@ -69,6 +74,9 @@ def uses(result: Result) -> list[Use]:
             shares = share_of_range(result.series["position"], result.experiment.limits)
             share = float(shares[np.isfinite(shares)].max(initial=0.0))
             broken = result.metrics.get("joint_limit_margin_min_rad", 0.0) < 1.0 - EXCEEDED
+        elif name == "envelope":
+            share = result.metrics.get("envelope_ratio_max", np.nan)
+            broken = result.metrics.get(violation_metric(name), 0.0) > EXCEEDED - 1.0
         else:
             order = list(DERIVATIVE_UNITS).index(name) + 1
             share = result.metrics.get(f"limit_ratio_{order}_max", np.nan)
@@ -92,6 +100,8 @@ def share_of_range(position: Array, limits: JointLimits) -> Array:
 
 def _is_bounded(experiment: Experiment, name: str) -> bool:
     limits = experiment.limits
+    if name == "envelope":
+        return limits.envelope is not None
     if name == "position":
         return bool(np.isfinite(limits.position_upper - limits.position_lower).any())
     bound = limits.bounds[name]

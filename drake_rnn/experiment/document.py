@@ -132,7 +132,8 @@ class ExperimentDocument:
             ``project`` the target to the nearest posture that can be reached. What to do about a
             path out of reach: ``refuse``, or ``follow`` it as far as law and limits let the arm.
         limits: Bounds that override the arm's, by the names of `drake_rnn.JointLimits`, one number
-            for all joints or one per joint; or ``none`` for no limits at all.
+            for all joints or one per joint; or ``none`` for no limits at all; or the name of
+            shipped limits that replace the arm's, such as ``fr3`` or ``fer``.
         dither: Excitation of the joints.
         filter: Filter of the law's command, so that the arm keeps the bounds of ``limits`` up to
             the highest order given.
@@ -170,7 +171,7 @@ class ExperimentDocument:
     integrator: IntegratorSettings | None = None
     start: Vector | None = None
     on_unreachable: Literal["refuse", "project", "follow"] = "refuse"
-    limits: dict[str, Any] | Literal["none"] = Field(default_factory=dict)
+    limits: dict[str, Any] | str = Field(default_factory=dict)
     dither: DitherSettings | None = None
     filter: FilterSettings | None = None
     feedback: Feedback | None = None

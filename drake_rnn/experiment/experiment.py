@@ -28,6 +28,7 @@ from .arms import Arms
 from .contact import make_contact
 from .document import ExperimentDocument
 from .filter import FilterDelay, filter_delay
+from .judged import judged_doubts
 from .path import GIVEN
 from .safety import kept_by
 from .second import Base, StandingArm, second_document, side_by_side
@@ -136,7 +137,8 @@ class Experiment:
             return ()
         if settings is None:
             sensed = self.document.sensing is not None
-            return tuple(name for name in keeps if not (sensed and name == "position"))
+            unsure = ("position", "envelope") if sensed else ()
+            return tuple(name for name in keeps if name not in unsure)
         kept = averaged_limits(self.limits)
         means = self.feedback == "unfiltered" and not settings.precompensate
         return ("position", *kept) if means and {"position", "velocity"} <= {*keeps} else kept
@@ -222,7 +224,8 @@ def make_experiment(
     )
     circumstances = _circumstances(found, delay, kinematics)
     unsure = warnings_of(law, "doubts", lambda: law.doubts(circumstances))
-    warnings = (*parts.warnings, *late, *moved, *unsafe, *unsure, *doubts)
+    judged = judged_doubts(found.limits, found.keeps, document.period)
+    warnings = (*parts.warnings, *late, *moved, *unsafe, *unsure, *judged, *doubts)
     found = replace(found, warnings=warnings)
     return found if document.second is None else _beside(found, modules, arms)
 

@@ -23,6 +23,7 @@ from ..robot.clearance.arm_clearance import arm_clearance
 from ..robot.clearance.described_obstacles import make_obstacles
 from ..robot.clearance.obstacles import Obstacle
 from ..robot.limits import JointLimits
+from ..robot.load_arm import named_limits
 from ..systems import BODIES, Feedback, ObstacleMotions, start_posture
 from .arms import Arms
 from .document import ExperimentDocument
@@ -161,7 +162,7 @@ def _limited_arm(document: ExperimentDocument, arms: Arms) -> tuple[Arm, tuple[s
 
 def _limits(arm: Arm, bounds: Mapping[str, Any] | str) -> JointLimits:
     if isinstance(bounds, str):
-        return JointLimits.unlimited(arm.n)
+        return JointLimits.unlimited(arm.n) if bounds == "none" else named_limits(bounds, arm)
     names = list(field_names(JointLimits))
     for name, entries in bounds.items():
         if name not in names:

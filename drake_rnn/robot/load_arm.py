@@ -17,13 +17,51 @@ from ..models import MODELS
 from .arm import Arm
 from .arm_description import ArmDescription
 from .drake_log import quiet_drake
-from .limits_file import limits_beside
+from .limits import JointLimits
+from .limits_file import limits_beside, read_limits
 from .model import read_model
+
+# Ends the names of files of limits that are not an arm's own.
+_LIMITS = ".limits.yaml"
 
 
 def shipped_arms() -> list[str]:
     """Return the names of the arms that come with this package."""
     return sorted(path.parent.name for path in MODELS.glob("*/arm.yaml"))
+
+
+def shipped_limits() -> dict[str, Path]:
+    """Return the files of limits that come with this package, by name.
+
+    These are the limits of each shipped arm, by the arm's name, and others of the same arms, such
+    as ``fer``, the file ``fer.limits.yaml`` in the folder of ``panda``.
+    """
+    others = {path.name.removesuffix(_LIMITS): path for path in MODELS.glob(f"*/*{_LIMITS}")}
+    return {name: MODELS / name / "limits.yaml" for name in shipped_arms()} | others
+
+
+def named_limits(name: str, arm: Arm) -> JointLimits:
+    """Return shipped limits for an arm, joint by joint from the base, whatever its joints' names.
+
+    Args:
+        name: A key of `shipped_limits`.
+        arm: The arm.
+
+    Raises:
+        InvalidInputError: If there are no such limits, or they are of another number of joints.
+    """
+    files = shipped_limits()
+    if name not in files:
+        raise InvalidInputError(
+            f"limits: no limits {name!r}; {nearest(name, [*sorted(files), 'none'])}"
+        )
+    joints = read_yaml(files[name])["joints"]
+    if len(joints) != arm.n:
+        raise InvalidInputError(
+            f"limits: {name} are those of {len(joints)} joints; {arm.name} has {arm.n}"
+        )
+    sheet = read_limits(files[name], joints, joints)
+    return sheet.over(JointLimits.unlimited(arm.n), joints, str(files[name]))
 
 
 def load_arm(model: str | Path, **changes: Any) -> Arm:

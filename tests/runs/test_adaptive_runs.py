@@ -112,8 +112,10 @@ def test_out_of_reach_the_arm_stays_near_the_nearest_point_within_its_bounds():
 
 @pytest.mark.long
 def test_an_fr3_keeps_the_envelope_of_its_velocity_and_breaks_it_if_it_does_not_know_it():
-    """Of every step stored, at the position that the step begins and ends with."""
-    changes = {"duration": 2.0, "window": None, "accept": None, "log_period": 1e-3}
+    """On a path that leaves the reach at its top, which leads joints against their limits."""
+    path = {"kind": "circle", "plane": "yz", "size": 0.25, "period": 3, "offset": [0.1, 0.1, -0.3]}
+    changes = {"path": path, "on_unreachable": "follow"}
+    changes |= {"duration": 2.0, "window": None, "accept": None, "log_period": 1e-3}
     kept = simulate(load_experiment("adaptive_fr3", changes))
     assert kept.metrics["envelope_violation_max_rad_s"] == 0.0
     assert kept.metrics["envelope_ratio_max"] > 0.999

@@ -35,9 +35,10 @@ position limits, if it brakes as hard as acceleration, and jerk if that is bound
 step of the stop that was possible a sample ago is one of them, for what is left of a stop after its
 first step is a stop again. At rest within the limits, standing still is one. So by induction the
 box has a point at every sample, whatever J, the target or a measurement are, up to rounding; tests
-find 1e-13 of a bound. The joints' own commands are integrated for this, from the first
-position that is measured: what is measured later does not enter the box, but an error of that first
-one stays in it.
+find 1e-13 of a bound. With an envelope of the velocity the same holds of a stop that keeps it, see
+`drake_rnn.robot.velocity_envelope`. The joints' own commands are integrated for this, from the
+first position that is measured: what is measured later does not enter the box, but an error of that
+first one stays in it.
 
 **What is not guaranteed.** That the path is tracked. The program is soft, so where box and path
 disagree the bounds win. A local law does not plan: an arm may run into a position limit or a

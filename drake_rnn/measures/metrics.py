@@ -42,6 +42,7 @@ ARRIVED = 0.01
 
 # Distances to limits that are no magnitudes of a derivative.
 _MARGINS = {"position": margin, "envelope": envelope_margin}
+_EXCESS = {"envelope": "largest excess of a joint's velocity over its envelope; 0 within it"}
 _DIFFERENCES = ", from velocity differences over 10 ms"
 
 #: All metrics, in the order in which they are shown.
@@ -382,7 +383,7 @@ METRICS: tuple[Metric, ...] = (
     *(
         Metric(
             violation_metric(name),
-            f"largest excess of a joint's {name} over its bound; 0 within it"
+            _EXCESS.get(name, f"largest excess of a joint's {name} over its bound; 0 within it")
             + (_DIFFERENCES if order > 2 and name in DERIVATIVE_UNITS else ""),
             of=_MARGINS.get(name),
             by=Smallest(shortfall) if name in _MARGINS else Largest(),

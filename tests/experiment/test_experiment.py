@@ -204,7 +204,7 @@ BAD = [
     ({"limits.velocity": -1}, "limits.velocity: must be positive, not [-1.0"),
     ({"limits.velocity": nan}, "limits.velocity: must be one list of numbers, none of them NaN"),
     ({"limits.velocity": [1, 2]}, "limits.velocity: must have 7 entries"),
-    ({"limits": "some"}, "limits: must be a mapping of keys to values or 'none', not 'some'"),
+    ({"limits": "some"}, "limits: no limits 'some'"),
     ({"limits": "none"}, "limits.acceleration: not known for this arm, but needed for"),
     ({"duration": 0}, "duration: must be greater than 0, not 0"),
     ({"duration": -1}, "duration: must be greater than 0, not -1"),

@@ -43,6 +43,7 @@ OF_THE_JACOBIAN = {
 OF_THE_RUN = {"path_delay_s", "shortest_duration_s"}
 ORDERS = ("velocity", "acceleration", "jerk", "snap", "crackle")
 BOUNDS = {"position_lower": -1.0, "position_upper": 1.0, **dict.fromkeys(ORDERS, 1.0)}
+BOUNDS |= {"envelope_offset": 0.1, "envelope_deceleration": 1.0}
 BOUNDED = JointLimits.unlimited(2).replace(**BOUNDS)
 
 

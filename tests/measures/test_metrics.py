@@ -190,9 +190,24 @@ def test_a_bound_that_one_joint_has_is_that_joints_own():
     assert found["joint_limit_margin_min_rad"] == 1.0
 
 
+def test_the_envelope_is_that_of_the_limit_ahead():
+    """0.5 rad before a limit a joint may do -0.1 + sqrt(2 * 2.25 * 0.5) = 1.4 rad/s."""
+    envelope = {"envelope_offset": [0.1, 0.1], "envelope_deceleration": [2.25, np.inf]}
+    bounds = {"position_lower": -1.0, "position_upper": 1.0, "velocity": 9.0, **envelope}
+    limits = JointLimits.unlimited(2).replace(**bounds)
+    place = {"position": columns([0.5, -0.5], [0.99, 0.99])}
+    within = metrics(motion([0, 1], **place, velocity=columns([1.15, -0.9], [5.0, 5.0])), limits)
+    assert within["envelope_margin_min_rad_s"] == pytest.approx(0.25)
+    assert within["envelope_ratio_max"] == pytest.approx(1.25 / 1.5)
+    assert within["envelope_violation_max_rad_s"] == 0.0
+    beyond = metrics(motion([0, 1], **place, velocity=columns([1.15, -1.65], [5.0, 5.0])), limits)
+    assert beyond["envelope_violation_max_rad_s"] == pytest.approx(0.25)
+    assert beyond["envelope_ratio_max"] == pytest.approx(1.75 / 1.5)
+
+
 def test_without_limits_there_are_no_metrics_of_limits():
     found = metrics(motion([0, 1], velocity=columns([0.0, 1.0])))
-    assert not {name for name in found if "limit" in name or "bound" in name}
+    assert not {name for name in found if {*name.split("_")} & {"limit", "bound", "envelope"}}
 
 
 def test_a_joint_is_at_its_bound_within_a_percent_of_it():

@@ -1,4 +1,4 @@
-"""The four arms: are their models the robots that they say they are?"""
+"""The arms: are their models the robots that they say they are?"""
 
 from __future__ import annotations
 
@@ -14,9 +14,11 @@ from pydrake.systems.framework import DiagramBuilder
 
 from drake_rnn import load_arm
 from drake_rnn.inputs.documents import read_yaml
+from drake_rnn.robot.limits_file import LIMIT_UNITS
 
-ARMS = ("panda", "iiwa14", "ur5", "planar6")
+ARMS = ("panda", "fr3", "iiwa14", "ur5", "planar6")
 LIMITS = ("position_lower", "position_upper", "velocity", "acceleration", "jerk", "effort")
+ENVELOPE = ("envelope_offset", "envelope_deceleration")
 PI = math.pi
 
 # (a, d, alpha) of each joint.
@@ -58,6 +60,16 @@ PUBLISHED = {
         "jerk": [7500, 3750, 5000, 6250, 7500, 10000, 10000],
         "effort": [87, 87, 87, 87, 12, 12, 12],
     },
+    "fr3": {
+        "position_lower": [-2.7501, -1.7918, -2.9065, -3.0481, -2.8101, 0.54092, -3.0196],
+        "position_upper": [2.7501, 1.7918, 2.9065, -0.1458, 2.8101, 4.5205, 3.0196],
+        "velocity": [2.6189, 2.6189, 2.6189, 2.6189, 5.2589, 4.1789, 5.2589],
+        "acceleration": [9.999] * 7,
+        "jerk": [4999.9] * 7,
+        "envelope_offset": [0.3011, 0.2011, 0.2011, 0.3011, 0.3511, 0.3511, 0.3511],
+        "envelope_deceleration": [6.0, 2.585, 3.5, 4.0, 17.0, 5.5, 17.0],
+        "effort": [87, 87, 87, 87, 12, 12, 12],
+    },
     "iiwa14": {
         "position_lower": np.radians([-170, -120, -170, -120, -170, -120, -175]),
         "position_upper": np.radians([170, 120, 170, 120, 170, 120, 175]),
@@ -86,6 +98,7 @@ PUBLISHED = {
 
 HOME = {
     "panda": [0, -PI / 4, 0, -3 * PI / 4, 0, PI / 2, PI / 4],
+    "fr3": [0, -PI / 4, 0, -3 * PI / 4, 0, PI / 2, PI / 4],
     "iiwa14": [0, 0.6, 0, -1.75, 0, 0.7916, 0],
     "ur5": [0, 3.6, 0.5, 0.5, 2, 0],
     "planar6": [PI / 12] * 6,
@@ -164,7 +177,7 @@ def along_rods(length, q):
 
 def closed_form(name, q):
     """Position, orientation, translational and angular Jacobian of the flange."""
-    if name == "panda":
+    if name in ("panda", "fr3"):
         T, joints = along_modified_dh(PANDA_MODIFIED_DH, q, PANDA_FLANGE)
     elif name == "iiwa14":
         T, joints = along_standard_dh(IIWA14_DH, q, np.eye(4))
@@ -196,7 +209,7 @@ def test_flange_jacobian_follows_from_the_makers_dh_table(arm):
         np.testing.assert_allclose(kinematics.J_omega(q), J_omega, rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", ["panda", "iiwa14", "ur5"])
+@pytest.mark.parametrize("name", ["panda", "fr3", "iiwa14", "ur5"])
 def test_ball_centre_lies_a_tenth_of_a_metre_before_the_flange(name):
     """Rounding alone: both frames are on one link."""
     flange, tip = load_arm(name).kinematics(), load_arm(name, frame="tip").kinematics()
@@ -356,11 +369,11 @@ def test_gravity_torques_are_the_slope_of_potential_energy(arm):
 def test_limits_sheet_gives_value_unit_and_source_of_every_limit(arm):
     sheet = read_yaml(arm.model.parent / "limits.yaml")
     assert tuple(sheet.pop("joints")) == arm.joints
-    assert tuple(sheet) == LIMITS
-    units = ("rad", "rad", "rad/s", "rad/s^2", "rad/s^3", "N m")
-    for unit, entry in zip(units, sheet.values(), strict=True):
+    envelope = ENVELOPE if arm.name == "fr3" else ()
+    assert set(sheet) == {*LIMITS, *envelope}
+    for name, entry in sheet.items():
         assert set(entry) == {"value", "unit", "source"}
-        assert entry["unit"] == unit
+        assert entry["unit"] == LIMIT_UNITS[name]
         assert len(entry["source"]) > 20
 
 

@@ -4,6 +4,7 @@ The figures are those of `benchmarks/adaptive_tables.py`. Those of a known Jacob
 digit; what learns amplifies rounding, so its bounds are some times what was measured.
 """
 
+import numpy as np
 import pytest
 
 from drake_rnn import load_experiment, shipped_experiments, simulate
@@ -107,3 +108,20 @@ def test_out_of_reach_the_arm_stays_near_the_nearest_point_within_its_bounds():
     for name in ("position", "velocity", "acceleration"):
         unit = {"position": "rad", "velocity": "rad_s", "acceleration": "rad_s2"}[name]
         assert found[f"{name}_violation_max_{unit}"] <= 1e-9
+
+
+@pytest.mark.long
+def test_an_fr3_keeps_the_envelope_of_its_velocity_and_breaks_it_if_it_does_not_know_it():
+    """On a path that leaves the reach at its top, which leads joints against their limits."""
+    path = {"kind": "circle", "plane": "yz", "size": 0.25, "period": 3, "offset": [0.1, 0.1, -0.3]}
+    changes = {"path": path, "on_unreachable": "follow"}
+    changes |= {"duration": 2.0, "window": None, "accept": None, "log_period": 1e-3}
+    kept = simulate(load_experiment("adaptive_fr3", changes))
+    assert kept.metrics["envelope_violation_max_rad_s"] == 0.0
+    assert kept.metrics["envelope_ratio_max"] > 0.999
+    unknown = {"limits": {"envelope_offset": None, "envelope_deceleration": None}}
+    broken = simulate(load_experiment("adaptive_fr3", {**changes, **unknown})).series
+    limits = kept.experiment.limits
+    ends = limits.position_lower, limits.position_upper
+    lowest, highest = limits.envelope.velocities(broken["position"], ends)
+    assert np.maximum(broken["velocity"] - highest, lowest - broken["velocity"]).max() > 0.1

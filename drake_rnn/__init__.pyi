@@ -31,8 +31,8 @@ from .drive import (
     RobotStatus as RobotStatus,
     RobotTask as RobotTask,
     SimulatedIiwa as SimulatedIiwa,
-    drive_experiment as drive_experiment,
     drive_diagram as drive_diagram,
+    drive_experiment as drive_experiment,
     driven_experiment as driven_experiment,
     lock_step as lock_step,
 )
@@ -97,8 +97,8 @@ from .laws import (
     StateAdjustment as StateAdjustment,
 )
 from .laws.parts.contact_loss import ContactLoss as ContactLoss
-from .laws.parts.measurement import Measurement as Measurement
 from .laws.parts.force_control import ForceControl as ForceControl
+from .laws.parts.measurement import Measurement as Measurement
 from .laws.parts.secondary import Secondary as Secondary
 from .laws.parts.stiffness import OnlineStiffness as OnlineStiffness
 from .laws.parts.warm_up import WarmUp as WarmUp

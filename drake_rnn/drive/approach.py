@@ -6,7 +6,6 @@ import numpy as np
 
 from ..inputs.fields import Array
 from ..laws.guard import Guard
-from ..laws.joint_stream import JointStream
 from ..robot.clearance.arm_clearance import arm_clearance
 from ..robot.limits import JointLimits
 from .robot_task import RobotTask
@@ -37,8 +36,7 @@ class Approach:
         if clearance is None:
             clearance, _ = arm_clearance(task.body.arm, (), task.start)
         self.limits = _slowed(task.limits, settings)
-        law = JointStream(limits=self.limits, home=begin, clearance=clearance)
-        self._guard = Guard(law, period, begin)
+        self._guard = Guard.within(self.limits, begin, period, clearance)
         self._start, self.period = task.start, period
 
     held = 0.0

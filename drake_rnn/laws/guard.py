@@ -7,6 +7,8 @@ import numpy as np
 from ..errors import InvalidInputError
 from ..inputs.complaints import require_type, short
 from ..inputs.fields import Array
+from ..robot.clearance import Clearance
+from ..robot.limits import JointLimits
 from .joint_stream import JointStream
 from .law import SampledReading
 
@@ -43,6 +45,20 @@ class Guard:
         signals = {"position": q, "target": self._none, **self._seen}
         self._x = self._reading.initial_state(np.random.default_rng(0), signals)
         self._t, self._q = 0.0, q
+
+    @classmethod
+    def within(
+        cls, limits: JointLimits, start: Array, period: float, clearance: Clearance | None = None
+    ) -> Guard:
+        """Return a guard with the defaults of `JointStream`.
+
+        Args:
+            limits: Limits of the joints.
+            start: Posture that the robot rests in, shape (n,) [rad].
+            period: Time between two calls of `command` [s].
+            clearance: What the arm is to stay clear of; None for nothing.
+        """
+        return cls(JointStream(limits=limits, home=start, clearance=clearance), period)
 
     def command(self, target: Array | None = None, p_WO: Array | None = None) -> Array:
         """Return the positions to command for the next period, shape (n,) [rad].

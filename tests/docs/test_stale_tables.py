@@ -15,6 +15,7 @@ NOT_MEASURED = {
     "| arm | joints |": "models",
     "| printed | here |": "corrections of a paper",
     "| scheme | `rise_time` T |": "choices",
+    "| joint | 1 | 2 |": "a robot's own limits",
 }
 _NUMBER = re.compile(r"\d")
 _WORDS = re.compile(r"[A-Za-z]")

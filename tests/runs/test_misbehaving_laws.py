@@ -284,7 +284,7 @@ AT_THE_START = {
     "keeps: a text": (having(keeps="velocity"), r"Mine\.keeps: must be of class tuple, not 'vel"),
     "keeps: no limit": (
         having(keeps=("speed",)),
-        r"Mine\.keeps: may name position, velocity, .*crackle, not 'speed'",
+        r"Mine\.keeps: may name position, velocity, .*crackle, envelope, not 'speed'",
     ),
     "takes_many: a text": (named(takes_many="yes"), r"Mine\.takes_many: must be of class bool"),
     "takes_many: one after all": (

@@ -66,16 +66,17 @@ def within_rows(
         upper: Upper bounds, likewise.
         rows: Further bounds.
     """
-    # Preferred velocity and the one until now, at a price of one together.
-    g = (g + _CALM * v) / (1.0 + _CALM)
-    found = _solved(J, b, g, (1.0 + _CALM) * softness, lower, upper, rows)
-    if found is None:
-        return None
+    # Preferred velocity and the one until now, at a price of one together. Without a task, what is
+    # preferred is all that is asked for.
+    calm = _CALM if len(b) else 0.0
+    g = (g + calm * v) / (1.0 + calm)
+    found = _solved(J, b, g, (1.0 + calm) * softness, lower, upper, rows)
+    if found is None or not len(b):
+        return found
     size = float(np.linalg.norm(np.linalg.solve(softness, b - J @ found)))
     if size <= _DEAREST:
         return found
-    softer = (1.0 + _CALM) * softness * (size / _DEAREST)
-    return _solved(J, b, g, softer, lower, upper, rows)
+    return _solved(J, b, g, (1.0 + calm) * softness * (size / _DEAREST), lower, upper, rows)
 
 
 def _solved(

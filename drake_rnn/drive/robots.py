@@ -42,7 +42,7 @@ class Robot:
 
     @property
     def commanded(self) -> JointLimits:
-        """Limits that every command keeps: the robot's own, reduced by the margins."""
+        """Limits that every command keeps, the robot's own reduced by the margins."""
         own = self.limits
         return own.replace(
             position_lower=own.position_lower + self.inside,
@@ -53,7 +53,7 @@ class Robot:
 
     @property
     def measured(self) -> JointLimits:
-        """Limits at which a measured joint stops the robot: where its driver clips, its speed."""
+        """Limits at which a measured joint stops the robot, where its driver clips and its speed."""
         own = self.limits
         return own.replace(
             position_lower=own.position_lower + self.clipped,

@@ -156,7 +156,7 @@ def _plot_angle(ax: Axes, result: Result, k: int, bounds: Array) -> None:
     if error is not None:
         target = angle - error[:, k]
         ax.plot(result.time, target, drawstyle="steps-post", **TARGET)
-        low, high = min(low, np.nanmin(target)), max(high, np.nanmax(target))
+        low, high = np.nanmin(target, initial=low), np.nanmax(target, initial=high)
     for bound in bounds:
         # Near enough that the curve still fills half of its panel.
         if low - (high - low) <= bound <= high + (high - low):

@@ -53,7 +53,7 @@ class Robot:
 
     @property
     def measured(self) -> JointLimits:
-        """Limits at which a measured joint stops the robot, where its driver clips and its speed."""
+        """Limits at which a measured joint stops the robot, where its driver clips."""
         own = self.limits
         return own.replace(
             position_lower=own.position_lower + self.clipped,

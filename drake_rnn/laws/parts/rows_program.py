@@ -66,17 +66,20 @@ def within_rows(
         upper: Upper bounds, likewise.
         rows: Further bounds.
     """
-    # Preferred velocity and the one until now, at a price of one together. Without a task, what is
-    # preferred is all that is asked for.
-    calm = _CALM if len(b) else 0.0
-    g = (g + calm * v) / (1.0 + calm)
-    found = _solved(J, b, g, (1.0 + calm) * softness, lower, upper, rows)
-    if found is None or not len(b):
-        return found
+    if not len(b):
+        # Without a task, what is preferred is all that is asked for: no change has a price.
+        return _solved(J, b, g, softness, lower, upper, rows)
+    # Preferred velocity and the one until now, at a price of one together.
+    g, calm = (g + _CALM * v) / (1.0 + _CALM), (1.0 + _CALM) * softness
+    found = _solved(J, b, g, calm, lower, upper, rows)
+    if found is None:
+        return None
     size = float(np.linalg.norm(np.linalg.solve(softness, b - J @ found)))
-    if size <= _DEAREST:
-        return found
-    return _solved(J, b, g, (1.0 + calm) * softness * (size / _DEAREST), lower, upper, rows)
+    return (
+        found
+        if size <= _DEAREST
+        else _solved(J, b, g, calm * (size / _DEAREST), lower, upper, rows)
+    )
 
 
 def _solved(

@@ -6,26 +6,29 @@ Scenes hold five balls of 3 to 8 cm round the path; the arm keeps clear of itsel
     python benchmarks/avoidance.py --scenes 100 --arm ur5 --speed 2
     python benchmarks/avoidance.py --scenes 20 --jerk 20
     python benchmarks/avoidance.py --scenes 40 --experiment slc_nephroid_known
+    python benchmarks/avoidance.py --scenes 100 --model my.urdf --frame tool --home 0 -0.3 0 0.9 0
 
-A law that avoids nothing itself gets ``safety: {collisions: true}``.
+A law that avoids nothing itself gets ``safety: {collisions: true}``. ``--rows with`` leaves out the
+others. With ``--kept FILE`` what is found of each scene is kept, and not run again.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from multiprocessing import get_context
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from drake_rnn import load_experiment, simulate
+from kept_cases import cases
 from markdown_table import head, row
 
 # The path of each arm: its plane, and its size [m].
 PATHS = {"panda": ("yz", 0.04), "iiwa14": ("yz", 0.02), "ur5": ("yz", 0.01)}
+OTHERS_PATH = ("yz", 0.02)
 # Error below which an arm is on its path at the end, with an adaptive law and with another one, and
 # above which it is stuck [m].
 BACK, BACK_OTHERS, STUCK = 1e-5, 1e-3, 0.02
@@ -34,9 +37,11 @@ BALLS, RADII, ROUND, APART = 5, (0.03, 0.08), 0.35, 0.03
 LAPS = 10.0
 
 
-def document(arm: str, speed: float, jerk: float | None) -> dict[str, Any]:
+def document(
+    arm: str | dict[str, Any], speed: float = 1.0, jerk: float | None = None
+) -> dict[str, Any]:
     """Return the changes of an experiment that all scenes share."""
-    plane, size = PATHS[arm]
+    plane, size = PATHS[arm] if isinstance(arm, str) else OTHERS_PATH
     limits = {"velocity": 0.5 * speed, "acceleration": 1.0 * speed**2}
     changes = {
         "arm": arm,
@@ -119,35 +124,47 @@ def main() -> None:
     parser.add_argument("--scenes", type=int, default=200)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--arm", choices=sorted(PATHS), default="panda")
+    parser.add_argument("--model", type=Path, help="an arm of your own instead")
+    parser.add_argument("--frame", help="its end effector")
+    parser.add_argument("--home", type=float, nargs="+", help="where it starts [rad]")
     parser.add_argument("--speed", type=float, default=1.0)
     parser.add_argument("--jerk", type=float)
     parser.add_argument("--experiment", default="adaptive_nephroid_known")
+    parser.add_argument("--rows", nargs="+", help="rows of the table; all without it")
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--kept", type=Path)
     options = parser.parse_args()
-    changes = document(options.arm, options.speed, options.jerk)
+    arm: str | dict[str, Any] = options.arm
+    if options.model is not None:
+        arm = {"model": str(options.model), "frame": options.frame, "home": options.home}
+    changes = document(arm, options.speed, options.jerk)
     back = BACK if options.experiment.startswith("adaptive") else BACK_OTHERS
     seeds = range(options.first, options.first + options.scenes)
     columns = ("collided", "least distance [mm]", "samples held back", "bounds beyond by")
     ends = ("on the path at the end", "stuck", "share of time at a bound of a")
     head("law", "scenes", *columns, *ends, "s of work a second")
-    with ProcessPoolExecutor(options.jobs, mp_context=get_context("spawn")) as pool:
-        for name, law in rows_of(options.experiment).items():
-            task = partial(run, name=options.experiment, changes=changes, law=law)
-            found = list(pool.map(task, seeds))
-            of = {key: np.array([each[key] for each in found]) for key in found[0]}
-            beyond = max(of[limit].max() for limit in LIMITS)
-            row(
-                name,
-                len(found),
-                int((of["distance"] < 0.0).sum()),
-                f"{1e3 * of['distance'].min():.2f}",
-                int(of["held_back"].sum()),
-                f"{beyond:.0e}",
-                int((of["error"] < back).sum()),
-                int((of["error"] > STUCK).sum()),
-                f"{of['at_bound'].mean():.2f}",
-                f"{np.median(of['seconds']):.2f}",
-            )
+    for name, law in rows_of(options.experiment).items():
+        if options.rows is not None and name not in options.rows:
+            continue
+        task = partial(run, name=options.experiment, changes=changes, law=law)
+        key = (
+            f"{name}, {options.experiment}, {options.model or arm}, {options.speed}, {options.jerk}"
+        )
+        found = cases(task, seeds, options.jobs, options.kept, key)
+        of = {key: np.array([each[key] for each in found]) for key in found[0]}
+        beyond = max(of[limit].max() for limit in LIMITS)
+        row(
+            name,
+            len(found),
+            int((of["distance"] < 0.0).sum()),
+            f"{1e3 * of['distance'].min():.2f}",
+            int(of["held_back"].sum()),
+            f"{beyond:.0e}",
+            int((of["error"] < back).sum()),
+            int((of["error"] > STUCK).sum()),
+            f"{of['at_bound'].mean():.2f}",
+            f"{np.median(of['seconds']):.2f}",
+        )
 
 
 if __name__ == "__main__":

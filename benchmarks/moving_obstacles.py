@@ -8,8 +8,8 @@ The ball is aimed at a random point of the arm and passes through it at constant
 from __future__ import annotations
 
 import argparse
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ import numpy as np
 from avoidance import document
 from drake_rnn import load_experiment, simulate
 from drake_rnn.robot.clearance.segments import between_segments
+from kept_cases import cases
 from markdown_table import head, row
 
 NAME = "adaptive_nephroid_known"
@@ -71,6 +72,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cases", type=int, default=200)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--kept", type=Path)
     options = parser.parse_args()
     head(
         "law",
@@ -80,18 +82,18 @@ def main() -> None:
         "hit while it stood still",
         "bounds beyond by",
     )
-    with ProcessPoolExecutor(options.jobs, mp_context=get_context("spawn")) as pool:
-        for name, avoids in (("without avoidance", False), ("with", True)):
-            found = list(pool.map(run, range(options.cases), [avoids] * options.cases))
-            of = {key: np.array([each[key] for each in found]) for key in found[0]}
-            row(
-                name,
-                len(found),
-                int((of["moving"] < 0.0).sum()),
-                f"{1e3 * of['moving'].min():.2f}",
-                int(((of["any"] < 0.0) & (of["moving"] >= 0.0)).sum()),
-                f"{of['bounds'].max():.0e}",
-            )
+    for name, avoids in (("without avoidance", False), ("with", True)):
+        task = partial(run, avoids=avoids)
+        found = cases(task, range(options.cases), options.jobs, options.kept, name)
+        of = {key: np.array([each[key] for each in found]) for key in found[0]}
+        row(
+            name,
+            len(found),
+            int((of["moving"] < 0.0).sum()),
+            f"{1e3 * of['moving'].min():.2f}",
+            int(((of["any"] < 0.0) & (of["moving"] >= 0.0)).sum()),
+            f"{of['bounds'].max():.0e}",
+        )
 
 
 if __name__ == "__main__":

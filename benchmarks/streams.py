@@ -14,12 +14,9 @@ already are not run again.
 from __future__ import annotations
 
 import argparse
-import json
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +27,7 @@ from ruckig import InputParameter, OutputParameter, Ruckig, Synchronization
 from avoidance import document, scene
 from drake_rnn import Array, Guard, JointLimits, JointStream, load_experiment
 from drake_rnn.robot.clearance import Clearance
+from kept_cases import cases
 from markdown_table import head, row
 
 PERIOD, DURATION, ENDS = 1e-3, 2.5, 2.0
@@ -181,14 +179,6 @@ def _delay(q: Array, smooth: Array) -> float:
     return PERIOD * late[int(np.argmin(errors))]
 
 
-def _kept(file: Path | None, streams: int) -> dict[int, dict[str, Any]]:
-    """Return the streams that were run before, by their seeds."""
-    if file is None or not file.exists():
-        return {}
-    lines = [json.loads(line) for line in file.read_text().splitlines()]
-    return {found["seed"]: found for found in lines if found["seed"] < streams}
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--streams", type=int, default=200)
@@ -197,15 +187,9 @@ def main() -> None:
     parser.add_argument("--kept", type=Path, default=None)
     options = parser.parse_args()
     seen = options.collisions == "yes"
-    known = _kept(options.kept, options.streams)
-    left = [seed for seed in range(options.streams) if seed not in known]
-    with ProcessPoolExecutor(options.jobs, mp_context=get_context("spawn")) as pool:
-        for found in pool.map(partial(run, collisions=seen), left):
-            known[found["seed"]] = found
-            if options.kept is not None:
-                with options.kept.open("a") as file:
-                    file.write(json.dumps(found) + "\n")
-    _print(list(known.values()), seen)
+    task = partial(run, collisions=seen)
+    among = "among balls" if seen else "nothing in the way"
+    _print(cases(task, range(options.streams), options.jobs, options.kept, among), seen)
 
 
 def _print(streams: list[dict[str, Any]], seen: bool) -> None:

@@ -7,14 +7,14 @@ python benchmarks/two_arms.py --cases 20 --jerk 20
 from __future__ import annotations
 
 import argparse
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from multiprocessing import get_context
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from drake_rnn import load_experiment, simulate
+from kept_cases import cases
 from markdown_table import head, row
 
 # Error below which an arm is at the end of its path, and above which it is stuck [m].
@@ -93,26 +93,27 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=100)
     parser.add_argument("--jerk", type=float)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--kept", type=Path)
     options = parser.parse_args()
     columns = ("collided", "least distance [mm]", "bounds beyond by")
     head("laws", "cases", *columns, "both at their ends", "one stuck")
-    with ProcessPoolExecutor(options.jobs, mp_context=get_context("spawn")) as pool:
-        for name, avoids in (
-            ("that know nothing of each other", False),
-            ("beside each other", True),
-        ):
-            task = partial(run, avoids=avoids, jerk=options.jerk)
-            found = list(pool.map(task, range(options.cases)))
-            of = {key: np.array([each[key] for each in found]) for key in found[0]}
-            row(
-                name,
-                len(found),
-                int((of["distance"] < 0.0).sum()),
-                f"{1e3 * of['distance'].min():.2f}",
-                f"{of['beyond'].max():.0e}",
-                int((of["error"] < BACK).sum()),
-                int((of["error"] > STUCK).sum()),
-            )
+    for name, avoids in (
+        ("that know nothing of each other", False),
+        ("beside each other", True),
+    ):
+        task = partial(run, avoids=avoids, jerk=options.jerk)
+        of_jerk = f"{name}, jerk {options.jerk}"
+        found = cases(task, range(options.cases), options.jobs, options.kept, of_jerk)
+        of = {key: np.array([each[key] for each in found]) for key in found[0]}
+        row(
+            name,
+            len(found),
+            int((of["distance"] < 0.0).sum()),
+            f"{1e3 * of['distance'].min():.2f}",
+            f"{of['beyond'].max():.0e}",
+            int((of["error"] < BACK).sum()),
+            int((of["error"] > STUCK).sum()),
+        )
 
 
 if __name__ == "__main__":

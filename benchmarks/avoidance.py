@@ -8,6 +8,9 @@ Scenes hold five balls of 3 to 8 cm round the path; the arm keeps clear of itsel
     python benchmarks/avoidance.py --scenes 40 --experiment slc_nephroid_known
     python benchmarks/avoidance.py --scenes 100 --model my.urdf --frame tool --home 0 -0.3 0 0.9 0
 
+    python benchmarks/avoidance.py --scenes 10 --experiment motion_force_cat --own
+
+With ``--own`` the experiment keeps its own arm, path and limits, and only obstacles are added.
 A law that avoids nothing itself gets ``safety: {collisions: true}``. ``--rows with`` leaves out the
 others. With ``--kept FILE`` what is found of each scene is kept, and not run again.
 """
@@ -45,6 +48,7 @@ def document(
     limits = {"velocity": 0.5 * speed, "acceleration": 1.0 * speed**2}
     changes = {
         "arm": arm,
+        "start": None,
         "path": {
             "kind": "nephroid",
             "plane": plane,
@@ -61,12 +65,23 @@ def document(
     return changes if arm == "panda" else changes | {"path.offset": [0.05, 0, 0]}
 
 
-def scene(seed: int, changes: dict[str, Any]) -> list[dict[str, Any]]:
+def own(name: str) -> dict[str, Any]:
+    """Return the changes of an experiment that keeps its arm, path and limits."""
+    changes = {"duration": LAPS, "window": [0.0, LAPS], "log_period": 0.05, "accept": None}
+    # Of a motion that a dither adds behind the law nothing can be certified.
+    return changes if load_experiment(name).document.dither is None else changes | {"dither": None}
+
+
+def scene(
+    seed: int, changes: dict[str, Any], name: str = "adaptive_nephroid_known"
+) -> list[dict[str, Any]]:
     """Return random balls round the path that the arm does not touch at the start."""
     rng = np.random.default_rng(seed)
-    empty = load_experiment("adaptive_nephroid_known", {**changes, "obstacles": []})
+    empty = load_experiment(name, {**changes, **clear_of(name), "obstacles": []})
     assert empty.clearance is not None
-    middle = empty.desired.position(0.0)[0]
+    middle = empty.arm.kinematics().p_WE(empty.start)
+    if empty.document.path is not None:
+        middle = empty.desired.position(0.0)[0]
     ends = empty.clearance.arm.placed(empty.clearance.arm.poses.at(empty.start))
     found: list[dict[str, Any]] = []
     while len(found) < BALLS:
@@ -80,10 +95,15 @@ def scene(seed: int, changes: dict[str, Any]) -> list[dict[str, Any]]:
     return found
 
 
+def clear_of(name: str) -> dict[str, Any]:
+    """Return what an experiment needs to keep clear of obstacles."""
+    return {} if name.startswith("adaptive") else {"safety": {"collisions": True}}
+
+
 def rows_of(name: str) -> dict[str, dict[str, Any]]:
     """Return the rows of the table, what each changes of the experiment of that name."""
     if not name.startswith("adaptive"):
-        return {"without avoidance": {}, "with": {"safety": {"collisions": True}}}
+        return {"without avoidance": {}, "with": clear_of(name)}
     return {
         "without avoidance": {"law.avoidance": "none"},
         "with, joints do not make way": {"law.secondary.obstacles": 0.0},
@@ -93,7 +113,7 @@ def rows_of(name: str) -> dict[str, dict[str, Any]]:
 
 def run(seed: int, name: str, changes: dict[str, Any], law: dict[str, Any]) -> dict[str, float]:
     """Return what a scene comes to."""
-    given = {**changes, "obstacles": scene(seed, changes), **law}
+    given = {**changes, "obstacles": scene(seed, changes, name), **law}
     experiment = load_experiment(name, given)
     began = time.process_time()
     result = simulate(experiment)
@@ -104,19 +124,19 @@ def run(seed: int, name: str, changes: dict[str, Any], law: dict[str, Any]) -> d
     return {
         "distance": metrics["distance_min_m"],
         "error": float(result.position_error[-1]),
-        "acceleration": metrics["acceleration_violation_max_rad_s2"],
+        "acceleration": metrics.get("acceleration_violation_max_rad_s2", 0.0),
         "velocity": metrics["velocity_violation_max_rad_s"],
         "position": metrics["position_violation_max_rad"],
         "jerk": metrics.get("held_jerk_violation_max_rad_s3", 0.0) if jerk_given(changes) else 0.0,
         "held_back": held_back,
-        "at_bound": metrics["acceleration_bound_fraction"],
+        "at_bound": metrics.get("acceleration_bound_fraction", np.nan),
         "seconds": took / float(result.time[-1]),
     }
 
 
 def jerk_given(changes: dict[str, Any]) -> bool:
     """Return whether the jerk of the scenes' arms is bounded."""
-    return "jerk" in changes["limits"]
+    return "jerk" in changes.get("limits", {})
 
 
 def main() -> None:
@@ -130,6 +150,7 @@ def main() -> None:
     parser.add_argument("--speed", type=float, default=1.0)
     parser.add_argument("--jerk", type=float)
     parser.add_argument("--experiment", default="adaptive_nephroid_known")
+    parser.add_argument("--own", action="store_true", help="keep its arm, path and limits")
     parser.add_argument("--rows", nargs="+", help="rows of the table; all without it")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--kept", type=Path)
@@ -138,6 +159,8 @@ def main() -> None:
     if options.model is not None:
         arm = {"model": str(options.model), "frame": options.frame, "home": options.home}
     changes = document(arm, options.speed, options.jerk)
+    if options.own:
+        changes = own(options.experiment)
     back = BACK if options.experiment.startswith("adaptive") else BACK_OTHERS
     seeds = range(options.first, options.first + options.scenes)
     columns = ("collided", "least distance [mm]", "samples held back", "bounds beyond by")

@@ -62,8 +62,11 @@ from .world import BothStop, Stop, World
 
 #: Parts of the stop at which rows are set up.
 _PARTS = np.array([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0])
-# Postures of a stop that are looked at first, and how often intervals between them are halved.
-_POSTURES, _HALVINGS = 6, 12
+# Postures of a stop that are looked at first, and how often intervals between them are divided,
+# into how many pieces at most.
+_POSTURES, _ROUNDS, _PIECES = 6, 8, 8
+# Room that counts as none where intervals are divided [m].
+_CLOSE = 1e-4
 # More intervals than this that may not be free are not looked into: that would take too long.
 _UNSURE = 40
 # Shares of the way from the stop's first velocity to one that is not free that are tried.
@@ -313,7 +316,7 @@ class WithinClear:
             return False
         # Intervals of the stop: when they begin and end, and how far pairs are apart there.
         begin, end, d_begin, d_end = k[:-1], k[1:], gaps[:-1], gaps[1:]
-        for _ in range(_HALVINGS):
+        for _ in range(_ROUNDS):
             way = stop.travelled(u, end) - stop.travelled(u, begin)
             nearer = way @ reaches.T + world.nearer(end - begin)
             unsure = ~(0.5 * (d_begin + d_end - nearer) >= floor).all(axis=1)
@@ -321,15 +324,31 @@ class WithinClear:
                 return True
             if unsure.sum() > _UNSURE:
                 return False
-            begin, end = begin[unsure], end[unsure]
-            middle = 0.5 * (begin + end)
-            d_middle = world.gaps(q + stop.moved(u, middle), middle)
-            if not (d_middle >= floor).all():
+            begin, end, d_begin, d_end = (x[unsure] for x in (begin, end, d_begin, d_end))
+            count = _pieces(nearer[unsure], np.minimum(d_begin, d_end) - floor)
+            edges = begin[:, None] + np.arange(count + 1) / count * (end - begin)[:, None]
+            inner = edges[:, 1:-1].ravel()
+            d_inner = world.gaps(q + stop.moved(u, inner), inner)
+            if not (d_inner >= floor).all():
                 return False
-            d_begin = np.concatenate((d_begin[unsure], d_middle))
-            d_end = np.concatenate((d_middle, d_end[unsure]))
-            begin, end = np.concatenate((begin, middle)), np.concatenate((middle, end))
+            d_inner = d_inner.reshape(begin.size, count - 1, -1)
+            d_edges = np.concatenate((d_begin[:, None], d_inner, d_end[:, None]), axis=1)
+            begin, end = edges[:, :-1].ravel(), edges[:, 1:].ravel()
+            d_begin = d_edges[:, :-1].reshape(begin.size, -1)
+            d_end = d_edges[:, 1:].reshape(end.size, -1)
         return False
+
+
+def _pieces(nearer: Array, room: Array) -> int:
+    """Return into how many pieces intervals are divided so that all of them should be sure.
+
+    Args:
+        nearer: How much nearer pairs may come in each interval, shape (s, p) [m].
+        room: How much nearer than at its ends they may come, likewise.
+    """
+    # Of a piece at the nearer end, half of its way must leave room; more of what is not linear.
+    needed = 0.5 * (nearer / np.maximum(room, _CLOSE)).max()
+    return int(np.clip(np.ceil(1.2 * needed), 2, _PIECES))
 
 
 #: What chooses a velocity that keeps limits and, maybe, distances.

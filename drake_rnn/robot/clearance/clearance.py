@@ -193,17 +193,14 @@ class Clearance:
         p_A, p_B = found.p_A[postures, pairs], found.p_B[postures, pairs]
         distance = found.distance[postures, pairs]
         normals = (p_A - p_B) / np.where(np.abs(distance) > _CROSSING, distance, np.inf)[:, None]
-        axes, points = (each[postures] for each in self.arm.poses.axes_at(X))
-        slides = np.array(self.arm.poses.slides)
-        slopes = np.zeros((pairs.size, self.size))
-        for sign, p, carried in (
-            (1.0, p_A, self._carried[self._first][pairs]),
-            (-1.0, p_B, self._second_carried[pairs]),
-        ):
-            # How fast each joint moves the point along the normal: a (r x n) = n (a x r).
-            turned = cross(p[:, None, :] - points, normals[:, None, :])
-            turned = np.where(slides[:, None], normals[:, None, :], turned)
-            slopes += sign * carried * (axes * turned).sum(axis=-1)
+        axes, points = self.arm.poses.axes_at(X)
+        # How fast each joint moves a point along the normal: a (r x n) = n (a x r). Both points of
+        # a pair lie on its normal, so that r may lead to either.
+        turned = cross(p_A[:, None, :] - points[postures], normals[:, None, :])
+        if any(self.arm.poses.slides):
+            slides = np.array(self.arm.poses.slides)[:, None]
+            turned = np.where(slides, normals[:, None, :], turned)
+        slopes = self._parted[pairs] * (axes[postures] * turned).sum(axis=-1)
         return Near(gaps, postures, pairs, slopes)
 
     def _nearest(self, ends: Array, p_WO: Array | None) -> tuple[Array, Nearest]:
@@ -280,6 +277,12 @@ class Clearance:
         """For the other side of each pair, whether a joint carries it, shape (p, n)."""
         outer = np.zeros((len(self._outer), self.size), dtype=bool)
         return np.concatenate((self._carried[self.own[:, 1]], outer))
+
+    @cached_property
+    def _parted(self) -> Array:
+        """For each pair, 1 if a joint moves its first side alone, -1 the second, shape (p, n)."""
+        first, second = self._carried[self._first], self._second_carried
+        return first.astype(float) - second.astype(float)
 
     @cached_property
     def _radii(self) -> Array:

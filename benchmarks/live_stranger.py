@@ -33,6 +33,9 @@ class Watched:
         held, limits = np.diff(steps.time)[:, None], self.limits
         a = np.diff(v, axis=0) / held
         before = a[:1]
+        if segment.begin + steps.time[0] == 0.0:
+            # A reset is no motion.
+            self._last = None
         if self._last is not None:
             q_end, v_end, before = self._last
             self.jump = max(self.jump, np.abs(q[0] - q_end).max(), np.abs(v[0] - v_end).max())

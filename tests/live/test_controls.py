@@ -10,6 +10,7 @@ import pytest
 from drake_rnn import InvalidInputError, load_experiment
 from drake_rnn.live.controls import Button, Choice, Handle, Slider, Switch, read_message
 from drake_rnn.live.session import Session
+from live_stranger import Watched, random_setting
 
 CONTROLS = {
     "gain": Slider("gain", 0.1, 10.0, 1.0),
@@ -89,16 +90,23 @@ def junk(rng):
 
 def test_a_thousand_messages_of_junk_break_nothing():
     session = Session(load_experiment("slc_nephroid_known"))
-    rng = random.Random(0)
-    names = [*session.controls(), "save", "exec", "", "law.", "law.limits", "law.home"]
-    names = [name for name in names if name not in ("pause", "level", "law", "learned", "noise")]
-    refused = 0
+    watched = Watched(session)
+    rng, known = random.Random(0), np.random.default_rng(0)
+    refused, takeovers = 0, 0
     for k in range(1000):
+        names = [*session.controls(), "save", "exec", "", "law.", "law.limits", "law.home"]
         name, value = rng.choice(names), junk(rng)
         refused += session.set(name, value).refused
-        if k % 50 == 0:
+        if k % 25 == 0:
+            # What is meant as well, so that the arm moves, and laws take over.
+            session.set(*random_setting(known, session.controls()))
+            session.set("pause", False)
             session.advance()
+            takeovers = max(takeovers, session.takeovers)
             assert session.failure == ""
     assert refused > 600
+    assert takeovers > 0
+    assert max(watched.excess.values()) <= 1e-9
+    assert watched.jump == 0.0
     assert np.isfinite(session.position()).all()
     json.dumps({name: each.as_data() for name, each in session.controls().items()}, allow_nan=False)

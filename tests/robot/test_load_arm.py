@@ -17,7 +17,9 @@ DOCUMENT = {
 
 
 def test_every_shipped_file_of_limits_has_a_name():
-    assert set(shipped_limits()) == {"panda", "fer", "fr3", "iiwa14", "ur5", "planar6"}
+    assert set(shipped_limits()) == {
+        *("panda", "fer", "fr3", "iiwa14", "ur5", "gen3", "puma560", "planar6")
+    }
 
 
 @pytest.mark.parametrize("name", shipped_limits())

@@ -5,13 +5,16 @@ be set; then targets are sent to a running page as a browser sends them::
 
     python benchmarks/live.py --seconds 60 --seeds 3
     python benchmarks/live.py --latency
+    python benchmarks/live.py --rate
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import http.client
 import json
+import os
 import threading
 import time
 from urllib.parse import urlsplit
@@ -19,6 +22,7 @@ from urllib.parse import urlsplit
 import numpy as np
 
 from drake_rnn import load_experiment
+from drake_rnn.film.browser import open_browser
 from drake_rnn.live.play import Play
 from drake_rnn.live.segment import Segment
 from drake_rnn.live.session import Session
@@ -36,6 +40,9 @@ NAMES = (
 )
 # Motion of the tool that counts as an answer [m], and how far a target is sent [m].
 MOVED, AWAY = 1e-3, 0.05
+# Size of the window of the page [pixels], and what keeps the browser from any other address.
+WINDOW = (1280, 800)
+_LOCAL = ["--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE localhost"]
 
 
 def print_bounds(names: list[str], seconds: float, seeds: int) -> None:
@@ -80,6 +87,29 @@ def print_latency(count: int, seconds: float) -> None:
         each.close()
 
 
+def print_rates(names: list[str], seconds: float) -> None:
+    """Print the rates of experiments that play, with no page open and with one in Chromium."""
+    head("experiment", "page", f"rate over {seconds:g} s", "load before")
+    for name in names:
+        for opened in (False, True):
+            session, load = Session(load_experiment(name)), os.getloadavg()[0]
+            play = Play(session, "localhost", 0, lambda result: "")
+            with contextlib.ExitStack() as stack:
+                if opened:
+                    browser = stack.enter_context(open_browser(WINDOW, _LOCAL))
+                    # The page asks this process for itself: that takes until it plays.
+                    asking = threading.Thread(target=browser.get, args=(play.url,))
+                    asking.start()
+                    play.run(lambda asking=asking: not asking.is_alive())
+                warm = time.monotonic() + 3.0
+                play.run(lambda warm=warm: time.monotonic() > warm)
+                began, until = session.time, time.monotonic() + seconds
+                play.run(lambda until=until: time.monotonic() > until)
+                rate = (session.time - began) / seconds
+            play.close()
+            row(name, "in Chromium" if opened else "none", f"{rate:.3f}", f"{load:.1f}")
+
+
 def _ask(
     url: str, session: Session, count: int, answers: list[float], ended: threading.Event
 ) -> None:
@@ -122,10 +152,13 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0, help="simulated by each session")
     parser.add_argument("--seeds", type=int, default=3, help="sessions of each experiment")
     parser.add_argument("--latency", action="store_true", help="measure answers instead")
+    parser.add_argument("--rate", action="store_true", help="measure the rate instead")
     parser.add_argument("--experiments", default=",".join(NAMES), help="names, with commas")
     asked = parser.parse_args()
     if asked.latency:
         print_latency(10, 20.0)
+    elif asked.rate:
+        print_rates(asked.experiments.split(","), 20.0)
     else:
         print_bounds(asked.experiments.split(","), asked.seconds, asked.seeds)
 

@@ -299,6 +299,24 @@ class Replay:
 
 
 @options
+class Export:
+    """Write the series of a saved result for other tools, into its folder."""
+
+    folder: Folder
+    form: Annotated[
+        Literal["csv", "parquet", "mcap", "trajectory"],
+        typer.Option(
+            "--format",
+            help="Format of the file: table, recording of ROS 2 messages, or joints' motion.",
+        ),
+    ] = "csv"
+    series: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Only this series; repeatable.")
+    ] = None
+    file: Annotated[Path | None, typer.Option("--to", metavar="FILE", help="The file.")] = None
+
+
+@options
 class Film:
     """Write a saved result as a moving picture, into its folder."""
 

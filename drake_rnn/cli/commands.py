@@ -54,6 +54,7 @@ for _name, _place, _options in (
     ("compare", "comparing:compare", asked.Compare),
     ("plot", "again:plot", asked.Plot),
     ("replay", "again:replay", asked.Replay),
+    ("export", "exporting:export_result", asked.Export),
     ("film", "filming:film", asked.Film),
     ("drive", "driving:drive_robot", asked.Drive),
     ("robot", "driving:serve_robot", asked.ServeRobot),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import zlib
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -23,6 +24,7 @@ from ..inputs.versions import versions
 from ..measures import METRICS
 from ..paths import Path as MotionPath
 from .beside import SECOND
+from .columns import columns_of, frame_of
 from .folder import filled, read_record
 from .verdict import Verdict, verdicts_of
 
@@ -100,6 +102,30 @@ class Result:
             n = contact.surface.normal_W
             error = error - np.outer(error @ n, n)
         return np.asarray(np.linalg.norm(error, axis=1))
+
+    def columns(self, names: Iterable[str] | None = None) -> dict[str, Array]:
+        """Return series as arrays of shape (k,), one for each number: ``p_WE_x_m``; times first.
+
+        Args:
+            names: The series; all of them if None.
+
+        Raises:
+            InvalidInputError: If there is no series of that name.
+        """
+        return columns_of(self.time, self.series, self.experiment.arm, names)
+
+    def frame(self, *names: str) -> Any:
+        """Return series as a pandas frame, a column for each number, the time [s] as its index.
+
+        Columns are named as `drake_rnn.runs.columns` says: ``p_WE_x_m``.
+
+        Args:
+            names: The series; all of them without any.
+
+        Raises:
+            InvalidInputError: If there is no series of that name, or pandas is not installed.
+        """
+        return frame_of(self.columns(names or None))
 
     @property
     def verdicts(self) -> list[Verdict]:

@@ -1,0 +1,19 @@
+"""Results that are saved, in the formats of other tools."""
+
+from __future__ import annotations
+
+from rich.markup import escape
+
+from ..exports import export
+from ..runs.result import Result
+from .asked import Export
+from .console import errors, out, status
+
+
+def export_result(asked: Export) -> None:
+    """Write the series of a saved result for other tools."""
+    with errors():
+        result = Result.load(asked.folder, modules=True)
+        with status("writing"):
+            file = export(result, asked.file or asked.folder, asked.form, asked.series)
+        out.print(escape(f"series    {file}"), soft_wrap=True)

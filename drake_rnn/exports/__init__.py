@@ -1,0 +1,3 @@
+"""Results in the formats of other tools."""
+
+from .export import FORMATS as FORMATS, Format as Format, export as export

@@ -1,0 +1,72 @@
+"""Results written in the formats of other tools, by the name of the format."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Literal, NamedTuple, get_args
+
+from ..errors import InvalidInputError
+from ..inputs.complaints import nearest
+from ..runs.result import Result
+from .recording import write_mcap
+from .tables import write_csv, write_parquet
+from .trajectory import write_trajectory
+
+#: Names of the formats.
+Format = Literal["csv", "parquet", "mcap", "trajectory"]
+FORMATS: tuple[Format, ...] = get_args(Format)
+
+
+class _Writer(NamedTuple):
+    """What writes a format: to which file of a result's folder by default, and how."""
+
+    file: str
+    write: Callable[[Result, Path, Iterable[str] | None], None]
+
+
+_WRITERS = {
+    "csv": _Writer("series.csv", write_csv),
+    "parquet": _Writer("series.parquet", write_parquet),
+    "mcap": _Writer("series.mcap", write_mcap),
+    "trajectory": _Writer("trajectory.yaml", write_trajectory),
+}
+
+
+def export(
+    result: Result,
+    place: str | Path,
+    form: Format = "csv",
+    series: Iterable[str] | None = None,
+) -> Path:
+    """Write the series of a result for other tools.
+
+    Args:
+        result: The result.
+        place: File, or a folder that exists, in which the file is named after the format.
+        form: ``csv`` and ``parquet`` are tables of `drake_rnn.runs.columns`; ``mcap`` is a
+            recording of ROS 2 messages; ``trajectory`` is the motion of the joints as a message of
+            the type ``trajectory_msgs/JointTrajectory`` in YAML.
+        series: Names of the series; all of them if None.
+
+    Returns:
+        The file; another one of that name is replaced at once, by the whole of the new one.
+
+    Raises:
+        InvalidInputError: If there is no such format or series, a format has no place for what is
+            asked, or the package that writes it is not installed.
+        OSError: If it cannot be written.
+    """
+    if form not in FORMATS:
+        raise InvalidInputError(f"form: no format {form!r}; {nearest(form, list(FORMATS))}")
+    writer, file = _WRITERS[form], Path(place)
+    if file.is_dir():
+        file = file / writer.file
+    new = file.with_name(f".{file.name}.new")
+    try:
+        writer.write(result, new, series)
+        os.replace(new, file)
+    finally:
+        new.unlink(missing_ok=True)
+    return file

@@ -457,7 +457,7 @@ def test_an_arm_of_two_joints_follows_a_path_in_its_plane(tmp_path):
 
 def test_an_unknown_arm_is_refused_with_those_of_like_name():
     assert refusal("pandas").startswith("arm: no arm 'pandas'; nearest: panda")
-    assert "it may be fr3, iiwa14, panda, planar6, ur5" in refusal("xyzzy")
+    assert "it may be fr3, gen3, iiwa14, panda, planar6, puma560, ur5" in refusal("xyzzy")
 
 
 def test_a_file_that_is_no_model_is_refused(tmp_path):

@@ -9,7 +9,8 @@ Each motion takes 2 s: to a target up to 0.5 m away, at once, or along a nephroi
 
 The robot has a core of its own and a high priority, where the system lets it, as it has a computer
 of its own in reality. ``--busy`` starts further programs that keep cores busy. A target out of
-reach is left out, and the next seed taken.
+reach is left out, and the next seed taken. These laws do not look at the arm's own bodies; where a
+motion ends at one of them, the simulated robot is started anew.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from drake_rnn.drive import DriveSettings, Paced
 from drake_rnn.drive.shared_cycles import LAW, NOBODY
 from drake_rnn.errors import InvalidInputError, RobotError
 from drake_rnn.experiment import Experiment, forecasts
-from franka_sim_server import HOST, served
+from franka_sim_server import HOST, Server, served
 from markdown_table import head, row
 
 _COMMAND = "python benchmarks/fr3_live.py"
@@ -102,7 +103,7 @@ class Found:
     loads: list[float] = field(default_factory=list)
 
 
-def driven(found: Found, experiment: Experiment) -> None:
+def driven(found: Found, experiment: Experiment, server: Server) -> None:
     """Drive a motion, and add what it came to."""
     connection = Paced(HOST)
     try:
@@ -110,6 +111,11 @@ def driven(found: Found, experiment: Experiment) -> None:
     except RobotError as error:
         found.stopped.append(str(error))
         return
+    except InvalidInputError:
+        # No way leads from where the last motion has ended, at the arm's own bodies.
+        server.kill()
+        server.start()
+        return driven(found, experiment, server)
     cycles = connection.cycles()
     moving = np.flatnonzero(cycles["source"] != NOBODY)
     of_motion = slice(moving[0] if moving.size else 0, None)
@@ -168,11 +174,11 @@ def main() -> None:
         made_by=f"{_COMMAND} --judge PYTHON" + (f" --busy {asked.busy}" if asked.busy else ""),
     )
     try:
-        with served(asked.judge):
+        with served(asked.judge) as server:
             for name, count in zip(LAWS, (asked.known, asked.learned, asked.slc), strict=True):
                 found = Found()
                 for experiment in islice(experiments(LAWS[name]), count):
-                    driven(found, experiment)
+                    driven(found, experiment, server)
                 if count:
                     told(name, found)
     finally:

@@ -160,15 +160,17 @@ def outcome(fault: Fault, server: Server) -> Outcome:
 
 def told(name: str, outcomes: list[Outcome]) -> None:
     """Print the row of one fault."""
-    over = [each.rest - each.needed for each in outcomes]
+    # Where a run has gone on, its first rest is its end.
+    stopped = [each for each in outcomes if each.status and np.isfinite(each.rest)]
+    over = [1e3 * (each.rest - each.needed) for each in stopped]
     row(
         name,
         len(outcomes),
         ", ".join(sorted({str(each.status) for each in outcomes})),
         ", ".join(sorted({each.ended for each in outcomes})),
         sum(each.reflex for each in outcomes),
-        f"{np.max([each.rest for each in outcomes]):.3f}",
-        f"{1e3 * np.max(over):.0f}",
+        f"{max(each.rest for each in stopped):.3f}" if stopped else "",
+        f"{max(over):.0f}" if stopped else "",
         max(each.lost for each in outcomes),
         sum(each.recorded for each in outcomes),
     )

@@ -68,7 +68,10 @@ def test_a_law_without_a_bound_of_the_jerk_is_slowed_down_on_an_fr3():
     ("changes", "message"),
     [
         ({"period": 2e-3}, "period: must be 0.001 s, the cycle of the fr3"),
-        ({"dither": {"sigma": 0.01}}, "dither: must be left out for the fr3"),
+        (
+            {"dither": {"model": "actuated", "sigma": 0.01, "hold": 1e-3}},
+            "dither: must be left out for the fr3",
+        ),
     ],
 )
 def test_what_does_not_fit_a_robot_that_waits_for_nobody_is_refused(changes, message):

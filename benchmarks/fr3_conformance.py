@@ -11,7 +11,7 @@ of mink and of Ruckig behind it, are judged
     python -m venv /path/to/venv && /path/to/venv/bin/pip install franka-sim==1.1.7
     python benchmarks/fr3_conformance.py --judge /path/to/venv/bin/python
 
-Without ``--judge`` only the constants judge. mink's rows need mink.
+Without ``--judge`` only the constants judge. The last rows need mink and ruckig.
 """
 
 from __future__ import annotations
@@ -29,7 +29,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from ruckig import ControlInterface, InputParameter, OutputParameter, Ruckig, Synchronization
 
 from drake_rnn import Adaptive, Arm, Array, JointLimits, load_arm
 from markdown_table import head, row
@@ -41,6 +40,8 @@ PERIOD, STEPS = 1e-3, 2000
 BRAKING, FASTEST = 2.0, 1.0
 #: Acceleration from which to its opposite the robot lets a velocity go at once [rad/s^2].
 SLOW = 2.4
+#: Motions that are made and judged at a time.
+BLOCK = 100
 #: Random starts are this far within where joints may rest [rad].
 INSIDE = 0.02
 
@@ -129,6 +130,8 @@ def mink(errand: Errand) -> Array:
 
 def ruckig(errand: Errand) -> Array:
     """Return those of Ruckig behind mink, within limits of acceleration and jerk besides."""
+    from ruckig import ControlInterface, InputParameter, OutputParameter, Ruckig, Synchronization
+
     n = errand.arm.n
     generator, given, made = Ruckig(n, PERIOD), InputParameter(n), OutputParameter(n)
     given.control_interface = ControlInterface.Velocity
@@ -237,17 +240,23 @@ def by_franka_sim(python: str, errands: list[Errand], commands: Array) -> list[d
 
 
 def judge(name: str, errands: list[Errand], of: Commands, python: str | None) -> None:
-    """Print the row of commands of one kind."""
-    commands = np.array([of(errand) for errand in errands])
-    ours = [by_constants(e.start, v) for e, v in zip(errands, commands, strict=True)]
+    """Print the row of commands of one kind, if there are any."""
+    if not errands:
+        return
+    ours: list[Objections] = []
+    theirs: list[dict[str, Any]] = []
+    # All commands of thousands of motions would be large.
+    for begin in range(0, len(errands), BLOCK):
+        block = errands[begin : begin + BLOCK]
+        commands = np.array([of(errand) for errand in block])
+        ours += [by_constants(e.start, v) for e, v in zip(block, commands, strict=True)]
+        theirs += [] if python is None else by_franka_sim(python, block, commands)
     kinds = sorted({kind for each in ours for kind in each.kinds})
     cells = [_told([each.count for each in ours])]
     first = ""
-    if python is not None:
-        theirs = by_franka_sim(python, errands, commands)
-        for mode in ("velocity", "position"):
-            cells.append(_told([each[mode][0] for each in theirs]))
-            first = first or next((each[mode][1] for each in theirs if each[mode][1]), "")
+    for mode in () if python is None else ("velocity", "position"):
+        cells.append(_told([each[mode][0] for each in theirs]))
+        first = first or next((each[mode][1] for each in theirs if each[mode][1]), "")
     distance = min(each.distance for each in ours)
     samples = len(errands) * STEPS
     row(name, len(errands), samples, *cells, f"{distance:.2g}", ", ".join(kinds) or "nothing")
@@ -325,8 +334,8 @@ def main() -> None:
     fast = arm.limits.replace(jerk=None)
     name = "adaptive, J known, no bound of the jerk, 9.999 rad/s^2"
     judge(name, errands(options.others, fast), adaptive, options.judge)
-    if find_spec("mink") is None:
-        sys.exit("mink: is not installed; its rows are left out")
+    if missing := [name for name in ("mink", "ruckig") if few and find_spec(name) is None]:
+        sys.exit(f"{' and '.join(missing)}: not installed; the rows with it are left out")
     judge("mink, limits of position and velocity", few, mink, options.judge)
     judge("Ruckig behind mink", few, ruckig, options.judge)
 

@@ -19,7 +19,9 @@ from .campaigns import (
 from .campaigns.sweep import sweep as sweep
 from .diagrams import AddLoop as AddLoop, Loop as Loop, wiring_graph as wiring_graph
 from .drive import (
+    FR3 as FR3,
     IIWA as IIWA,
+    Command as Command,
     Connection as Connection,
     Driven as Driven,
     DrivenRun as DrivenRun,
@@ -27,6 +29,8 @@ from .drive import (
     Faults as Faults,
     FollowingRobot as FollowingRobot,
     IiwaLcm as IiwaLcm,
+    Motion as Motion,
+    Paced as Paced,
     Robot as Robot,
     RobotStatus as RobotStatus,
     RobotTask as RobotTask,

@@ -19,7 +19,6 @@ from .completing import (
 )
 from .options import (
     MOST_JOBS,
-    URL,
     Anyway,
     Beside,
     Changed,
@@ -365,10 +364,12 @@ class Drive(Checked):
     robot: Annotated[
         str,
         typer.Option(
-            metavar="ROBOT", help="Robot to drive: iiwa.", autocompletion=lambda: ["iiwa"]
+            metavar="ROBOT",
+            help="Robot to drive: iiwa or fr3.",
+            autocompletion=lambda: ["iiwa", "fr3"],
         ),
     ] = "iiwa"
-    url: Url = URL
+    url: Url = None
     dry: Annotated[
         bool, typer.Option("--dry", help="Print what would be sent; no robot is needed.")
     ] = False
@@ -403,7 +404,7 @@ class ServeRobot:
         str,
         typer.Argument(metavar="ROBOT", help="Robot: iiwa.", autocompletion=lambda: ["iiwa"]),
     ]
-    url: Url = URL
+    url: Url = None
     begin: Annotated[
         str | None,
         typer.Option(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,8 +20,10 @@ from ..drive import (
     DriveSettings,
     Faults,
     FollowingRobot,
-    IiwaLcm,
+    Paced,
+    Robot,
     SimulatedIiwa,
+    connect,
     connected,
     drive_experiment,
     driven_experiment,
@@ -39,34 +42,38 @@ from .statuses import INTERRUPTED
 
 #: File of a run's folder with every cycle.
 CYCLES = "cycles.npz"
+#: File of a run's folder with every cycle of a paced robot, as its pacer saw it.
+PACER = "pacer.npz"
+#: File beside a run's folder that the pacer leaves if this process is killed.
+KILLED = "{}.cycles"
 
 
 def drive_robot(asked: Drive) -> None:
     """Let a robot carry out an experiment, or print what it would be sent."""
     with silenced(asked.quiet), errors():
-        _require_known(asked.robot)
+        robot = _known(asked.robot)
         changes = changes_of(asked.changes, duration=asked.duration)
-        experiment = driven_experiment(asked.experiment, IIWA, changes)
+        experiment = driven_experiment(asked.experiment, robot, changes)
         folder = asked.out_folder / experiment.name
         given = {"silence": asked.silence, "late": asked.late, "lag": asked.lag}
         settings = construct(DriveSettings, _given(**given, contact=asked.wait), "")
         if asked.dry:
-            robot = FollowingRobot(_posture(asked.begin, experiment), IIWA.period)
-            _print_sent(
-                drive_experiment(experiment, IIWA, robot, settings, say=_say).driven, experiment
-            )
+            follower = FollowingRobot(_posture(asked.begin, experiment), robot.period)
+            driven = drive_experiment(experiment, robot, follower, settings, say=_say).driven
+            _print_sent(driven, experiment, robot)
             return
         if asked.begin is not None:
             raise InvalidInputError("--from: only with --dry; a robot tells where it stands")
         require_writable(folder)
-        connection = IiwaLcm(connected(asked.url))
+        connection = connect(robot, asked.url, _left_where_killed(folder))
         with _stop_asked() as told:
             result, driven = drive_experiment(
-                experiment, IIWA, connection, settings, say=_say, is_told_to_stop=told
+                experiment, robot, connection, settings, say=_say, is_told_to_stop=told
             )
         write_result(result, folder, Pictures(asked.figures, asked.playback))
-        arrays: dict[str, Any] = driven.log.arrays()
-        np.savez_compressed(folder / CYCLES, **arrays)
+        _save(folder / CYCLES, driven.log.arrays())
+        if isinstance(connection, Paced):
+            _save(folder / PACER, connection.cycles())
         cycles = (result.timings[name] for name in ("cycles", "cycles_lost", "cycles_late"))
         out.print("cycles    {:g}, of these {:g} lost and {:g} late".format(*cycles))
         if result.failure:
@@ -82,22 +89,37 @@ def drive_robot(asked: Drive) -> None:
 def serve_robot(asked: ServeRobot) -> None:
     """Simulate a robot behind its messages, in real time, until it is told to end."""
     with errors():
-        _require_known(asked.robot)
+        if (robot := _known(asked.robot)) is not IIWA:
+            raise InvalidInputError(
+                f"robot: there is no simulated {robot.name} here; an iiwa is; franka-sim simulates "
+                "an FR3 behind its own messages, see docs/drive.md"
+            )
         names = [name for name in field_names(Faults) if name != "deaf"]
         wrong = {name: fields_of(asked)[name] for name in names}
         deaf = np.inf if asked.limit_stop else 0.0
         faults = construct(Faults, wrong | {"deaf": deaf}, "")
         start = None if asked.begin is None else _numbers(asked.begin)
-        robot = SimulatedIiwa(connected(asked.url), start, faults, asked.seed)
-        out.print(escape(f"{asked.robot}: simulated at {asked.url}; Ctrl-C ends it"))
+        url = asked.url or IIWA.url
+        served = SimulatedIiwa(connected(url), start, faults, asked.seed)
+        out.print(escape(f"{asked.robot}: simulated at {url}; Ctrl-C ends it"))
         with _stop_asked() as told:
-            robot.serve(told)
-        out.print(f"ended after {robot.time:.4g} s")
+            served.serve(told)
+        out.print(f"ended after {served.time:.4g} s")
 
 
-def _require_known(name: str) -> None:
+def _known(name: str) -> Robot:
     if name not in ROBOTS:
         raise InvalidInputError(f"robot: no robot {name!r}; {nearest(name, list(ROBOTS))}")
+    return ROBOTS[name]
+
+
+def _left_where_killed(folder: Path) -> Path:
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    return folder.parent.absolute() / KILLED.format(folder.name)
+
+
+def _save(file: Path, arrays: dict[str, Any]) -> None:
+    np.savez_compressed(file, **arrays)
 
 
 def _given(**options: Any) -> dict[str, Any]:
@@ -124,7 +146,7 @@ def _say(text: str) -> None:
     out.print(escape(text), soft_wrap=True)
 
 
-def _print_sent(driven: Driven, experiment: Experiment) -> None:
+def _print_sent(driven: Driven, experiment: Experiment, robot: Robot) -> None:
     """Print what each phase would send, and its largest derivatives beside the limits."""
     table = Table("phase", "commands", "time [s]", "velocity / limit", "acceleration / limit")
     for phase in ("approach", "run", "stop"):
@@ -137,7 +159,7 @@ def _print_sent(driven: Driven, experiment: Experiment) -> None:
     sent = np.isfinite(log["position_sent"]).all(axis=1)
     rows = Table("phase", "t [s]", *(f"{name} [rad]" for name in experiment.arm.joints))
     times, phases, positions = (log[name][sent] for name in ("time", "phase", "position_sent"))
-    every = max(round(1.0 / IIWA.period), 1)
+    every = max(round(1.0 / robot.period), 1)
     for k in [*range(0, times.size, every), times.size - 1]:
         rows.add_row(
             str(phases[k]), f"{times[k] - times[0]:.3f}", *(f"{q:.4f}" for q in positions[k])

@@ -40,8 +40,13 @@ Playback = Annotated[bool, typer.Option(help="Write playback.html.")]
 MOST_JOBS = 256
 Jobs = Annotated[int, typer.Option(min=1, max=MOST_JOBS, help="Number of parallel runs.")]
 #: Where messages go by default: to this machine and no further.
-URL = "udpm://239.255.76.67:7699?ttl=0"
-Url = Annotated[str, typer.Option(metavar="URL", help="Address of the messages (LCM).")]
+Url = Annotated[
+    str | None,
+    typer.Option(
+        metavar="URL",
+        help="Address of the messages (LCM) of an iiwa, or of an FR3: its name or IP address.",
+    ),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print only warnings and errors.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print metrics and verdicts as JSON only.")]
 DryRun = Annotated[

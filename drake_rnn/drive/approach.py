@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..inputs.fields import Array
 from ..laws.guard import Guard
 from ..robot.clearance.arm_clearance import arm_clearance
 from ..robot.limits import JointLimits
+from .connection import Motion
 from .robot_task import RobotTask
 from .settings import DriveSettings
 
@@ -40,6 +43,8 @@ class Approach:
         self._start, self.period = task.start, period
 
     held = 0.0
+    #: Whether the way is worked out while the robot rests.
+    is_working = False
 
     @property
     def arrived(self) -> bool:
@@ -53,9 +58,18 @@ class Approach:
             self._guard.command(self._start)
         return self._guard.position
 
-    def motion(self) -> tuple[Array, Array, Array]:
-        """Return what is commanded: position, velocity, acceleration, shape (n,) each."""
-        return self._guard.position, self._guard.velocity, self._guard.part("a")
+    def motion(self) -> Motion:
+        """Return what is commanded."""
+        return Motion(self._guard.position, self._guard.velocity, self._guard.part("a"))
+
+    def then(self) -> Sequence[Motion]:
+        """Return the motions after that, as far as they are known."""
+        return ()
+
+    def resume(self, motion: Motion, cycles: int) -> None:
+        """Go on from what was commanded, by it or without it, some cycles later."""
+        if not motion.equals(self.motion()):
+            self._guard.resume(*motion)
 
 
 def _slowed(limits: JointLimits, settings: DriveSettings) -> JointLimits:

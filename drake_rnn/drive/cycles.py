@@ -80,7 +80,10 @@ class Cycles:
                 self._time, self.unanswered = status.time, passed
                 return Cycle(self._time, passed, status)
         self._time += period
-        if (silent := self._connection.now() - self.heard) > self._settings.silence:
+        if failure := self._connection.failure:
+            raise StopError("robot", failure)
+        silent = self._connection.now() - self.heard
+        if silent > self._settings.silence or self._connection.paced:
             raise StopError("silence", f"no status for {silent:.3g} s")
         self.lost += 1
         return Cycle(self._time, period, None)
@@ -107,7 +110,11 @@ class Cycles:
 
     def _next(self) -> RobotStatus | None:
         period = self._connection.period
-        status = self._connection.next(period if self._missed else _PATIENCE * period)
+        patience = period if self._missed else _PATIENCE * period
+        # Nobody waits for a command where the robot is answered all the same.
+        if self._connection.paced:
+            patience = self._settings.silence
+        status = self._connection.next(patience)
         self._missed = status is None
         return status
 

@@ -6,17 +6,20 @@ import time
 from dataclasses import replace
 
 import numpy as np
+from pydrake.systems.analysis import InitializeParams
 
 from ..diagrams import Loop
 from ..errors import SimulationError
 from ..experiment import Experiment, forecasts
 from ..inputs.fields import Array
+from ..laws.law import SampledReading
 from ..laws.layout import Signals
 from ..measures import Steps
 from ..runs.evaluation import Evaluations
 from ..runs.result import Result, Status, stopped
 from ..runs.simulation import recorded_simulator, start_laws
 from ..systems import RobotArm
+from .connection import Motion
 from .robot_task import RobotTask
 
 # No part of a run is evaluated before its end: that would take longer than a cycle.
@@ -55,6 +58,28 @@ class DrivenLaw(RobotTask):
             return super()._accelerated(velocity, since)
         context = controller.GetMyContextFromRoot(self._simulator.get_context())
         return controller.reading.state.part(controller.state(context), "a")
+
+    resumes = True
+
+    def resume(self, time: float, motion: Motion) -> None:
+        """See `RobotTask.resume`; samples in between are left out."""
+        time = round(time / self.period) * self.period
+        late = time - self.time > 0.5 * self.period
+        if not late and motion.equals(self._motion):
+            return
+        root, loop = self._simulator.get_mutable_context(), self._loop
+        context = loop.controller.GetMyMutableContextFromRoot(root)
+        reading, x = loop.controller.reading, loop.controller.state(context)
+        assert isinstance(reading, SampledReading)
+        if late:
+            root.SetTime(time)
+        loop.controller.set_state(context, reading.resumed(x, *motion))
+        at = loop.joint_command.GetMyMutableContextFromRoot(root)
+        loop.joint_command.set_integral_value(at, motion.position)
+        if late:
+            params = InitializeParams(suppress_initialization_events=True)
+            self._simulator.Initialize(params)
+        self._motion, self._advanced = motion, time
 
     def result(self, told: Signals, status: Status, failure: str) -> Result:
         """Return the result of the run.

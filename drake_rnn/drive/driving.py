@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..errors import InvalidInputError
 from ..experiment import Experiment
 from ..inputs.complaints import require_type
 from ..runs.result import Result
@@ -117,4 +118,8 @@ def drive_diagram(
         InvalidInputError, RobotError: As `drive_experiment` does.
     """
     settings = DriveSettings() if settings is None else settings
+    if connection.paced and not task.resumes:
+        raise InvalidInputError(
+            f"task: the {robot.name} does not wait for a diagram; it is driven by experiments alone"
+        )
     return Session(task, robot, connection, settings, say, is_told_to_stop).drive()

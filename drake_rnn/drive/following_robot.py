@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from ..inputs.fields import Array
-from .connection import RobotStatus
+from .connection import Command, Connection, RobotStatus
 
 
-class FollowingRobot:
-    """A `drake_rnn.drive.connection.Connection` to nothing.
+class FollowingRobot(Connection):
+    """A connection to nothing.
 
     Args:
         position: Posture in which it stands, shape (n,) [rad].
@@ -17,24 +17,26 @@ class FollowingRobot:
     """
 
     def __init__(self, position: Array, period: float = 5e-3) -> None:
-        self.period = period
+        self._period = period
         self._cycle = 0
         self._position, self._velocity = position, np.zeros_like(position)
 
+    @property
+    def period(self) -> float:
+        """See `Connection.period`."""
+        return self._period
+
     def now(self) -> float:
         """Return its time [s]."""
-        return self._cycle * self.period
+        return self._cycle * self._period
 
     def next(self, timeout: float) -> RobotStatus | None:
         """Return the next status at once."""
         self._cycle += 1
         return RobotStatus(self.now(), self._position, self._velocity, self._position)
 
-    def send(self, position: Array, time: float) -> None:
+    def send(self, command: Command) -> None:
         """Be where it is told to be."""
-        self._velocity = (position - self._position) / self.period
+        position = command.motion.position
+        self._velocity = (position - self._position) / self._period
         self._position = position
-
-    def others(self) -> int:
-        """Return that nobody else commands it."""
-        return 0

@@ -13,7 +13,7 @@ from pydrake.lcm import DrakeLcm
 
 from ..errors import RobotError
 from ..inputs.fields import Array
-from .connection import RobotStatus
+from .connection import Command, Connection, RobotStatus
 from .robots import IIWA
 
 STATUS, COMMAND = "IIWA_STATUS", "IIWA_COMMAND"
@@ -45,8 +45,8 @@ def encoded_command(position: Array, time: float) -> bytes:
     return bytes(message.encode())
 
 
-class IiwaLcm:
-    """A `drake_rnn.drive.connection.Connection` to an iiwa.
+class IiwaLcm(Connection):
+    """A connection to an iiwa.
 
     Args:
         lcm: The messages.
@@ -60,14 +60,22 @@ class IiwaLcm:
         wait: Callable[[float], object] | None = None,
         now: Callable[[], float] = time.monotonic,
     ) -> None:
-        self.period = IIWA.period
-        self.now = now
+        self._clock = now
         self._lcm = lcm
         self._wait = self._handle if wait is None else wait
         self._came: deque[bytes] = deque(maxlen=_MOST)
         self._commands = self._own = 0
         lcm.Subscribe(STATUS, self._came.append)
         lcm.Subscribe(COMMAND, self._count)
+
+    @property
+    def period(self) -> float:
+        """See `Connection.period`."""
+        return IIWA.period
+
+    def now(self) -> float:
+        """See `Connection.now`."""
+        return self._clock()
 
     def next(self, timeout: float) -> RobotStatus | None:
         """See `Connection.next`."""
@@ -81,10 +89,10 @@ class IiwaLcm:
         # Those that were overtaken say nothing new.
         return max(came, key=lambda status: status.time)
 
-    def send(self, position: Array, time: float) -> None:
+    def send(self, command: Command) -> None:
         """See `Connection.send`."""
         self._own += 1
-        self._lcm.Publish(COMMAND, encoded_command(position, time))
+        self._lcm.Publish(COMMAND, encoded_command(command.motion.position, command.time))
 
     def others(self) -> int:
         """See `Connection.others`; own messages come back, too."""

@@ -6,11 +6,8 @@ import numpy as np
 
 from ..inputs.fields import Array
 from ..robot.held_stop import HeldStop
-from ..robot.jerk_stop import stop
 from ..robot.limits import JointLimits
-
-# Speed and acceleration at which a joint rests [rad/s, rad/s^2].
-_REST, _EVEN = 1e-12, 1e-6
+from ..robot.stop_step import stop_step
 
 
 class RampDown:
@@ -62,14 +59,9 @@ class RampDown:
         return np.asarray(self._q - max(self._ahead, 0.0) * self._v)
 
     def _step(self) -> None:
-        if self._jerk is None:
-            self._v = HeldStop(self._most, self._period).after(self._v)
-        else:
-            found = stop(self._q, self._v, self._a, self._most, self._jerk, self._period)
-            self._a = found.first
-            self._v = self._v + self._period * self._a
-            resting = (np.abs(self._v) < _REST) & (np.abs(self._a) < _EVEN)
-            self._v, self._a = np.where(resting, 0.0, (self._v, self._a))
+        jerk = None if self._jerk is None else self._jerk.tolist()
+        moving = self._v.tolist(), self._a.tolist(), self._most.tolist()
+        self._v, self._a = np.array(stop_step(*moving, jerk, self._period))
         self._q = self._q + self._period * self._v
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from pydrake.systems.analysis import Simulator
 
@@ -11,6 +13,7 @@ from ..inputs.fields import Array
 from ..robot.clearance import Clearance
 from ..robot.limits import JointLimits
 from ..systems import RobotArm
+from .connection import Motion
 
 # Times that differ by less are one [s].
 _SAME = 1e-9
@@ -49,7 +52,7 @@ class RobotTask:
         self._simulator, self._body = simulator, arm
         self.duration, self.period, self.clearance = duration, period, clearance
         at_rest = np.zeros(arm.arm.n)
-        self._motion: tuple[Array, Array, Array] = (arm.start, at_rest, at_rest)
+        self._motion = Motion(arm.start, at_rest, at_rest)
         self._advanced = 0.0
         simulator.Initialize()
 
@@ -99,7 +102,7 @@ class RobotTask:
         command, speed = self._body.command(root)
         if (since := until - self._advanced) > 0.0:
             acceleration = self._accelerated(speed, since)
-            self._motion, self._advanced = (command, speed, acceleration), until
+            self._motion, self._advanced = Motion(command, speed, acceleration), until
         return command
 
     @property
@@ -108,9 +111,25 @@ class RobotTask:
         samples = self._advanced / self.period
         return float((np.ceil(samples - 1e-9) - samples) * self.period)
 
-    def motion(self) -> tuple[Array, Array, Array]:
-        """Return what `advance` has led to: position, velocity, acceleration, shape (n,) each."""
+    def motion(self) -> Motion:
+        """Return what `advance` has led to."""
         return self._motion
+
+    def then(self) -> Sequence[Motion]:
+        """Return the motions after that, of which none is known."""
+        return ()
+
+    #: Whether it goes on from what was commanded without it.
+    resumes = False
+
+    def resume(self, time: float, motion: Motion) -> None:
+        """Go on from what was commanded without it, at a time of the diagram.
+
+        Args:
+            time: The time [s], a whole number of periods, not before that of the diagram.
+            motion: The motion.
+        """
+        raise NotImplementedError("this diagram goes on from its own commands alone")
 
     def _accelerated(self, velocity: Array, since: float) -> Array:
         """Return the acceleration that has led to a velocity: the mean over a time [s]."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -22,18 +23,32 @@ class Robot:
     Attributes:
         name: Its name on the command line.
         arm: Its shipped arm.
-        period: Time of a cycle [s].
         inside: How far commands stay inside its position limits [rad].
         clipped: How far inside its position limits its own driver clips commands [rad].
         share: Share of its limits of velocity and acceleration that commands use.
+        slower: Margin of the velocity, also of its envelope near position limits [rad/s].
+        paced: Whether it waits for nobody, so that its connection is paced, see `Connection`.
+        without_jerk: Largest acceleration of a law that does not bound the jerk [rad/s^2]; None if
+            the robot does not check the jerk.
+        url: Address by default; empty if there is none.
     """
 
     name: str
     arm: str
-    period: float
     inside: float
     clipped: float
-    share: float
+    share: float = 1.0
+    slower: float = 0.0
+    paced: bool = False
+    without_jerk: float | None = None
+    url: str = ""
+
+    @cached_property
+    def period(self) -> float:
+        """Time of a cycle, between two of its messages [s]."""
+        period = load_arm(self.arm).description.message_period
+        assert period is not None
+        return period
 
     @property
     def limits(self) -> JointLimits:
@@ -44,11 +59,13 @@ class Robot:
     def commanded(self) -> JointLimits:
         """Limits that every command keeps, the robot's own reduced by the margins."""
         own = self.limits
+        offset = own.envelope_offset
         return own.replace(
             position_lower=own.position_lower + self.inside,
             position_upper=own.position_upper - self.inside,
-            velocity=self.share * own.velocity,
+            velocity=self.share * own.velocity - self.slower,
             acceleration=self.share * own.require("acceleration", "the robot's bounds"),
+            envelope_offset=None if offset is None else offset + self.slower,
         )
 
     @property
@@ -62,10 +79,19 @@ class Robot:
 
 
 #: The KUKA LBR iiwa behind drake-iiwa-driver, which clips commands 1 degree inside.
-IIWA = Robot("iiwa", "iiwa14", 5e-3, inside=0.05, clipped=np.deg2rad(1.0).item(), share=0.9)
+IIWA = Robot(
+    "iiwa",
+    "iiwa14",
+    inside=0.05,
+    clipped=np.deg2rad(1.0).item(),
+    share=0.9,
+    url="udpm://239.255.76.67:7699?ttl=0",
+)
+#: The Franka FR3, which judges each command, also by what it measures meanwhile.
+FR3 = Robot("fr3", "fr3", inside=0.05, clipped=0.0, slower=0.3, paced=True, without_jerk=2.4)
 
 #: Robots by name.
-ROBOTS = {robot.name: robot for robot in (IIWA,)}
+ROBOTS = {robot.name: robot for robot in (IIWA, FR3)}
 
 
 def driven_experiment(
@@ -95,8 +121,14 @@ def driven_experiment(
                 f"{robot.arm} and a start of its own, or leave start out"
             )
         document["arm"] = robot.arm
-    wanted = make_experiment(document).limits
-    document["limits"] = _stricter(wanted, robot.commanded)
+    wanted = make_experiment(document)
+    if robot.paced:
+        _require_paced(wanted, robot)
+    document["limits"] = _stricter(wanted.limits, robot.commanded)
+    if robot.without_jerk is not None and "jerk" not in wanted.keeps:
+        # Without a bound of the jerk, the stop has none either.
+        slow = np.minimum(document["limits"]["acceleration"], robot.without_jerk)
+        document["limits"] |= {"acceleration": slow.tolist(), "jerk": None}
     found = make_experiment(document)
     if found.limits.violation(found.start).any():
         why = found.limits.complaint(found.start, 0.0, found.arm.joints, found.arm.units)
@@ -106,12 +138,28 @@ def driven_experiment(
     return found
 
 
+def _require_paced(experiment: Experiment, robot: Robot) -> None:
+    """Raise an InvalidInputError for what does not go on from where a paced connection is."""
+    document = experiment.document
+    if document.period is None or abs(document.period - robot.period) > 1e-9:
+        raise InvalidInputError(
+            f"period: must be {robot.period:g} s, the cycle of the {robot.name}, not "
+            f"{document.period}"
+        )
+    for name, given in (("filter", document.filter), ("dither", document.dither)):
+        if given is not None:
+            raise InvalidInputError(
+                f"{name}: must be left out for the {robot.name}, which does not wait: what comes "
+                "behind the law does not know when a cycle was answered without it"
+            )
+
+
 def _stricter(wanted: JointLimits, own: JointLimits) -> dict[str, list[float]]:
     """Return the stricter of two limits, by name, as a document has them."""
     found: dict[str, list[float]] = {}
     for name, bound in wanted.bounds.items():
         known: list[Array] = [each for each in (bound, own.bounds[name]) if each is not None]
         if known:
-            strictest = np.max if name == "position_lower" else np.min
+            strictest = np.max if name in ("position_lower", "envelope_offset") else np.min
             found[name] = strictest(known, axis=0).tolist()
     return found

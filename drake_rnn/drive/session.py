@@ -12,10 +12,11 @@ import numpy as np
 from ..errors import RobotError, SimulationError
 from ..inputs.fields import Array
 from .approach import Approach
-from .connection import Connection, RobotStatus
+from .connection import Command, Connection, Motion, RobotStatus
 from .cycles import Cycle, Cycles
 from .listening import listened
 from .log import Log, Phase
+from .planned_approach import PlannedApproach
 from .ramp_down import RampDown
 from .robot_task import RobotTask
 from .robots import Robot
@@ -88,7 +89,7 @@ class Session:
         self._sent_at: float
         # What moves it, and the motion that was commanded last.
         self._moved: Approach | RobotTask
-        self._motion: tuple[Array, Array, Array]
+        self._motion: Motion
         self._held = 0.0
 
     def drive(self) -> Driven:
@@ -98,14 +99,22 @@ class Session:
             RobotError: If nothing answers, or the robot is not ready; nothing was sent then.
             InvalidInputError: If the robot stands where no way to the start begins.
         """
+        try:
+            return self._drive()
+        finally:
+            self._connection.end()
+
+    def _drive(self) -> Driven:
         task, connection = self._task, self._connection
         status = listened(connection, task.names, self._settings, self._log)
         self._sent = _held(status)
-        approach = Approach(task, self._settings, self._sent, connection.period)
-        self._begin(status)
+        kind = PlannedApproach if connection.paced else Approach
+        approach = kind(task, self._settings, self._sent, connection.period)
         self._moved, self._motion = approach, approach.motion()
         stopped: StopError | None = None
         with _without_collection():
+            connection.begin()
+            self._begin(status)
             try:
                 self._go(approach)
                 self._moved = task
@@ -143,9 +152,20 @@ class Session:
         while not (approach.arrived and self._is_still(cycle.status)):
             if (since := cycle.time - begin) > self._settings.approach_time:
                 raise StopError("approach", f"not at the start after {since:.3g} s")
-            self._send("approach", cycle, approach.advance(cycle.passed))
+            passed = cycle.passed
+            if (motion := self._commanded(cycle)) is not None:
+                approach.resume(motion, round(passed / self._connection.period))
+                passed = self._connection.period
+            is_working = approach.is_working
+            self._send("approach", cycle, approach.advance(passed))
+            if is_working:
+                # The robot rests, and however long that takes is no matter.
+                self._begin(self._last)
             cycle = self._cycle()
         self._origin = cycle.time
+        if self._connection.paced:
+            # Cycles in which the way was worked out are not late.
+            self._cycles.late = 0
 
     def _is_still(self, status: RobotStatus | None) -> bool:
         return status is not None and not np.abs(status.velocity).max() > self._settings.still
@@ -160,6 +180,8 @@ class Session:
             left = task.duration - (cycle.time - self._origin)
             until = task.duration if left < 1e-5 else task.duration - left
             try:
+                if (motion := self._commanded(cycle)) is not None:
+                    task.resume(until - task.period, motion)
                 command = task.advance(until, self._last.position, self._last.velocity)
             except (SimulationError, RuntimeError) as error:
                 raise StopError("law", str(error)) from error
@@ -174,24 +196,41 @@ class Session:
             self._watches.sound(status)
             self._watches.within(status)
             self._watches.continues(status, self._last)
-            self._watches.follows(status, self._sent)
+            told = self._sent if status.motion is None else status.motion.position
+            self._watches.follows(status, told)
             self._last = status
         return cycle
 
+    def _commanded(self, cycle: Cycle) -> Motion | None:
+        """Return what a paced connection has commanded until a cycle, and note it."""
+        motion = None if cycle.status is None else cycle.status.motion
+        if motion is not None:
+            self._motion, self._sent = motion, motion.position
+        return motion
+
     def _send(self, phase: Phase, cycle: Cycle, command: Array) -> None:
+        motion = self._motion._replace(position=command)
+        sent, passed = command, cycle.passed
+        if self._connection.paced:
+            # What is sent goes on from this cycle, in which the robot has been answered.
+            sent, passed = self._sent, self._connection.period
         if phase != "stop":
-            self._watches.may_be_sent(command, self._sent, cycle.passed)
-            self._motion, self._held = self._moved.motion(), self._moved.held
-        self._connection.send(command, cycle.time)
+            motion = self._moved.motion()
+            self._watches.may_be_sent(command, self._sent, passed)
+            self._motion, self._held = motion, self._moved.held
+        then = self._moved.then()
+        self._connection.send(Command(cycle.time, motion, self._moved.limits, then))
         self._cycles.answered()
         self._sent, self._sent_at = command, self._connection.now()
-        self._log.add(phase, cycle, command, self._sent_at)
+        self._log.add(phase, cycle, sent, self._sent_at)
 
     def _stop(self) -> float:
         """Bring the robot to rest, whatever it tells; return when it was commanded to [s].
 
         After a time without commands it stands already, where it was commanded to be last.
         """
+        if self._connection.paced:
+            return self._rest()
         moved = self._moved
         ramp = RampDown(*self._motion, moved.limits, self._hardest, moved.period, held=self._held)
         rested, stayed = np.nan, 0
@@ -209,6 +248,22 @@ class Session:
             if stayed > _STAY:
                 break
         return rested
+
+    def _rest(self) -> float:
+        """Wait until a paced connection has brought the robot to rest; return when it did [s]."""
+        connection = self._connection
+        connection.rest()
+        heard = connection.now()
+        while not connection.failure and connection.now() - heard < self._settings.contact:
+            self._cycles.answered()
+            cycle = self._cycles.whatever_comes()
+            if (motion := self._commanded(cycle)) is None:
+                continue
+            heard = connection.now()
+            self._log.add("stop", cycle, motion.position, heard)
+            if motion.rests:
+                return heard
+        return np.nan
 
 
 def _held(status: RobotStatus) -> Array:

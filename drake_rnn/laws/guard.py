@@ -94,6 +94,17 @@ class Guard:
             )
         return {name: given for name in self._seen}
 
+    def resume(self, q: Array, v: Array, a: Array) -> None:
+        """Go on from what was commanded without the guard.
+
+        Args:
+            q: Positions commanded, shape (n,) [rad].
+            v: Velocities that have led there, shape (n,) [rad/s].
+            a: Accelerations that have led to these, shape (n,) [rad/s^2].
+        """
+        self._x = self._reading.resumed(self._x, q, v, a)
+        self._q = q
+
     def part(self, name: str) -> Array:
         """Return a part of the law's state, such as ``missed`` or ``held_back``."""
         return np.array(self._reading.state.part(self._x, name))

@@ -128,6 +128,21 @@ class SampledReading(Reading):
             period: Time until the next sample [s].
         """
 
+    def resumed(self, x: Array, q: Array, v: Array, a: Array) -> Array:
+        """Return a state that goes on from what was commanded without the law.
+
+        The parts of the state that hold what was commanded are those named here, where there are
+        any.
+
+        Args:
+            x: State, shape (state.size,).
+            q: Positions commanded, shape (n,) [rad].
+            v: Velocities that have led there, shape (n,) [rad/s].
+            a: Accelerations that have led to these, shape (n,) [rad/s^2].
+        """
+        commanded = {"commanded": q, "v": v, "a": a}
+        return self.state.replaced(x, **{k: y for k, y in commanded.items() if k in self.state})
+
 
 class ContinuousReading(Reading):
     """A reading that is an ordinary differential equation."""

@@ -183,6 +183,11 @@ class SafeReading(SampledReading):
         own = {"commanded": q + period * safe, "wanted": wanted[at], **held}
         return self._joined(self.wanting.state.replaced(wanted, v=safe), own)
 
+    def resumed(self, x: Array, q: Array, v: Array, a: Array) -> Array:
+        x = super().resumed(x, q, v, a)
+        own = {"safe_commanded": q, "safe_a": a}
+        return self.state.replaced(x, **{k: y for k, y in own.items() if k in self.state})
+
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         return self.wanting.diagnostics(t, self._theirs(x), u)
 

@@ -47,6 +47,8 @@ class ArmDescription:
         capsules: File of the capsules round the links, for distances from obstacles, see
             `drake_rnn.robot.clearance.arm_capsules.CapsulesFile`; by default they are fitted to
             the model.
+        message_period: Time between two messages of the robot's own controller [s], for
+            ``level: robot``; None if nothing drives the robot.
         link_errors: Errors in the dimensions of the model, a URDF file.
     """
 
@@ -63,6 +65,7 @@ class ArmDescription:
     believed_mass_scale: Scale | None = None
     limits: str | None = None
     capsules: str | None = None
+    message_period: Positive | None = None
     link_errors: LinkErrorSettings | None = None
 
     def __post_init__(self) -> None:

@@ -13,9 +13,6 @@ from ..inputs.fields import Array
 from .body import Body, Feedback
 from .plant_settings import PlantSettings
 
-#: Time between two of a robot's messages, for which its measured velocity holds [s].
-MESSAGE_PERIOD = 5e-3
-
 
 class RobotArm(Body):
     """An arm that another program moves: a robot's own controller, behind its messages.
@@ -43,8 +40,8 @@ class RobotArm(Body):
 
     @property
     def tick(self) -> float | None:
-        """Time between two messages [s]."""
-        return MESSAGE_PERIOD
+        """Time between two messages, for which the measured velocity holds [s]; None if unknown."""
+        return self.arm.description.message_period
 
     def remedy(self, joint: int, off: float) -> str:
         """See `Body.remedy`."""

@@ -45,10 +45,10 @@ class Scripted(FollowingRobot):
         since = -np.inf if self.first is None else self.now() - self.first
         return self.script(since, replace(status, time=self.now()))
 
-    def send(self, position, time):
+    def send(self, command):
         self.first = self.now() if self.first is None else self.first
-        self.sent.append(position)
-        super().send(position, time)
+        self.sent.append(command.motion.position)
+        super().send(command)
 
 
 def simulated(experiment, off=0.0, faults=None, seed=0):

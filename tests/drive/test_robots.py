@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from drake_rnn import InvalidInputError
-from drake_rnn.drive import IIWA, driven_experiment
+from drake_rnn import InvalidInputError, RobotError
+from drake_rnn.drive import FR3, IIWA, connect, driven_experiment
 
 
 def test_commands_stay_further_inside_than_what_is_measured():
@@ -40,3 +40,45 @@ def test_the_stricter_limit_counts_and_the_arm_is_the_robots():
 def test_a_start_that_the_robot_must_not_take_is_refused(changes, message):
     with pytest.raises(InvalidInputError, match=message):
         driven_experiment("slc_nephroid_known", IIWA, changes)
+
+
+def test_an_fr3_is_commanded_inside_what_it_judges_at_its_measured_position():
+    own, commanded = FR3.limits, FR3.commanded
+    assert (IIWA.period, FR3.period) == (5e-3, 1e-3)
+    np.testing.assert_allclose(own.velocity - commanded.velocity, 0.3)
+    np.testing.assert_array_equal(commanded.acceleration, own.acceleration)
+    np.testing.assert_array_equal(commanded.jerk, own.jerk)
+    # Wherever a joint is, its envelope is at least as far inside.
+    for q in np.linspace(commanded.position_lower, commanded.position_upper, 20):
+        low, high = own.envelope.velocities(q, (own.position_lower, own.position_upper))
+        lower, upper = commanded.envelope.velocities(
+            q, (commanded.position_lower, commanded.position_upper)
+        )
+        assert (np.minimum(lower - low, high - upper) >= 0.3 - 1e-12).all()
+
+
+def test_a_law_without_a_bound_of_the_jerk_is_slowed_down_on_an_fr3():
+    assert driven_experiment("adaptive_fr3", FR3).limits.jerk is not None
+    found = driven_experiment("slc_nephroid_known", FR3, {"limits": "fr3"}).limits
+    assert found.jerk is None
+    np.testing.assert_array_equal(found.acceleration, 2.4)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"period": 2e-3}, "period: must be 0.001 s, the cycle of the fr3"),
+        (
+            {"dither": {"model": "actuated", "sigma": 0.01, "hold": 1e-3}},
+            "dither: must be left out for the fr3",
+        ),
+    ],
+)
+def test_what_does_not_fit_a_robot_that_waits_for_nobody_is_refused(changes, message):
+    with pytest.raises(InvalidInputError, match=message):
+        driven_experiment("adaptive_fr3", FR3, changes)
+
+
+def test_an_fr3_has_no_address_of_its_own():
+    with pytest.raises(RobotError, match="--url: must be given"):
+        connect(FR3)

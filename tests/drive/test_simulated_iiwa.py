@@ -6,7 +6,7 @@ from drake import lcmt_iiwa_command
 from drive_helpers import derivatives, known, simulated
 from pydrake.lcm import DrakeLcm
 
-from drake_rnn.drive import IIWA, Faults, IiwaLcm, drive_experiment
+from drake_rnn.drive import IIWA, Command, Faults, IiwaLcm, Motion, drive_experiment
 from drake_rnn.drive.iiwa_lcm import COMMAND, connected, encoded_command
 from drake_rnn.errors import RobotError
 
@@ -23,6 +23,10 @@ def path_errors(result, since):
     return found
 
 
+def resting(position, time):
+    return Command(time, Motion(position, np.zeros(7), np.zeros(7)), IIWA.commanded)
+
+
 def test_it_stands_until_it_is_commanded_and_then_goes_there():
     connection, robot = simulated(known())
     first = connection.next(0.1)
@@ -32,7 +36,7 @@ def test_it_stands_until_it_is_commanded_and_then_goes_there():
     times = [first.time]
     for _ in range(200):
         times.append((status := connection.next(0.1)).time)
-        connection.send(target, status.time)
+        connection.send(resting(target, status.time))
     np.testing.assert_allclose(np.diff(times), IIWA.period, atol=1.1e-6)
     np.testing.assert_allclose(status.commanded, target, atol=1e-12)
     np.testing.assert_allclose(status.position, target, atol=2e-3)
@@ -45,7 +49,7 @@ def test_messages_are_those_of_the_driver_and_others_are_noticed():
     message = lcmt_iiwa_command.decode(encoded_command(np.arange(7.0), 1.25))
     assert (message.utime, message.num_joints, message.num_torques) == (1_250_000, 7, 0)
     assert list(message.joint_position) == list(range(7))
-    connection.send(np.zeros(7), 0.0)
+    connection.send(resting(np.zeros(7), 0.0))
     lcm.Publish(COMMAND, encoded_command(np.zeros(7), 0.0))
     lcm.HandleSubscriptions(0)
     assert connection.others() == 1

@@ -1,0 +1,30 @@
+"""Robots behind messages: what drives them, what stops them, and one to try it on."""
+
+from .connecting import connect as connect
+from .connection import (
+    Command as Command,
+    Connection as Connection,
+    Motion as Motion,
+    RobotStatus as RobotStatus,
+)
+from .driving import (
+    DrivenRun as DrivenRun,
+    drive_experiment as drive_experiment,
+    drive_diagram as drive_diagram,
+)
+from .faults import Faults as Faults
+from .following_robot import FollowingRobot as FollowingRobot
+from .iiwa_lcm import IiwaLcm as IiwaLcm, connected as connected
+from .paced import Paced as Paced, read_record as read_record
+from .robots import (
+    FR3 as FR3,
+    IIWA as IIWA,
+    ROBOTS as ROBOTS,
+    Robot as Robot,
+    driven_experiment as driven_experiment,
+)
+from .session import Driven as Driven
+from .settings import DriveSettings as DriveSettings
+from .simulated_iiwa import SimulatedIiwa as SimulatedIiwa, lock_step as lock_step
+from .robot_task import RobotTask as RobotTask
+from .watches import StopError as StopError

@@ -1,0 +1,214 @@
+"""A connection whose robot is answered by a pacer, in a process of its own beside this one."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from select import POLLIN, poll
+
+import numpy as np
+
+from ..errors import RobotError
+from ..inputs.fields import Array
+from .connection import Command, Connection, Motion, RobotStatus
+from .priority import LAW_BESIDE, Scheduled, prioritize, restore
+from .robots import FR3
+from .shared_cycles import (
+    END,
+    ENDED,
+    MOVE,
+    MOVING,
+    RECORD,
+    REST,
+    STARTING,
+    CycleRecord,
+    SharedCycles,
+    Told,
+    anonymous_file,
+)
+
+#: Class of the robot by the manufacturer's bindings, as a pacer is told it.
+FRANKA = "drake_rnn.drive.franka:Franka"
+# Times that a pacer has to come up and to end [s].
+_STARTS, _ENDS = 15.0, 5.0
+# Names of the numbers of a cycle, in their order.
+_NUMBERS = (
+    "position_measured",
+    "velocity_measured",
+    "position_held",
+    "position_commanded",
+    "velocity_commanded",
+    "acceleration_commanded",
+)
+
+
+class Paced(Connection):
+    """A connection to an FR3.
+
+    Args:
+        address: Name or IP address of the robot.
+        robot: Class of the robot, see `drake_rnn.drive.pacer.PacedRobot`, as ``module:name``.
+        record: File that the pacer writes all cycles to if this process is killed, see
+            `read_record`.
+
+    Raises:
+        RobotError: If the robot is not reached.
+    """
+
+    paced = True
+
+    def __init__(self, address: str, robot: str = FRANKA, record: Path | None = None) -> None:
+        file, self._event = anonymous_file(), os.eventfd(0, os.EFD_NONBLOCK)
+        self._shared = SharedCycles(file)
+        self._poll = poll()
+        self._poll.register(self._event, POLLIN)
+        line = [sys.executable, "-m", "drake_rnn.drive.pacer", robot, address]
+        kept = [] if record is None else ["--record", str(record)]
+        # A Ctrl-C is for this process, which has the robot brought to rest first.
+        self._process = subprocess.Popen(
+            [*line, str(file), str(self._event), *kept],
+            stdin=subprocess.PIPE,
+            pass_fds=(file, self._event),
+            start_new_session=True,
+        )
+        os.close(file)
+        self._before: Scheduled | None = None
+        self._read = 0
+        self._told: dict[int, Motion] = {}
+        self._kept: list[bytes] = []
+        try:
+            self._await(lambda: self._shared.doing != STARTING)
+        except RobotError:
+            self.end()
+            raise
+
+    def _await(self, is_done: Callable[[], bool]) -> None:
+        """Wait until the pacer has done something; raise a RobotError if it fails."""
+        until = self.now() + _STARTS
+        while not is_done():
+            self._poll.poll(1.0)
+            if self.failure:
+                raise RobotError(f"robot: {self.failure}")
+            if self.now() > until:
+                raise RobotError(f"robot: the pacer does not get on within {_STARTS:g} s")
+        if self.failure:
+            raise RobotError(f"robot: {self.failure}")
+
+    @property
+    def period(self) -> float:
+        """See `Connection.period`."""
+        return FR3.period
+
+    def now(self) -> float:
+        """See `Connection.now`."""
+        return time.monotonic()
+
+    @property
+    def pid(self) -> int:
+        """Number of the pacer's process."""
+        return self._process.pid
+
+    def next(self, timeout: float) -> RobotStatus | None:
+        """See `Connection.next`."""
+        until = self.now() + timeout
+        while self._shared.count == self._read:
+            left = until - self.now()
+            if left <= 0.0 or self._shared.doing == ENDED:
+                return None
+            self._poll.poll(1e3 * left)
+            self._take_event()
+        self._keep()
+        return _status(self._shared.cycle(self._read - 1))
+
+    def _take_event(self) -> None:
+        try:
+            os.eventfd_read(self._event)
+        except BlockingIOError:
+            return
+
+    def _keep(self) -> None:
+        """Keep all cycles that have come."""
+        count = self._shared.count
+        self._kept.append(self._shared.raw(self._read, count))
+        self._read = count
+
+    def send(self, command: Command) -> None:
+        """See `Connection.send`; it goes on from the status that was returned last."""
+        most = tuple(command.limits.require("acceleration", "coming to rest").tolist())
+        jerk = None if command.limits.jerk is None else tuple(command.limits.jerk.tolist())
+        told = {}
+        for base, motion in enumerate((command.motion, *command.then), self._read - 1):
+            if self._told.get(base) is not motion:
+                q, v, a = (tuple(part.tolist()) for part in motion)
+                self._shared.tell(Told(base, q, v, a, most, jerk))
+            told[base] = motion
+        self._told = told
+
+    def begin(self) -> None:
+        """See `Connection.begin`."""
+        self._before = prioritize(LAW_BESIDE)
+        self._shared.asked = MOVE
+        self._await(lambda: self._shared.doing in (MOVING, ENDED))
+
+    def rest(self) -> None:
+        """See `Connection.rest`."""
+        self._shared.asked = REST
+
+    def end(self) -> None:
+        """See `Connection.end`."""
+        if self._process.stdin is None or self._process.stdin.closed:
+            return
+        restore(self._before)
+        self._shared.asked = END
+        try:
+            self._process.wait(_ENDS)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._process.stdin.close()
+        self._keep()
+        os.close(self._event)
+
+    @property
+    def failure(self) -> str:
+        """See `Connection.failure`."""
+        if text := self._shared.failure:
+            return text
+        status = self._process.poll()
+        return "" if not status else f"the pacer has ended, with status {status}"
+
+    def cycles(self) -> dict[str, Array]:
+        """Return all cycles, by the names that `read_record` has."""
+        return _arrays(b"".join(self._kept))
+
+
+def read_record(file: Path) -> dict[str, Array]:
+    """Return all cycles of a file that a pacer has left, k of them.
+
+    ``number``, ``source`` (0: nobody, 1: the law, 2: the pacer's stop), ``passed`` (cycles of the
+    robot's clock), ``time``, ``heard`` and ``answered`` [s] and ``success``, shape (k,); and
+    ``position_measured``, ``velocity_measured``, ``position_held``, ``position_commanded``,
+    ``velocity_commanded`` and ``acceleration_commanded``, shape (k, 7).
+    """
+    return _arrays(file.read_bytes())
+
+
+def _arrays(data: bytes) -> dict[str, Array]:
+    times = ("time", "heard", "answered", "success")
+    row = np.dtype(
+        [(name, "u8") for name in ("number", "source", "passed")]
+        + [(name, "f8") for name in times]
+        + [(name, "f8", (7,)) for name in _NUMBERS]
+    )
+    assert row.itemsize == RECORD.size
+    table = np.frombuffer(data, dtype=row)
+    return {name: np.array(table[name]) for name in row.names or ()}
+
+
+def _status(cycle: CycleRecord) -> RobotStatus:
+    q, v, held, *commanded = (np.array(cycle.part(k)) for k in range(6))
+    return RobotStatus(cycle.time, q, v, held, Motion(*commanded))

@@ -1,0 +1,261 @@
+"""What answers an FR3 in each of its cycles, a thousand times a second, whatever else happens.
+
+In each cycle the command is that of the law, if it goes on from what was commanded in the cycle
+before, and otherwise the first step of the fastest stop. That step *is* the point that is known to
+lie in the box of a law which leaves itself this stop: a late law costs steps of a stop, and never a
+bound. The law goes on from what was commanded.
+
+Where the robot has lost cycles, it has held its acceleration meanwhile: v += h a, q += h v in each.
+What was commanded is advanced likewise before a step of the stop follows.
+
+This runs in a process of its own, without NumPy: ``python -m drake_rnn.drive.pacer``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import os
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from select import select
+from time import monotonic
+from typing import NamedTuple, Protocol
+
+from ..inputs.lending import lent
+from ..robot.stop_step import stop_step
+from .priority import PACER, prioritize
+from .shared_cycles import (
+    END,
+    ENDED,
+    JOINTS,
+    LAW,
+    LISTEN,
+    LISTENING,
+    MOVE,
+    MOVING,
+    NOBODY,
+    REST,
+    STOP,
+    SharedCycles,
+    Told,
+)
+
+#: Cycle of the robot [s].
+PERIOD = 1e-3
+#: Cycles of standstill that a motion begins and ends with, before which the robot's checks of
+#: differences are not sure to have a history.
+STILL = 25
+# Of what the law is told, by rounding: shares of the bounds, and of a position [rad].
+_ROUNDING, _SAME = 1e-6, 1e-9
+
+
+class State(NamedTuple):
+    """What the robot tells in a cycle.
+
+    Attributes:
+        time: Its clock [s].
+        q, dq: Measured positions and velocities, 7 each [rad, rad/s].
+        held: Positions that it holds, 7 [rad].
+        success: Share of the last 100 commands that it has taken.
+    """
+
+    time: float
+    q: Sequence[float]
+    dq: Sequence[float]
+    held: Sequence[float]
+    success: float
+
+
+class PacedRobot(Protocol):
+    """A robot that is read and answered once in each cycle."""
+
+    def look(self) -> State:
+        """Return the next state while nothing moves the robot."""
+
+    def begin(self) -> None:
+        """Begin a motion."""
+
+    def read(self) -> State:
+        """Return the next state within the motion."""
+
+    def answer(self, position: Sequence[float], is_last: bool) -> None:
+        """Send the positions for a cycle, 7 [rad]; the last ones end the motion."""
+
+
+class Pacer:
+    """The motion that is commanded, cycle by cycle.
+
+    Args:
+        position: Positions to begin at, 7 [rad].
+        period: Time of a cycle [s].
+
+    Attributes:
+        position, velocity, acceleration: What was commanded last, 7 each.
+    """
+
+    def __init__(self, position: Sequence[float], period: float = PERIOD) -> None:
+        self.position = list(position)
+        self.velocity, self.acceleration = [0.0] * JOINTS, [0.0] * JOINTS
+        self._period = period
+        self._most: Sequence[float] = (1.0,) * JOINTS
+        self._jerk: Sequence[float] | None = (1.0,) * JOINTS
+
+    @property
+    def rests(self) -> bool:
+        """Whether nothing moves."""
+        return not (any(self.velocity) or any(self.acceleration))
+
+    def lose(self, cycles: int) -> None:
+        """Go on as the robot has in cycles that it has lost."""
+        for _ in range(cycles):
+            self.velocity = self._added(self.velocity, self.acceleration)
+            self.position = self._added(self.position, self.velocity)
+
+    def _added(self, x: Sequence[float], rate: Sequence[float]) -> list[float]:
+        return [y + self._period * change for y, change in zip(x, rate, strict=True)]
+
+    def take(self, told: Told) -> bool:
+        """Take a command if it goes on from the motion within its own bounds; tell whether."""
+        h, jerk = self._period, told.jerk
+        for i in range(JOINTS):
+            q, v, a = told.position[i], told.velocity[i], told.acceleration[i]
+            if not abs(q - self.position[i] - h * v) <= _SAME:
+                return False
+            room = told.most[i] * (1.0 + _ROUNDING)
+            if not (abs(v - self.velocity[i]) <= h * room and abs(a) <= room):
+                return False
+            if jerk is None:
+                continue
+            if not abs(a - self.acceleration[i]) <= h * jerk[i] * (1.0 + _ROUNDING):
+                return False
+            if not abs(v - self.velocity[i] - h * a) <= _SAME:
+                return False
+        self.position, self.velocity = list(told.position), list(told.velocity)
+        self.acceleration = list(told.acceleration)
+        self._most, self._jerk = told.most, jerk
+        return True
+
+    def stop(self) -> None:
+        """Make a step of the fastest stop within the bounds of the last command that was taken."""
+        self.velocity, self.acceleration = stop_step(
+            self.velocity, self.acceleration, self._most, self._jerk, self._period
+        )
+        self.position = self._added(self.position, self.velocity)
+
+
+class Pacing:
+    """The loop of a pacer.
+
+    Args:
+        robot: The robot.
+        shared: What it shares with the law.
+        wake: Called when a cycle has been written.
+        is_alone: Whether nobody is left who could ask for anything.
+    """
+
+    def __init__(
+        self,
+        robot: PacedRobot,
+        shared: SharedCycles,
+        wake: Callable[[], None],
+        is_alone: Callable[[], bool],
+    ) -> None:
+        self._robot, self._shared = robot, shared
+        self._wake, self._is_alone = wake, is_alone
+
+    def run(self) -> None:
+        """Listen, and move the robot once it is asked for, until it has been handed back."""
+        shared = self._shared
+        shared.doing = LISTENING
+        state = self._robot.look()
+        while shared.asked == LISTEN and not self._is_alone():
+            state = self._robot.look()
+            now = monotonic()
+            self._write(state, Pacer(state.held), (NOBODY, 1), now, now)
+        if shared.asked in (MOVE, REST):
+            self._move(state)
+
+    def _move(self, state: State) -> None:
+        """Command the robot until it rests and is to be handed back."""
+        pacer, shared, robot = Pacer(state.held), self._shared, self._robot
+        robot.begin()
+        before, rested = state.time, -STILL
+        begun = False
+        while True:
+            state = robot.read()
+            heard = monotonic()
+            passed = round((state.time - before) / PERIOD) if begun else 1
+            before, begun = state.time, True
+            source = self._advance(pacer, max(passed, 1), rested < 0)
+            rested = rested + 1 if pacer.rests else 0
+            is_last = rested > STILL and self._is_done()
+            robot.answer(pacer.position, is_last)
+            self._write(state, pacer, (source, passed), heard, monotonic())
+            if rested == 0:
+                shared.doing = MOVING
+            if is_last:
+                return
+
+    def _is_done(self) -> bool:
+        return self._shared.asked == END or self._is_alone()
+
+    def _advance(self, pacer: Pacer, passed: int, still: bool) -> int:
+        """Advance what is commanded by the cycles that have passed; return who made it."""
+        shared = self._shared
+        if still:
+            return NOBODY
+        is_due = passed == 1 and shared.asked == MOVE
+        told = shared.told(shared.count - 1) if is_due else None
+        pacer.lose(passed - 1)
+        if told is not None and pacer.take(told):
+            return LAW
+        pacer.stop()
+        return STOP
+
+    def _write(
+        self, state: State, pacer: Pacer, words: tuple[int, int], heard: float, answered: float
+    ) -> None:
+        times = (state.time, heard, answered, state.success)
+        seen = (*state.q, *state.dq, *state.held)
+        commanded = (*pacer.position, *pacer.velocity, *pacer.acceleration)
+        self._shared.add(words, times, (*seen, *commanded))
+        self._wake()
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a pacer for the process that has started it, whose end closes the standard input."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("robot", help="class of the robot, as module:name")
+    parser.add_argument("address", help="its address")
+    parser.add_argument("file", type=int, help="descriptor of the shared memory")
+    parser.add_argument("event", type=int, help="descriptor of the event of a cycle")
+    parser.add_argument("--record", type=Path, help="file for all cycles if the law is killed")
+    asked = parser.parse_args(arguments)
+    shared = SharedCycles(asked.file)
+
+    def is_alone() -> bool:
+        return bool(select((sys.stdin,), (), (), 0.0)[0])
+
+    def wake() -> None:
+        os.eventfd_write(asked.event, 1)
+
+    try:
+        robot: PacedRobot = lent(asked.robot)(asked.address)
+        prioritize(PACER)
+        gc.collect()
+        gc.freeze()
+        gc.disable()
+        Pacing(robot, shared, wake, is_alone).run()
+    except Exception as error:  # whatever ends it is told to the law
+        shared.failure = f"{type(error).__name__}: {error}"
+    shared.doing = ENDED
+    wake()
+    if asked.record is not None and is_alone():
+        asked.record.write_bytes(shared.raw(0, shared.count))
+    return 1 if shared.failure else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

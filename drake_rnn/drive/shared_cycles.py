@@ -1,0 +1,201 @@
+"""Memory that a pacer and a law share: every cycle, one way, and the next command, the other way.
+
+It is a file in memory without a name, which two processes map, so nothing is left when both have
+ended, however they end. One process writes each part of it, and nobody waits:
+
+- *cycles* are records in a ring, of which the pacer writes one in each cycle and then their count;
+- *commands* are for the cycles to come, as far as they are known, in a smaller ring. Each has a
+  sequence number before and after it. They differ while it is written, and a reader that finds them
+  different has no command.
+
+What is written is written in this order; processors of the x86 family keep that order for others.
+Plain numbers alone are used here: the pacer's loop has no NumPy.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+from collections.abc import Sequence
+from struct import Struct
+from typing import NamedTuple
+
+#: Joints of the robot.
+JOINTS = 7
+#: Cycles that are kept, more than a minute of them.
+RING = 2**16
+#: Commands that may be told ahead.
+AHEAD = 128
+
+#: What the pacer does: it comes up, tells what it hears, moves the robot, or has ended.
+STARTING, LISTENING, MOVING, ENDED = range(4)
+#: What it is asked to do: listen, take the robot over and move it, bring it to rest, hand it back.
+LISTEN, MOVE, REST, END = range(4)
+#: Who made a command: nobody, as at the beginning; the law; or the pacer by a step of the stop.
+NOBODY, LAW, STOP = range(3)
+
+_COUNT, _DOING, _ASKED = 0, 8, 16
+_TEXT, _TEXT_SIZE = 64, 960
+_COMMAND = 1024
+_WORD = Struct("=Q")
+#: Sequence number, cycle that it goes on from, q, v, a, largest accelerations and jerks, and the
+#: sequence number again.
+_SLOT = Struct(f"=QQ{5 * JOINTS}dQ")
+#: See `CycleRecord`.
+RECORD = Struct(f"=QQQ4d{6 * JOINTS}d")
+_CYCLES = _COMMAND + AHEAD * _SLOT.size
+SIZE = _CYCLES + RING * RECORD.size
+
+
+class CycleRecord(NamedTuple):
+    """One cycle, as the pacer saw it.
+
+    Attributes:
+        number: Its number.
+        source: Who made the command.
+        passed: Cycles that the robot's clock has gone by since the one before; more than one
+            where it has lost some.
+        time: The robot's clock [s].
+        heard: Clock of this machine when the state was read [s].
+        answered: Clock of this machine when the command was sent [s].
+        success: Share of the last 100 commands that the robot says it has taken.
+        numbers: Positions and velocities measured, positions that the robot says it holds, and
+            positions, velocities and accelerations commanded, 7 each [rad, rad/s, rad/s^2].
+    """
+
+    number: int
+    source: int
+    passed: int
+    time: float
+    heard: float
+    answered: float
+    success: float
+    numbers: tuple[float, ...]
+
+    def part(self, which: int) -> tuple[float, ...]:
+        """Return seven of the numbers."""
+        return self.numbers[which * JOINTS : (which + 1) * JOINTS]
+
+
+class Told(NamedTuple):
+    """A command of the law.
+
+    Attributes:
+        base: Number of the cycle whose commanded motion it goes on from.
+        position, velocity, acceleration: The motion at the end of the next cycle.
+        most: Largest accelerations of the stop [rad/s^2].
+        jerk: Largest jerks of the stop [rad/s^3]; None for none.
+    """
+
+    base: int
+    position: tuple[float, ...]
+    velocity: tuple[float, ...]
+    acceleration: tuple[float, ...]
+    most: tuple[float, ...]
+    jerk: tuple[float, ...] | None
+
+
+class SharedCycles:
+    """The shared memory.
+
+    Args:
+        file: File descriptor of the memory, of `anonymous_file`.
+    """
+
+    def __init__(self, file: int) -> None:
+        self._memory = mmap.mmap(file, SIZE)
+        self._sequence = 0
+
+    def _word(self, at: int) -> int:
+        return int(_WORD.unpack_from(self._memory, at)[0])
+
+    @property
+    def count(self) -> int:
+        """Number of cycles that have been written."""
+        return self._word(_COUNT)
+
+    @property
+    def doing(self) -> int:
+        """What the pacer does."""
+        return self._word(_DOING)
+
+    @doing.setter
+    def doing(self, value: int) -> None:
+        _WORD.pack_into(self._memory, _DOING, value)
+
+    @property
+    def asked(self) -> int:
+        """What the pacer is asked to do."""
+        return self._word(_ASKED)
+
+    @asked.setter
+    def asked(self, value: int) -> None:
+        _WORD.pack_into(self._memory, _ASKED, value)
+
+    @property
+    def failure(self) -> str:
+        """Why the pacer has ended before it was asked to; empty if it has not."""
+        text = self._memory[_TEXT : _TEXT + _TEXT_SIZE]
+        return text.split(b"\0", 1)[0].decode(errors="replace")
+
+    @failure.setter
+    def failure(self, text: str) -> None:
+        data = text.encode()[: _TEXT_SIZE - 1]
+        self._memory[_TEXT : _TEXT + len(data) + 1] = data + b"\0"
+
+    def add(
+        self,
+        words: tuple[int, int],
+        times: tuple[float, float, float, float],
+        numbers: Sequence[float],
+    ) -> None:
+        """Write the next cycle.
+
+        Args:
+            words: Who made the command, and cycles passed.
+            times: The robot's clock, when it was heard and answered, and success.
+            numbers: See `CycleRecord`.
+        """
+        index = self.count
+        at = _CYCLES + (index % RING) * RECORD.size
+        RECORD.pack_into(self._memory, at, index, *words, *times, *numbers)
+        _WORD.pack_into(self._memory, _COUNT, index + 1)
+
+    def cycle(self, index: int) -> CycleRecord:
+        """Return a cycle, of those that are still kept."""
+        at = _CYCLES + (index % RING) * RECORD.size
+        fields = RECORD.unpack_from(self._memory, at)
+        return CycleRecord._make((*fields[:7], fields[7:]))
+
+    def raw(self, begin: int, end: int) -> bytes:
+        """Return records of cycles as bytes, of those that are still kept."""
+        indices = range(max(begin, end - RING), end)
+        places = (_CYCLES + (k % RING) * RECORD.size for k in indices)
+        return b"".join(self._memory[at : at + RECORD.size] for at in places)
+
+    def tell(self, told: Told) -> None:
+        """Write a command in place of an older one."""
+        self._sequence += 1
+        at = _COMMAND + (told.base % AHEAD) * _SLOT.size
+        jerk = (0.0,) * JOINTS if told.jerk is None else told.jerk
+        moved = (*told.position, *told.velocity, *told.acceleration)
+        number = self._sequence
+        _WORD.pack_into(self._memory, at, number)
+        _SLOT.pack_into(self._memory, at, number, told.base, *moved, *told.most, *jerk, number - 1)
+        _WORD.pack_into(self._memory, at + _SLOT.size - _WORD.size, number)
+
+    def told(self, base: int) -> Told | None:
+        """Return the command that goes on from a cycle; None if there is none yet."""
+        at = _COMMAND + (base % AHEAD) * _SLOT.size
+        first, found, *numbers, last = _SLOT.unpack_from(self._memory, at)
+        if found != base or first != last or not first or first != self._word(at):
+            return None
+        q, v, a, most, jerk = (tuple(numbers[k : k + JOINTS]) for k in range(0, 5 * JOINTS, JOINTS))
+        return Told(base, q, v, a, most, jerk if any(jerk) else None)
+
+
+def anonymous_file() -> int:
+    """Return the descriptor of a file in memory of the size of `SharedCycles`."""
+    file = os.memfd_create("cycles")
+    os.ftruncate(file, SIZE)
+    return file

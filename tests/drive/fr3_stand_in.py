@@ -1,0 +1,74 @@
+"""An FR3 that follows its commands exactly and judges them, for a pacer's process; no NumPy.
+
+Its address says what goes wrong, e.g. ``lose=500:7``: from its 500th cycle on it takes no command
+for 7 of them, and goes on with its last acceleration.
+"""
+
+from math import pi
+from time import monotonic, sleep
+
+from drake_rnn.drive.pacer import State
+
+H = 1e-3
+START = [0.0, -pi / 4, 0.0, -0.75 * pi, 0.0, pi / 2, pi / 4]
+UPPER = [2.7501, 1.7918, 2.9065, -0.1458, 2.8101, 4.5205, 3.0196]
+LOWER = [-2.7501, -1.7918, -2.9065, -3.0481, -2.8101, 0.54092, -3.0196]
+FASTEST = [2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26]
+ACCELERATION, JERK = 10.0, 5000.0
+#: Cycles in a row after which the robot gives up.
+PATIENCE = 20
+
+
+class RefusedError(Exception):
+    """What the robot refuses."""
+
+
+class StandIn:
+    def __init__(self, address):
+        name, _, numbers = address.partition("=")
+        self.lost = range(0)
+        if name == "lose":
+            at, count = map(int, numbers.split(":"))
+            self.lost = range(at, at + count)
+        self.q, self.v, self.a = list(START), [0.0] * 7, [0.0] * 7
+        self.cycle, self.moved, self.due = 0, 0, monotonic()
+
+    def look(self):
+        self.cycle += 1
+        self.due = max(self.due + H, monotonic() - 20 * H)
+        sleep(max(self.due - monotonic(), 0.0))
+        return State(self.cycle * H, self.q, self.v, self.q, 1.0)
+
+    def begin(self):
+        self.moved = 0
+
+    def read(self):
+        self.moved += 1
+        lost = 0
+        while self.moved in self.lost:
+            lost += 1
+            self.moved += 1
+            self.cycle += 1
+            if lost == PATIENCE:
+                raise RefusedError("communication_constraints_violation")
+            self._move([v + H * a for v, a in zip(self.v, self.a, strict=True)])
+        return self.look()
+
+    def answer(self, position, is_last):
+        v = [(new - old) / H for new, old in zip(position, self.q, strict=True)]
+        for i in range(7):
+            a = (v[i] - self.v[i]) / H
+            jerk = (a - self.a[i]) / H
+            if abs(v[i]) > FASTEST[i] or abs(a) > ACCELERATION or abs(jerk) > JERK:
+                raise RefusedError(f"joint {i + 1}: {v[i]} rad/s, {a} rad/s^2, {jerk} rad/s^3")
+            if not LOWER[i] <= position[i] <= UPPER[i]:
+                raise RefusedError(f"joint {i + 1}: {position[i]} rad")
+        if is_last and any(v):
+            raise RefusedError("it moves at the end")
+        self._move(v)
+        self.q = list(position)
+
+    def _move(self, v):
+        self.a = [(new - old) / H for new, old in zip(v, self.v, strict=True)]
+        self.v = v
+        self.q = [q + H * speed for q, speed in zip(self.q, v, strict=True)]

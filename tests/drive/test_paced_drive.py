@@ -1,0 +1,142 @@
+"""Whole drives of an FR3 in two processes: of a stand-in, and of a third party's simulator."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drake_rnn import FR3, Paced, RobotError, drive_experiment, driven_experiment
+from drake_rnn.drive import DriveSettings, read_record
+from drake_rnn.drive.shared_cycles import LAW, STOP
+
+ROOT = Path(__file__).parents[2]
+BENCHMARKS = ROOT / "benchmarks"
+QUICK = DriveSettings(approach_velocity=1.0, approach_acceleration=3.0, approach_jerk=100.0)
+PATIENT = DriveSettings(silence=0.5, late=0.5)
+STAND_IN = "fr3_stand_in:StandIn"
+
+
+@pytest.fixture(autouse=True)
+def paths(monkeypatch):
+    """What the pacer's process finds its stand-in by."""
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join((str(ROOT), str(Path(__file__).parent))))
+
+
+def experiment(duration=0.6):
+    return driven_experiment("adaptive_fr3", FR3, {"duration": duration})
+
+
+def require_bounds(cycles):
+    """What was commanded keeps the robot's bounds, where the robot has lost no cycle."""
+    v, a = cycles["velocity_commanded"], cycles["acceleration_commanded"]
+    assert (np.abs(v) <= FR3.commanded.velocity).all()
+    assert (np.abs(a) <= FR3.limits.acceleration * (1 + 1e-9)).all()
+    assert (np.abs(np.diff(a, axis=0)) <= 1e-3 * FR3.limits.jerk * (1 + 1e-9)).all()
+
+
+@pytest.mark.long
+def test_it_runs_and_every_cycle_is_on_record():
+    connection = Paced("none", robot=STAND_IN)
+    result, driven = drive_experiment(experiment(), FR3, connection, PATIENT)
+    assert (result.status, driven.stopped) == ("complete", None)
+    cycles = connection.cycles()
+    np.testing.assert_array_equal(np.diff(cycles["number"].astype(int)), 1)
+    assert (cycles["source"] == LAW).any()
+    assert not cycles["velocity_commanded"][-20:].any()
+    require_bounds(cycles)
+    assert {"position", "position_commanded"} <= result.series.keys()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("length", [0.02, 1.0])
+def test_a_stalled_law_ends_in_a_stop_or_goes_on(length):
+    connection = Paced("none", robot=STAND_IN)
+
+    def stall(said):
+        if said.startswith("run"):
+            stop = f"sleep 0.2; kill -STOP {os.getpid()}; sleep {length}; kill -CONT {os.getpid()}"
+            subprocess.Popen(["sh", "-c", stop])
+
+    result, driven = drive_experiment(experiment(), FR3, connection, PATIENT, say=stall)
+    cycles = connection.cycles()
+    require_bounds(cycles)
+    assert (cycles["source"] == STOP).sum() >= 15
+    if length < PATIENT.late:
+        assert result.status == "complete"
+    else:
+        assert driven.stopped.watch == "clock"
+        assert result.status == "failed"
+
+
+KILLED = f"""
+import sys
+from drake_rnn import FR3, Paced, drive_experiment, driven_experiment
+from pathlib import Path
+experiment = driven_experiment("adaptive_fr3", FR3, {{"duration": 5.0}})
+connection = Paced("none", robot="{STAND_IN}", record=Path(sys.argv[1]))
+drive_experiment(experiment, FR3, connection, say=lambda text: print(text, flush=True))
+"""
+
+
+@pytest.mark.long
+def test_a_law_that_is_killed_leaves_a_robot_at_rest_and_a_record(tmp_path):
+    left = tmp_path / "cycles"
+    law = subprocess.Popen(
+        [sys.executable, "-c", KILLED, left], stdout=subprocess.PIPE, text=True, cwd=ROOT
+    )
+    while not law.stdout.readline().startswith("run"):
+        assert law.poll() is None
+    time.sleep(0.3)
+    law.send_signal(signal.SIGKILL)
+    law.wait()
+    until = time.monotonic() + 20.0
+    while not left.is_file() and time.monotonic() < until:
+        time.sleep(0.1)
+    time.sleep(0.2)
+    cycles = read_record(left)
+    require_bounds(cycles)
+    last = np.flatnonzero(cycles["source"] == LAW)[-1]
+    rest = np.flatnonzero(~cycles["velocity_commanded"][last:].any(axis=1))[0]
+    fastest = np.abs(cycles["velocity_commanded"][last]).max()
+    assert fastest > 0.05
+    # A stop by 10 rad/s^2, with the time to bring them on and off.
+    assert rest <= 1e3 * fastest / 9.999 + 6
+
+
+@pytest.mark.long
+def test_a_pacer_or_robot_that_ends_is_told():
+    connection = Paced("none", robot=STAND_IN)
+
+    def kill(said):
+        if said.startswith("run"):
+            threading.Timer(0.2, os.kill, (connection.pid, signal.SIGKILL)).start()
+
+    result, driven = drive_experiment(experiment(), FR3, connection, say=kill)
+    assert driven.stopped.watch in ("robot", "silence")
+    assert result.status == "failed"
+    # It gives up after 20 lost cycles, as the robot does.
+    connection = Paced("lose=200:25", robot=STAND_IN)
+    result, driven = drive_experiment(experiment(), FR3, connection, PATIENT)
+    assert driven.stopped.watch == "robot"
+    assert "communication_constraints_violation" in result.failure
+    with pytest.raises(RobotError, match="ModuleNotFoundError"):
+        Paced("none", robot="no_such_module:Robot")
+
+
+@pytest.mark.long
+def test_a_third_partys_controller_takes_a_motion(tmp_path):
+    """It is looked at whether it runs, not how late anybody is."""
+    pytest.importorskip("pylibfranka", reason="pylibfranka, extra franka, is not installed")
+    if not (python := os.environ.get("FRANKA_SIM_PYTHON")):
+        pytest.skip("FRANKA_SIM_PYTHON names no Python that has franka-sim")
+    line = [sys.executable, BENCHMARKS / "fr3_live.py", "--judge", python]
+    few = ["--known", "1", "--learned", "0", "--slc", "0"]
+    done = subprocess.run([*line, *few], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "| adaptive, J known | 1 |" in done.stdout

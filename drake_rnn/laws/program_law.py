@@ -39,8 +39,6 @@ class ProgramLaw(Law):
     bounds: Literal["none", "velocity"] = "none"
     limit_stiffness: Gain = 10.0
 
-    stays_on_path = True
-
     def __post_init__(self) -> None:
         self.limits.require_size("home", self.home)
         unbounded = ~np.isfinite(self.limits.velocity)

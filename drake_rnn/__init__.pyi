@@ -100,6 +100,7 @@ from .laws import (
     Signals as Signals,
     SimultaneousLearning as SimultaneousLearning,
     StateAdjustment as StateAdjustment,
+    Zeroing as Zeroing,
 )
 from .laws.parts.contact_loss import ContactLoss as ContactLoss
 from .laws.parts.force_control import ForceControl as ForceControl

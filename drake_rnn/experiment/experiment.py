@@ -320,4 +320,6 @@ def _circumstances(
         start_offset=offset,
         J=J,
         task_J=lambda q: experiment.task.J(kinematics, q),
+        period=experiment.document.period,
+        duration=experiment.document.duration,
     )

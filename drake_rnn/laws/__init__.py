@@ -26,6 +26,7 @@ from .recursive import Recursive
 from .safety import Safety
 from .simultaneous_learning import SimultaneousLearning
 from .state_adjustment import StateAdjustment
+from .zeroing import Zeroing
 
 #: The laws an experiment may name, by their ``kind``.
 LAWS: Kinds[Law] = Kinds(
@@ -42,6 +43,7 @@ LAWS: Kinds[Law] = Kinds(
         "recursive": Recursive,
         "simultaneous_learning": SimultaneousLearning,
         "state_adjustment": StateAdjustment,
+        "zeroing": Zeroing,
     },
 )
 
@@ -71,4 +73,5 @@ __all__ = [
     "Signals",
     "SimultaneousLearning",
     "StateAdjustment",
+    "Zeroing",
 ]

@@ -179,6 +179,8 @@ class Circumstances(NamedTuple):
             can do; None without a path.
         task_J: Function of a posture, shape (n,) [rad], that returns the Jacobian of the whole
             task, its rotation first; None if there is none.
+        period: Sampling period [s]; None for a law that Drake integrates.
+        duration: How long it is to run [s]; None if that is not known.
     """
 
     loop_delay: float = 0.0
@@ -188,6 +190,8 @@ class Circumstances(NamedTuple):
     start_offset: Array | None = None
     J: Array | None = None
     task_J: Callable[[Array], Array] | None = None
+    period: float | None = None
+    duration: float | None = None
 
 
 class Law(Reading):

@@ -16,6 +16,7 @@ NOT_MEASURED = {
     "| printed | here |": "corrections of a paper",
     "| scheme | `rise_time` T |": "choices",
     "| joint | 1 | 2 |": "a robot's own limits",
+    "| `activation` | $\\phi(x)$ |": "formulas",
 }
 _NUMBER = re.compile(r"\d")
 _WORDS = re.compile(r"[A-Za-z]")

@@ -20,6 +20,7 @@ from drake_rnn import (
     SimultaneousLearning,
     StateAdjustment,
     WarmUp,
+    Zeroing,
 )
 
 N = 7
@@ -46,6 +47,10 @@ def drift_free(scheme, **options):
 
 def pressing(**options):
     return MotionForce(limits=LIMITS, **{"stiffness": 8000.0, **options})
+
+
+def zeroing(**options):
+    return Zeroing(limits=LIMITS, home=HOME, **options)
 
 
 def adaptive(**options):
@@ -127,6 +132,20 @@ LAWS = {
     "sa_ramped": StateAdjustment(target=HOME, limits=LIMITS, ramp_time=1.0, task_size=6),
     "nsa": NullSpaceAdjustment(target=HOME, limits=LIMITS),
     "nsa_pose": NullSpaceAdjustment(target=HOME, limits=LIMITS, task_size=6, feedback=2.0),
+    "zeroing": zeroing(),
+    "zeroing_bounds": zeroing(
+        bounds="velocity",
+        activation="power_sigmoid",
+        integral_gain=50.0,
+        noise={"kind": "random"},
+    ),
+    "zeroing_explicit": zeroing(
+        task_size=6,
+        discretization="four_step",
+        growth="exponential",
+        activation="sign_bi_power",
+        noise={"kind": "sine"},
+    ),
 }
 # A law that no case above shows: with its defaults.
 LAWS |= with_defaults(LIMITS, HOME, {type(law) for law in LAWS.values()}, many=True)
@@ -168,6 +187,9 @@ GAINS = {
     "msa": ("rise_time", "limits.velocity"),
     "sa_ramped": ("ramp_time",),
     "nsa": ("feedback", "rate", "target"),
+    "zeroing": ("gain", "return_gain", "feedback", "home"),
+    "zeroing_bounds": ("gain", "integral_gain", "limit_stiffness", "limits.velocity", "noise.size"),
+    "zeroing_explicit": ("gain", "growth_rate", "feedback"),
     "nsa_pose": ("ramp_time", "damping", "limits.position_upper"),
     "motion_force": ("gain", "stiffness", "orientation_gain", "time_constant", "multiplier_limit"),
     "motion_force_return": ("return_gain", "rho", "home"),

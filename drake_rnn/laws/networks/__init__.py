@@ -1,0 +1,1 @@
+"""How recurrent networks follow the optimum of a program that changes with time."""

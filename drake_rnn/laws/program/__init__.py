@@ -1,0 +1,1 @@
+"""Time-varying quadratic programs that redundancy resolution schemes solve: cost, rows, bounds."""

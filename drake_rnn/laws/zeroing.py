@@ -1,0 +1,239 @@
+r"""Zeroing networks: the optimum of a time-varying program by an error that is driven to zero.
+
+Sources:
+    Read in public code: the network with fixed and varying gains for equations (``vp-rnn``, which
+    names Zhang et al., IEEE 8589008 and 8463509); the noise-tolerant one with inequalities (code
+    that names Jin et al., IEEE Transactions on Industrial Electronics 63 (2016)); activations and
+    the four-step formula (``ZNN_Optimal_Control``, of Singh and Keshavan, IEEE Access 10 (2022)).
+    The papers themselves were not read.
+
+With the program of the scheme (`drake_rnn.laws.program`) and the error E of its optimality
+conditions (`drake_rnn.laws.networks.optimality`), the network
+
+.. math::
+    M \dot y = -\gamma(t) \Phi(E) - \partial E / \partial t, \qquad y = (x, \lambda, \mu),
+
+makes E vanish as dE/dt = -gamma Phi(E) does. Without inequalities it is the network of ``vp-rnn``,
+
+.. math::
+    Q \dot y = -\dot Q y - \gamma(t) \Phi(Q y - u) + \dot u, \quad
+    Q = \begin{pmatrix} I & J^T \\ J & 0 \end{pmatrix}, \quad
+    u = \begin{pmatrix} -k (q - q_0) \\ b \end{pmatrix} .
+
+=========  =====================  =====================================================
+paper      here                   meaning
+=========  =====================  =====================================================
+theta      position               joint positions q
+x          optimum                joint velocities of the network (state)
+lambda     multipliers            multipliers of the task (state)
+mu         bound_multipliers      multipliers of the bounds (state)
+z          integral               integral of E (state)
+gamma      gain                   gain of the design formula [1/s]
+eta        integral_gain          gain of the noise-tolerant formula [1/s]
+Phi        activation             activation function
+k          return_gain            gain of the way back [1/s]
+K          feedback               gain of the position feedback [1/s]
+=========  =====================  =====================================================
+
+Not in the papers:
+    What is commanded is held for a sample: the mean of the network's velocities at its two ends,
+    which moves the joints as the ramp between them does. How J changes is told by the last
+    samples. ``discretization: implicit`` steps are stable at any gain, where the papers integrate
+    in continuous time. A damping keeps the equations regular in a singular posture.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import inf, isfinite
+from typing import Literal
+
+import numpy as np
+
+from ..errors import InvalidInputError
+from ..inputs.fields import Array, Gain, GainOrZero, Positive, Weight, validated
+from .law import Circumstances, SampledReading
+from .layout import Layout, Signals
+from .networks.activations import Activation, Shape, activation
+from .networks.design import Design
+from .networks.discretization import FORMULAS, Discretization
+from .networks.growth import GrowingGain, Growth
+from .networks.optimality import Variables
+from .networks.zeroing_network import ZeroingNetwork
+from .parts.network_noise import NetworkNoise
+from .parts.signal_rates import SignalRates
+from .program_law import ProgramLaw
+
+# Damping [m]: of equations alone, whose optimum changes smoothly up to singular postures; and with
+# bounds, which can leave none, so that multipliers grow as the inverse of its square.
+_DAMPING, _DAMPING_OF_BOUNDS = 1e-4, 1e-3
+
+
+@validated
+class Zeroing(ProgramLaw):
+    """A zeroing network around the program of a scheme, sampled.
+
+    Args:
+        limits, home, task_size, return_gain, feedback, bounds, limit_stiffness: See `ProgramLaw`.
+        gain: Gain gamma of the design formula at the start [1/s].
+        growth: How the gain grows: ``none``, ``exponential`` or ``power``.
+        growth_rate: The rate a of its growth [1/s].
+        activation: Activation function Phi, see `drake_rnn.laws.networks.activations`.
+        exponent: The number p of the activation; by default the one of the public code.
+        steepness: The number z of the activation; likewise.
+        integral_gain: Gain eta of the noise-tolerant formula [1/s]; 0 for the plain one.
+        discretization: ``implicit``, ``euler``, ``taylor`` or ``four_step``.
+        damping: Damping of the optimum where J loses rank, or where bounds leave no velocity that
+            does the task [m]; 1e-4 by default, with ``bounds`` 1e-3.
+        noise: What disturbs the network; None for nothing.
+    """
+
+    kind: Literal["zeroing"] = "zeroing"
+    gain: Gain = 100.0
+    growth: Growth = "none"
+    growth_rate: Gain = 1.0
+    activation: Shape = "linear"
+    exponent: Positive | None = None
+    steepness: Positive | None = None
+    integral_gain: GainOrZero = 0.0
+    discretization: Discretization = "implicit"
+    damping: Weight | None = None
+    noise: NetworkNoise | None = None
+
+    takes_many = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        activation(self.activation, self.exponent, self.steepness)
+
+    @cached_property
+    def phi(self) -> Activation:
+        """The activation function with its numbers."""
+        return activation(self.activation, self.exponent, self.steepness)
+
+    @cached_property
+    def network(self) -> ZeroingNetwork:
+        """The network that the law runs."""
+        n = self.limits.size
+        bounds = 0 if self.scheme.bounds is None else 2 * n
+        return ZeroingNetwork(
+            Variables(n, self.task_size, bounds),
+            Design(self.phi, self.integral_gain),
+            self.gain_over_time,
+            FORMULAS.get(self.discretization),
+            self._damping**2,
+            self.noise,
+        )
+
+    @property
+    def _damping(self) -> float:
+        if self.damping is not None:
+            return self.damping
+        return _DAMPING if self.scheme.bounds is None else _DAMPING_OF_BOUNDS
+
+    @cached_property
+    def gain_over_time(self) -> GrowingGain:
+        """The gain as a function of time."""
+        return GrowingGain(self.gain, self.growth, self.growth_rate)
+
+    def sampled(self, period: float) -> SampledReading:
+        """Return a `ZeroingReading`.
+
+        Raises:
+            InvalidInputError: If an explicit ``discretization`` is unstable at this period.
+        """
+        most = self._most(period)
+        for name, gain in (("gain", self.gain), ("integral_gain", self.integral_gain)):
+            if gain >= most:
+                raise InvalidInputError(
+                    f"law.{name}: must be below {most:.6g} /s at a period of {period:g} s with "
+                    f"discretization: {self.discretization} and activation: {self.activation}, not "
+                    f"{gain:g}; or give discretization: implicit"
+                )
+        return ZeroingReading(self)
+
+    def _most(self, period: float) -> float:
+        """Return the gain from which on errors that are small grow at this period [1/s]."""
+        formula, slope = FORMULAS.get(self.discretization), self.phi.slope_at_zero
+        if formula is None or slope == 0.0 or not isfinite(slope):
+            return inf
+        return formula.stable_below() / (slope * period)
+
+    def doubts(self, circumstances: Circumstances) -> list[str]:
+        """See `Law.doubts`; a gain that grows may leave what can be sampled, or computed."""
+        lasts, until = self.gain_over_time.lasts, circumstances.duration
+        if until is None:
+            return []
+        if until > lasts:
+            raise InvalidInputError(
+                f"law.growth: {self.growth} makes the gain exceed 1e250 times the first one, which "
+                f"no computer can hold, after {lasts:.6g} s; give a duration below that, not "
+                f"{until:g} s, or a smaller law.growth_rate"
+            )
+        if circumstances.period is None:
+            return []
+        most = self._most(circumstances.period)
+        unstable = self.gain_over_time.reaches(most)
+        if unstable >= until:
+            return []
+        return [
+            f"law.growth: from {unstable:.3g} s on the gain exceeds {most:.3g} /s, up to which "
+            f"discretization: {self.discretization} is stable at this period; end before, or give "
+            "discretization: implicit"
+        ]
+
+    @property
+    def inputs(self) -> Layout:
+        return Layout(**self.scheme.inputs)
+
+    @property
+    def state(self) -> Layout:
+        return Layout(v=(self.limits.size,), **self.network.shapes)
+
+
+@dataclass(frozen=True, eq=False)
+class ZeroingReading(SampledReading):
+    """The sampled reading of a `Zeroing` law.
+
+    Args:
+        law: The law.
+    """
+
+    law: Zeroing
+
+    takes_many = True
+
+    @cached_property
+    def state(self) -> Layout:
+        n = self.law.limits.size
+        return Layout(v=(n,), **self.law.network.shapes, **self._rates.shapes, samples=(1,))
+
+    @cached_property
+    def inputs(self) -> Layout:
+        return self.law.inputs
+
+    @cached_property
+    def observables(self) -> Layout:
+        return Layout(residual=(1,))
+
+    @cached_property
+    def _rates(self) -> SignalRates:
+        return SignalRates(self.law.scheme.differenced)
+
+    def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
+        start = {"v": np.zeros(self.law.limits.size), "samples": np.zeros(1)}
+        start |= self.law.network.start(rng) | self._rates.start(u)
+        return self.state.joined(start)
+
+    def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
+        kept, scheme = self.state.named(x), self.law.scheme
+        count, before = kept["samples"], kept["optimum"]
+        u_dot, held = self._rates.advanced(kept, u, count, period)
+        program, rates = scheme.program(u), scheme.rates(u, u_dot, before)
+        found = self.law.network.after(t, kept, program, rates, count, period)
+        v = 0.5 * (before + found["optimum"])
+        return self.state.joined({"v": v, **found, **held, "samples": count + 1.0})
+
+    def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
+        return {"residual": self.state.part(x, "residual_largest")}

@@ -65,7 +65,7 @@ def test_a_law_without_a_bound_of_the_jerk_is_slowed_down_on_an_fr3():
 
 
 def test_a_law_of_another_period_than_its_cycle_does_not_fit_an_fr3():
-    with pytest.raises(InvalidInputError, match=r"period: must be 0\.001 s, the cycle of the fr3"):
+    with pytest.raises(InvalidInputError, match=r"period: must be .* the cycle of the fr3"):
         driven_experiment("adaptive_fr3", FR3, {"period": 2e-3})
 
 

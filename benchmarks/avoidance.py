@@ -139,45 +139,24 @@ def jerk_given(changes: dict[str, Any]) -> bool:
     return "jerk" in changes.get("limits", {})
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--scenes", type=int, default=200)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--arm", choices=sorted(PATHS), default="panda")
-    parser.add_argument("--model", type=Path, help="an arm of your own instead")
-    parser.add_argument("--frame", help="its end effector")
-    parser.add_argument("--home", type=float, nargs="+", help="where it starts [rad]")
-    parser.add_argument("--speed", type=float, default=1.0)
-    parser.add_argument("--jerk", type=float)
-    parser.add_argument("--experiment", default="adaptive_nephroid_known")
-    parser.add_argument("--own", action="store_true", help="keep its arm, path and limits")
-    parser.add_argument("--rows", nargs="+", help="rows of the table; all without it")
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--kept", type=Path)
-    options = parser.parse_args()
-    arm: str | dict[str, Any] = options.arm
-    if options.model is not None:
-        arm = {"model": str(options.model), "frame": options.frame, "home": options.home}
+def print_rows(options: argparse.Namespace, experiment: str, arm: str | dict[str, Any]) -> None:
+    """Print the rows of an experiment on an arm."""
     changes = document(arm, options.speed, options.jerk)
     if options.own:
-        changes = own(options.experiment)
-    back = BACK if options.experiment.startswith("adaptive") else BACK_OTHERS
+        changes = own(experiment)
+    back = BACK if experiment.startswith("adaptive") else BACK_OTHERS
     seeds = range(options.first, options.first + options.scenes)
-    columns = ("collided", "least distance [mm]", "samples held back", "bounds beyond by")
-    ends = ("on the path at the end", "stuck", "share of time at a bound of a")
-    head("law", "scenes", *columns, *ends, "s of work a second")
-    for name, law in rows_of(options.experiment).items():
+    for name, law in rows_of(experiment).items():
         if options.rows is not None and name not in options.rows:
             continue
-        task = partial(run, name=options.experiment, changes=changes, law=law)
-        key = (
-            f"{name}, {options.experiment}, {options.model or arm}, {options.speed}, {options.jerk}"
-        )
+        task = partial(run, name=experiment, changes=changes, law=law)
+        key = f"{name}, {experiment}, {options.model or arm}, {options.speed}, {options.jerk}"
         found = cases(task, seeds, options.jobs, options.kept, key)
         of = {key: np.array([each[key] for each in found]) for key in found[0]}
         beyond = max(of[limit].max() for limit in LIMITS)
+        several = [experiment] * (len(options.experiment) > 1) + [arm] * (len(options.arm) > 1)
         row(
-            name,
+            " ".join([name, *map(str, several)]),
             len(found),
             int((of["distance"] < 0.0).sum()),
             f"{1e3 * of['distance'].min():.2f}",
@@ -188,6 +167,33 @@ def main() -> None:
             f"{of['at_bound'].mean():.2f}",
             f"{np.median(of['seconds']):.2f}",
         )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scenes", type=int, default=200)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--arm", nargs="+", choices=sorted(PATHS), default=["panda"])
+    parser.add_argument("--model", type=Path, help="an arm of your own instead")
+    parser.add_argument("--frame", help="its end effector")
+    parser.add_argument("--home", type=float, nargs="+", help="where it starts [rad]")
+    parser.add_argument("--speed", type=float, default=1.0)
+    parser.add_argument("--jerk", type=float)
+    parser.add_argument("--experiment", nargs="+", default=["adaptive_nephroid_known"])
+    parser.add_argument("--own", action="store_true", help="keep its arm, path and limits")
+    parser.add_argument("--rows", nargs="+", help="rows of the table; all without it")
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--kept", type=Path)
+    options = parser.parse_args()
+    arms: list[str | dict[str, Any]] = options.arm
+    if options.model is not None:
+        arms = [{"model": str(options.model), "frame": options.frame, "home": options.home}]
+    columns = ("collided", "least distance [mm]", "samples held back", "bounds beyond by")
+    ends = ("on the path at the end", "stuck", "share of time at a bound of a")
+    head("law", "scenes", *columns, *ends, "s of work a second")
+    for experiment in options.experiment:
+        for arm in arms:
+            print_rows(options, experiment, arm)
 
 
 if __name__ == "__main__":

@@ -164,7 +164,7 @@ def print_rows(options: argparse.Namespace, experiment: str, arm: str | dict[str
             f"{beyond:.0e}",
             int((of["error"] < back).sum()),
             int((of["error"] > STUCK).sum()),
-            f"{of['at_bound'].mean():.2f}",
+            "-" if np.isnan(of["at_bound"]).any() else f"{of['at_bound'].mean():.2f}",
             f"{np.median(of['seconds']):.2f}",
         )
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Literal, NamedTuple, get_args
@@ -10,6 +9,7 @@ from typing import Literal, NamedTuple, get_args
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest
 from ..runs.result import Result
+from ..runs.whole_file import replacing
 from .recording import write_mcap
 from .tables import write_csv, write_parquet
 from .trajectory import write_trajectory
@@ -63,10 +63,6 @@ def export(
     writer, file = _WRITERS[form], Path(place)
     if file.is_dir():
         file = file / writer.file
-    new = file.with_name(f".{file.name}.new")
-    try:
+    with replacing(file) as new:
         writer.write(result, new, series)
-        os.replace(new, file)
-    finally:
-        new.unlink(missing_ok=True)
     return file

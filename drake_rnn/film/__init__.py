@@ -14,6 +14,7 @@ from ..errors import InvalidInputError
 from ..inputs.complaints import require_type
 from ..playback import write_playback
 from ..runs.result import Result
+from ..runs.whole_file import replacing
 from .browser import open_browser, require_browser
 from .caption import Caption
 from .encoding import format_of
@@ -143,11 +144,8 @@ def _require_writable(file: Path) -> None:
 
 def _write_whole(file: Path, contents: bytes) -> None:
     """Write a file in one step, so that no reader ever finds part of it."""
-    new = file.with_name(f".{file.name}.new")
     try:
-        new.write_bytes(contents)
-        os.replace(new, file)
+        with replacing(file) as new:
+            new.write_bytes(contents)
     except OSError as error:
         raise InvalidInputError(f"film file {file}: {error.strerror}") from None
-    finally:
-        new.unlink(missing_ok=True)

@@ -13,6 +13,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from ..errors import InvalidInputError
+from ..inputs.extras import needed
 from ..inputs.signals_held import signals_held
 
 #: Names under which Chromium and its relatives are installed; the first one found is used.
@@ -104,12 +105,8 @@ def complaints(driver: Any) -> list[str]:
 
 
 def _webdriver() -> Any:
-    try:
-        return import_module("selenium.webdriver")
-    except ImportError:
-        raise InvalidInputError(
-            "film: needs selenium, which is not installed: pip install 'drake-rnn[film]'"
-        ) from None
+    (webdriver,) = needed("film", "'drake-rnn[film]'", "selenium.webdriver")
+    return webdriver
 
 
 def _programs() -> tuple[str, str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from importlib import import_module
 from itertools import product
 from typing import Any
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest
+from ..inputs.extras import needed
 from ..inputs.fields import Array
 from ..measures.series import UNITS
 from ..robot.arm import Arm
@@ -78,12 +78,7 @@ def frame_of(columns: Mapping[str, Array]) -> Any:
     Raises:
         InvalidInputError: If pandas is not installed.
     """
-    try:
-        pandas = import_module("pandas")
-    except ImportError:
-        raise InvalidInputError(
-            "frame: needs pandas, which is not installed: pip install pandas"
-        ) from None
+    (pandas,) = needed("frame", "pandas", "pandas")
     return pandas.DataFrame(dict(columns)).set_index(TIME)
 
 

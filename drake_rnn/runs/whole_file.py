@@ -19,7 +19,23 @@ def written_whole(file: Path) -> Iterator[TextIO]:
     Raises:
         OSError: If it cannot be written.
     """
-    new = file.with_name(f".{file.name}.new")
-    with new.open("w", newline="", encoding="utf-8") as stream:
+    with replacing(file) as new, new.open("w", newline="", encoding="utf-8") as stream:
         yield stream
-    os.replace(new, file)
+
+
+@contextmanager
+def replacing(file: Path) -> Iterator[Path]:
+    """Name a file to write, which replaces another one in a single step at the end.
+
+    Args:
+        file: The file to replace; it stays until the block has ended, and if that fails.
+
+    Raises:
+        OSError: If it cannot be replaced.
+    """
+    new = file.with_name(f".{file.name}.new")
+    try:
+        yield new
+        os.replace(new, file)
+    finally:
+        new.unlink(missing_ok=True)

@@ -34,7 +34,7 @@ def test_pages_open_fit_filter_and_lead_to_their_rows(browser, tiny, report):
     assert browser.get_log("browser") == []
     for sent in requests(browser):
         url = sent["request"]["url"]
-        assert url.startswith(("data:", folder.as_uri(), "chrome")), url
+        assert url.startswith(("data:", folder.as_uri(), "chrome:", "chrome-")), url
 
 
 #: The smallest size of letters [px] of any element that has text of its own.

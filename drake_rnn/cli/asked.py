@@ -26,11 +26,14 @@ from .options import (
     Figures,
     Folder,
     Jobs,
+    Labels,
+    Metrics,
     One,
     Planned,
     Playback,
     Quiet,
     Seed,
+    TableFiles,
     Url,
 )
 
@@ -52,6 +55,7 @@ class List:
         str | None,
         typer.Option(help="Only those at this level of detail.", autocompletion=complete_levels),
     ] = None
+    tables: TableFiles = None
 
 
 @options
@@ -190,6 +194,8 @@ class Sweep(Planned):
             help="Values of a key; repeat for all combinations. Default: those in the document.",
         ),
     ] = None
+    metrics: Metrics = None
+    tables: TableFiles = None
     seed: Seed = None
     jobs: Jobs = 1
     anyway: Anyway = False
@@ -224,6 +230,7 @@ class Campaign(Planned):
         typer.Option(metavar="ADDRESS", help="Run on the Dask cluster of this scheduler."),
     ] = None
     again: Annotated[bool, typer.Option("--again", help="Retry rows whose worker crashed.")] = False
+    tables: TableFiles = None
     anyway: Anyway = False
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON only.")] = False
 
@@ -275,6 +282,9 @@ class Compare(Planned):
             autocompletion=complete_experiments,
         ),
     ]
+    metrics: Metrics = None
+    labels: Labels = None
+    tables: TableFiles = None
     seed: Seed = None
 
 
@@ -460,6 +470,7 @@ class ShowClaims:
     judge: Annotated[
         bool, typer.Option("--judge", help="Run the experiments and print the verdicts.")
     ] = False
+    tables: TableFiles = None
 
 
 @options

@@ -47,6 +47,22 @@ Url = Annotated[
         help="Address of the messages (LCM) of an iiwa, or of an FR3: its name or IP address.",
     ),
 ]
+TableFiles = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--table",
+        metavar="FILE",
+        help="Also write the table: a .md, .tex (LaTeX) or .csv file; repeatable.",
+    ),
+]
+Metrics = Annotated[
+    str | None,
+    typer.Option(metavar="METRIC,...", help="Metrics of the table; by default those that matter."),
+]
+Labels = Annotated[
+    str | None,
+    typer.Option(metavar="NAME,...", help="What tables and figures call the runs, in their order."),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print only warnings and errors.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print metrics and verdicts as JSON only.")]
 DryRun = Annotated[

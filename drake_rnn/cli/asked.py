@@ -31,6 +31,7 @@ from .options import (
     One,
     Planned,
     Playback,
+    Printed,
     Quiet,
     Seed,
     TableFiles,
@@ -183,7 +184,7 @@ class Fastest(Changed):
 
 
 @options
-class Sweep(Planned):
+class Sweep(Planned, Printed):
     """Run an experiment with several values. Writes a table, a CSV file and a figure."""
 
     experiment: One
@@ -202,7 +203,7 @@ class Sweep(Planned):
 
 
 @options
-class Campaign(Planned):
+class Campaign(Planned, Printed):
     """Run many variations of an experiment. Finished runs are kept and skipped."""
 
     campaign: Annotated[
@@ -271,7 +272,7 @@ class Tune(Checked):
 
 
 @options
-class Compare(Planned):
+class Compare(Planned, Printed):
     """Compare runs. Experiments are run first, and their own results are not kept."""
 
     runs: Annotated[
@@ -289,7 +290,30 @@ class Compare(Planned):
 
 
 @options
-class Plot:
+class Figure(Printed):
+    """Draw one figure of several runs, for print."""
+
+    what: Annotated[Literal["compare"], typer.Argument(help="What to draw.")]
+    runs: Annotated[
+        list[Path], typer.Argument(metavar="FOLDER...", help="Result folders of the runs.")
+    ]
+    panels: Annotated[
+        str,
+        typer.Option(
+            metavar="PANEL,...",
+            help="Its panels: path, error, orientation, speed, drift, distance, force; angle, "
+            "velocity, acceleration, jerk, snap, crackle as shares of their bounds.",
+        ),
+    ] = "path,error,velocity"
+    labels: Labels = None
+    file: Annotated[
+        Path | None,
+        typer.Option("--to", metavar="FILE", help="The file; by default in out/compare_..."),
+    ] = None
+
+
+@options
+class Plot(Printed):
     """Draw the figures of a saved result again, into its folder."""
 
     folder: Folder

@@ -19,7 +19,8 @@ from ..campaigns import (
 from ..campaigns.cluster import require_address
 from ..campaigns.plan import unique_orders
 from ..campaigns.store import RowStore
-from ..figures.campaign_page import write_campaign_page
+from ..figures import Paper, drawn_for
+from ..figures.campaign_page import write_campaign_figures, write_campaign_page
 from .announcing import print_data
 from .asked import Campaign
 from .campaign_shown import (
@@ -31,6 +32,7 @@ from .campaign_shown import (
 )
 from .changing import changes_of, require_writable, tell_of_window
 from .console import err, errors, finish, out, print_whole, silenced, status
+from .printed import paper_of
 from .written_tables import require_tables, shown, write_tables
 
 # Rows that did not finish that are told of one by one.
@@ -41,6 +43,7 @@ def campaign(asked: Campaign) -> None:
     """Run the rows of a campaign that have not ended, and write what all of them say."""
     with silenced(asked.quiet or asked.as_json), errors():
         require_tables(asked.tables)
+        paper = paper_of(asked)
         if asked.scheduler is not None:
             require_address(asked.scheduler)
         given = {"samples": asked.samples, "method": asked.method}
@@ -63,6 +66,7 @@ def campaign(asked: Campaign) -> None:
         with status(f"{asked.campaign}: drawing the summary"):
             page = write_campaign_page(result, folder / "summary.html")
         _print(result, page)
+        _print_figures(result, folder, paper)
         write_tables(written_sheet(result.summary), asked.tables)
         if asked.as_json:
             print_data(_contents(result, page))
@@ -90,6 +94,15 @@ def _print(result: CampaignResult, page: Path) -> None:
         err.print(f"[red]and {left} more rows[/] did not finish")
     out.print(escape(f"table    {result.folder / 'table.csv'}"), soft_wrap=True)
     out.print(escape(f"summary  {page}"), soft_wrap=True)
+
+
+def _print_figures(result: CampaignResult, folder: Path, paper: Paper) -> None:
+    """Write the figures of the page as files too, if they are asked for in any way of their own."""
+    if paper == Paper():
+        return
+    with drawn_for(paper):
+        for file in write_campaign_figures(result, folder):
+            out.print(escape(f"figure   {file}"), soft_wrap=True)
 
 
 def _print_plan(plan: Plan, folder: Path, asked: Campaign) -> None:

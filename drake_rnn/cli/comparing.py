@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import typer
 from rich.markup import escape
@@ -11,6 +12,7 @@ from rich.markup import escape
 from ..campaigns.sweep import Row, write_csv
 from ..errors import InvalidInputError
 from ..experiment import Experiment, load_experiment
+from ..figures import drawn_for
 from ..figures.comparison import comparison_figure
 from ..measures import METRIC_NAMES
 from ..runs.effort import effort_of
@@ -22,6 +24,7 @@ from .announcing import print_data, told_of
 from .asked import Compare
 from .changing import changes_of, require_writable, tell_of_window
 from .console import err, errors, finish, out, print_whole, silenced
+from .printed import paper_of
 from .simulating import simulated
 from .statuses import INTERRUPTED
 from .written_tables import chosen_metrics, listed, require_tables, shown, write_tables
@@ -29,15 +32,18 @@ from .written_tables import chosen_metrics, listed, require_tables, shown, write
 # Names that a folder of a comparison is called after.
 _NAMED = 3
 
+Run = TypeVar("Run", Result, Experiment | Result)
+
 
 def compare(asked: Compare) -> None:
     """Compare runs, of which experiments are run first."""
     with silenced(asked.quiet or asked.as_json), errors():
         require_tables(asked.tables)
         metrics = chosen_metrics(asked.metrics)
+        paper_of(asked)
         changed = changes_of(asked.changes, asked.seed, asked.duration)
         loaded = labelled(asked.runs, [_load(run, changed) for run in asked.runs])
-        folder = asked.out_folder / _folder_name(list(loaded))
+        folder = asked.out_folder / compared_folder(list(loaded))
         loaded = relabelled(loaded, asked.labels)
         for run, each in zip(asked.runs, loaded.values(), strict=True):
             if isinstance(each, Experiment):
@@ -56,7 +62,8 @@ def compare(asked: Compare) -> None:
     )
 
 
-def _folder_name(names: list[str]) -> str:
+def compared_folder(names: list[str]) -> str:
+    """Return the name of the folder of a comparison."""
     rest = [f"{len(names) - _NAMED}_more"] if len(names) > _NAMED else []
     return "_".join(["compare", *(Path(name).name for name in names[:_NAMED]), *rest])
 
@@ -88,7 +95,7 @@ def _load(run: str, changes: Mapping[str, object]) -> Experiment | Result:
     return Result.load(run, modules=True)
 
 
-def labelled(runs: list[str], loaded: list[Experiment | Result]) -> dict[str, Experiment | Result]:
+def labelled(runs: list[str], loaded: list[Run]) -> dict[str, Run]:
     """Return runs by their experiments' names, or as they were given if names are the same.
 
     Raises:
@@ -103,9 +110,7 @@ def labelled(runs: list[str], loaded: list[Experiment | Result]) -> dict[str, Ex
     return dict(zip(runs if alike else names, loaded, strict=True))
 
 
-def relabelled(
-    loaded: Mapping[str, Experiment | Result], labels: str | None
-) -> dict[str, Experiment | Result]:
+def relabelled(loaded: Mapping[str, Run], labels: str | None) -> dict[str, Run]:
     """Return runs by the names of ``--labels``, or as they are without it.
 
     Raises:
@@ -145,7 +150,9 @@ def _print_and_write(
     out.print(escape(f"table    {folder / 'comparison.csv'}"), soft_wrap=True)
     write_tables(sheet, asked.tables)
     if all(result.time.size > 1 for result in results.values()):
-        picture = comparison_figure({"": results}, folder / "comparison.png")
+        paper = paper_of(asked)
+        with drawn_for(paper):
+            picture = comparison_figure({"": results}, folder / f"comparison.{paper.form}")
         out.print(escape(f"picture  {picture}"), soft_wrap=True)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -102,3 +102,20 @@ class Planned(Checked):
 
     as_json: AsJson = False
     dry_run: DryRun = False
+
+
+@options
+class Printed:
+    """Options of commands that draw figures for print."""
+
+    form: Annotated[
+        Literal["png", "pdf", "svg"], typer.Option("--format", help="Format of the figures.")
+    ] = "png"
+    width: Annotated[
+        str | None,
+        typer.Option(metavar="LENGTH", help="Width of the figures, e.g. 88mm for a column."),
+    ] = None
+    look: Annotated[
+        Literal["screen", "journal"],
+        typer.Option(help="Look of the figures; journal has serifs, fine lines and 600 dpi."),
+    ] = "screen"

@@ -20,12 +20,15 @@ from ..campaigns.sweep import (
 )
 from ..errors import InvalidInputError
 from ..experiment import load_experiment, read_document, unit_of_key
+from ..figures import drawn_for
+from ..figures.paper import current
 from ..figures.sweep import learning_figure, sweep_figure
 from ..tables import Sheet
 from .announcing import print_data
 from .asked import Sweep
 from .changing import changes_of, require_writable, tell_of_window
 from .console import WIDE, err, errors, finish, out, silenced
+from .printed import paper_of
 from .tables import sweep_sheet, sweep_tables, varying_metrics
 from .written_tables import chosen_metrics, require_tables, write_tables
 
@@ -35,7 +38,7 @@ def sweep(asked: Sweep) -> None:
     experiment = asked.experiment
     with silenced(asked.quiet or asked.as_json), errors():
         require_tables(asked.tables)
-        metrics = chosen_metrics(asked.metrics)
+        metrics, paper = chosen_metrics(asked.metrics), paper_of(asked)
         changed = changes_of(asked.changes, asked.seed, asked.duration)
         axes = _axes(asked.over) or load_experiment(experiment, changed).document.over
         if not axes:
@@ -54,7 +57,8 @@ def sweep(asked: Sweep) -> None:
         require_writable(folder)
         rows, missing = _rows(keys, orders, asked.jobs, folder)
         sheet = sweep_sheet(keys, rows, metrics or varying_metrics(rows), units)
-        _print_and_write(keys, rows, folder, units, sheet)
+        with drawn_for(paper):
+            _print_and_write(keys, rows, folder, units, sheet)
         write_tables(sheet, asked.tables)
         if asked.as_json:
             print_data({"folder": str(folder), "runs": [_contents(keys, row) for row in rows]})
@@ -87,9 +91,10 @@ def _print_and_write(
 ) -> None:
     write_csv(folder / "sweep.csv", keys, rows)
     names = [column.heading.name for column in sheet.columns[len(keys) :]]
+    form = current().form
     pictures = [
-        sweep_figure(keys, rows, names, folder / "sweep.png", units),
-        learning_figure(keys, rows, folder / "learning.png", units),
+        sweep_figure(keys, rows, names, folder / f"sweep.{form}", units),
+        learning_figure(keys, rows, folder / f"learning.{form}", units),
     ]
     # On a terminal, too: what does not fit beside is in tables of their own.
     wide = Console(width=WIDE, highlight=False, quiet=out.quiet)

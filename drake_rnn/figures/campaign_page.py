@@ -17,6 +17,7 @@ from ..measures import rounded
 from ..runs.whole_file import written_whole
 from .campaign import distribution_figure, sensitivity_figure
 from .looks import SERIES
+from .paper import current
 
 #: Rows that did not come to their end that are listed; all are in the table.
 _LISTED = 50
@@ -63,6 +64,22 @@ def write_campaign_page(result: CampaignResult, file: Path) -> Path:
     except OSError as error:
         raise InvalidInputError(f"page {file}: {error.strerror}") from None
     return file
+
+
+def write_campaign_figures(result: CampaignResult, folder: Path) -> list[Path]:
+    """Write the figures of a campaign's page as files of their own, as far as there are any.
+
+    Args:
+        result: The campaign.
+        folder: Folder to write to.
+    """
+    form, document = current().form, result.plan.experiment
+    files = [folder / f"{name}.{form}" for name in ("distributions", "sensitivity")]
+    drawn = (
+        distribution_figure(result.summary, result.lines, document.get("accept", {}), files[0]),
+        sensitivity_figure(result.summary, result.lines, document, files[1]),
+    )
+    return [file for file, done in zip(files, drawn, strict=True) if done]
 
 
 def interval_text(interval: Interval, percent: bool = False) -> str:

@@ -28,6 +28,7 @@ _ESCAPED |= {"≤": r"$\le$", "≥": r"$\ge$", "×": r"$\times$", "−": "$-$", 
 _ESCAPED |= {"∞": r"$\infty$", "≈": r"$\approx$", "→": r"$\to$", "·": r"$\cdot$", "∈": r"$\in$"}
 _ESCAPED |= {"–": "--", "…": r"\dots{}", "’": "'", "‖": r"$\|$", "√": r"$\surd$", "∫": r"$\int$"}
 _NUMBER = re.compile(r"(?<![\w.])(-?\d+(?:\.\d+)?)(?:e([+-]\d+))?(?![\w.]*\w)")
+_POWER = re.compile(r"\^\d")
 _SIGNS = {"<=": "≤", ">=": "≥"}
 
 
@@ -85,7 +86,7 @@ def _set(text: str) -> str:
     """Return a text as LaTeX sets it, its numbers with minus signs and powers of ten."""
     for sign, single in _SIGNS.items():
         text = text.replace(sign, single)
-    text = raised(text)
+    text = _POWER.sub(lambda found: raised(found[0]), text)
     parts, end = [], 0
     for found in _NUMBER.finditer(text):
         number, power = found.groups()

@@ -64,7 +64,7 @@ from .experiment import (
     shipped_experiments as shipped_experiments,
 )
 from .exports import export as export
-from .figures import figure as figure, write_figures as write_figures
+from .figures import Paper as Paper, figure as figure, write_figures as write_figures
 from .film import FilmSettings as FilmSettings, write_film as write_film
 from .inputs.fields import (
     Array as Array,

@@ -11,6 +11,7 @@ from ..runs.result import Result
 from .asked import Plot, Replay
 from .console import errors, out, status
 from .drawing import draw_figures
+from .printed import paper_of
 from .saving import write_page
 
 
@@ -18,12 +19,17 @@ def plot(asked: Plot) -> None:
     """Draw the figures of a saved result again."""
     with errors():
         result = Result.load(asked.folder, modules=True)
+        paper = paper_of(asked)
         known = figures.drawable(result)
         for name in asked.only or []:
             if name not in known:
                 raise InvalidInputError(f"--only: no figure {name!r}; {nearest(name, known)}")
         with status("drawing figures"):
-            files = draw_figures(result, asked.folder / "figures", asked.only)
+            files = draw_figures(result, asked.folder / "figures", asked.only, paper=paper)
+        drawn = {file.stem for file in files}
+        if left := [name for name in asked.only or known if name not in drawn]:
+            told = f"{', '.join(left)}: not drawn, too narrow at {asked.width}"
+            out.print(f"[yellow]note[/] {escape(told)}", soft_wrap=True)
         for file in files:
             out.print(escape(f"figure    {file}"), soft_wrap=True)
 

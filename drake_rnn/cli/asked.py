@@ -26,11 +26,15 @@ from .options import (
     Figures,
     Folder,
     Jobs,
+    Labels,
+    Metrics,
     One,
     Planned,
     Playback,
+    Printed,
     Quiet,
     Seed,
+    TableFiles,
     Url,
 )
 
@@ -52,6 +56,7 @@ class List:
         str | None,
         typer.Option(help="Only those at this level of detail.", autocompletion=complete_levels),
     ] = None
+    tables: TableFiles = None
 
 
 @options
@@ -179,7 +184,7 @@ class Fastest(Changed):
 
 
 @options
-class Sweep(Planned):
+class Sweep(Planned, Printed):
     """Run an experiment with several values. Writes a table, a CSV file and a figure."""
 
     experiment: One
@@ -190,13 +195,15 @@ class Sweep(Planned):
             help="Values of a key; repeat for all combinations. Default: those in the document.",
         ),
     ] = None
+    metrics: Metrics = None
+    tables: TableFiles = None
     seed: Seed = None
     jobs: Jobs = 1
     anyway: Anyway = False
 
 
 @options
-class Campaign(Planned):
+class Campaign(Planned, Printed):
     """Run many variations of an experiment. Finished runs are kept and skipped."""
 
     campaign: Annotated[
@@ -224,6 +231,7 @@ class Campaign(Planned):
         typer.Option(metavar="ADDRESS", help="Run on the Dask cluster of this scheduler."),
     ] = None
     again: Annotated[bool, typer.Option("--again", help="Retry rows whose worker crashed.")] = False
+    tables: TableFiles = None
     anyway: Anyway = False
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON only.")] = False
 
@@ -264,7 +272,7 @@ class Tune(Checked):
 
 
 @options
-class Compare(Planned):
+class Compare(Planned, Printed):
     """Compare runs. Experiments are run first, and their own results are not kept."""
 
     runs: Annotated[
@@ -275,11 +283,37 @@ class Compare(Planned):
             autocompletion=complete_experiments,
         ),
     ]
+    metrics: Metrics = None
+    labels: Labels = None
+    tables: TableFiles = None
     seed: Seed = None
 
 
 @options
-class Plot:
+class Figure(Printed):
+    """Draw one figure of several runs, for print."""
+
+    what: Annotated[Literal["compare"], typer.Argument(help="What to draw.")]
+    runs: Annotated[
+        list[Path], typer.Argument(metavar="FOLDER...", help="Result folders of the runs.")
+    ]
+    panels: Annotated[
+        str,
+        typer.Option(
+            metavar="PANEL,...",
+            help="Its panels: path, error, orientation, speed, drift, distance, force; angle, "
+            "velocity, acceleration, jerk, snap, crackle as shares of their bounds.",
+        ),
+    ] = "path,error,velocity"
+    labels: Labels = None
+    file: Annotated[
+        Path | None,
+        typer.Option("--to", metavar="FILE", help="The file; by default in out/compare_..."),
+    ] = None
+
+
+@options
+class Plot(Printed):
     """Draw the figures of a saved result again, into its folder."""
 
     folder: Folder
@@ -460,6 +494,7 @@ class ShowClaims:
     judge: Annotated[
         bool, typer.Option("--judge", help="Run the experiments and print the verdicts.")
     ] = False
+    tables: TableFiles = None
 
 
 @options

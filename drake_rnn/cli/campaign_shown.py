@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from time import perf_counter
 
-from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.progress import (
     BarColumn,
@@ -16,13 +16,14 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
-from rich.table import Table
 
 from ..campaigns import CampaignResult, Outcome, Plan
 from ..campaigns.campaign import Progress as Done
+from ..campaigns.statistics import Interval
 from ..campaigns.summary import Summary
 from ..figures.campaign import strongest
 from ..figures.campaign_page import interval_text
+from ..tables import Cell, Column, Heading, Sheet, metric_heading
 from .console import err, out
 
 # Time between two lines about the progress where there is no terminal [s].
@@ -91,34 +92,56 @@ def status_text(result: CampaignResult) -> str:
     return f"{len(result.plan.rows)} rows: {', '.join(told)}{before}"
 
 
-def shares_table(summary: Summary) -> Table:
+def shares_sheet(summary: Summary) -> Sheet:
     """Return a table of the shares of rows that keep bounds."""
-    table = Table(box=SIMPLE_HEAD)
-    table.add_column("keeps", no_wrap=True)
-    table.add_column(escape(f"share of the rows [{summary.confidence:.0%}]"), justify="right")
+    share = Heading(f"share of the rows [{summary.confidence:.0%}]")
+    sheet = Sheet((Column(Heading("keeps")), Column(share, right=True)))
     for name, interval in summary.shares.items():
-        table.add_row(name, escape(interval_text(interval, percent=True)))
-    return table
+        sheet.rows.append((name, interval_text(interval, percent=True)))
+    return sheet
 
 
-def statistics_table(summary: Summary) -> Table | None:
-    """Return a table of the metrics; None without any."""
-    if not summary.metrics:
-        return None
-    table = Table(box=SIMPLE_HEAD)
-    table.add_column("metric", overflow="fold")
-    for probability in summary.metrics[0].quantiles:
-        table.add_column(f"{probability:g} quantile", justify="right")
-    for column in ("worst", "row", "follows most"):
-        table.add_column(column, justify="right")
+def statistics_sheet(summary: Summary) -> Sheet:
+    """Return a table of the metrics, without rows if there are none."""
+    quantiles = summary.metrics[0].quantiles if summary.metrics else ()
+    columns = [f"{probability:g} quantile" for probability in quantiles]
+    columns += ["worst", "row", "follows most"]
+    sheet = Sheet(
+        (Column(Heading("metric")), *(Column(Heading(each), right=True) for each in columns))
+    )
     for metric in summary.metrics:
         worst = metric.worst[0] if metric.worst else None
         key = strongest(metric)
-        table.add_row(
-            metric.name,
-            *(escape(interval_text(interval)) for interval in metric.quantiles.values()),
-            "-" if worst is None else f"{worst.value:.4g}",
-            "-" if worst is None else str(worst.row),
-            escape(f"{key} ({metric.correlations[key]:.2f})") if key else "-",
+        sheet.rows.append(
+            (
+                metric_heading(metric.name),
+                *map(interval_cell, metric.quantiles.values()),
+                "-" if worst is None else Cell((worst.value,)),
+                "-" if worst is None else str(worst.row),
+                f"{key} ({metric.correlations[key]:.2f})" if key else "-",
+            )
         )
-    return table
+    return sheet
+
+
+def written_sheet(summary: Summary) -> Sheet:
+    """Return the table of a campaign for a page: the metrics, and how many rows keep each bound."""
+    shares, sheet = dict(summary.shares), statistics_sheet(summary)
+    kept = Column(Heading(f"rows that keep its bound [{summary.confidence:.0%}]"), right=True)
+    rows = []
+    for metric, row in zip(summary.metrics, sheet.rows, strict=True):
+        share = shares.pop(metric.name, None)
+        rows.append((*row, "" if share is None else interval_text(share, percent=True)))
+    for name, share in shares.items():
+        empty = ("",) * (len(sheet.columns) - 1)
+        rows.append((metric_heading(name), *empty, interval_text(share, percent=True)))
+    title = f"{summary.name}, {summary.rows} rows"
+    return Sheet((*sheet.columns, kept), rows, title)
+
+
+def interval_cell(interval: Interval) -> Cell:
+    """Return an estimate with its bounds; bounds that are not known are left out."""
+    bounds = (interval.low, interval.high)
+    known = tuple(bound for bound in bounds if not math.isinf(bound))
+    low, high = ("?" if math.isinf(bound) else "{}" for bound in bounds)
+    return Cell((interval.value, *known), f"{{}} [{low}, {high}]")

@@ -19,12 +19,21 @@ from ..campaigns import (
 from ..campaigns.cluster import require_address
 from ..campaigns.plan import unique_orders
 from ..campaigns.store import RowStore
-from ..figures.campaign_page import write_campaign_page
+from ..figures import Paper, drawn_for
+from ..figures.campaign_page import write_campaign_figures, write_campaign_page
 from .announcing import print_data
 from .asked import Campaign
-from .campaign_shown import campaign_progress, shares_table, statistics_table, status_text
+from .campaign_shown import (
+    campaign_progress,
+    shares_sheet,
+    statistics_sheet,
+    status_text,
+    written_sheet,
+)
 from .changing import changes_of, require_writable, tell_of_window
 from .console import err, errors, finish, out, print_whole, silenced, status
+from .printed import paper_of
+from .written_tables import require_tables, shown, write_tables
 
 # Rows that did not finish that are told of one by one.
 _TOLD = 10
@@ -33,6 +42,8 @@ _TOLD = 10
 def campaign(asked: Campaign) -> None:
     """Run the rows of a campaign that have not ended, and write what all of them say."""
     with silenced(asked.quiet or asked.as_json), errors():
+        require_tables(asked.tables)
+        paper = paper_of(asked)
         if asked.scheduler is not None:
             require_address(asked.scheduler)
         given = {"samples": asked.samples, "method": asked.method}
@@ -55,6 +66,8 @@ def campaign(asked: Campaign) -> None:
         with status(f"{asked.campaign}: drawing the summary"):
             page = write_campaign_page(result, folder / "summary.html")
         _print(result, page)
+        _print_figures(result, folder, paper)
+        write_tables(written_sheet(result.summary), asked.tables)
         if asked.as_json:
             print_data(_contents(result, page))
     if result.missing:
@@ -72,15 +85,24 @@ def campaign(asked: Campaign) -> None:
 def _print(result: CampaignResult, page: Path) -> None:
     out.print(escape(f"{result.summary.name}: {status_text(result)}"), soft_wrap=True)
     if result.lines:
-        out.print(shares_table(result.summary))
-    if (table := statistics_table(result.summary)) is not None:
-        print_whole(table)
+        out.print(shown(shares_sheet(result.summary)))
+    if result.summary.metrics:
+        print_whole(shown(statistics_sheet(result.summary)))
     for row, ended, failure, command in result.summary.unlike[:_TOLD]:
         err.print(f"[red]{ended}[/] {escape(f'row {row}: {failure}; {command}')}")
     if (left := len(result.summary.unlike) - _TOLD) > 0:
         err.print(f"[red]and {left} more rows[/] did not finish")
     out.print(escape(f"table    {result.folder / 'table.csv'}"), soft_wrap=True)
     out.print(escape(f"summary  {page}"), soft_wrap=True)
+
+
+def _print_figures(result: CampaignResult, folder: Path, paper: Paper) -> None:
+    """Write the figures of the page as files too, if they are asked for in any way of their own."""
+    if paper == Paper():
+        return
+    with drawn_for(paper):
+        for file in write_campaign_figures(result, folder):
+            out.print(escape(f"figure   {file}"), soft_wrap=True)
 
 
 def _print_plan(plan: Plan, folder: Path, asked: Campaign) -> None:

@@ -19,16 +19,21 @@ from ..paths import PATHS
 from ..robot.arm_description import ArmDescription
 from ..robot.load_arm import load_arm, shipped_arms
 from ..systems import BODIES
+from ..tables import Column, Heading, Sheet
 from .asked import Arms, Laws, List, Paths
 from .console import errors, out
+from .written_tables import require_tables, write_tables
 
 #: Width from which a table of experiments also has their papers [characters].
 _ROOM = 120
+#: Columns of that table that have sentences.
+_SENTENCES = {"paper", "what to expect"}
 
 
 def list_experiments(asked: List) -> None:
     """List those of the shipped experiments that are asked for."""
     with errors():
+        require_tables(asked.tables)
         for option, name, known in (
             ("--arm", asked.arm, shipped_arms()),
             ("--law", asked.law, list(LAWS)),
@@ -46,7 +51,9 @@ def list_experiments(asked: List) -> None:
         ]
         if not chosen:
             raise InvalidInputError("there is no such experiment; drake-rnn list shows all")
-        out.print(experiments_table(chosen, out.width))
+        sheet = experiments_sheet(chosen)
+        out.print(experiments_table(sheet, out.width))
+        write_tables(sheet, asked.tables)
 
 
 def shipped_documents() -> list[ExperimentDocument]:
@@ -63,28 +70,35 @@ def arm_of(document: ExperimentDocument) -> str:
     return document.arm if isinstance(document.arm, str) else str(document.arm["model"])
 
 
-def experiments_table(documents: list[ExperimentDocument], width: int) -> Table:
-    """Return a table of experiments, in sections by law, that fits into 80 characters.
+def experiments_sheet(documents: list[ExperimentDocument]) -> Sheet:
+    """Return a table of experiments."""
+    names = ("law", "name", "arm", "level", "paper", "what to expect")
+    sheet = Sheet(tuple(Column(Heading(each), long=each in _SENTENCES) for each in names))
+    for document in documents:
+        kind, arm = str(document.law["kind"]), arm_of(document)
+        row = (kind, document.name, arm, document.level, document.paper, document.expect)
+        sheet.rows.append(row)
+    return sheet
+
+
+def experiments_table(sheet: Sheet, width: int) -> Table:
+    """Return a table of experiments for the terminal, in sections by law, within 80 characters.
 
     Args:
-        documents: The experiments, sorted by law.
+        sheet: The experiments, sorted by law.
         width: Room for the table [characters]; papers are shown if there is enough.
     """
     wide = width >= _ROOM
     table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for column in ("law: name", "arm", "level", *(["paper"] if wide else []), "what to expect"):
-        narrow = column not in {"paper", "what to expect"}
-        table.add_column(column, overflow="fold", no_wrap=narrow)
+        table.add_column(column, overflow="fold", no_wrap=column not in _SENTENCES)
     before = ""
-    for document in documents:
-        kind = str(document.law["kind"])
+    for kind, *cells, paper, expect in (map(str, row) for row in sheet.rows):
         if kind != before:
             table.add_section()
             table.add_row(f"[bold]{escape(kind)}[/]")
             before = kind
-        paper = [document.paper] if wide else []
-        cells = (document.name, arm_of(document), document.level, *paper, document.expect)
-        table.add_row(*map(escape, cells))
+        table.add_row(*map(escape, (*cells, *([paper] if wide else []), expect)))
     return table
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
@@ -22,8 +21,10 @@ from ..claims import (
 )
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest
+from ..tables import Column, Heading, Sheet
 from .asked import ShowClaims
 from .console import errors, out
+from .written_tables import require_tables, shown, write_tables
 
 #: Colour of each verdict in the terminal.
 VERDICT_COLOURS = {
@@ -65,11 +66,9 @@ def _names(paper: Claims, claim: Claim) -> set[str]:
     return {claim.id, claim.id.partition("-")[0], paper.scheme}
 
 
-def claims_table(paper: Claims, claims: Sequence[Claim]) -> Table:
+def claims_sheet(paper: Claims, claims: Sequence[Claim]) -> Sheet:
     """Return a table of claims and how each is judged."""
-    table = Table(box=SIMPLE_HEAD, title=escape(str(paper.paper)))
-    for column in ("claim", "place", "the paper says", "judged by"):
-        table.add_column(column, overflow="fold", no_wrap=column == "claim")
+    sheet = Sheet(_columns("claim", "place", "the paper says", "judged by"), title=str(paper.paper))
     for claim in claims:
         judged = [claim.unchecked] if claim.unchecked else []
         judged += [
@@ -77,22 +76,41 @@ def claims_table(paper: Claims, claims: Sequence[Claim]) -> Table:
             for part, criteria in claim.parts.items()
             for criterion in criteria
         ]
-        table.add_row(*map(escape, (claim.id, claim.where, claim.says, "\n".join(judged))))
-    return table
+        sheet.rows.append((claim.id, claim.where, claim.says, "\n".join(judged)))
+    return sheet
+
+
+def judgements_sheet(judgements: Sequence[Judgement]) -> Sheet:
+    """Return a table of what was measured for some claims."""
+    columns = _columns("claim", "verdict", "of", "measured", "asked", "paper")
+    sheet = Sheet(columns)
+    for judgement in judgements:
+        for part, findings in judgement.parts.items():
+            for finding in findings:
+                cells = _cells(finding, _note(part))
+                sheet.rows.append((judgement.claim.id, judgement.verdict, *cells))
+        if not judgement.parts:
+            sheet.rows.append((judgement.claim.id, judgement.verdict, *[""] * 4))
+    return sheet
+
+
+#: Columns of the tables that have sentences.
+_SENTENCES = {"place", "the paper says", "judged by", "of"}
+
+
+def _columns(*names: str) -> tuple[Column, ...]:
+    measured = {"measured", "asked", "paper"}
+    return tuple(Column(Heading(each), each in measured, each in _SENTENCES) for each in names)
 
 
 def judgement_table(paper: Claims, judgement: Judgement) -> Table:
-    """Return a table of what was measured for one claim of a paper."""
-    claim = judgement.claim
-    colour = VERDICT_COLOURS[judgement.verdict]
-    title = f"{escape(claim.id)}: [{colour}]{judgement.verdict}[/]"
-    table = Table(box=SIMPLE_HEAD, title=title, caption=escape(paper.reason(claim)))
-    table.add_column("of", overflow="fold")
-    for column in ("measured", "asked", "paper"):
-        table.add_column(column, overflow="fold", justify="right")
-    for part, findings in judgement.parts.items():
-        for finding in findings:
-            table.add_row(*map(escape, _cells(finding, _note(part))))
+    """Return a table of what was measured for one claim of a paper, for the terminal."""
+    claim, sheet = judgement.claim, judgements_sheet([judgement])
+    rows = sheet.rows if judgement.parts else []
+    table = shown(Sheet(sheet.columns[2:], [row[2:] for row in rows], note=paper.reason(claim)))
+    table.title = (
+        f"{escape(claim.id)}: [{VERDICT_COLOURS[judgement.verdict]}]{judgement.verdict}[/]"
+    )
     return table
 
 
@@ -107,12 +125,25 @@ def _cells(finding: Finding, note: str) -> tuple[str, str, str, str]:
 
 def show_claims(asked: ShowClaims) -> None:
     """List the claims, or judge them."""
-    runs = SimulatedRuns()
+    runs, written = SimulatedRuns(), []
     with errors():
+        require_tables(asked.tables)
         for paper, claims in chosen_claims(asked.ids or []):
             if not asked.judge:
-                out.print(claims_table(paper, claims))
+                sheet = claims_sheet(paper, claims)
+                written += sheet.rows
+                out.print(_unbroken(shown(sheet)))
                 continue
             judging = Judge(paper, runs)
             for claim in claims:
-                out.print(judgement_table(paper, judging.judge(claim)))
+                judgement = judging.judge(claim)
+                out.print(judgement_table(paper, judgement))
+                sheet = judgements_sheet([judgement])
+                written += sheet.rows
+        write_tables(Sheet(sheet.columns, written), asked.tables)
+
+
+def _unbroken(table: Table) -> Table:
+    """Return a table of claims whose ids are not broken."""
+    table.columns[0].no_wrap = True
+    return table

@@ -52,6 +52,7 @@ for _name, _place, _options in (
     ("campaign", "campaigning:campaign", asked.Campaign),
     ("tune", "tuning:tune_gains", asked.Tune),
     ("compare", "comparing:compare", asked.Compare),
+    ("figure", "printing:figure", asked.Figure),
     ("plot", "again:plot", asked.Plot),
     ("replay", "again:replay", asked.Replay),
     ("export", "exporting:export_result", asked.Export),

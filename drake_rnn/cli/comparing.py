@@ -2,40 +2,49 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import typer
-from rich.box import SIMPLE_HEAD
 from rich.markup import escape
-from rich.table import Table
 
 from ..campaigns.sweep import Row, write_csv
 from ..errors import InvalidInputError
 from ..experiment import Experiment, load_experiment
+from ..figures import drawn_for
 from ..figures.comparison import comparison_figure
-from ..measures import METRICS
+from ..measures import METRIC_NAMES
 from ..runs.effort import effort_of
 from ..runs.result import Result
 from ..runs.simulation import check_experiment
 from ..runs.verdict import Verdict
+from ..tables import Cell, Column, Heading, Sheet, metric_heading
 from .announcing import print_data, told_of
 from .asked import Compare
 from .changing import changes_of, require_writable, tell_of_window
 from .console import err, errors, finish, out, print_whole, silenced
+from .printed import paper_of
 from .simulating import simulated
 from .statuses import INTERRUPTED
+from .written_tables import chosen_metrics, listed, require_tables, shown, write_tables
 
 # Names that a folder of a comparison is called after.
 _NAMED = 3
+
+Run = TypeVar("Run", Result, Experiment | Result)
 
 
 def compare(asked: Compare) -> None:
     """Compare runs, of which experiments are run first."""
     with silenced(asked.quiet or asked.as_json), errors():
+        require_tables(asked.tables)
+        metrics = chosen_metrics(asked.metrics)
+        paper_of(asked)
         changed = changes_of(asked.changes, asked.seed, asked.duration)
         loaded = labelled(asked.runs, [_load(run, changed) for run in asked.runs])
-        folder = asked.out_folder / _folder_name(list(loaded))
+        folder = asked.out_folder / compared_folder(list(loaded))
+        loaded = relabelled(loaded, asked.labels)
         for run, each in zip(asked.runs, loaded.values(), strict=True):
             if isinstance(each, Experiment):
                 tell_of_window(run, changed)
@@ -44,7 +53,7 @@ def compare(asked: Compare) -> None:
             return
         require_writable(folder)
         results = _results(loaded)
-        _print_and_write(results, folder)
+        _print_and_write(results, folder, comparison_sheet(results, metrics), asked)
         if asked.as_json:
             print_data({name: {"metrics": r.metrics, **r.record} for name, r in results.items()})
     finish(
@@ -53,7 +62,8 @@ def compare(asked: Compare) -> None:
     )
 
 
-def _folder_name(names: list[str]) -> str:
+def compared_folder(names: list[str]) -> str:
+    """Return the name of the folder of a comparison."""
     rest = [f"{len(names) - _NAMED}_more"] if len(names) > _NAMED else []
     return "_".join(["compare", *(Path(name).name for name in names[:_NAMED]), *rest])
 
@@ -85,7 +95,7 @@ def _load(run: str, changes: Mapping[str, object]) -> Experiment | Result:
     return Result.load(run, modules=True)
 
 
-def labelled(runs: list[str], loaded: list[Experiment | Result]) -> dict[str, Experiment | Result]:
+def labelled(runs: list[str], loaded: list[Run]) -> dict[str, Run]:
     """Return runs by their experiments' names, or as they were given if names are the same.
 
     Raises:
@@ -100,6 +110,22 @@ def labelled(runs: list[str], loaded: list[Experiment | Result]) -> dict[str, Ex
     return dict(zip(runs if alike else names, loaded, strict=True))
 
 
+def relabelled(loaded: Mapping[str, Run], labels: str | None) -> dict[str, Run]:
+    """Return runs by the names of ``--labels``, or as they are without it.
+
+    Raises:
+        InvalidInputError: If there are not as many names as runs, or two are the same.
+    """
+    names = list(loaded) if labels is None else listed(labels)
+    if len(names) != len(loaded):
+        raise InvalidInputError(
+            f"--labels: must have one name for each of {len(loaded)} runs, not {len(names)}"
+        )
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise InvalidInputError(f"--labels: {twice[0]!r} is given twice")
+    return dict(zip(names, loaded.values(), strict=True))
+
+
 def _results(loaded: Mapping[str, Experiment | Result]) -> dict[str, Result]:
     """Return the results by name; leave the command if a run is interrupted."""
     results: dict[str, Result] = {}
@@ -112,44 +138,52 @@ def _results(loaded: Mapping[str, Experiment | Result]) -> dict[str, Result]:
     return results
 
 
-def _print_and_write(results: dict[str, Result], folder: Path) -> None:
+def _print_and_write(
+    results: dict[str, Result], folder: Path, sheet: Sheet, asked: Compare
+) -> None:
     for name, result in results.items():
         for warning in result.warnings:
             err.print(f"[yellow]warning[/] {escape(f'{name}: {warning}')}")
-    print_whole(comparison_table(results))
+    print_whole(shown(sheet))
     rows = [Row((name,), each.metrics, each.failure or None) for name, each in results.items()]
     write_csv(folder / "comparison.csv", ["run"], rows)
     out.print(escape(f"table    {folder / 'comparison.csv'}"), soft_wrap=True)
+    write_tables(sheet, asked.tables)
     if all(result.time.size > 1 for result in results.values()):
-        picture = comparison_figure({"": results}, folder / "comparison.png")
+        paper = paper_of(asked)
+        with drawn_for(paper):
+            picture = comparison_figure({"": results}, folder / f"comparison.{paper.form}")
         out.print(escape(f"picture  {picture}"), soft_wrap=True)
 
 
-def comparison_table(results: Mapping[str, Result]) -> Table:
-    """Return a table with a column for each run: its metrics, and the bounds they should keep."""
-    table = Table(box=SIMPLE_HEAD)
-    table.add_column("metric", overflow="fold")
-    for name in results:
-        table.add_column(escape(name), justify="right", overflow="fold")
+def comparison_sheet(results: Mapping[str, Result], metrics: Sequence[str] = ()) -> Sheet:
+    """Return a table with a column for each run: its metrics, and the bounds they should keep.
+
+    Args:
+        results: The runs by the names that they are called by.
+        metrics: Names of the metrics, in their order; by default all that any run has.
+    """
     verdicts = {
         name: {verdict.metric: verdict for verdict in result.verdicts}
         for name, result in results.items()
     }
-    for metric in METRICS:
+    runs = tuple(Column(Heading(name), right=True) for name in results)
+    sheet = Sheet((Column(Heading("metric")), *runs))
+    for metric in metrics or METRIC_NAMES:
         cells = [
-            _cell(result.metrics.get(metric.name), verdicts[name].get(metric.name))
+            _cell(result.metrics.get(metric), verdicts[name].get(metric))
             for name, result in results.items()
         ]
-        if any(cells):
-            table.add_row(metric.name, *cells)
-    return table
+        if any(cells) or metrics:
+            sheet.rows.append((metric_heading(metric), *cells))
+    return sheet
 
 
-def _cell(value: float | None, verdict: Verdict | None) -> str:
-    """Return a value, and in brackets its bound, marked if it is broken."""
+def _cell(value: float | None, verdict: Verdict | None) -> Cell | str:
+    """Return a value with its bound; an empty text without either."""
+    if value is None and verdict is None:
+        return ""
+    numbers, form = ((), "not reached") if value is None else ((value,), "{}")
     if verdict is None:
-        return "" if value is None else f"{value:.4g}"
-    written = "not reached" if value is None else f"{value:.4g}"
-    if verdict.met:
-        return f"{written} ({verdict.bound})"
-    return f"{written} [red](not {escape(str(verdict.bound))})[/]"
+        return Cell(numbers, form)
+    return Cell(numbers, form, str(verdict.bound), verdict.met)

@@ -19,7 +19,11 @@ _PATIENCE = 60.0
 
 
 def draw_figures(
-    result: Result, folder: Path, names: Sequence[str] | None = None, helped: bool | None = None
+    result: Result,
+    folder: Path,
+    names: Sequence[str] | None = None,
+    helped: bool | None = None,
+    paper: figures.Paper | None = None,
 ) -> list[Path]:
     """Write figures of a result, as `write_figures`, with a second process if there is room.
 
@@ -29,6 +33,7 @@ def draw_figures(
         names: Names of the figures; by default all that apply.
         helped: Whether a second process draws half of them; by default if there is a processor
             for it.
+        paper: What they are drawn for; by default a screen.
 
     Returns:
         The files.
@@ -36,18 +41,19 @@ def draw_figures(
     Raises:
         InvalidInputError: If the folder cannot be written to.
     """
-    names = list(names or figures.drawable(result))
+    paper = figures.Paper() if paper is None else paper
+    names = list(names or figures.fitting(figures.drawable(result), paper))
     ours, theirs = names[::2], names[1::2]
     if not theirs or not (_has_room() if helped is None else helped):
-        return figures.write_figures(result, folder, names)
-    with _helper(result, folder, theirs) as helper:
-        figures.write_figures(result, folder, ours)
+        return figures.write_figures(result, folder, names, paper)
+    with _helper(result, folder, theirs, paper) as helper:
+        figures.write_figures(result, folder, ours, paper)
         helper.join(_PATIENCE)
         done = helper.exitcode == 0
     if not done:
         # Where it failed, this tells why.
-        figures.write_figures(result, folder, theirs)
-    return [folder / f"{name}.png" for name in names]
+        figures.write_figures(result, folder, theirs, paper)
+    return [folder / f"{name}.{paper.form}" for name in names]
 
 
 def _has_room() -> bool:
@@ -59,10 +65,12 @@ def _has_room() -> bool:
 
 
 @contextmanager
-def _helper(result: Result, folder: Path, names: Sequence[str]) -> Iterator[BaseProcess]:
+def _helper(
+    result: Result, folder: Path, names: Sequence[str], paper: figures.Paper
+) -> Iterator[BaseProcess]:
     """Let a process draw figures meanwhile; afterwards it is gone, whatever happened."""
     # A fork has the result and all modules at once. It draws without Drake's threads.
-    arguments = (result, folder, names, os.getpid())
+    arguments = (result, folder, names, os.getpid(), paper)
     helper = get_context("fork").Process(target=_draw_for, args=arguments, daemon=True)
     helper.start()
     try:
@@ -72,11 +80,13 @@ def _helper(result: Result, folder: Path, names: Sequence[str]) -> Iterator[Base
         helper.join()
 
 
-def _draw_for(result: Result, folder: Path, names: Sequence[str], parent: int) -> None:
+def _draw_for(
+    result: Result, folder: Path, names: Sequence[str], parent: int, paper: figures.Paper
+) -> None:
     """Draw figures for a process, as long as that lives: a later run may use the folder."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     for name in names:
         if os.getppid() != parent:
             return
-        figures.write_figures(result, folder, [name])
+        figures.write_figures(result, folder, [name], paper)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -47,6 +47,22 @@ Url = Annotated[
         help="Address of the messages (LCM) of an iiwa, or of an FR3: its name or IP address.",
     ),
 ]
+TableFiles = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--table",
+        metavar="FILE",
+        help="Also write the table: a .md, .tex (LaTeX) or .csv file; repeatable.",
+    ),
+]
+Metrics = Annotated[
+    str | None,
+    typer.Option(metavar="METRIC,...", help="Metrics of the table; by default those that matter."),
+]
+Labels = Annotated[
+    str | None,
+    typer.Option(metavar="NAME,...", help="What tables and figures call the runs, in their order."),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print only warnings and errors.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print metrics and verdicts as JSON only.")]
 DryRun = Annotated[
@@ -86,3 +102,20 @@ class Planned(Checked):
 
     as_json: AsJson = False
     dry_run: DryRun = False
+
+
+@options
+class Printed:
+    """Options of commands that draw figures for print."""
+
+    form: Annotated[
+        Literal["png", "pdf", "svg"], typer.Option("--format", help="Format of the figures.")
+    ] = "png"
+    width: Annotated[
+        str | None,
+        typer.Option(metavar="LENGTH", help="Width of the figures, e.g. 88mm for a column."),
+    ] = None
+    look: Annotated[
+        Literal["screen", "journal"],
+        typer.Option(help="Look of the figures; journal has serifs, fine lines and 600 dpi."),
+    ] = "screen"

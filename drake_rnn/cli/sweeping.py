@@ -20,18 +20,25 @@ from ..campaigns.sweep import (
 )
 from ..errors import InvalidInputError
 from ..experiment import load_experiment, read_document, unit_of_key
+from ..figures import drawn_for
+from ..figures.paper import current
 from ..figures.sweep import learning_figure, sweep_figure
+from ..tables import Sheet
 from .announcing import print_data
 from .asked import Sweep
 from .changing import changes_of, require_writable, tell_of_window
 from .console import WIDE, err, errors, finish, out, silenced
-from .tables import sweep_tables, varying_metrics
+from .printed import paper_of
+from .tables import sweep_sheet, sweep_tables, varying_metrics
+from .written_tables import chosen_metrics, require_tables, write_tables
 
 
 def sweep(asked: Sweep) -> None:
     """Run an experiment with several values, and write what came out."""
     experiment = asked.experiment
     with silenced(asked.quiet or asked.as_json), errors():
+        require_tables(asked.tables)
+        metrics, paper = chosen_metrics(asked.metrics), paper_of(asked)
         changed = changes_of(asked.changes, asked.seed, asked.duration)
         axes = _axes(asked.over) or load_experiment(experiment, changed).document.over
         if not axes:
@@ -49,7 +56,10 @@ def sweep(asked: Sweep) -> None:
             return
         require_writable(folder)
         rows, missing = _rows(keys, orders, asked.jobs, folder)
-        _print_and_write(keys, rows, folder, units)
+        sheet = sweep_sheet(keys, rows, metrics or varying_metrics(rows), units)
+        with drawn_for(paper):
+            _print_and_write(keys, rows, folder, units, sheet)
+        write_tables(sheet, asked.tables)
         if asked.as_json:
             print_data({"folder": str(folder), "runs": [_contents(keys, row) for row in rows]})
         if missing:
@@ -77,16 +87,18 @@ def _rows(
 
 
 def _print_and_write(
-    keys: list[str], rows: list[Row], folder: Path, units: Mapping[str, str]
+    keys: list[str], rows: list[Row], folder: Path, units: Mapping[str, str], sheet: Sheet
 ) -> None:
     write_csv(folder / "sweep.csv", keys, rows)
+    names = [column.heading.name for column in sheet.columns[len(keys) :]]
+    form = current().form
     pictures = [
-        sweep_figure(keys, rows, varying_metrics(rows), folder / "sweep.png", units),
-        learning_figure(keys, rows, folder / "learning.png", units),
+        sweep_figure(keys, rows, names, folder / f"sweep.{form}", units),
+        learning_figure(keys, rows, folder / f"learning.{form}", units),
     ]
     # On a terminal, too: what does not fit beside is in tables of their own.
     wide = Console(width=WIDE, highlight=False, quiet=out.quiet)
-    for table in sweep_tables(keys, rows, out.width if out.is_terminal else None):
+    for table in sweep_tables(sheet, len(keys), out.width if out.is_terminal else None):
         wide.print(table)
     out.print(escape(f"table    {folder / 'sweep.csv'}"), soft_wrap=True)
     for picture in filter(None, pictures):

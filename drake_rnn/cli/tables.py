@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
@@ -19,7 +20,9 @@ from ..robot.report import ArmReport
 from ..runs.limit_use import uses
 from ..runs.result import Result
 from ..runs.verdict import Verdict
+from ..tables import Cell, Column, Heading, Sheet, metric_heading
 from .console import WIDE as WIDE
+from .written_tables import shown_cell
 
 #: Widths of a sweep's metric columns, where their headers break, and value columns [characters].
 _HEADER, _VALUE = 13, 40
@@ -144,37 +147,72 @@ def joints_table(result: Result) -> Table | None:
     return table
 
 
-def sweep_tables(keys: Sequence[str], rows: Sequence[Row], width: int | None = None) -> list[Table]:
-    """Return tables with one row per run of a sweep, and the metrics that differ between runs.
+def sweep_sheet(
+    keys: Sequence[str],
+    rows: Sequence[Row],
+    metrics: Sequence[str],
+    units: Mapping[str, str] = MappingProxyType({}),
+) -> Sheet:
+    """Return a table with one row per run of a sweep.
+
+    Args:
+        keys: Swept keys.
+        rows: The runs.
+        metrics: Names of the metrics of its columns.
+        units: Units of the swept keys, as far as they are known.
+    """
+    swept = (Column(Heading(key, unit=units.get(key, ""))) for key in keys)
+    measured = (Column(metric_heading(name), right=True) for name in metrics)
+    sheet = Sheet((*swept, *measured))
+    for row in rows:
+        cells = (_sweep_cell(row, name) for name in metrics)
+        sheet.rows.append((*map(str, row.values), *cells))
+    return sheet
+
+
+def _sweep_cell(row: Row, metric: str) -> Cell | str:
+    if row.failure is not None:
+        # The reason was printed when the run failed, and is in the CSV file.
+        return Cell((), "failed", kept=False)
+    if metric not in row.metrics:
+        return "-"
+    return Cell((row.metrics[metric],), kept=metric not in row.not_met)
+
+
+def sweep_tables(sheet: Sheet, keys: int, width: int | None = None) -> list[Table]:
+    """Return tables of a sweep for the terminal.
 
     Columns beyond ``width`` characters continue in another table; numbers are never broken, and
     names only after an underscore. Print them on a `WIDE` console, because a single column may
     be wider than ``width``.
+
+    Args:
+        sheet: The table.
+        keys: Number of its columns that have swept values; they are in each of the tables.
+        width: Room for a table [characters].
     """
-    tables, names, unsqueezed = [], varying_metrics(rows), Console(width=WIDE)
+    tables, begin, unsqueezed = [], keys, Console(width=WIDE)
     while True:
-        count, table = len(names), _sweep_table(keys, rows, names)
-        while width is not None and count > 1 and unsqueezed.measure(table).maximum > width:
-            count -= 1
-            table = _sweep_table(keys, rows, names[:count])
+        end, table = len(sheet.columns), _sweep_table(sheet, keys, slice(begin, None))
+        while width is not None and end > begin + 1 and unsqueezed.measure(table).maximum > width:
+            end -= 1
+            table = _sweep_table(sheet, keys, slice(begin, end))
         tables.append(table)
-        names = names[count:]
-        if not names:
+        begin = end
+        if begin >= len(sheet.columns):
             return tables
 
 
-def _sweep_table(keys: Sequence[str], rows: Sequence[Row], names: Sequence[str]) -> Table:
+def _sweep_table(sheet: Sheet, keys: int, metrics: slice) -> Table:
+    """Return a table of the swept values and some of the metrics."""
     table = Table(box=SIMPLE_HEAD)
-    for key in keys:
+    for column in sheet.columns[:keys]:
         # A value may be a list of any length.
-        table.add_column(escape(key), overflow="fold", max_width=_VALUE)
-    for name in names:
-        table.add_column(_broken(name), justify="right", no_wrap=True)
-    for row in rows:
-        values = [f"{row.metrics[n]:.4g}" if n in row.metrics else "-" for n in names]
-        # The reason was printed when the run failed, and is in the CSV file.
-        cells = values if row.failure is None else ["[red]failed[/]"]
-        table.add_row(*(escape(str(value)) for value in row.values), *cells)
+        table.add_column(escape(str(column.heading)), overflow="fold", max_width=_VALUE)
+    for column in sheet.columns[metrics]:
+        table.add_column(_broken(str(column.heading)), justify="right", no_wrap=True)
+    for row in sheet.rows:
+        table.add_row(*map(shown_cell, (*row[:keys], *row[metrics])))
     return table
 
 

@@ -22,9 +22,10 @@ from ..tuning import Trial, Tuned, Tuning
 from ..tuning.bounds import Between, parse_between
 from .asked import Tune
 from .changing import changes_of, require_writable, tell_of_window
-from .comparing import comparison_table
+from .comparing import comparison_sheet
 from .console import err, errors, finish, out, print_whole, silenced, status
 from .statuses import INTERRUPTED
+from .written_tables import shown
 
 
 def tune_gains(asked: Tune) -> None:
@@ -107,7 +108,7 @@ def _print(tuned: Tuned) -> None:
         steps = f"step {tuned.chosen:g} of {len(tuned.history) - 1}"
         note = f"[yellow]note[/] gains beyond {steps} {why}, and were not taken"
         out.print(note, soft_wrap=True)
-    print_whole(comparison_table({"before": tuned.before, "tuned": tuned.after}))
+    print_whole(shown(comparison_sheet({"before": tuned.before, "tuned": tuned.after})))
     out.print(
         f"{tuned.metric}: {tuned.before.metrics[tuned.metric]:.4g} before, "
         f"{tuned.after.metrics[tuned.metric]:.4g} tuned, both run by Drake"

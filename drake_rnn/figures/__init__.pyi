@@ -4,5 +4,7 @@ from .drawn import (
     FIGURES as FIGURES,
     drawable as drawable,
     figure as figure,
+    fitting as fitting,
     write_figures as write_figures,
 )
+from .paper import Paper as Paper, drawn_for as drawn_for, parse_width as parse_width

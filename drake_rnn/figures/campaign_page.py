@@ -13,9 +13,11 @@ from ..campaigns.summary import Summary, smaller_is_worse
 from ..colours import components
 from ..errors import InvalidInputError
 from ..inputs.page_templates import page_templates
+from ..measures import rounded
 from ..runs.whole_file import written_whole
 from .campaign import distribution_figure, sensitivity_figure
 from .looks import SERIES
+from .paper import current
 
 #: Rows that did not come to their end that are listed; all are in the table.
 _LISTED = 50
@@ -64,14 +66,28 @@ def write_campaign_page(result: CampaignResult, file: Path) -> Path:
     return file
 
 
+def write_campaign_figures(result: CampaignResult, folder: Path) -> list[Path]:
+    """Write the figures of a campaign's page as files of their own, as far as there are any.
+
+    Args:
+        result: The campaign.
+        folder: Folder to write to.
+    """
+    form, document = current().form, result.plan.experiment
+    files = [folder / f"{name}.{form}" for name in ("distributions", "sensitivity")]
+    drawn = (
+        distribution_figure(result.summary, result.lines, document.get("accept", {}), files[0]),
+        sensitivity_figure(result.summary, result.lines, document, files[1]),
+    )
+    return [file for file, done in zip(files, drawn, strict=True) if done]
+
+
 def interval_text(interval: Interval, percent: bool = False) -> str:
     """Return an estimate with its bounds as a text; bounds that are not known are left out."""
-    number = "{:.1%}" if percent else "{:.4g}"
-    low, high = (
-        "?" if math.isinf(bound) else number.format(bound)
-        for bound in (interval.low, interval.high)
-    )
-    return f"{number.format(interval.value)} [{low}, {high}]"
+    number = "{:.1%}".format if percent else rounded
+    bounds = (interval.low, interval.high)
+    low, high = ("?" if math.isinf(bound) else number(bound) for bound in bounds)
+    return f"{number(interval.value)} [{low}, {high}]"
 
 
 def _counts(result: CampaignResult) -> list[tuple[str, int]]:
@@ -88,9 +104,9 @@ def _metrics(summary: Summary) -> list[list[str]]:
     quantiles = [f"{probability:g} quantile" for probability in summary.metrics[0].quantiles]
     rows = [["metric", "rows", "mean", "least", *quantiles, "largest"]]
     for metric in summary.metrics:
-        numbers = [f"{metric.mean:.4g}", f"{metric.least:.4g}"]
+        numbers = [rounded(metric.mean), rounded(metric.least)]
         numbers += map(interval_text, metric.quantiles.values())
-        rows.append([metric.name, str(metric.count), *numbers, f"{metric.largest:.4g}"])
+        rows.append([metric.name, str(metric.count), *numbers, rounded(metric.largest)])
     return rows
 
 

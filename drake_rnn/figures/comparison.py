@@ -18,6 +18,7 @@ from ..runs.limit_use import share_of_range
 from ..runs.result import Result
 from .derivative_panels import leave_room
 from .looks import BOUND, nth
+from .paper import wide
 from .style import PAGE, largest, legend_above, log_axis, save, styled, time_axis
 
 #: Times [s] and shares of bounds [-] for each order of derivative, shape (k,) both.
@@ -44,16 +45,16 @@ def comparison_figure(groups: Mapping[str, Mapping[str, Result]], file: Path) ->
     shares = {
         title: [shares_of_bounds(run) for run in runs.values()] for title, runs in groups.items()
     }
-    orders = _bounded_orders([share for each in shares.values() for share in each])
+    orders = bounded_orders([share for each in shares.values() for share in each])
     kinds = ("angle", *DERIVATIVE_UNITS)
     names = ["position error [m]", *(f"{kinds[order]} / bound [-]" for order in orders)]
     with styled():
-        figure = Figure(figsize=(PAGE, 0.8 + 1.25 * len(names)), layout="constrained")
+        figure = Figure(figsize=(wide(PAGE), 0.8 + 1.25 * len(names)), layout="constrained")
         axes: Any = figure.subplots(len(names), len(groups), squeeze=False, sharex="col")
         for column, (title, runs) in zip(axes.T, groups.items(), strict=True):
             column[0].set_title(title)
-            _plot_errors(column[0], runs)
-            _plot_shares(dict(zip(orders, column[1:], strict=True)), shares[title])
+            plot_errors(column[0], runs)
+            plot_shares(dict(zip(orders, column[1:], strict=True)), shares[title])
             time_axis(column[-1], max(runs.values(), key=lambda run: float(run.time[-1])))
             leave_room(column[-1])
         for ax, name in zip(axes[:, 0], names, strict=True):
@@ -80,20 +81,20 @@ def shares_of_bounds(result: Result) -> Shares:
     return shares
 
 
-def _plot_errors(ax: Axes, runs: Mapping[str, Result]) -> None:
+def plot_errors(ax: Axes, runs: Mapping[str, Result]) -> None:
     """Plot the position error of every run."""
     for k, (name, result) in enumerate(runs.items()):
         ax.plot(result.time, result.position_error, label=name, **nth(k))
     _log_axis_from(ax, _LEAST_ERROR, [result.position_error for result in runs.values()])
 
 
-def _bounded_orders(shares: Sequence[Shares]) -> list[int]:
+def bounded_orders(shares: Sequence[Shares]) -> list[int]:
     """Return the orders of derivatives that are bounded in any of some runs."""
     every = zip(*shares, strict=True)
     return [k for k, runs in enumerate(every) if any(np.isfinite(share).any() for _, share in runs)]
 
 
-def _plot_shares(axes: Mapping[int, Axes], shares: Sequence[Shares]) -> None:
+def plot_shares(axes: Mapping[int, Axes], shares: Sequence[Shares]) -> None:
     """Plot the share of its bound that each order of derivative uses, a panel for each order."""
     for order, ax in axes.items():
         curves = [each[order] for each in shares]

@@ -16,6 +16,7 @@ from ..runs.derivatives import Signal
 from ..runs.result import Result
 from .bound_lines import draw_bounds, excess_note, known_bounds, number_bounds
 from .looks import BOUND
+from .paper import wide
 from .style import PAGE, joint_handles, largest, plot_joints, span, ticks, time_axis
 
 #: Ratio of curves to their bound from which on the axis is logarithmic beyond the bound.
@@ -45,7 +46,7 @@ def stacked_panels(
     bounds = [limits.bounds[name] for name in DERIVATIVE_UNITS]
     units = ["rad", *DERIVATIVE_UNITS.values()]
     n = signals[0][1].shape[1]
-    figure = Figure(figsize=(PAGE, 0.6 + 1.3 * len(signals)), layout="constrained")
+    figure = Figure(figsize=(wide(PAGE), 0.6 + 1.3 * len(signals)), layout="constrained")
     axes = figure.subplots(len(signals), 1, sharex=True, squeeze=False).ravel()
     for order, (ax, (time, values), text) in enumerate(zip(axes, signals, texts, strict=True)):
         if order == 0:

@@ -18,6 +18,7 @@ from . import (  # noqa: F401  These register figures.
     pressing,
     single,
 )
+from .paper import SCREEN, Paper, drawn_for
 from .registry import FIGURES as FIGURES
 from .style import save
 
@@ -33,32 +34,49 @@ def drawable(result: Result) -> list[str]:
     ]
 
 
-def figure(result: Result, name: str = "overview") -> Figure:
+def fitting(names: Sequence[str], paper: Paper) -> list[str]:
+    """Return those of some figures that can be read in the width of a paper."""
+    return [name for name in names if paper.width is None or paper.width >= FIGURES[name].least]
+
+
+def figure(result: Result, name: str = "overview", paper: Paper = SCREEN) -> Figure:
     """Return a figure of a result, to show in a notebook or to change.
 
     Args:
         result: The run to show.
         name: Name of the figure, one of those that are `drawable`.
+        paper: What it is drawn for.
 
     Raises:
-        InvalidInputError: If there is no such figure of this result.
+        InvalidInputError: If there is no such figure of this result, or it cannot be read in the
+            width of the paper.
     """
     require_type("result", result, Result)
     if name not in (known := drawable(result)):
         what = nearest(name, known) if known else "a single instant has none"
         raise InvalidInputError(f"figure: no figure {name!r} of this result; {what}")
-    return FIGURES[name].draw(result)
+    if not fitting([name], paper):
+        raise InvalidInputError(
+            f"figure: {name} needs a width of {25.4 * FIGURES[name].least:.0f} mm or more"
+        )
+    with drawn_for(paper):
+        return FIGURES[name].draw(result)
 
 
 def write_figures(
-    result: Result, folder: str | Path, names: Sequence[str] | None = None
+    result: Result,
+    folder: str | Path,
+    names: Sequence[str] | None = None,
+    paper: Paper = SCREEN,
 ) -> list[Path]:
-    """Write figures of a result as ``<name>.png``.
+    """Write figures of a result, as ``<name>.png`` or in another format.
 
     Args:
         result: The run to show.
         folder: Folder to write to; created if it does not exist.
-        names: Names of the figures; by default all that apply.
+        names: Names of the figures; by default all that apply and can be read in the width of the
+            paper.
+        paper: What they are drawn for.
 
     Returns:
         The files.
@@ -69,11 +87,13 @@ def write_figures(
     """
     require_type("result", result, Result)
     folder = Path(folder)
-    files = [folder / f"{name}.png" for name in names or drawable(result)]
+    names = names or fitting(drawable(result), paper)
+    files = [folder / f"{name}.{paper.form}" for name in names]
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for file in files:
-            save(figure(result, file.stem), file)
+            with drawn_for(paper):
+                save(figure(result, file.stem, paper), file)
     except OSError as error:
         raise InvalidInputError(f"figures folder {folder}: {error.strerror}") from None
     return files

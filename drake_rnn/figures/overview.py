@@ -26,6 +26,7 @@ from .joint_panels import (
 )
 from .limit_panel import plot_limits
 from .looks import ALARM, NOTE, Style
+from .paper import wide
 from .registry import draws
 from .space import is_spatial, plot_postures
 from .style import PAGE
@@ -106,7 +107,7 @@ _ROW, _LIMITS, _BAR, _HEAD, _ENTRY = 2.3, 0.45, 0.16, 0.25, 0.165
 _VALUE, _VERDICT, _BOUND = 0.325, 0.332, 0.368
 
 
-@draws("p_WE", "p_WE_desired")
+@draws("p_WE", "p_WE_desired", least=6.5)
 def overview(result: Result) -> Figure:
     """Draw path, joints and errors, and a table of the metrics with their expected values."""
     candidates, metrics = _contents(result)
@@ -124,7 +125,7 @@ def overview(result: Result) -> Figure:
         *([_LIMITS + _BAR * len(limits)] if limits else []),
         _HEAD + _ENTRY * -(-len(entries) // 2),
     )
-    figure = Figure(figsize=(PAGE, sum(heights)), layout="constrained")
+    figure = Figure(figsize=(wide(PAGE), sum(heights)), layout="constrained")
     parts: Any = figure.subfigures(len(heights), 1, height_ratios=heights)
     header, body, *strip, footer = parts
     _header(header, document.name or "experiment", lines)

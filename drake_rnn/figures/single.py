@@ -26,11 +26,13 @@ from .joint_panels import (
     plot_torques,
 )
 from .looks import BOUND, DESIRED, NOTE, TARGET, TRACED, Style, nth
+from .paper import wide
 from .registry import draws
 from .space import arm_figure, frame_space, plot_postures, plot_stroboscope
 from .style import (
     COLUMN,
     PAGE,
+    columns_within,
     finite,
     joint_handles,
     legend,
@@ -108,7 +110,7 @@ _alone(
 @draws("p_WE", "p_WE_desired", applies=lambda r: has_path(r) and r.series["p_WE"].shape[1] == 3)
 def path_3d(result: Result) -> Figure:
     """Draw the desired and the traced path in space."""
-    figure = Figure(figsize=(COLUMN, 3.2))
+    figure = Figure(figsize=(wide(COLUMN), 3.2))
     ax: Any = figure.add_axes((0.02, 0.13, 0.84, 0.82), projection="3d")
     p_WE, desired, text = _traced_and_desired(result)
     ax.plot(*p_WE.T, label="traced", **TRACED)
@@ -127,16 +129,17 @@ def joint_angles(result: Result) -> Figure:
     bounded = bool(np.isfinite(bounds).all(axis=1).any())
     n = position.shape[1]
     cells = n + bounded
-    rows = (cells + 1) // 2
-    figure = Figure(figsize=(PAGE, 0.4 + 1.25 * rows), layout="constrained")
-    grid = figure.add_gridspec(rows, 2)
+    across = columns_within(width := wide(PAGE))
+    rows = -(-cells // across)
+    figure = Figure(figsize=(width, 0.4 + 1.25 * rows), layout="constrained")
+    grid = figure.add_gridspec(rows, across)
     # A last panel that is alone in its row is as wide as both.
-    places = [divmod(k, 2) for k in range(2 * (cells // 2))]
-    parts = [grid[place] for place in places] + [grid[rows - 1, :]] * (cells % 2)
+    places = [divmod(k, across) for k in range(across * (cells // across))]
+    parts = [grid[place] for place in places] + [grid[rows - 1, :]] * (cells % across)
     axes = [figure.add_subplot(part) for part in parts]
     for k, ax in enumerate(axes[:n]):
         _plot_angle(ax, result, k, bounds[k])
-        if k + 2 < n:
+        if k + across < n:
             ax.tick_params(labelbottom=False)
             ax.set_xlabel("")
     if bounded:
@@ -257,7 +260,7 @@ def end_effector(result: Result) -> Figure:
     return figure
 
 
-@draws("J", "J_hat")
+@draws("J", "J_hat", least=5.0)
 def jacobian(result: Result) -> Figure:
     """Draw every entry of J and of J_hat: a column of panels for each, a row for each axis."""
     J, J_hat = result.series["J"], result.series["J_hat"]
@@ -265,7 +268,7 @@ def jacobian(result: Result) -> Figure:
     turns, moves = m - min(m, 3), min(m, 3)
     rows = [f"$\\omega_{axis}$" for axis in "xyz"[:turns]] + list("xyz"[:moves])
     units = ["1"] * turns + [unit("J")] * moves
-    figure = Figure(figsize=(PAGE, 0.7 + 1.35 * m), layout="constrained")
+    figure = Figure(figsize=(wide(PAGE), 0.7 + 1.35 * m), layout="constrained")
     axes: Any = figure.subplots(m, 2, sharex=True, sharey=True, squeeze=False)
     for column, (values, name) in enumerate(((J, "$J$"), (J_hat, r"$\hat J$"))):
         for row in range(m):

@@ -16,6 +16,7 @@ from .. import colours as meanings
 from ..inputs.fields import Array
 from ..runs.result import Result
 from .looks import TARGET, TRACED, Style
+from .paper import wide
 from .style import COLUMN, finite, largest, legend, plane_axes, single, ticks
 from .traits import first_pass, has_path
 
@@ -98,7 +99,7 @@ def arm_figure(result: Result, below: float = 0.0) -> tuple[Figure, Axes]:
     if not is_spatial(result):
         return single(height=3.0 + below)
     height = 3.2 + below
-    figure = Figure(figsize=(COLUMN, height))
+    figure = Figure(figsize=(wide(COLUMN), height))
     box = (0.02, (0.3 + below) / height, 0.86, 2.65 / height)
     return figure, figure.add_axes(box, projection="3d")
 

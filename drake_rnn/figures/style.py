@@ -23,11 +23,20 @@ from ..inputs.fields import Array
 from ..measures import UNITS, raised
 from ..runs.result import Result
 from .looks import NOTE, SHADE, Style, nth
+from .paper import current, wide
 
 #: Widths of a printed column and page [inch].
 COLUMN, PAGE = 3.5, 7.1
 #: The common style, in matplotlib's own format.
 _STYLE = Path(__file__).with_name("figures.mplstyle")
+#: What looks add to it.
+_LOOKS = {"screen": (), "journal": (Path(__file__).with_name("journal.mplstyle"),)}
+#: What a file says of itself; without a date, so that equal figures are equal files.
+_METADATA = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}
+#: Least width for two panels of joints beside one another [inch].
+_TWO = 5.0
+#: Room for names in a legend [characters] up to which it is that of a column.
+_COLUMN_ROOM = 60
 #: Entries of a legend from which on it is drawn together.
 _MANY = 8
 #: Share of the steps of noise that are against the one before; of white noise it is two thirds.
@@ -38,21 +47,25 @@ _LEGIBLE = 0.8
 
 def styled() -> AbstractContextManager[Any]:
     """Return a context with the common style; the user's settings neither matter nor change."""
-    return matplotlib.style.context(["default", _STYLE])
+    return matplotlib.style.context(["default", _STYLE, *_LOOKS[current().look]])
 
 
 def save(figure: Figure, file: Path | BytesIO) -> None:
-    """Write a figure as a PNG file in true colours.
+    """Write a figure in the format that the file's name ends in; to memory, as PNG.
 
-    A palette of 256 colours would be a third of the size, but where curves are smoothed and overlap
-    its colours are up to 50 of 255 off.
+    PNG files are in true colours: a palette of 256 colours would be a third of the size, but where
+    curves are smoothed and overlap its colours are up to 50 of 255 off.
     """
     canvas: Any = FigureCanvasAgg(figure)
+    form = file.suffix.removeprefix(".") if isinstance(file, Path) else "png"
     # Matplotlib looks fonts and formats of numbers up only now.
     with styled():
         for child in chain.from_iterable(ax.get_children() for ax in figure.axes):
             if isinstance(child, Axis):
                 _write_plainly(child)
+        if form != "png":
+            figure.savefig(file, format=form, metadata=_METADATA[form])
+            return
         canvas.draw()
     image = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
     dots = round(figure.dpi)
@@ -81,16 +94,21 @@ def single(height: float = 2.4) -> tuple[Figure, Axes]:
 
 
 def stacked(count: int, height: float | None = None, **layout: Any) -> tuple[Figure, Any]:
-    """Return a figure of the width of a column with panels below one another, and their axes.
+    """Return a figure with panels below one another, as wide as a column or the paper.
 
     Args:
         count: Number of panels.
         height: Height of the figure [inch]; by default what suits that number.
         **layout: Further arguments of `matplotlib.figure.Figure.subplots`.
     """
-    size = (COLUMN, 0.5 + 1.9 * count if height is None else height)
+    size = (wide(COLUMN), 0.5 + 1.9 * count if height is None else height)
     figure = Figure(figsize=size, layout="constrained")
     return figure, figure.subplots(count, 1, squeeze=False, **layout).ravel()
+
+
+def columns_within(width: float) -> int:
+    """Return how many panels of joints fit beside one another in a width [inch]."""
+    return 2 if width >= _TWO else 1
 
 
 def plot_joints(ax: Axes, time: Array, values: Array, **style: Any) -> None:
@@ -160,6 +178,8 @@ def legend_above(figure: Figure, ax: Axes, room: int = 110, beside: int = 0, **l
         **look: Further arguments of `matplotlib.figure.Figure.legend`.
     """
     handles, names = ax.get_legend_handles_labels()
+    width = float(figure.get_figwidth())
+    room = int(room * min(1.0, width / (PAGE if room > _COLUMN_ROOM else COLUMN)))
     columns = max(1, min(len(names), room // (beside + max(map(len, names)))))
     figure.legend(handles, names, loc="outside upper center", ncols=columns, **look)
 

@@ -19,6 +19,7 @@ from .units import (
     PREFIXES as PREFIXES,
     prefixed as prefixed,
     raised as raised,
+    rounded as rounded,
     told as told,
 )
 from .yardsticks import Yardsticks as Yardsticks

@@ -33,6 +33,11 @@ def prefixed(size: float, unit: str) -> tuple[str, float]:
     return prefix + written, factor
 
 
+def rounded(number: float) -> str:
+    """Return a number as tables have it, with four significant digits."""
+    return f"{number:.4g}"
+
+
 def told(value: float, unit: str, digits: int = 4) -> str:
     """Return a number and its unit, such as ``0.37 µm``."""
     # Rounded before the prefix is chosen: 0.1 m rather than 1e+02 mm.

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
+from ..tables import markdown_rows
 from .contents import VERDICTS, parts_of
 
 _COLUMNS = ("claim", "place", "the paper says", "measured", "verdict", "why")
@@ -24,7 +24,7 @@ def index_page(contents: dict[str, Any], page_of: dict[str, str]) -> str:
     ]
     parts = [
         "# What the papers claim, and what holds",
-        _table(counts_rows(contents)),
+        markdown_rows(counts_rows(contents)),
         "\n".join(links),
         _made_with(contents),
     ]
@@ -40,7 +40,7 @@ def paper_page(contents: dict[str, Any], paper: dict[str, Any]) -> str:
         paper["citation"],
         claims_table(paper),
         "## Runs",
-        _table([_RUN_COLUMNS, *map(_run, runs)]) if runs else "None.",
+        markdown_rows([_RUN_COLUMNS, *map(_run, runs)]) if runs else "None.",
         _made_with(contents),
     ]
     return "\n\n".join(parts) + "\n"
@@ -48,7 +48,7 @@ def paper_page(contents: dict[str, Any], paper: dict[str, Any]) -> str:
 
 def counts_table(contents: dict[str, Any]) -> str:
     """Return a table of how many claims of each paper hold."""
-    return _table(counts_rows(contents))
+    return markdown_rows(counts_rows(contents))
 
 
 def counts_rows(contents: dict[str, Any]) -> list[list[str]]:
@@ -64,7 +64,7 @@ def counts_rows(contents: dict[str, Any]) -> list[list[str]]:
 
 def claims_table(paper: dict[str, Any]) -> str:
     """Return the table of one paper's claims."""
-    return _table([_COLUMNS, *map(_claim, paper["claims"])])
+    return markdown_rows([_COLUMNS, *map(_claim, paper["claims"])])
 
 
 def title_of(paper: dict[str, Any]) -> str:
@@ -112,13 +112,3 @@ def _run(run: dict[str, Any]) -> list[str]:
 def _made_with(contents: dict[str, Any]) -> str:
     known = {name: number for name, number in contents["versions"].items() if number}
     return f"Made with {', '.join(f'{name} {number}' for name, number in known.items())}."
-
-
-def _table(rows: Sequence[Sequence[str]]) -> str:
-    head, *others = rows
-    return "\n".join([_line(head), "|---" * len(head) + "|", *map(_line, others)])
-
-
-def _line(cells: Sequence[str]) -> str:
-    texts = (cell.replace("|", "\\|").replace("\n", " ") for cell in cells)
-    return f"| {' | '.join(texts)} |"

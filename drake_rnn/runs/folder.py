@@ -23,6 +23,8 @@ _FILES = (
     "playback.html",
     "film.*",
     "figures/*.png",
+    "figures/*.pdf",
+    "figures/*.svg",
 )
 
 

@@ -13,7 +13,7 @@ from drake_rnn import InvalidInputError, SimulationError, load_experiment, simul
 from drake_rnn.campaigns import perform as performing
 from drake_rnn.campaigns.sweep import InterruptedSweepError, Row, parse_axis, write_csv
 from drake_rnn.cli.commands import app
-from drake_rnn.cli.tables import WIDE, sweep_tables
+from drake_rnn.cli.tables import WIDE, sweep_sheet, sweep_tables, varying_metrics
 from drake_rnn.errors import InterruptedRunError
 from drake_rnn.figures.sweep import sweep_figure
 from drake_rnn.runs import simulation
@@ -196,7 +196,8 @@ def printed(width, table):
     """Lines of the tables on a terminal, without its rules."""
     stream = io.StringIO()
     console = Console(file=stream, width=WIDE)
-    for part in sweep_tables(["law.kappa"], table, width):
+    sheet = sweep_sheet(["law.kappa"], table, varying_metrics(table))
+    for part in sweep_tables(sheet, 1, width):
         console.print(part)
     return [line for line in stream.getvalue().splitlines() if set(line) - set(" ─")]
 

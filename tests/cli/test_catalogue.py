@@ -5,7 +5,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from drake_rnn import LAWS, PATHS, load_arm, shipped_arms, shipped_experiments
-from drake_rnn.cli.catalogue import experiments_table, shipped_documents
+from drake_rnn.cli.catalogue import experiments_sheet, experiments_table, shipped_documents
 from drake_rnn.cli.commands import app
 from drake_rnn.cli.showing import commented
 from drake_rnn.experiment import load_experiment, read_document
@@ -46,7 +46,7 @@ def test_a_shell_is_offered_the_shipped_experiments():
 
 def test_the_list_fits_80_columns_and_breaks_no_name():
     console = Console(width=80, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
-    console.print(experiments_table(shipped_documents(), 80))
+    console.print(experiments_table(experiments_sheet(shipped_documents()), 80))
     lines = console.export_text().splitlines()
     assert max(map(len, lines)) <= 80
     assert set(shipped_experiments()) <= {word for line in lines for word in line.split()[:1]}

@@ -10,6 +10,7 @@ from drake_rnn.cli import drawing
 from drake_rnn.cli.drawing import draw_figures
 from drake_rnn.errors import InvalidInputError
 from drake_rnn.experiment import load_experiment
+from drake_rnn.figures import Paper
 from drake_rnn.runs.simulation import simulate
 
 NAMES = ["path_plane", "joint_velocities", "position_error"]
@@ -57,7 +58,7 @@ def test_an_interrupted_run_leaves_no_helper(result, tmp_path, monkeypatch):
 def test_a_helper_stops_with_the_process_that_it_helps(result, tmp_path, monkeypatch):
     """Else it would write old figures into the folder of a later run."""
     monkeypatch.setattr(drawing.signal, "signal", lambda *_: None)
-    drawing._draw_for(result, tmp_path, NAMES, parent=os.getppid() + 1)
+    drawing._draw_for(result, tmp_path, NAMES, os.getppid() + 1, Paper())
     assert not list(tmp_path.iterdir())
-    drawing._draw_for(result, tmp_path, NAMES[:1], parent=os.getppid())
+    drawing._draw_for(result, tmp_path, NAMES[:1], os.getppid(), Paper())
     assert [file.stem for file in tmp_path.iterdir()] == NAMES[:1]

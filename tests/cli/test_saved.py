@@ -125,3 +125,66 @@ def test_a_playback_is_written_again(folders):
     assert result.exit_code == 0, (result.stderr, result.exception)
     page = (folders / LINE / "playback.html").read_text()
     assert f"<title>{LINE} beside {KNOWN}</title>" in page
+
+
+# For print.
+
+
+def test_tables_and_figures_of_a_comparison_are_for_print(folders, tmp_path):
+    tex, page = tmp_path / "paper" / "table.tex", tmp_path / "paper" / "table.md"
+    result = call(
+        *("compare", folders / KNOWN, folders / LINE, "--out", tmp_path, "--labels", "SLC,PINV"),
+        *("--metrics", "position_error_max_m,joint_velocity_max_rad_s"),
+        *("--table", tex, "--table", page, "--format", "pdf", "--width", "88mm"),
+    )
+    assert result.exit_code == 0, (result.stderr, result.exception)
+    (folder,) = [each for each in tmp_path.iterdir() if each.name.startswith("compare_")]
+    assert {file.name for file in folder.iterdir()} == {"comparison.csv", "comparison.pdf"}
+    assert "joint_velocity_max_rad_s" in result.stdout
+    assert "settling_time_s" not in result.stdout
+    head, rule, *rows = page.read_text().splitlines()
+    assert (head, rule) == ("| metric | SLC | PINV |", "|---|---:|---:|")
+    assert [row.split(" [")[0] for row in rows] == ["| position error max", "| joint velocity max"]
+    assert r"metric & SLC & PINV \\" in tex.read_text()
+
+
+def test_one_figure_of_several_runs(folders, tmp_path):
+    runs = ("figure", "compare", folders / KNOWN, folders / LINE)
+    file = tmp_path / "new" / "figure.svg"
+    result = call(*runs, "--panels", "error,velocity", "--width", "180mm", "--to", file)
+    assert result.exit_code == 0, (result.stderr, result.exception)
+    assert 'width="510.' in file.read_text()
+    for options, message in (
+        (("--panels", "eror"), "panels: no 'eror'; nearest: error"),
+        (("--width", "88"), "width: must be a length such as 88mm"),
+        (("--to", tmp_path / "x.jpg"), "x.jpg: must end in one of .png, .pdf, .svg"),
+        (("--labels", "one"), "--labels: must have one name for each of 2 runs, not 1"),
+        (("--labels", "a,a"), "--labels: 'a' is given twice"),
+    ):
+        assert message in sentence(call(*runs, *options))
+    assert sentence(call("figure", "compare", folders / LINE)) == "compare: needs two runs or more"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--table", "table.doc"), "--table: table.doc: must end in one of .md, .tex, .csv"),
+        (("--metrics", "position_error_m"), "--metrics: no 'position_error_m'; nearest: "),
+        (("--width", "2m"), "width: must be a length"),
+    ],
+)
+def test_what_cannot_be_printed_is_refused_before_anything_runs(options, message, tmp_path):
+    for command in (("compare", KNOWN, LINE), ("sweep", KNOWN, "--over", "seed=1,2")):
+        assert message in sentence(call(*command, "--out", tmp_path / "out", *options))
+    assert not (tmp_path / "out").exists()
+    if "--width" in options:
+        assert message in sentence(call("campaign", "line_starts", *options, "--out", tmp_path))
+
+
+def test_figures_are_drawn_again_for_print(folders):
+    arguments = ("plot", folders / LINE, "--format", "pdf", "--width", "88mm", "--look", "journal")
+    result = call(*arguments)
+    assert result.exit_code == 0, (result.stderr, result.exception)
+    assert result.stdout.startswith("note overview: not drawn, too narrow at 88mm")
+    assert (folders / LINE / "figures" / "position_error.pdf").is_file()
+    assert "overview needs a width of" in sentence(call(*arguments, "--only", "overview"))

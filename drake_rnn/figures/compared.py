@@ -1,0 +1,212 @@
+"""A figure of several runs for print: panels of choice, with a curve for each run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from ..errors import InvalidInputError
+from ..inputs.complaints import nearest
+from ..inputs.fields import Array
+from ..measures import prefixed
+from ..robot.limits import DERIVATIVE_UNITS
+from ..runs.result import Result
+from .comparison import bounded_orders, plot_errors, plot_shares, shares_of_bounds
+from .looks import DESIRED, nth
+from .paper import Paper, drawn_for, wide
+from .style import (
+    COLUMN,
+    finite,
+    largest,
+    legend_above,
+    noisy,
+    plane_axes,
+    styled,
+    ticks,
+    time_axis,
+)
+from .traits import first_pass
+
+Runs = Mapping[str, Result]
+
+#: Kinds of motion whose shares of bounds are panels, from the angle on.
+_ORDERS = ("angle", *DERIVATIVE_UNITS)
+#: Heights of a panel over time and of one with a path, and room for the legend [inch].
+_TIME, _PATH, _ABOVE = 1.25, 2.3, 0.3
+#: Width from which on panels are beside one another [inch].
+_BESIDE = 5.0
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A panel with a curve for each run.
+
+    Attributes:
+        plot: Function that draws it, with the label of its y-axis.
+        needs: Series that each run must have.
+    """
+
+    plot: Callable[[Axes, Runs], None]
+    needs: tuple[str, ...]
+
+
+def compared_figure(runs: Runs, panels: Sequence[str], paper: Paper) -> Figure:
+    """Return a figure of several runs.
+
+    Args:
+        runs: The runs by the names of the legend.
+        panels: Names of the panels, keys of `PANELS`.
+        paper: What it is drawn for; on a wide one, the panels are beside one another.
+
+    Raises:
+        InvalidInputError: If there is no such panel, or a run has no series for it.
+    """
+    _require_drawable(runs, panels)
+    with drawn_for(paper), styled():
+        width = wide(COLUMN)
+        heights = [_PATH if name == "path" else _TIME for name in panels]
+        if width >= _BESIDE:
+            shape, size = (1, len(panels)), (width, _PATH + _ABOVE)
+            ratios: dict[str, Any] = {}
+        else:
+            shape, size = (len(panels), 1), (width, sum(heights) + _ABOVE)
+            ratios = {"height_ratios": heights}
+        figure = Figure(figsize=size, layout="constrained")
+        axes = figure.subplots(*shape, squeeze=False, **ratios).ravel()
+        for name, ax in zip(panels, axes, strict=True):
+            PANELS[name].plot(ax, runs)
+            _put_noise_behind(ax.lines[: len(runs)])
+            if name != "path":
+                time_axis(ax, max(runs.values(), key=lambda run: float(run.time[-1])))
+        _legend(figure, axes[0], runs, "path" in panels)
+        _share_time(axes, panels, shape)
+        figure.align_ylabels()
+    return figure
+
+
+def _require_drawable(runs: Runs, panels: Sequence[str]) -> None:
+    for panel in panels:
+        if panel not in PANELS:
+            raise InvalidInputError(f"panels: no {panel!r}; {nearest(panel, list(PANELS))}")
+        if panels.count(panel) > 1:
+            raise InvalidInputError(f"panels: {panel} is given twice")
+    _require_series(runs, panels)
+    bounded = [_ORDERS[k] for k in bounded_orders([shares_of_bounds(run) for run in runs.values()])]
+    for panel in panels:
+        if panel in _ORDERS and panel not in bounded:
+            raise InvalidInputError(f"panels: {panel} is bounded in none of the runs")
+
+
+def _require_series(runs: Runs, panels: Sequence[str]) -> None:
+    for panel in panels:
+        for name, run in runs.items():
+            if run.time.size < 2:
+                raise InvalidInputError(f"panels: {name} holds a single instant")
+            if missing := [each for each in PANELS[panel].needs if each not in run.series]:
+                raise InvalidInputError(
+                    f"panels: {name} has no series {missing[0]}, which {panel} needs"
+                )
+
+
+def _legend(figure: Figure, ax: Axes, runs: Runs, with_path: bool) -> None:
+    """Name the runs above all panels, and the desired path if it is drawn."""
+    for k, name in enumerate(runs):
+        ax.plot([], [], label=name, **nth(k))
+    if with_path:
+        ax.plot([], [], label="desired", **DESIRED)
+    room = 110 if figure.get_figwidth() >= _BESIDE else 50
+    legend_above(figure, ax, room=room, beside=4)
+
+
+def _put_noise_behind(lines: Sequence[Line2D]) -> None:
+    """Put the curves that go up and down most behind the others, those of noise thin and pale."""
+    curves = [np.asarray(line.get_ydata(), dtype=float) for line in lines]
+    # A run that diverged may contain infinite values.
+    with np.errstate(invalid="ignore", over="ignore"):
+        ways = [-np.nansum(np.abs(np.diff(curve))) for curve in curves]
+    places = np.argsort(np.argsort(ways, kind="stable"), kind="stable")
+    for line, curve, place in zip(lines, curves, places, strict=True):
+        line.set_zorder(2.0 + 0.4 * float(place) / len(curves))
+        if noisy(curve[:, None]):
+            line.set(linewidth=0.6, alpha=0.8)
+
+
+def _share_time(axes: Sequence[Axes], panels: Sequence[str], shape: tuple[int, int]) -> None:
+    """Leave out the labels of time of a panel that has another one over the same time below it."""
+    if shape[1] > 1:
+        return
+    for ax, name, below in zip(axes, panels, panels[1:], strict=False):
+        if "path" not in (name, below):
+            ax.set_xlabel("")
+            ax.tick_params(labelbottom=False)
+
+
+def _plot_path(ax: Axes, runs: Runs) -> None:
+    """Plot what each run traced, in the plane in which the desired path varies most."""
+    first = next(iter(runs.values()))
+    desired = first.series["p_WE_desired"][first_pass(first)]
+    a, b = sorted(np.argsort(np.ptp(finite(desired), axis=0), kind="stable")[-2:].tolist())
+    for k, run in enumerate(runs.values()):
+        ax.plot(*run.series["p_WE"][:, [a, b]].T, **nth(k))
+    ax.plot(*desired[:, [a, b]].T, **DESIRED)
+    plane_axes(ax, f"{'xyz'[a]} [m]", f"{'xyz'[b]} [m]")
+
+
+def _plot_error(ax: Axes, runs: Runs) -> None:
+    plot_errors(ax, runs)
+    ax.set_ylabel("position error [m]")
+
+
+def _plot_share(ax: Axes, runs: Runs, order: int) -> None:
+    """Plot the largest share of a bound that any joint uses."""
+    plot_shares({order: ax}, [shares_of_bounds(run) for run in runs.values()])
+    ax.set_ylabel(f"{_ORDERS[order]} / bound [-]")
+
+
+def _plot_values(ax: Axes, runs: Runs, text: str, unit: str, of: Callable[[Result], Array]) -> None:
+    """Plot a value of each run over time."""
+    values = [of(run) for run in runs.values()]
+    shown, scale = prefixed(max(map(largest, values)), unit)
+    for k, (run, curve) in enumerate(zip(runs.values(), values, strict=True)):
+        ax.plot(run.time, scale * curve, **nth(k))
+    ticks(ax.yaxis, 4)
+    ax.set_ylabel(f"{text} [{shown}]")
+
+
+def _values(
+    text: str, unit: str, *needs: str, of: Callable[[Result], Array] | None = None
+) -> Panel:
+    series = (lambda run: run.series[needs[0]]) if of is None else of
+    return Panel(partial(_plot_values, text=text, unit=unit, of=series), needs)
+
+
+def _speed(run: Result) -> Array:
+    return np.asarray(np.linalg.norm(run.series["v_WE"], axis=1))
+
+
+def _drift(run: Result) -> Array:
+    return np.asarray(np.abs(run.series["position"] - run.series["position"][0]).max(axis=1))
+
+
+_POSITIONS = ("p_WE", "p_WE_desired")
+#: Panels of a figure of several runs.
+PANELS: dict[str, Panel] = {
+    "path": Panel(_plot_path, _POSITIONS),
+    "error": Panel(_plot_error, _POSITIONS),
+    "orientation": _values("orientation error", "rad", "orientation_error"),
+    "speed": _values("end-effector speed", "m/s", "v_WE", of=_speed),
+    "drift": _values("largest way of a joint\nfrom its start", "rad", "position", of=_drift),
+    "distance": _values("least distance", "m", "distance"),
+    "force": _values("normal force", "N", "normal_force"),
+    **{
+        name: Panel(partial(_plot_share, order=order), ("position", "velocity"))
+        for order, name in enumerate(_ORDERS)
+    },
+}

@@ -24,7 +24,7 @@ from .announcing import print_data
 from .asked import Campaign
 from .campaign_shown import campaign_progress, shares_table, statistics_table, status_text
 from .changing import changes_of, require_writable, tell_of_window
-from .console import err, errors, finish, out, print_whole, silenced, status
+from .console import err, errors, finish, out, print_table, print_whole, silenced, status
 
 # Rows that did not finish that are told of one by one.
 _TOLD = 10
@@ -72,7 +72,7 @@ def campaign(asked: Campaign) -> None:
 def _print(result: CampaignResult, page: Path) -> None:
     out.print(escape(f"{result.summary.name}: {status_text(result)}"), soft_wrap=True)
     if result.lines:
-        out.print(shares_table(result.summary))
+        print_table(shares_table(result.summary))
     if (table := statistics_table(result.summary)) is not None:
         print_whole(table)
     for row, ended, failure, command in result.summary.unlike[:_TOLD]:

@@ -20,7 +20,7 @@ from ..robot.arm_description import ArmDescription
 from ..robot.load_arm import load_arm, shipped_arms
 from ..systems import BODIES
 from .asked import Arms, Laws, List, Paths
-from .console import errors, out
+from .console import errors, out, print_table
 
 #: Width from which a table of experiments also has their papers [characters].
 _ROOM = 120
@@ -46,7 +46,9 @@ def list_experiments(asked: List) -> None:
         ]
         if not chosen:
             raise InvalidInputError("there is no such experiment; drake-rnn list shows all")
-        out.print(experiments_table(chosen, out.width))
+        print_table(experiments_table(chosen, out.width))
+        if out.width < _ROOM:
+            out.print(f"papers are shown from {_ROOM} columns on")
 
 
 def shipped_documents() -> list[ExperimentDocument]:
@@ -98,9 +100,9 @@ def list_arms(asked: Arms) -> None:
             arm = load_arm(name)
             tool = f"ball of {arm.tool.ball * 1e3:g} mm" if arm.tool else "none"
             table.add_row(*map(escape, (name, str(len(arm.joints)), arm.frame, tool)))
-        out.print(table)
+        print_table(table)
         out.print("drake-rnn arm NAME shows all that is known of one. Keys of arm in a document:")
-        out.print(keys_table(keys_of(ArmDescription)))
+        print_table(keys_table(keys_of(ArmDescription)))
 
 
 def list_laws(asked: Laws) -> None:
@@ -127,7 +129,7 @@ def _print_kinds(
         if name not in keys:
             raise InvalidInputError(f"{section}: no {name!r}; {nearest(name, list(keys))}")
         out.print(f"[bold]{name}[/]  {escape(lines[name])}")
-        out.print(keys_table(keys[name]))
+        print_table(keys_table(keys[name]))
         return
     table = Table(box=SIMPLE_HEAD)
     table.add_column(section, no_wrap=True)
@@ -137,7 +139,7 @@ def _print_kinds(
             key.name if key.default is None else f"{key.name} ({key.default})" for key in keys[kind]
         )
         table.add_row(kind, f"{escape(line)}\n[dim]{escape(written)}[/]")
-    out.print(table)
+    print_table(table)
 
 
 def keys_table(keys: list[Key]) -> Table:

@@ -23,7 +23,7 @@ from ..claims import (
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest
 from .asked import ShowClaims
-from .console import errors, out
+from .console import errors, print_table
 
 #: Colour of each verdict in the terminal.
 VERDICT_COLOURS = {
@@ -111,8 +111,8 @@ def show_claims(asked: ShowClaims) -> None:
     with errors():
         for paper, claims in chosen_claims(asked.ids or []):
             if not asked.judge:
-                out.print(claims_table(paper, claims))
+                print_table(claims_table(paper, claims))
                 continue
             judging = Judge(paper, runs)
             for claim in claims:
-                out.print(judgement_table(paper, judging.judge(claim)))
+                print_table(judgement_table(paper, judging.judge(claim)))

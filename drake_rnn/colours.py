@@ -16,6 +16,12 @@ TARGET = "#6200CC"
 FORCE = "#008060"
 #: A limit that must not be exceeded; on a dark ground light, `BOUND_ON_DARK`.
 BOUND, BOUND_ON_DARK = "#222222", "#E8E8E8"
+#: Errors, norms and other curves without a meaning of their own; the first of several.
+CURVE, CURVE_ON_DARK = "#4A4A4A", "#C9D1DB"
+#: Joints and other curves that are told apart by number, by people who see no red or no green as
+#: well. None is close to the colour of a meaning.
+SERIES = ("#663300", "#CC88EE", "#DDAA44", "#443388", "#00C4B4", "#889966", "#006677")
+SERIES_ON_DARK = ("#E0915A", "#CC88EE", "#DDAA44", "#9C8CF0", "#00C4B4", "#A9BD80", "#4FB3C8")
 #: The arm, muted so that none of its parts looks like a path, and what it presses on.
 ARM, SURFACE = "#C9CDD2", "#EFE8D8"
 #: What the arm's distances are measured from.

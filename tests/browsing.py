@@ -20,15 +20,20 @@ DESKTOP, PHONE = (1400, 900), (390, 800)
 
 
 @contextmanager
-def chromium() -> Iterator[Any]:
-    """Yield a headless browser without a network; without one skip the test, but not in CI."""
+def chromium(*arguments: str) -> Iterator[Any]:
+    """Yield a headless browser without a network; without one skip the test, but not in CI.
+
+    Args:
+        arguments: More arguments of Chromium.
+    """
     try:
         require_browser()
     except InvalidInputError as error:
         if "CI" in os.environ:
             raise
         pytest.skip(str(error))
-    with open_browser(DESKTOP, logs={"browser": "ALL", "performance": "ALL"}) as driver:
+    logs = {"browser": "ALL", "performance": "ALL"}
+    with open_browser(DESKTOP, arguments, logs) as driver:
         yield driver
 
 

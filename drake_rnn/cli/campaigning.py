@@ -31,7 +31,7 @@ from .campaign_shown import (
     written_sheet,
 )
 from .changing import changes_of, require_writable, tell_of_window
-from .console import err, errors, finish, out, print_whole, silenced, status
+from .console import err, errors, finish, out, print_table, print_whole, silenced, status
 from .printed import paper_of
 from .written_tables import require_tables, shown, write_tables
 
@@ -85,7 +85,7 @@ def campaign(asked: Campaign) -> None:
 def _print(result: CampaignResult, page: Path) -> None:
     out.print(escape(f"{result.summary.name}: {status_text(result)}"), soft_wrap=True)
     if result.lines:
-        out.print(shown(shares_sheet(result.summary)))
+        print_table(shown(shares_sheet(result.summary)))
     if result.summary.metrics:
         print_whole(shown(statistics_sheet(result.summary)))
     for row, ended, failure, command in result.summary.unlike[:_TOLD]:

@@ -21,7 +21,7 @@ from ..robot.load_arm import load_arm, shipped_arms
 from ..systems import BODIES
 from ..tables import Column, Heading, Sheet
 from .asked import Arms, Laws, List, Paths
-from .console import errors, out
+from .console import errors, out, print_table
 from .written_tables import require_tables, write_tables
 
 #: Width from which a table of experiments also has their papers [characters].
@@ -52,7 +52,9 @@ def list_experiments(asked: List) -> None:
         if not chosen:
             raise InvalidInputError("there is no such experiment; drake-rnn list shows all")
         sheet = experiments_sheet(chosen)
-        out.print(experiments_table(sheet, out.width))
+        print_table(experiments_table(sheet, out.width))
+        if out.width < _ROOM:
+            out.print(f"papers are shown from {_ROOM} columns on")
         write_tables(sheet, asked.tables)
 
 
@@ -112,9 +114,9 @@ def list_arms(asked: Arms) -> None:
             arm = load_arm(name)
             tool = f"ball of {arm.tool.ball * 1e3:g} mm" if arm.tool else "none"
             table.add_row(*map(escape, (name, str(len(arm.joints)), arm.frame, tool)))
-        out.print(table)
+        print_table(table)
         out.print("drake-rnn arm NAME shows all that is known of one. Keys of arm in a document:")
-        out.print(keys_table(keys_of(ArmDescription)))
+        print_table(keys_table(keys_of(ArmDescription)))
 
 
 def list_laws(asked: Laws) -> None:
@@ -141,7 +143,7 @@ def _print_kinds(
         if name not in keys:
             raise InvalidInputError(f"{section}: no {name!r}; {nearest(name, list(keys))}")
         out.print(f"[bold]{name}[/]  {escape(lines[name])}")
-        out.print(keys_table(keys[name]))
+        print_table(keys_table(keys[name]))
         return
     table = Table(box=SIMPLE_HEAD)
     table.add_column(section, no_wrap=True)
@@ -151,7 +153,7 @@ def _print_kinds(
             key.name if key.default is None else f"{key.name} ({key.default})" for key in keys[kind]
         )
         table.add_row(kind, f"{escape(line)}\n[dim]{escape(written)}[/]")
-    out.print(table)
+    print_table(table)
 
 
 def keys_table(keys: list[Key]) -> Table:

@@ -23,7 +23,7 @@ from ..errors import InvalidInputError
 from ..inputs.complaints import nearest
 from ..tables import Column, Heading, Sheet
 from .asked import ShowClaims
-from .console import errors, out
+from .console import errors, print_table
 from .written_tables import require_tables, shown, write_tables
 
 #: Colour of each verdict in the terminal.
@@ -132,12 +132,12 @@ def show_claims(asked: ShowClaims) -> None:
             if not asked.judge:
                 sheet = claims_sheet(paper, claims)
                 written += sheet.rows
-                out.print(_unbroken(shown(sheet)))
+                print_table(_unbroken(shown(sheet)))
                 continue
             judging = Judge(paper, runs)
             for claim in claims:
                 judgement = judging.judge(claim)
-                out.print(judgement_table(paper, judgement))
+                print_table(judgement_table(paper, judgement))
                 sheet = judgements_sheet([judgement])
                 written += sheet.rows
         write_tables(Sheet(sheet.columns, written), asked.tables)

@@ -59,10 +59,24 @@ def status(text: str) -> Iterator[None]:
         yield
 
 
+def print_table(table: Table) -> None:
+    """Print a table; in a pipe or a file without blanks at the ends of lines."""
+    _print_trimmed(out, table)
+
+
 def print_whole(table: Table) -> None:
     """Print a table; in a pipe or a file, where there is room for all columns, unsqueezed."""
     wide = Console(width=WIDE, highlight=False, quiet=out.quiet)
-    (out if out.is_terminal else wide).print(table)
+    _print_trimmed(out if out.is_terminal else wide, table)
+
+
+def _print_trimmed(console: Console, table: Table) -> None:
+    if console.is_terminal or console.quiet:
+        console.print(table)
+        return
+    with console.capture() as captured:
+        console.print(table)
+    typer.echo("".join(f"{line.rstrip()}\n" for line in captured.get().splitlines()), nl=False)
 
 
 def finish(complete: bool, kept: bool) -> None:

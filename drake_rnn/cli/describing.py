@@ -14,7 +14,7 @@ from ..robot.load_arm import load_arm
 from ..robot.report import arm_report
 from .asked import Arm
 from .changing import changes_of, require_writable
-from .console import err, errors, out
+from .console import err, errors, out, print_table
 from .tables import arm_joints_table, arm_table
 
 
@@ -25,8 +25,8 @@ def describe_arm(asked: Arm) -> None:
         for key, value in checked_changes(_changes(asked)).items():
             set_key(fields, key, value)
         report = arm_report(load_arm(asked.model, **fields))
-        out.print(arm_joints_table(report))
-        out.print(arm_table(report))
+        print_table(arm_joints_table(report))
+        print_table(arm_table(report))
         for warning in report.warnings:
             err.print(f"[yellow]warning[/] {escape(warning)}")
         if asked.picture:

@@ -16,7 +16,7 @@ from ..report import Report as Made
 from .asked import Report
 from .changing import require_writable
 from .claims import VERDICT_COLOURS, chosen_claims
-from .console import err, errors, finish, out, silenced
+from .console import err, errors, finish, out, print_table, silenced
 
 # Time between two lines about the progress where there is no terminal [s].
 _TELL_AGAIN = 30.0
@@ -40,7 +40,7 @@ def report(asked: Report) -> None:
 
 def _tell(made: Made, form: Format) -> None:
     if made.contents:
-        out.print(verdicts_table(made))
+        print_table(verdicts_table(made))
         for name, error in made.failures:
             err.print(f"[red]failed[/] {escape(f'{name}: {error}')}")
         out.print(escape(f"report  {made.folder / f'index.{form}'}"), soft_wrap=True)

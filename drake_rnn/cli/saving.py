@@ -11,9 +11,10 @@ from rich.markup import escape
 from ..inputs.signals_held import signals_held
 from ..playback import write_playback
 from ..runs.beside import SECOND
+from ..runs.conclusion import conclusion_of
 from ..runs.folder import filled
 from ..runs.result import Result
-from .console import err, out, status
+from .console import err, out, print_table, status
 from .drawing import draw_figures
 from .graphs import draw_beside
 from .tables import joints_table, metrics_table
@@ -40,16 +41,21 @@ def write_result(
     Raises:
         KeyboardInterrupt: If it is interrupted while pictures are made; the result is kept.
     """
+    name = result.experiment.name
     for warning in result.warnings:
-        err.print(f"[yellow]warning[/] {escape(warning)}")
-    out.print(metrics_table(result))
+        err.print(f"[yellow]warning[/] {escape(f'{name}: {warning}')}")
+    print_table(metrics_table(result))
     if (joints := joints_table(result)) is not None:
-        out.print(joints)
+        print_table(joints)
     if result.second is not None:
         for warning in result.second.warnings:
             if f"second: {warning}" not in result.warnings:
-                err.print(f"[yellow]warning[/] {escape(f'second: {warning}')}")
-        out.print(metrics_table(result.second))
+                err.print(f"[yellow]warning[/] {escape(f'{name}: second: {warning}')}")
+        print_table(metrics_table(result.second))
+    conclusion = conclusion_of(result)
+    colour = {"good": "green", "bad": "red"}.get(conclusion.kind, "none")
+    told = escape(f"{name}: {conclusion}")
+    out.print(f"verdict   [{colour}]{told}[/]", soft_wrap=True)
     cost = result.timings["wall_time_s"]
     how = "simulated" if result.experiment.level.is_simulated else "driven"
     out.print(f"time      {result.record['until_s']:g} s {how} in {cost:.3g} s")

@@ -14,10 +14,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from ..campaigns.sweep import Row
-from ..measures import shown_in
+from ..measures import raised, shown_in
 from ..robot.limits import DERIVATIVE_UNITS
 from ..robot.report import ArmReport
-from ..runs.limit_use import uses
+from ..runs.limit_use import share_metric, uses
 from ..runs.result import Result
 from ..runs.verdict import Verdict
 from ..tables import Cell, Column, Heading, Sheet, metric_heading
@@ -37,9 +37,9 @@ def arm_joints_table(report: ArmReport) -> Table:
     shown = list(dict.fromkeys(("velocity", "acceleration", *known)))
     for column in (
         "position [rad]",
-        *(f"{name} [{DERIVATIVE_UNITS[name]}]" for name in shown),
-        "effort [Nm]",
-        "weight [Nm]",
+        *(f"{name} [{raised(DERIVATIVE_UNITS[name])}]" for name in shown),
+        "effort [N m]",
+        "weight [N m]",
         "share",
         "home [rad]",
     ):
@@ -81,7 +81,7 @@ def arm_table(report: ArmReport) -> Table:
         "home, proposed" if report.home_is_proposed else "home": f"home: \\[{home}]",
         "E at home [m]": ", ".join(f"{round(value, 6):.4g}" for value in report.p_WE_home),
         "distance of E from the base [m]": f"{report.reach[0]:.3g} to {report.reach[1]:.3g}",
-        "eigenvalues of M [kg m^2]": f"{report.inertia[0]:.3g} to {report.inertia[1]:.3g}",
+        "eigenvalues of M [kg m²]": f"{report.inertia[0]:.3g} to {report.inertia[1]:.3g}",
         "mass [kg]": f"{report.mass:.4g}",
         "carries itself and its tool": verdict,
     }
@@ -96,20 +96,24 @@ def arm_table(report: ArmReport) -> Table:
 
 
 def metrics_table(result: Result) -> Table:
-    """Return a table of a run's metrics, with the bounds that they are expected to keep."""
+    """Return a table of a run's metrics, first those with bounds that they are expected to keep."""
     verdicts = {verdict.metric: verdict for verdict in result.verdicts}
     table = Table(box=SIMPLE_HEAD, title=escape(result.experiment.name))
     table.add_column("metric", no_wrap=True)
     table.add_column("value", justify="right", no_wrap=True)
     table.add_column("bound", justify="right")
     table.add_column("")
-    commanded = dict(_commanded_bounds(result))
+    bounds = {name: _bound_and_verdict(verdict) for name, verdict in verdicts.items()}
+    bounds |= dict(_commanded_bounds(result))
+    # What the document asks for stands before what holds by construction.
+    asked = result.experiment.document.accept
+    for name in sorted(bounds, key=lambda name: name not in asked):
+        value = result.metrics.get(name)
+        table.add_row(name, "not reached" if value is None else f"{value:.4g}", *bounds[name])
+    table.add_section()
     for name, value in result.metrics.items():
-        bound = commanded.get(name) or _bound_and_verdict(verdicts.get(name))
-        table.add_row(name, f"{value:.4g}", *bound)
-    for name, verdict in verdicts.items():
-        if verdict.value is None:
-            table.add_row(name, "not reached", *_bound_and_verdict(verdict))
+        if name not in bounds:
+            table.add_row(name, f"{value:.4g}", "", "")
     return table
 
 
@@ -118,15 +122,13 @@ def _commanded_bounds(result: Result) -> Iterator[tuple[str, tuple[str, str]]]:
     judged = {verdict.metric for verdict in result.verdicts}
     for use in uses(result):
         if use.name in result.experiment.commanded_limits and use.name in DERIVATIVE_UNITS:
-            metric = f"limit_ratio_{list(DERIVATIVE_UNITS).index(use.name) + 1}_max"
+            metric = share_metric(use.name)
             if metric not in judged:
                 passed = "[yellow]the arm passed it[/]" if use.broken else ""
                 yield metric, ("1, of the command", passed)
 
 
-def _bound_and_verdict(verdict: Verdict | None) -> tuple[str, str]:
-    if verdict is None:
-        return "", ""
+def _bound_and_verdict(verdict: Verdict) -> tuple[str, str]:
     return str(verdict.bound), "ok" if verdict.met else "[red]no[/]"
 
 

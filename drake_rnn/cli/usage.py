@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from difflib import get_close_matches
 from typing import Any
 
 import typer
@@ -11,6 +12,8 @@ from typer.core import TyperCommand, TyperGroup, TyperOption
 
 from .statuses import BAD_INPUT, INTERRUPTED
 
+# Length up to which the help of a command is shown among the others [characters].
+_LONGEST = 300
 # The class that typer's errors of usage share has no public name.
 _UsageError: Any = typer.BadParameter.__mro__[1]
 
@@ -29,8 +32,36 @@ class Command(TyperCommand):
         return super().parse_args(ctx, args)
 
 
+#: Commands that go by another name elsewhere.
+_ALSO = {
+    "figures": "plot",
+    "draw": "plot",
+    "playback": "replay",
+    "page": "replay",
+    "video": "film",
+    "simulate": "run",
+    "experiments": "list",
+    "robots": "arms",
+}
+
+
 class Commands(TyperGroup):
     """The commands; an unknown one, or options and arguments that it cannot take, are refused."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """See `TyperGroup.resolve_command`; names the command that an unknown one may stand for."""
+        name = args[0]
+        if self.get_command(ctx, name) is None:
+            meant = [_ALSO[name]] if name in _ALSO else get_close_matches(name, self.commands, 1)
+            hint = f"; perhaps {meant[0]!r} is meant" if meant else ""
+            raise _UsageError(f"there is no command {name!r}{hint}", ctx)
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """See `TyperGroup.format_commands`; help that is longer than a line is not cut."""
+        rows = [(name, self.commands[name].get_short_help_str(_LONGEST)) for name in self.commands]
+        with formatter.section("Commands"):
+            formatter.write_dl(rows)
 
     def make_context(self, *args: Any, **options: Any) -> Any:
         """See `TyperGroup.make_context`."""

@@ -16,9 +16,8 @@ Style = dict[str, Any]
 _DASHED = (0, (4, 2))
 _DOTTED = (0, (1.5, 1.5))
 
-#: Colours of joints and of other curves that are told apart by number, by people who see no red or
-#: no green as well. None is close to the colour of a meaning.
-SERIES = ("#663300", "#CC88EE", "#DDAA44", "#443388", "#00C4B4", "#889966", "#006677")
+#: Colours of joints and of other curves that are told apart by number.
+SERIES = colours.SERIES
 #: Dashes of these curves. Colours and dashes repeat after seven and four: all of 28 curves differ.
 DASHES: tuple[Any, ...] = ("-", (0, (6, 1.2)), (0, (6, 1.2, 1.2, 1.2)), (0, (1.8, 0.9)))
 
@@ -29,7 +28,7 @@ FORCE: Style = {"color": colours.FORCE}
 BOUND: Style = {"color": colours.BOUND, "linestyle": _DASHED, "linewidth": 0.8}
 
 #: Colour of errors, norms and other curves without a meaning of their own.
-INK = "#4A4A4A"
+INK = colours.CURVE
 #: Wide curves behind others: norms behind components, readings behind true values.
 BEHIND: Style = {"color": "0.78", "linewidth": 2.2}
 #: Values that a theory predicts or a law asks for, drawn over the values that were reached.

@@ -78,7 +78,7 @@ def plot_velocity_error(ax: Axes, result: Result) -> None:
         for k, column in enumerate(predicted.T):
             ax.plot(result.time, scale * column, **{**PREDICTED, "color": nth(k)["color"]})
         ax.plot([], [], label=r"predicted, $\sigma$", **PREDICTED)
-        keep_in_view(ax, result, scale * np.hstack((error, predicted)))
+        keep_in_view(ax, result, np.hstack((error, predicted)), "m/s", scale)
     shade_window(ax, result)
     legend(ax)
 
@@ -123,7 +123,7 @@ def plot_orientation_error(ax: Axes, result: Result) -> None:
     shade_window(ax, result)
     ax.set_ylim(0, 1.06 * scale * largest(error) or None)
     time_axis(ax, result, f"orientation error [{shown}]")
-    keep_in_view(ax, result, scale * error)
+    keep_in_view(ax, result, error, "rad", scale)
     legend(ax)
 
 
@@ -149,7 +149,7 @@ def _plot_error(
     style: Style = {"linewidth": 0.5, "alpha": 0.7} if noisy(error) else {}
     scale = _plot_axes(ax, result, error, _along(result, text), unit, norm, names, **style)
     shown = np.column_stack((error, np.linalg.norm(error, axis=1))) if norm else error
-    keep_in_view(ax, result, scale * shown)
+    keep_in_view(ax, result, shown, unit, scale)
 
 
 def _along(result: Result, text: str) -> str:

@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from ..inputs.fields import Array
+from ..measures import told
 from ..runs.result import Result
 from .looks import NOTE, Style
 from .style import largest, span
@@ -20,18 +21,21 @@ _EARLY = 0.1
 _ROOM, _ROOM_FOR_NUMBERS = 0.15, 0.35
 
 
-def keep_in_view(ax: Axes, result: Result, values: Array) -> None:
+def keep_in_view(ax: Axes, result: Result, values: Array, unit: str, scale: float = 1.0) -> None:
     """Limit the y-axis to the values after a transient, if the transient would flatten them.
 
     After a transient is the window, or without one what follows the first tenth of the run. Where
-    curves leave the view, an arrow and a number at its edge say how far they go.
+    curves leave the view, an arrow and a number at its edge say how far they go, in a unit that
+    suits the number.
 
     Args:
         ax: The axes, from the result's first sample to its last.
         result: The run.
-        values: All that is drawn, shape (k,) or (k, m), in the unit of the axis.
+        values: All that is drawn, shape (k,) or (k, m).
+        unit: SI unit of the values.
+        scale: Factor from it to the unit of the axis.
     """
-    values = values.reshape(result.time.size, -1)
+    values = scale * values.reshape(result.time.size, -1)
     shown = in_view(result, values)
     if shown is values:
         return
@@ -43,7 +47,8 @@ def keep_in_view(ax: Axes, result: Result, values: Array) -> None:
     known = np.where(np.isfinite(values), values, 0.0)
     for extremes, edge, sign in ((known.max(axis=1), top, 1.0), (known.min(axis=1), bottom, -1.0)):
         if sign * (peak := extremes[np.argmax(sign * extremes)]) > sign * edge:
-            _mark(ax, float(result.time[np.argmax(sign * extremes)]), edge, float(peak))
+            time = float(result.time[np.argmax(sign * extremes)])
+            _mark(ax, time, edge, told(float(peak) / scale, unit, 3))
 
 
 def in_view(result: Result, values: Array) -> Array:
@@ -65,7 +70,7 @@ def _after(result: Result) -> NDArray[np.bool_]:
     return np.asarray(result.time >= start + _EARLY * (end - start))
 
 
-def _mark(ax: Axes, time: float, edge: float, peak: float) -> None:
+def _mark(ax: Axes, time: float, edge: float, peak: str) -> None:
     """Mark a peak beyond the edge of the view with an arrow and its value."""
     up = edge == ax.get_ylim()[1]
     start, end = ax.get_xlim()
@@ -73,7 +78,7 @@ def _mark(ax: Axes, time: float, edge: float, peak: float) -> None:
     arrow: Style = {"marker": "^" if up else "v", "s": 16.0, "color": NOTE["color"]}
     ax.scatter([time], [edge], clip_on=False, zorder=6, **arrow)
     ax.annotate(
-        f"{peak:.3g} at {time:.3g} s".replace("-", "−"),
+        f"{peak} at {time:.3g} s".replace("-", "−"),
         (time, edge),
         xytext=(5.0 if before else -5.0, -1.0 if up else 1.0),
         textcoords="offset points",

@@ -40,12 +40,14 @@ def live_page(
         obstacles: Whether obstacles may be dragged.
     """
     curves = [
-        {**each.as_data(), "time": "", "values": ""}
+        {**each.as_data(), "time": "", "values": "", "accepted": []}
         for each in numbers
         if each.key != "force_desired"
     ]
     data = {
         **seen,
+        "name": title,
+        "beside": [],
         "duration": WINDOW,
         "rate": 30,
         "window": None,

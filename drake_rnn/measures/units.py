@@ -7,7 +7,10 @@ import math
 #: Prefixes and the factors to them, the coarsest first.
 PREFIXES = (("", 1.0), ("m", 1e3), ("µ", 1e6), ("n", 1e9))
 #: Units that take a prefix.
-PREFIXED_UNITS = ("m", "rad", "N", "s", "m/s", "m/s^2", "N m")
+PREFIXED_UNITS = (
+    *("m", "rad", "N", "s", "N m", "m/s", "m/s^2"),
+    *("rad/s", "rad/s^2", "rad/s^3", "rad/s^4", "rad/s^5"),
+)
 #: Least number for which a coarser prefix is taken: 0.1, up to rounding.
 LEAST = 0.1 * (1 - 1e-9)
 _SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")

@@ -8,44 +8,47 @@ from typing import Any
 import numpy as np
 
 from ..experiment.document import Acceptance
-from ..measures import METRICS, told
-from ..robot.limits import DERIVATIVE_UNITS
-from ..runs.limit_use import uses
+from ..measures import METRICS, told, violation_metric
+from ..robot.limits import DERIVATIVE_UNITS, LIMIT_UNITS
+from ..runs.conclusion import conclusion_of
+from ..runs.limit_use import share_metric, uses
 from ..runs.result import Result
+from ..runs.verdict import Verdict
+from .replay import name_of
 
 _MEANINGS = {metric.name: metric for metric in METRICS}
+_VIOLATIONS = {violation_metric(limit) for limit in LIMIT_UNITS}
+# Violation that is a rounding error, in any unit.
+_ROUNDING = 1e-12
 
 
 def outcome_of(result: Result) -> dict[str, Any]:
     """Return what the page says of a run: texts, and whether each criterion and limit was met."""
     document, verdicts = result.experiment.document, result.verdicts
-    kind, verdict = _verdict(result)
-    met = sum(each.met for each in verdicts)
-    summary = f"{met} of {len(verdicts)} criteria met" if verdicts else "no criteria"
+    conclusion = conclusion_of(result)
     limits = list(_limits(result))
     return {
+        "name": name_of(result),
         "paper": document.paper,
         "expect": document.expect,
         "status": ""
         if result.status == "complete"
         else f"{result.status}: {result.failure}".rstrip(": "),
-        "kind": kind,
-        "verdict": verdict,
-        "summary": summary,
+        "kind": conclusion.kind,
+        "verdict": conclusion.verdict,
+        "summary": conclusion.criteria,
         "criteria": [
             {
                 "name": in_words(each.metric),
                 "meaning": _MEANINGS[each.metric].meaning,
-                "value": "not reached"
-                if each.value is None
-                else told(each.value, _MEANINGS[each.metric].unit),
+                "value": _value(each),
                 "bound": _bound(each.bound, _MEANINGS[each.metric].unit),
                 "met": each.met,
             }
-            for each in verdicts
+            for each in sorted(verdicts, key=lambda one: one.metric not in document.accept)
         ],
         "limits": limits,
-        "broken": [limit["name"] for limit in limits if not limit["kept"]],
+        "broken": list(conclusion.broken),
         "warnings": list(result.warnings),
     }
 
@@ -58,24 +61,30 @@ def in_words(metric: str) -> str:
     return words
 
 
-def _verdict(result: Result) -> tuple[str, str]:
-    """Return "good", "bad" or, without criteria, nothing; and the verdict on a run in words."""
-    if result.status != "complete":
-        return "bad", "broke off"
-    if not result.verdicts:
-        return "", "ran to its end"
-    if all(verdict.met for verdict in result.verdicts):
-        return "good", "accepted"
-    return "bad", "not accepted"
+def _value(verdict: Verdict) -> str:
+    if verdict.value is None:
+        return "not reached"
+    if verdict.metric in _VIOLATIONS and abs(verdict.value) < _ROUNDING:
+        return "none"
+    return _written(verdict.value, _MEANINGS[verdict.metric].unit)
 
 
 def _bound(bound: Acceptance, unit: str) -> str:
     ends = (("≥", bound.at_least), ("≤", bound.at_most))
-    return ", ".join(f"{sign} {told(end, unit)}" for sign, end in ends if end is not None)
+    return ", ".join(f"{sign} {_written(end, unit)}" for sign, end in ends if end is not None)
+
+
+def _written(value: float, unit: str) -> str:
+    """Return a number with its unit, and with a minus sign for a hyphen."""
+    return told(value, unit).replace("-", "−")
 
 
 def _limits(result: Result) -> Iterator[dict[str, Any]]:
-    """Yield each limit that applies: whether the run kept it, and by what margin."""
+    """Yield each limit that applies: whether the run kept it, and by what margin.
+
+    A limit whose share of its bound is a criterion is ``judged`` there.
+    """
+    judged = {verdict.metric for verdict in result.verdicts}
     for use in uses(result):
         text = f"up to {100.0 * use.share:.4g} % of its bound"
         if use.name == "position":
@@ -84,4 +93,9 @@ def _limits(result: Result) -> Iterator[dict[str, Any]]:
             text += "" if use.broken else " left"
         if use.broken and use.name in result.experiment.commanded_limits:
             text += " by the arm; the law keeps it of its command alone"
-        yield {"name": use.name, "kept": not use.broken, "text": text}
+        yield {
+            "name": use.name,
+            "kept": not use.broken,
+            "text": text,
+            "judged": not use.broken and share_metric(use.name) in judged,
+        }

@@ -14,11 +14,13 @@ from pydrake.geometry import Meshcat, MeshcatAnimation, MeshcatParams
 from ..inputs.fields import Array
 from ..measures import LEAST, PREFIXED_UNITS, PREFIXES
 from ..robot.drake_log import quiet_drake
+from .accepted import accepted_bounds
 from .arm_capsules import draw_capsules
 from .boxes import Boxes, boxes_of
 from .camera import some
 from .drawn_arm import DrawnArm
 from .drawn_paths import DrawnPaths
+from .joints import joints_of
 from .obstacles import draw_obstacles, record_obstacles
 from .outcome import outcome_of
 from .packing import packed
@@ -34,6 +36,8 @@ from .template import rendered
 
 # Ratio of the extents of path and scene below which the path is shown enlarged in a corner.
 _SMALL = 0.3
+# Extent of a traced path, relative to that of the scene, from which on it can be seen.
+_SEEN = 0.005
 # Number of points of the scene that the enlarged path must not cover.
 _OCCUPIED = 1000
 
@@ -85,19 +89,40 @@ def make_page(
     duration = max(each.duration for each in (motion, *beside))
     frames = np.arange(math.ceil(duration * rate - 1e-6) + 1) / rate
     _record(scene, frames, rate)
-    title = " beside ".join(name_of(each.result) for each in (motion, *beside))
+    results = [each.result for each in (motion, *beside)]
+    title = " beside ".join(map(name_of, results))
     data = {
+        "name": name_of(motion.result),
         "duration": duration,
         "rate": rate,
         "window": _window(motion),
-        "curves": [curve.as_data(frames) for curve in curves_of(motion)],
+        "curves": _curves(motion, frames),
+        "beside": [
+            {"name": name_of(each.result), "curves": _curves(each, frames)} for each in beside
+        ],
+        "joints": joints_of(motion, frames),
         **scene.as_data(),
     }
-    outcome = outcome_of(motion.result)
-    if beside:
-        # Numbers, curves and verdict belong to the run whose arm is shown.
-        outcome["summary"] = f"{name_of(motion.result)}: {outcome['summary']}"
-    return rendered(title, recorded(scene.meshcat.StaticHtml()), outcome, data)
+    outcomes = [outcome_of(result) for result in results]
+    return rendered(title, recorded(scene.meshcat.StaticHtml()), outcomes, data)
+
+
+def _curves(motion: ReplayedMotion, frames: Array) -> list[dict[str, Any]]:
+    """Return the curves of a motion, each with the bounds that it is expected to keep."""
+    accepted = list(accepted_bounds(motion.result))
+    return [
+        {
+            **curve.as_data(frames),
+            # A bound of the curve itself is drawn without being accepted.
+            "accepted": [
+                each.as_data()
+                for each in accepted
+                if each.key == curve.key
+                and (curve.bound is None or not np.isclose(each.level, curve.bound, atol=0.0))
+            ],
+        }
+        for curve in curves_of(motion)
+    ]
 
 
 def make_scene(motion: ReplayedMotion, beside: Sequence[ReplayedMotion] = ()) -> Scene:
@@ -135,6 +160,7 @@ def _seen(
     views = paths.views()
     turns = motion.result.experiment.desired.turns
     extent = float(np.ptp(motion.course, axis=0).max())
+    moved = float(np.ptp(motion.traced, axis=0).max())
     return {
         "views": {name: view.as_data() for name, view in views.items()},
         "view": "close" if beside else "arm",
@@ -146,8 +172,8 @@ def _seen(
         "labels": [label.as_data() for label in paths.labels],
         "occupied": packed(some(views["arm"].points, _OCCUPIED)),
         "legend": {
-            "desired": True,
-            "traced": True,
+            "desired": not motion.rests,
+            "traced": not motion.rests or moved > _SEEN * size,
             "end": motion.ends,
             "axes": turns and not beside and paths.legend is None,
             "target": motion.result.experiment.target is not None,

@@ -14,9 +14,9 @@ from ..runs.derivatives import derivatives_of_motion
 from .packing import packed
 from .replay import ReplayedMotion
 
-# Number of samples up to which a page holds all of them; of more, it holds the least and the
-# largest of each of so many intervals, and the samples at the frames.
-_MOST, _INTERVALS = 6000, 2000
+#: Number of samples up to which a page holds all of them; of more, it holds the least and the
+#: largest of each of so many intervals, and the samples at the frames.
+MOST, _INTERVALS = 6000, 2000
 # Bounds that differ by less are the same for all joints.
 _ALIKE = 1e-9
 
@@ -53,7 +53,7 @@ class Curve:
         """Return the curve as the page reads it; ``frames`` are their times, shape (f,) [s]."""
         told: dict[str, Any] = {"key": self.key, "name": self.name, "unit": self.unit}
         told |= {"scale": self.scale, "bound": self.bound, "above": self.above}
-        whole = self.values.size <= _MOST
+        whole = self.values.size <= MOST
         at = slice(None) if whole else nearest(self.time, frames)
         told |= {"time": packed(self.time[at]), "values": packed(self.values[at])}
         if self.desired is not None:

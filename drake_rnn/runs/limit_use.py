@@ -51,8 +51,8 @@ def counted_limits(experiment: Experiment) -> list[str]:
         asked.add("position")
     if {"envelope_offset", "envelope_deceleration"} & asked:
         asked.add("envelope")
-    for order, name in enumerate(LIMIT_UNITS):
-        others = _METRICS.get(name, (f"limit_ratio_{order}_max",))
+    for name in LIMIT_UNITS:
+        others = _METRICS[name] if name in _METRICS else (share_metric(name),)
         if {violation_metric(name), *others} & document.accept.keys():
             asked.add(name)
     counted = asked | {*experiment.kept_limits, *experiment.commanded_limits}
@@ -78,12 +78,22 @@ def uses(result: Result) -> list[Use]:
             share = result.metrics.get("envelope_ratio_max", np.nan)
             broken = result.metrics.get(violation_metric(name), 0.0) > EXCEEDED - 1.0
         else:
-            order = list(DERIVATIVE_UNITS).index(name) + 1
-            share = result.metrics.get(f"limit_ratio_{order}_max", np.nan)
+            share = result.metrics.get(share_metric(name), np.nan)
             broken = share > EXCEEDED
         if np.isfinite(share):
             found.append(Use(name, float(share), broken))
     return found
+
+
+def share_metric(limit: str) -> str:
+    """Return the name of the metric that tells how much of a limit a run uses.
+
+    Args:
+        limit: A key of `LIMIT_UNITS`.
+    """
+    if limit in DERIVATIVE_UNITS:
+        return f"limit_ratio_{list(DERIVATIVE_UNITS).index(limit) + 1}_max"
+    return _METRICS[limit][-1]
 
 
 def share_of_range(position: Array, limits: JointLimits) -> Array:

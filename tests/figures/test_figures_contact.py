@@ -369,7 +369,7 @@ def test_errors_before_the_window_do_not_flatten_those_in_it(level):
     np.testing.assert_allclose(ax.lines[0].get_ydata(), 1e3 * error)
     assert 0.1 < ax.get_ylim()[1] < 0.2
     (note,) = ax.texts
-    assert note.get_text() == "10 at 0 s"
+    assert note.get_text() == "10 mrad at 0 s"
     # Everything is shown if the window stays readable.
     ax = panel(with_series(level, orientation_error=error.clip(max=3e-4)), "orientation_error")
     assert ax.get_ylim()[1] > 0.3

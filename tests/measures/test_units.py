@@ -22,7 +22,7 @@ from drake_rnn.measures import prefixed, raised, told
         (21.84, "1", "21.84"),
         (0.001, "1", "0.001"),
         (1.5, "rad/s^2", "1.5 rad/s²"),
-        (1e-3, "rad/s^2", "0.001 rad/s²"),
+        (1e-9, "rad/s^2", "1 nrad/s²"),
         (math.inf, "m", "inf m"),
         (math.nan, "N", "nan N"),
     ],

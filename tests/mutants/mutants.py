@@ -36,6 +36,7 @@ from cosmic_ray.ast import ast_nodes, get_ast
 from cosmic_ray.mutating import mutate_code
 from cosmic_ray.plugins import get_operator, operator_names
 from hypothesis import Phase, settings
+
 from tables import PACKAGE, explained, tests_of
 
 #: Processor time after which a test is taken to hang, which kills its mutant [s]; and real time

@@ -1,6 +1,7 @@
 """The tables of mutants speak of modules, tests and lines that are there."""
 
 import pytest
+
 import tables
 
 

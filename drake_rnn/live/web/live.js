@@ -5,9 +5,6 @@ const DRAWN = 10, PIECE = 0.002;
 // Pieces of the trace that are kept, and how far an arrow key moves the target [m].
 const PIECES = 1500, NUDGE = 0.02;
 
-// A frame that takes longer than this is slow [ms], and how many of them are waited for.
-const SLOW = 120, PATIENCE = 6;
-
 /** What looks.js asks of whatever makes time pass. */
 const player = { ready: false };
 
@@ -131,15 +128,23 @@ const live = {
     const now = performance.now();
     if (now - this.drawn < 1000 / DRAWN) return;
     this.drawn = now;
-    for (const { curve, button } of chart.buttons) {
-      button.hidden = !curve.values.some(isFinite);
-    }
-    if (chart.buttons.some(({ curve, button }) => curve === chart.curve && button.hidden)) {
-      const shown = chart.buttons.find(({ button }) => !button.hidden);
-      if (shown) chart.choose(shown.curve);
-    }
+    this.hideEmpty();
     chart.drawn = null;
     chart.show(this.time);
+  },
+
+  /** What the law that runs does not have is not offered, nor drawn. */
+  hideEmpty() {
+    let changed = false;
+    for (const { curve, button } of choosing.buttons) {
+      const empty = !curve.values.some(isFinite);
+      changed ||= button.hidden !== empty;
+      button.hidden = empty;
+    }
+    if (!changed) return;
+    const shown = choosing.buttons.filter(({ button }) => !button.hidden).map(({ curve }) => curve);
+    const kept = chart.chosen.filter((curve) => shown.includes(curve));
+    choosing.choose(kept.length ? kept : shown.slice(0, 1));
   },
 
   async refresh() {
@@ -158,31 +163,19 @@ function onKeys(held) {
   for (const button of document.querySelectorAll("#actions button, #play")) button.disabled = !held;
 }
 
-function pressedKey(event) {
-  const { target, key } = event;
-  if (event.ctrlKey || event.metaKey || event.altKey) return;
-  if (["SELECT", "INPUT"].includes(target.tagName)) return;
-  const own = target.tagName === "BUTTON" && target.id !== "play" && target.matches(":focus-visible");
-  const actions = {
-    " ": own ? null : () => panel.toggle("pause"),
-    ArrowLeft: () => live.nudge([0, 1, 0]),
-    ArrowRight: () => live.nudge([0, -1, 0]),
-    ArrowUp: () => live.nudge([1, 0, 0]),
-    ArrowDown: () => live.nudge([-1, 0, 0]),
-    PageUp: () => live.nudge([0, 0, 1]),
-    PageDown: () => live.nudge([0, 0, -1]),
-    f: () => panel.press("path"),
-    s: () => panel.press("stop"),
-    r: () => panel.toggle("record"),
-    1: () => setView("arm"),
-    2: () => setView("close"),
-    3: () => setView("path"),
-    c: toggleCapsules,
-  };
-  if (!actions[key]) return;
-  event.preventDefault();
-  actions[key]();
-}
+const KEYS = [
+  ["space", "pause or go on", { " ": () => panel.toggle("pause") }],
+  ["← →", "target to the left or right", { ArrowLeft: () => live.nudge([0, 1, 0]), ArrowRight: () => live.nudge([0, -1, 0]) }],
+  ["↑ ↓", "target away or nearer", { ArrowUp: () => live.nudge([1, 0, 0]), ArrowDown: () => live.nudge([-1, 0, 0]) }],
+  ["Page↑ Page↓", "target up or down", { PageUp: () => live.nudge([0, 0, 1]), PageDown: () => live.nudge([0, 0, -1]) }],
+  ["F", "follow the path", { f: () => panel.press("path") }],
+  ["S", "stop the target", { s: () => panel.press("stop") }],
+  ["R", "record, or end the recording", { r: () => panel.toggle("record") }],
+  ["1 2 3", "view of the arm, of tool and path, of the path", {
+    1: () => setView("arm"), 2: () => setView("close"), 3: () => setView("path") }],
+  ...(data.capsules.length ? [["C", "capsules round the arm", { c: toggleCapsules }]] : []),
+  ["T", "light, dark or as the system", { t: nextTheme }],
+];
 
 function listen() {
   listenToLooks();
@@ -192,31 +185,10 @@ function listen() {
     button.addEventListener("click", () => panel.press(button.dataset.press));
   }
   byId("ask").addEventListener("click", () => wire.ask());
-  document.addEventListener("keydown", pressedKey);
-  document.addEventListener("keyup", (event) => {
-    if (event.key === " " && event.target.id === "play") event.preventDefault();
-  });
+  listenToKeys(KEYS);
+  listenToChart(null);
   if (viewer !== null) drag.listen();
 }
-
-/** Where frames are slow, as without a graphics card, shadows are left out, then resolution. */
-const effort = {
-  before: null,
-  slow: 0,
-  left: [
-    () => { objectAt("Lights/FillLight").castShadow = false; },
-    () => { viewer.renderer.setPixelRatio(0.5); resize(); },
-  ],
-
-  note(now) {
-    const took = this.before === null ? 0 : now - this.before;
-    this.before = now;
-    this.slow = took > SLOW && !document.hidden ? this.slow + 1 : Math.max(0, this.slow - 1);
-    if (this.slow < PATIENCE || viewer === null) return;
-    this.slow = 0;
-    this.left.shift()?.();
-  },
-};
 
 function frame(now) {
   effort.note(now);
@@ -242,13 +214,14 @@ for (const curve of curves) {
   if (curve.key === "force") curve.desired = [];
 }
 paintTheme();
-chart.build();
+choosing.build();
 onKeys(false);
 byId("lent").hidden = true;
 picture.load().then(() => {
   if (viewer !== null) trace.prepare();
   listen();
   player.ready = true;
+  byId("loading").hidden = true;
   paintTheme();
   resize();
   setView(data.view);

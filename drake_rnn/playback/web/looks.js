@@ -2,7 +2,19 @@
 
 const THEMES = ["auto", "light", "dark"];
 const darkSystem = window.matchMedia("(prefers-color-scheme: dark)");
-let theme = "auto";
+// Where the browser keeps the choice of colours, for all pages of this kind.
+const KEPT = "drake_rnn theme";
+let theme = keptTheme();
+
+/** The colours that were chosen before; as the system where none were, or nothing is kept. */
+function keptTheme() {
+  try {
+    const kept = localStorage.getItem(KEPT);
+    return THEMES.includes(kept) ? kept : "auto";
+  } catch {
+    return "auto";
+  }
+}
 
 function setTheme(name) {
   if (!THEMES.includes(name)) throw new RangeError(`theme: may be ${THEMES.join(", ")}, not ${name}`);
@@ -10,17 +22,22 @@ function setTheme(name) {
   paintTheme();
 }
 
+/** The next colours, which the browser keeps. */
+function nextTheme() {
+  setTheme(THEMES[(THEMES.indexOf(theme) + 1) % THEMES.length]);
+  try { localStorage.setItem(KEPT, theme); } catch { /* It keeps nothing of such a page. */ }
+}
+
 function paintTheme() {
   const shown = theme === "auto" ? (darkSystem.matches ? "dark" : "light") : theme;
   document.documentElement.dataset.theme = shown;
   const button = byId("theme");
-  button.setAttribute("aria-label", `Colours: ${theme === "auto" ? "as the system" : theme}`);
+  button.setAttribute("aria-label", `Colours: ${theme}${theme === "auto" ? ", as the system" : ""}`);
   button.title = button.getAttribute("aria-label");
   button.lastElementChild.textContent = theme;
   if (player.ready) {
     picture.paint(shown);
-    chart.drawn = null;
-    chart.draw();
+    chart.changed();
   }
 }
 
@@ -42,6 +59,7 @@ function toggleCapsules() {
 
 function setChrome(visible) {
   document.body.classList.toggle("bare", !visible);
+  effort.setFull(!visible);
   resize();
 }
 
@@ -55,9 +73,7 @@ function listenToLooks() {
     button.addEventListener("click", () => setView(button.dataset.view));
   }
   byId("capsules")?.addEventListener("click", toggleCapsules);
-  byId("theme").addEventListener("click", () => {
-    setTheme(THEMES[(THEMES.indexOf(theme) + 1) % THEMES.length]);
-  });
+  byId("theme").addEventListener("click", nextTheme);
   byId("details").addEventListener("click", () => {
     const open = document.body.classList.toggle("detailed");
     byId("details").setAttribute("aria-expanded", open);

@@ -1,57 +1,54 @@
 // What the user does, and what scripts outside of the page may ask for.
 
-function pressed(event) {
-  const { target, key, shiftKey } = event;
-  if (event.ctrlKey || event.metaKey || event.altKey || target.tagName === "SELECT") return;
-  const step = shiftKey ? 1 : 1 / data.rate;
-  // A control that was reached by the keyboard does its own on space.
-  const own = target.tagName === "BUTTON" && target.id !== "play" && target.matches(":focus-visible");
-  const actions = {
-    " ": own ? null : () => player.toggle(),
-    ArrowLeft: () => player.seek(player.time - step),
-    ArrowRight: () => player.seek(player.time + step),
-    Home: () => player.seek(0),
-    End: () => player.seek(data.duration),
-    1: () => setView("arm"),
-    2: () => setView("close"),
-    3: () => setView("path"),
-    c: toggleCapsules,
-  };
-  if (!actions[key]) return;
-  event.preventDefault();
-  actions[key]();
+const seekBy = (step) => player.seek(player.time + step);
+const stepOf = ({ shiftKey }) => (shiftKey ? 1 : 1 / data.rate);
+
+const KEYS = [
+  ["space", "play or pause", { " ": () => player.toggle() }],
+  ["← →", "a frame back or on; with shift, a second", {
+    ArrowLeft: (event) => seekBy(-stepOf(event)), ArrowRight: (event) => seekBy(stepOf(event)) }],
+  [", .", "a sample of the run back or on", { ",": () => player.step(-1), ".": () => player.step(1) }],
+  ["Home End", "to the beginning or the end", {
+    Home: () => player.seek(0), End: () => player.seek(data.duration) }],
+  ["[ ]", "begin or end a loop here", { "[": loopFromHere, "]": loopToHere }],
+  ["L", "loop what the chart shows, or end the loop", { l: toggleLoop }],
+  ["+ −", "show less or more time in the chart", {
+    "+": () => zoom.by(1 / STEP), "=": () => zoom.by(1 / STEP), "-": () => zoom.by(STEP), "−": () => zoom.by(STEP) }],
+  ["0", "show the whole run in the chart", { 0: () => zoom.reset() }],
+  ["O", "several curves at once, or one", { o: () => setSeveral(!choosing.several) }],
+  ["1 2 3", "view of the arm, of tool and path, of the path", {
+    1: () => setView("arm"), 2: () => setView("close"), 3: () => setView("path") }],
+  ...(data.capsules.length ? [["C", "capsules round the arm", { c: toggleCapsules }]] : []),
+  ["T", "light, dark or as the system", { t: nextTheme }],
+  ["F", "full screen", { f: toggleFullScreen }],
+  ["K", "copy a link to what is shown", { k: copyLink }],
+];
+
+function setSeveral(on) {
+  choosing.setSeveral(on);
+  byId("several").checked = on;
 }
 
 function listen() {
   byId("play").addEventListener("click", () => player.toggle());
-  byId("scrubber").max = data.duration;
+  byId("step-back").addEventListener("click", () => player.step(-1));
+  byId("step-on").addEventListener("click", () => player.step(1));
   byId("scrubber").addEventListener("input", (event) => player.seek(event.target.valueAsNumber));
   byId("speed").addEventListener("change", (event) => player.setSpeed(+event.target.value));
+  byId("several").addEventListener("change", (event) => setSeveral(event.target.checked));
+  byId("full-screen").addEventListener("click", toggleFullScreen);
   listenToLooks();
-  document.addEventListener("keydown", pressed);
-  // The browser would click a button on the space key that has just played or paused.
-  document.addEventListener("keyup", (event) => {
-    if (event.key === " " && event.target.id === "play") event.preventDefault();
-  });
-  listenToChart();
-}
-
-function listenToChart() {
-  const { canvas } = chart;
-  let held = false;
-  const seek = (event) => player.seek(chart.timeAt(event.offsetX));
-  canvas.addEventListener("pointerdown", (event) => {
-    held = true;
-    canvas.setPointerCapture(event.pointerId);
-    seek(event);
-  });
-  canvas.addEventListener("pointermove", (event) => { if (held) seek(event); });
-  for (const end of ["pointerup", "pointercancel"]) {
-    canvas.addEventListener(end, () => { held = false; });
-  }
+  listenToMenus();
+  listenToKeys(KEYS);
+  listenToChart((t) => player.seek(t));
+  listenToLoop();
+  listenToSaving();
+  listenToAddress();
+  zoom.listen();
 }
 
 function tick(now) {
+  if (viewer?.needs_render) effort.note(now); else effort.before = null;
   player.advance(now);
   picture.draw();
   requestAnimationFrame(tick);
@@ -62,10 +59,14 @@ window.playback = {
   get duration() { return data.duration; },
   get time() { return player.time; },
   get playing() { return player.playing; },
+  get link() { return linkToHere(); },
+  get csv() { return csv(); },
   seek: (t) => player.seek(t),
   play: () => player.play(),
   pause: () => player.pause(),
   setSpeed: (x) => player.setSpeed(x),
+  setLoop: (loop) => player.setLoop(loop),
+  zoom: (from, to) => zoom.to(from, to),
   setView,
   setTheme,
   setCapsules,
@@ -73,14 +74,20 @@ window.playback = {
 };
 
 paintTheme();
-chart.build();
-picture.load().then(() => {
+choosing.build();
+joints.build();
+zoom.reset();
+// The browser shows first what there is, as the scene takes its time.
+setTimeout(() => picture.load().then(() => {
   listen();
   player.ready = true;
   paintTheme();
   resize();
   setView(data.view);
   player.show(0);
-  if (!window.matchMedia("(prefers-reduced-motion: reduce)").matches) player.play();
+  readAddress();
+  byId("loading").hidden = true;
+  const calm = window.matchMedia("(prefers-reduced-motion: reduce)").matches;
+  if (!calm && !asksForTime()) player.play();
   requestAnimationFrame(tick);
-});
+}), 30);

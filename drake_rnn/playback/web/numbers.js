@@ -13,14 +13,17 @@ function unpacked(text) {
   return new Float32Array(bytesOf(text).buffer);
 }
 
+/** A unit with its powers as superscripts, such as rad/s². */
+const raised = (unit) => unit.replace(/\^([0-9])/g, (_, power) => "⁰¹²³⁴⁵⁶⁷⁸⁹"[power]);
+
 /** The factor and the name of a unit in which a number has few digits, by the tables of Python. */
 function unitFor(value, unit) {
   if (unit === "1") return [1, ""];
   const { prefixes, prefixed, least } = data.units;
-  if (!prefixed.includes(unit) || !(Math.abs(value) > 0) || !isFinite(value)) return [1, unit];
+  if (!prefixed.includes(unit) || !(Math.abs(value) > 0) || !isFinite(value)) return [1, raised(unit)];
   const suits = ([, factor]) => Math.abs(value) * factor >= least;
   const [prefix, factor] = prefixes.find(suits) || prefixes.at(-1);
-  return [factor, prefix + unit];
+  return [factor, prefix + raised(unit)];
 }
 
 /** A number with four digits and its unit, e.g. "0.1234 mm". */

@@ -12,6 +12,8 @@ const player = {
   time: 0,
   rest: 0,
   before: null,
+  // Two times between which it plays again and again; null for the whole run.
+  loop: null,
 
   seek(t) {
     this.pause();
@@ -21,9 +23,19 @@ const player = {
   show(t) {
     this.time = clamp(Number.isFinite(+t) ? +t : 0, 0, data.duration);
     this.rest = 0;
+    zoom.follow(this.time);
     picture.show(this.time);
     chart.show(this.time);
+    joints.show(this.time);
     this.tell();
+  },
+
+  /** Goes to the sample of the run before or behind the time that is shown. */
+  step(by) {
+    const { time } = joints;
+    const at = by < 0 ? lastUpTo(time, this.time - 1e-6) : lastUpTo(time, this.time + 1e-6) + 1;
+    // Times come as single precision.
+    this.seek(+time[clamp(at, 0, time.length - 1)].toFixed(6));
   },
 
   play() {
@@ -49,13 +61,25 @@ const player = {
     byId("speed").value = choice ? choice.value : "";
   },
 
+  /** Plays again and again between two times [s]; null for the whole run. */
+  setLoop(loop) {
+    if (loop !== null && !(loop[0] >= 0 && loop[0] < loop[1] && loop[1] <= data.duration)) {
+      throw new RangeError(`loop: must be two times from 0 to ${data.duration} s, not ${loop.join(", ")}`);
+    }
+    this.loop = loop;
+    chart.changed();
+  },
+
   /** Lets time pass until now [ms], the time that an animation frame has. */
   advance(now) {
     const passed = this.before === null ? 0 : Math.min((now - this.before) / 1000, LEAP);
     this.before = now;
     if (!this.playing || data.duration === 0) return;
     const next = this.time + this.rest + this.speed * passed;
-    if (next < data.duration) {
+    if (this.loop !== null) {
+      const [from, to] = this.loop;
+      this.show(next < from || next >= to ? from : next);
+    } else if (next < data.duration) {
       this.show(next);
     } else if (next < data.duration + PAUSE * this.speed) {
       if (this.time < data.duration) this.show(data.duration);

@@ -1,0 +1,62 @@
+// The values under the pointer, and the time that a press on the chart goes to.
+
+const hover = {
+  show(event) {
+    const t = chart.timeAt(event.offsetX);
+    chart.hovered = t;
+    chart.draw();
+    const box = byId("hover"), rows = [rowOf(`${t.toFixed(3)} s`, null)];
+    const paint = painter();
+    for (const line of chart.lines()) {
+      const { curve, name } = line;
+      const desired = curve.desired ? ` of ${told(valueAt(curve, t, curve.desired), curve.unit)}` : "";
+      rows.push(rowOf(`${name}: ${told(valueAt(curve, t), curve.unit)}${desired}`, colourOf(line, paint)));
+    }
+    box.replaceChildren(...rows);
+    box.hidden = false;
+    // At the side of the pointer that has room.
+    const { clientWidth: width } = chart.canvas, left = event.offsetX > 0.5 * width;
+    box.style.left = left ? "auto" : `${event.offsetX + 12}px`;
+    box.style.right = left ? `${width - event.offsetX + 12}px` : "auto";
+  },
+
+  hide() {
+    if (chart.hovered === null) return;
+    chart.hovered = null;
+    byId("hover").hidden = true;
+    chart.draw();
+  },
+};
+
+function rowOf(text, colour) {
+  const row = document.createElement("p");
+  if (colour !== null) {
+    const mark = document.createElement("i");
+    mark.className = "solid";
+    mark.style.setProperty("--of", colour);
+    row.append(mark);
+  }
+  row.append(text);
+  return row;
+}
+
+/** Lets a pointer go to a time, and read values; `seek` is null where time cannot be chosen. */
+function listenToChart(seek) {
+  const { canvas } = chart;
+  let held = false;
+  canvas.addEventListener("pointerdown", (event) => {
+    if (seek === null) return;
+    held = true;
+    hover.hide();
+    canvas.setPointerCapture(event.pointerId);
+    seek(chart.timeAt(event.offsetX));
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    if (held) seek(chart.timeAt(event.offsetX));
+    else if (event.pointerType !== "touch") hover.show(event);
+  });
+  for (const end of ["pointerup", "pointercancel"]) {
+    canvas.addEventListener(end, () => { held = false; });
+  }
+  canvas.addEventListener("pointerleave", () => hover.hide());
+}

@@ -1,0 +1,283 @@
+"""What a reader does with a page: values, links, zoom, loops, keys and files.
+
+The browser has no WebGL: all of this needs no picture, and is quick without one.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from test_playback import Page, floats
+
+from browsing import DESKTOP, PHONE, ask, chromium, messages, set_size, wait_for
+from drake_rnn import Result, load_experiment, simulate, write_playback
+
+Keys = pytest.importorskip("selenium.webdriver", reason="selenium is not installed").Keys
+DURATION = 0.8
+CHANGES = {
+    "duration": DURATION,
+    "path.period": DURATION,
+    "path.by": [0.02, 0.03, 0.0],
+    "window": [0.2, DURATION],
+    "log_period": 0.01,
+    "limits.acceleration": 5.0,
+    "accept": {"position_error_max_m": {"at_most": 1e-4}},
+}
+
+
+@pytest.fixture(scope="module")
+def runs() -> list[Result]:
+    """A run that is accepted, and a later one that is not."""
+    worse = {"name": "worse", "period": 0.02, "accept.position_error_max_m.at_most": 1e-12}
+    changes = ({"name": "better"}, worse)
+    return [simulate(load_experiment("pinv_line", CHANGES | each)) for each in changes]
+
+
+@pytest.fixture(scope="module")
+def pages(runs: list[Result], tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """The page of the first run alone, and with the other one beside it."""
+    folder = tmp_path_factory.mktemp("used")
+    alone = write_playback(runs[0], folder / "alone.html", 8)
+    return [alone, write_playback(runs[0], folder / "both.html", 8, beside=runs[1:])]
+
+
+@pytest.fixture(scope="module")
+def blind() -> Iterator[Any]:
+    """A browser without WebGL."""
+    with chromium("--disable-3d-apis") as driver:
+        yield driver
+
+
+def opened(blind: Any, page: Path, address: str = "") -> None:
+    """Open a page anew, with an address behind a hash sign."""
+    set_size(blind, DESKTOP)
+    blind.get("about:blank")
+    blind.get(page.as_uri() + address)
+    assert wait_for(lambda: ask(blind, "Boolean(window.playback && playback.ready)"))
+
+
+def text(blind: Any, place: str) -> str:
+    return str(ask(blind, "document.querySelector(arguments[0]).textContent", place))
+
+
+def press(blind: Any, *keys: str) -> None:
+    for key in keys:
+        blind.find_element("tag name", "body").send_keys(key)
+
+
+def test_an_address_leads_to_what_it_names_and_is_given_for_it(blind: Any, pages: Any) -> None:
+    asked = "#t=0.3&view=arm&curve=margin,position_error&speed=0.5&loop=0.2,0.5&zoom=0.1,0.6"
+    opened(blind, pages[0], asked + "&theme=dark")
+    assert ask(blind, "playback.time") == 0.3
+    assert not ask(blind, "playback.playing")
+    pressed = (
+        "[...document.querySelectorAll('#curves [aria-pressed=true]')].map(x => x.dataset.curve)"
+    )
+    assert ask(blind, pressed) == ["position_error", "margin"]
+    assert ask(blind, "document.getElementById('speed').value") == "0.5"
+    assert ask(blind, "document.documentElement.dataset.theme") == "dark"
+    assert ask(blind, "playback.link") == f"{pages[0].as_uri()}{asked}&theme=dark"
+    # A page that is open goes where its address is changed to.
+    blind.execute_script("location.hash = 't=0.45'")
+    assert wait_for(lambda: ask(blind, "playback.time") == 0.45)
+
+
+@pytest.mark.parametrize(
+    ("address", "said"),
+    [
+        ("t=9", "t: must be a time from 0 to 0.8 s, not 9"),
+        ("curve=nothing", "curve: may be position_error, "),
+        ("loop=0.5,0.2", "loop: must be two times, such as loop=1,2.5, not 0.5,0.2"),
+        ("theme=red", "theme: may be auto, light, dark, not red"),
+        ("volume=3", "volume: may be t, view, theme, speed, loop, zoom, curve"),
+    ],
+)
+def test_of_an_address_that_cannot_be_shown_the_page_says_why(
+    blind: Any, pages: Any, address: str, said: str
+) -> None:
+    """What is wrong there keeps nothing else from being shown."""
+    if not ask(blind, "location.href").startswith(pages[0].as_uri()):
+        opened(blind, pages[0])
+    blind.execute_script("location.hash = `${arguments[0]}&speed=2`", address)
+    assert wait_for(lambda: said in text(blind, "#notice"))
+    assert ask(blind, "document.getElementById('speed').value") == "2"
+
+
+def test_colours_that_were_chosen_are_there_after_a_reload(blind: Any, pages: Any) -> None:
+    opened(blind, pages[0])
+    press(blind, "t")
+    chosen = ask(blind, "document.documentElement.dataset.theme")
+    press(blind, "t")
+    other = ask(blind, "document.documentElement.dataset.theme")
+    assert {chosen, other} == {"light", "dark"}
+    opened(blind, pages[0])
+    assert ask(blind, "document.documentElement.dataset.theme") == other
+    blind.execute_script("localStorage.clear()")
+
+
+def test_values_are_told_where_the_pointer_is(blind: Any, pages: Any, runs: list[Result]) -> None:
+    opened(blind, pages[0], "#t=0.1&curve=margin")
+    curve = {one["key"]: one for one in Page(pages[0]).data["curves"]}["margin"]
+    time, values = floats(curve["time"]), floats(curve["values"])
+    for share in (0.25, 0.5, 0.9):
+        blind.execute_script(
+            """
+            const chart = document.getElementById("chart"), box = chart.getBoundingClientRect();
+            const style = getComputedStyle(document.getElementById("numbers"));
+            const margin = (side) => parseFloat(style.getPropertyValue(`--plot-${side}`));
+            const along = arguments[0] * (box.width - margin("left") - margin("right"));
+            const [clientX, clientY] = [box.left + margin("left") + along, box.top + 40];
+            chart.dispatchEvent(new PointerEvent("pointermove", { clientX, clientY }));
+            """,
+            share,
+        )
+        at, _, told = text(blind, "#hover").partition(" s")
+        assert float(at) == pytest.approx(share * DURATION, abs=2e-3)
+        expected = values[np.argmin(np.abs(time - float(at)))]
+        assert f"{expected:.4g}" in told
+    # It stays where it was.
+    assert ask(blind, "playback.time") == 0.1
+
+
+@pytest.mark.parametrize("size", [DESKTOP, pytest.param(PHONE, marks=pytest.mark.long)])
+@pytest.mark.parametrize("address", ["", "&curve=position_error,margin", "&zoom=0.2,0.6"])
+def test_slider_and_chart_share_the_axis_of_time(
+    blind: Any, pages: Any, size: tuple[int, int], address: str
+) -> None:
+    """The middle of the slider's thumb is below the cursor, which is where the margins say."""
+    opened(blind, pages[0], f"#t=0.35{address}")
+    set_size(blind, size)
+    places = """(() => {
+      const of = (id) => document.getElementById(id).getBoundingClientRect();
+      const style = getComputedStyle(document.getElementById("numbers"));
+      const margin = (side) => parseFloat(style.getPropertyValue(`--plot-${side}`));
+      const [left, right] = [margin("left"), margin("right")];
+      const slider = document.getElementById("scrubber"), thumb = 18;
+      const share = (slider.value - slider.min) / (slider.max - slider.min);
+      const box = of("scrubber"), chart = of("chart");
+      return [box.left + thumb / 2 + share * (box.width - thumb),
+        chart.left + left + share * (chart.width - left - right)];
+    })()"""
+    assert wait_for(lambda: ask(blind, "innerWidth") == size[0])
+    thumb, cursor = ask(blind, places)
+    assert thumb == pytest.approx(cursor, abs=1.0)
+
+
+def test_what_is_accepted_and_when_is_told_below_the_numbers(blind: Any, pages: Any) -> None:
+    opened(blind, pages[0], "#t=0.1&loop=0.2,0.5")
+    legend = text(blind, "#chart-legend")
+    assert "accepted: largest ≤ 0.1 mm" in legend
+    assert "errors evaluated from 0.2 to 0.8 s" in legend
+    assert "loop from 0.2 to 0.5 s" in legend
+    press(blind, "l")
+    assert "loop" not in text(blind, "#chart-legend")
+
+
+def test_curves_of_two_units_are_drawn_together_and_of_no_third(blind: Any, pages: Any) -> None:
+    opened(blind, pages[0], "#t=0.1")
+    press(blind, "o")
+    for key in ("margin", "velocity_ratio"):
+        blind.find_element("css selector", f"[data-curve={key}]").click()
+    assert "curve=position_error,margin" in ask(blind, "playback.link")
+    assert "two axes, which are taken by m and rad" in text(blind, "#notice")
+
+
+def test_saved_curves_are_those_of_the_run(blind: Any, pages: Any, runs: list[Result]) -> None:
+    """To the 32 bits that a page holds."""
+    opened(blind, pages[1], "#t=0.1")
+    rows = list(csv.DictReader(ask(blind, "playback.csv").splitlines()))
+    assert list(rows[0]) == ["time_s", "better:position_error_m", "worse:position_error_m"]
+    for run, name in zip(runs, ("better", "worse"), strict=True):
+        column = f"{name}:position_error_m"
+        time, error = zip(
+            *((float(row["time_s"]), float(row[column])) for row in rows if row[column]),
+            strict=True,
+        )
+        np.testing.assert_allclose(time, run.time, atol=1e-6)
+        np.testing.assert_allclose(error, run.position_error, rtol=1e-6, atol=1e-12)
+
+
+def test_time_goes_by_samples_and_stays_in_a_loop(
+    blind: Any, pages: Any, runs: list[Result]
+) -> None:
+    opened(blind, pages[0], "#t=0.2")
+    (here,) = np.flatnonzero(np.isclose(runs[0].time, 0.2))
+    for key, sample in ((".", here + 1), (".", here + 2), (",", here + 1)):
+        press(blind, key)
+        assert ask(blind, "playback.time") == pytest.approx(runs[0].time[sample], abs=1e-6)
+    blind.execute_script("playback.setLoop([0.3, 0.4]); playback.play()")
+    assert wait_for(lambda: ask(blind, "playback.time") >= 0.3)
+    times = [ask(blind, "playback.time") for _ in range(40)]
+    assert min(times) >= 0.3
+    assert max(times) < 0.4
+    assert np.any(np.diff(times) < 0.0)
+
+
+def test_the_chart_is_zoomed_and_follows_the_time(blind: Any, pages: Any) -> None:
+    opened(blind, pages[0], "#t=0.4")
+    press(blind, "+", "+")
+    begin, end = ask(blind, "['min', 'max'].map(x => +document.getElementById('scrubber')[x])")
+    assert begin < 0.4 < end
+    assert end - begin == pytest.approx(DURATION / 1.6**2)
+    blind.execute_script("playback.seek(0.78)")
+    begin, end = ask(blind, "['min', 'max'].map(x => +document.getElementById('scrubber')[x])")
+    assert begin < 0.78 <= end <= DURATION
+    press(blind, "0")
+    assert ask(blind, "document.getElementById('zoomed').hidden")
+
+
+def test_keys_are_listed_and_the_row_of_curves_is_one_stop(blind: Any, pages: Any) -> None:
+    opened(blind, pages[0], "#t=0.2")
+    press(blind, "?")
+    assert ask(blind, "document.getElementById('keys').open")
+    listed = text(blind, "#keys-list")
+    assert all(words in listed for words in ("play or pause", "a sample", "loop", "full screen"))
+    press(blind, "?")
+    assert not ask(blind, "document.getElementById('keys').open")
+    stops = "[...document.querySelectorAll('#curves button')].filter(x => x.tabIndex === 0).length"
+    assert ask(blind, stops) == 1
+    blind.execute_script("document.querySelector('#curves button').focus()")
+    blind.switch_to.active_element.send_keys(Keys.ARROW_RIGHT)
+    # The arrow has moved the focus, and not the time.
+    assert ask(blind, "document.activeElement.dataset.curve") != "position_error"
+    assert ask(blind, "playback.time") == 0.2
+    blind.switch_to.active_element.send_keys(Keys.ENTER)
+    assert ask(blind, "document.activeElement.getAttribute('aria-pressed')") == "true"
+
+
+def test_each_run_beside_another_has_its_verdict_curve_and_number(blind: Any, pages: Any) -> None:
+    opened(blind, pages[1], "#t=0.4")
+    verdicts = ask(
+        blind, "[...document.querySelectorAll('.verdict strong')].map(x => x.textContent)"
+    )
+    assert verdicts == ["✓ better: accepted", "✗ worse: not accepted"]
+    assert " | " in text(blind, "[data-curve=position_error] b")
+    legend = text(blind, "#chart-legend")
+    assert "accepted (better): largest ≤ 0.1 mm" in legend
+    assert "✗ accepted (worse)" in legend
+
+
+def test_joints_are_listed_and_drawn_with_their_limits(
+    blind: Any, pages: Any, runs: list[Result]
+) -> None:
+    opened(blind, pages[0], "#t=0.4")
+    (here,) = np.flatnonzero(np.isclose(runs[0].time, 0.4))
+    told = ask(blind, "[...document.querySelectorAll('#joints b')].map(x => x.textContent)")
+    expected = [
+        f"{round(q, 3) + 0.0:.3f} rad".replace("-", "−") for q in runs[0].series["position"][here]
+    ]
+    assert told == expected
+    lower = runs[0].experiment.limits.position_lower[3]
+    blind.execute_script("document.querySelectorAll('#joints button')[3].click()")
+    assert "panda_joint4" in text(blind, "#chart-legend")
+    assert f"bound −{abs(lower):.4g} rad" in text(blind, "#chart-legend")
+
+
+def test_it_complains_of_nothing(blind: Any) -> None:
+    """The last of these tests."""
+    assert [one for one in messages(blind) if "WebGL" not in one["message"]] == []

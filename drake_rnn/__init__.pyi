@@ -170,6 +170,7 @@ from .systems import (
     Controller as Controller,
     Dither as Dither,
     DitherSettings as DitherSettings,
+    DisturbanceSettings as DisturbanceSettings,
     Dynamics as Dynamics,
     Feedback as Feedback,
     FilterSettings as FilterSettings,

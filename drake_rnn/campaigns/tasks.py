@@ -39,17 +39,19 @@ def _cut(orders: list[Order], size: int) -> list[list[Order]]:
     return [orders[k : k + size] for k in range(0, len(orders), size)]
 
 
-#: Keys that tell whether robots may run side by side, but for their numbers.
+#: Keys that tell whether robots may run side by side, but for their numbers; those before others
+#: that always keep robots apart, for the tasks are cut from orders that are sorted by them.
 _TELLING = (
-    *("arm", "task", "period", "duration", "law", "filter", "feedback"),
-    *("dither", "disturbance", "sensing"),
+    *("law", "period", "duration", "task", "filter", "feedback"),
+    *("sensing", "dither", "disturbance", "arm"),
 )
 
 
 def _kind(order: Order) -> str:
     """Return a text that is equal for orders whose robots may run side by side."""
     known = {key: order.document.get(key) for key in _TELLING}
-    return json.dumps(_without_numbers(known) | {"period": known["period"]}, sort_keys=True)
+    kinds = [_without_numbers(known[key]) if key != "period" else known[key] for key in _TELLING]
+    return json.dumps(kinds, sort_keys=True)
 
 
 def _without_numbers(value: Any) -> Any:

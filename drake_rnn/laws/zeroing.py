@@ -75,7 +75,8 @@ class Zeroing(ProgramLaw):
     """A zeroing network around the program of a scheme, sampled.
 
     Args:
-        limits, home, task_size, return_gain, feedback, bounds, limit_stiffness: See `ProgramLaw`.
+        limits, home, task_size, cost, return_gain, manipulability, blend: See `ProgramLaw`.
+        feedback, bounds, limit_stiffness: See `ProgramLaw`.
         gain: Gain gamma of the design formula at the start [1/s].
         growth: How the gain grows: ``none``, ``exponential`` or ``power``.
         growth_rate: The rate a of its growth [1/s].
@@ -115,10 +116,8 @@ class Zeroing(ProgramLaw):
     @cached_property
     def network(self) -> ZeroingNetwork:
         """The network that the law runs."""
-        n = self.limits.size
-        bounds = 0 if self.scheme.bounds is None else 2 * n
         return ZeroingNetwork(
-            Variables(n, self.task_size, bounds),
+            Variables(*self.scheme.sizes(self.limits.size)),
             Design(self.phi, self.integral_gain),
             self.gain_over_time,
             FORMULAS.get(self.discretization),
@@ -232,7 +231,7 @@ class ZeroingReading(SampledReading):
         u_dot, held = self._rates.advanced(kept, u, count, period)
         program, rates = scheme.program(u), scheme.rates(u, u_dot, before)
         found = self.law.network.after(t, kept, program, rates, count, period)
-        v = 0.5 * (before + found["optimum"])
+        v = 0.5 * (before + found["optimum"])[..., : self.law.limits.size]
         return self.state.joined({"v": v, **found, **held, "samples": count + 1.0})
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:

@@ -33,7 +33,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ...arrays.algebra import acts, joined, matvec
+from ...arrays.algebra import acts, joined, matvec, scaled
 from ...inputs.fields import Array
 from ..layout import Signals
 from ..parts.secondary import manipulability_gradient
@@ -184,7 +184,7 @@ class LargestVelocity:
         W, c = self.square.terms(u)
         weights = np.pad(W, (0, 1))
         linear = joined((self.blend * c, 0.0 * c[..., :1] + (1.0 - self.blend)))
-        return self.blend * weights, linear
+        return scaled(self.blend, weights), linear
 
     def rates(self, u: Signals, u_dot: Signals, x: Array) -> tuple[Array | None, Array | None]:
         """See `Cost.rates`."""

@@ -91,6 +91,7 @@ from .laws import (
     MotionForce as MotionForce,
     NullSpaceAdjustment as NullSpaceAdjustment,
     PostureLaw as PostureLaw,
+    Projection as Projection,
     Pseudoinverse as Pseudoinverse,
     RecedingHorizon as RecedingHorizon,
     Recursive as Recursive,

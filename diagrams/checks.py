@@ -14,7 +14,7 @@ from ..laws import Law
 from ..robot.task import TASKS, tasks_suiting
 from ..systems.body import Body, Feedback
 from ..systems.controllers import Controller
-from ..systems.dither import DitherSettings
+from ..systems.joint_noise import JointNoise
 from ..systems.joint_reference import JointReference
 from ..systems.kinematics import Kinematics
 from ..systems.moving_average import MovingAverage
@@ -56,14 +56,14 @@ def check_parts(
     body: Body,
     controller: Controller,
     task: str,
-    dither: DitherSettings | None,
+    dither: JointNoise | None,
     filter: MovingAverage | None,
     feedback: Feedback,
     sensing: SensingSettings | None,
 ) -> None:
     """Raise an InvalidInputError if the parts of a loop do not fit together."""
     require_type("controller", controller, Controller)
-    require_type("dither", dither, DitherSettings, NoneType)
+    require_type("dither", dither, JointNoise, NoneType)
     require_type("filter", filter, MovingAverage, NoneType)
     require_type("sensing", sensing, SensingSettings, NoneType)
     _require_joints(controller, body)
@@ -111,25 +111,30 @@ def given_signals(signals: Mapping[str, OutputPort] | None, controller: Controll
     return given
 
 
-def check_filter(filtered: bool, feedback: Feedback, dither: DitherSettings | None) -> None:
+def check_filter(filtered: bool, feedback: Feedback, dither: JointNoise | None) -> None:
     """Raise an InvalidInputError if feedback or dither does not fit the filter, or its absence.
 
     Args:
         filtered: Whether the command passes through a filter.
         feedback: Arm that the law sees.
-        dither: Excitation of the joints; None for none.
+        dither: Excitation or disturbance of the joints; None for none.
     """
     if feedback == "unfiltered" and not filtered:
         raise InvalidInputError("feedback: unfiltered needs a filter")
-    if filtered and feedback != "unfiltered" and dither is not None and dither.model == "actuated":
+    if filtered and feedback != "unfiltered" and dither is not None and dither.moves_arm:
         raise InvalidInputError(
-            "dither.model: actuated would move the arm behind the filter, beyond its bounds; "
+            f"{_moving(dither)} would move the arm behind the filter, beyond its bounds; "
             "it may be virtual"
         )
-    if feedback == "measured" and dither is not None and dither.model != "actuated":
+    if feedback == "measured" and dither is not None and not dither.moves_arm:
         raise InvalidInputError(
             f"dither.model: must be actuated with feedback: measured, not {dither.model}"
         )
+
+
+def _moving(noise: JointNoise) -> str:
+    """Return what makes a noise move the arm, for messages."""
+    return "disturbance:" if noise.section == "disturbance" else "dither.model: actuated"
 
 
 _HINTS = {

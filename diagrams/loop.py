@@ -15,11 +15,12 @@ from ..systems.body import Body, Feedback
 from ..systems.contact import Contact
 from ..systems.contact_reference import ContactReference
 from ..systems.controllers import Controller
-from ..systems.dither import Dither, DitherSettings
+from ..systems.dither import HeldNoise
 from ..systems.dynamics import DYNAMICS_SIGNALS, Dynamics
 from ..systems.force_sensor import ForceSensor
 from ..systems.force_watch import ForceWatch
 from ..systems.ideal_arm import IdealArm
+from ..systems.joint_noise import JointNoise
 from ..systems.joint_sensor import JointSensor
 from ..systems.kinematics import Kinematics
 from ..systems.moving_average import MovingAverage
@@ -71,7 +72,7 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
     reference: System | None = None,
     *,
     task: str = "xyz",
-    dither: DitherSettings | None = None,
+    dither: JointNoise | None = None,
     filter: MovingAverage | None = None,
     feedback: Feedback | None = None,
     sensing: SensingSettings | None = None,
@@ -93,7 +94,7 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
         reference: System in ``builder`` that offers the desired signals as output ports, e.g. a
             `PathSource`; None for a law that needs none.
         task: Task: a key of `drake_rnn.robot.task.TASKS`.
-        dither: Excitation of the joints; None for none.
+        dither: Excitation or disturbance of the joints; None for none.
         filter: Filter between the command and the arm, not yet in ``builder``; None for none.
         feedback: Arm that the law sees: ``commanded``, the arm that the filtered command moves;
             ``measured``, the body itself; or ``unfiltered``, a virtual arm that the unfiltered
@@ -214,12 +215,12 @@ def _add_behind_filter(wiring: Wiring, body: Body, task: str, filter: MovingAver
 
 
 def _add_dither(
-    wiring: Wiring, dither: DitherSettings | None, command: OutputPort, seed: int
+    wiring: Wiring, dither: JointNoise | None, command: OutputPort, seed: int
 ) -> _Velocity:
     if dither is None:
         return _Velocity(command, command, command)
     n = command.size()
-    noise = wiring.add("dither", Dither(n, dither.sigma, dither.hold, seed))
+    noise = wiring.add(dither.section, HeldNoise(n, dither, seed))
     adder = wiring.add("dithered_velocity", Adder(2, n))
     wiring.connect(command, adder.get_input_port(0))
     wiring.connect(noise.get_output_port(), adder.get_input_port(1))

@@ -80,6 +80,10 @@ class CompiledStep:
     def _refuse_what_is_not_the_laws(self) -> None:
         if self.document.environment is not None:
             raise InvalidInputError("environment: a compiled step sees no contact")
+        if self.document.sensing is not None:
+            raise InvalidInputError(
+                "sensing: is for simulations; a compiled step sees the positions that it is given"
+            )
         if self.document.dither is not None and self.document.dither.model != "actuated":
             raise InvalidInputError(
                 f"dither.model: {self.document.dither.model} is for simulations; a compiled step "

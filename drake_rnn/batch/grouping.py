@@ -89,13 +89,14 @@ def _described(value: object, of_number: Any, of_array: Any) -> object:
 
 def _group(robot: Robot) -> object:
     experiment, arm = robot.experiment, robot.arm
-    document, dither = experiment.document, experiment.document.dither
+    document, noise = experiment.document, experiment.document.joint_noise
     bounds = experiment.limits.bounds
     return (
         structure(robot.reading),
         (arm.slides, arm.columns, arm.n),
         (document.period, document.duration, document.window, document.task),
-        None if dither is None else (dither.model, dither.hold),
+        None if noise is None else (noise.model, noise.hold),
+        document.sensing is None,
         tuple(name for name, bound in bounds.items() if bound is not None),
         alike(experiment),
         (experiment.holds_orientation, experiment.target is None, experiment.contact is None),

@@ -20,7 +20,7 @@ from ..robot.rotation import angle_between
 from .desired import Tables
 from .filtering import Filters
 from .grouping import Robot, arm_of_all
-from .noise import Noises
+from .noise import Noises, PoseNoise
 from .pressing import Surfaces
 from .schedule import Schedule, schedule_of
 from .signals import PREVIEWS, Desired, Rows, Sight
@@ -71,10 +71,12 @@ class Around(NamedTuple):
     Attributes:
         rows: Their desired motions.
         force: Desired forces; None without surfaces.
+        seen_off: Noise of measured positions; None where these are exact.
     """
 
     rows: Rows
     force: AnyArray | None
+    seen_off: AnyArray | None
 
 
 class Look(NamedTuple):
@@ -86,6 +88,7 @@ class Look(NamedTuple):
         rows: Desired motions.
         around: Signals of paths and surfaces, by name.
         pressed: Contact with surfaces; None without these.
+        seen_off: How far off the end effectors are seen, shape (robots, m) [m]; None for not.
     """
 
     time: float
@@ -93,6 +96,7 @@ class Look(NamedTuple):
     rows: Rows
     around: Mapping[str, AnyArray]
     pressed: Pressing | None
+    seen_off: AnyArray | None
 
 
 class Robots:
@@ -124,8 +128,9 @@ class Robots:
         # Orientations of paths are evaluated only where they matter.
         turns = frozenset(("R_WE_desired",)) if self.oriented else frozenset()
         self._around = self._observed | turns | {"p_WE_desired", "v_WE_desired"}
-        self._model = None if document.dither is None else document.dither.model
-        self.noises = None if document.dither is None else Noises(experiments)
+        self._model = None if document.joint_noise is None else document.joint_noise.model
+        self.noises = None if document.joint_noise is None else Noises(experiments)
+        self._pose_noise = None if document.sensing is None else PoseNoise(experiments)
         self._task = experiments[0].task
         ahead = None
         if self._sees & PREVIEWS:
@@ -165,14 +170,17 @@ class Robots:
         """Return what is known of the surroundings at a step."""
         t = float(self.schedule.times[number])
         force = None if self._surfaces is None else self._surfaces.row(t)
-        return Around(self._desired.row(number), force)
+        off = None if self._pose_noise is None else self._pose_noise.row(t)
+        return Around(self._desired.row(number), force, off)
 
     def all_around(self) -> Around:
         """Return the same for all steps, with these in front."""
-        force = None
+        force, off, times = None, None, self.schedule.times.tolist()
         if self._surfaces is not None:
-            force = np.stack([self._surfaces.row(t) for t in self.schedule.times.tolist()])
-        return Around(self._desired.rows(), force)
+            force = np.stack([self._surfaces.row(t) for t in times])
+        if self._pose_noise is not None:
+            off = np.stack([self._pose_noise.row(t) for t in times])
+        return Around(self._desired.rows(), force, off)
 
     def look(self, t: float, q: AnyArray, known: Around) -> Look:
         """Return what there is to see at a step.
@@ -187,7 +195,10 @@ class Robots:
         if self._surfaces is not None:
             pressed = self._surfaces.pressed(known.force, sight.origin)
             around |= self._surfaces.signals(pressed)
-        return Look(t, sight, known.rows, around, pressed)
+        off = None
+        if self._pose_noise is not None:
+            off = self._task.position(self._pose_noise.of_each(known.seen_off).T).T
+        return Look(t, sight, known.rows, around, pressed, off)
 
     def signals(self, look: Look, now: Moving) -> dict[str, AnyArray]:
         """Return what the laws see at a sample, by name."""
@@ -199,6 +210,8 @@ class Robots:
         u |= self._desired.ahead(look.rows, self._sees)
         if self._filters is not None and not self._filters.apart:
             u |= self._desired.late(look.rows, _LATE & self._sees)
+        if look.seen_off is not None and "p_WE" in u:
+            u["p_WE"] = u["p_WE"] + look.seen_off
         return {name: u[name] for name in self._sees}
 
     def filter(self, now: Moving, t: float) -> None:

@@ -176,8 +176,8 @@ def _counted(
     every, made, told = 0.0, 0.0, 0.0
     for document, count in groups:
         steps = document.duration / (document.period or 1.0)
-        if document.dither is not None:
-            steps = max(steps, document.duration / document.dither.hold)
+        if document.joint_noise is not None:
+            steps = max(steps, document.duration / document.joint_noise.hold)
         every += steps * count
 
     def advanced(count: int) -> None:

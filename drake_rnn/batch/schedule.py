@@ -75,9 +75,9 @@ def schedule_of(document: ExperimentDocument) -> Schedule:
         document: Document of an experiment with a period.
     """
     assert document.period is not None
-    period, dither, duration = document.period, document.dither, document.duration
+    period, noise, duration = document.period, document.joint_noise, document.duration
     samples = _multiples(period, duration)
-    noises = np.empty(0) if dither is None else _multiples(dither.hold, duration)
+    noises = np.empty(0) if noise is None else _multiples(noise.hold, duration)
     # Times a rounding error apart are two steps, as in Drake; a law sees the noise of the first.
     ends = [samples, noises]
     if document.environment is not None:
@@ -85,8 +85,8 @@ def schedule_of(document: ExperimentDocument) -> Schedule:
         ends.append(_multiples(WATCHED * period, duration))
     times = np.append(np.unique(np.concatenate(ends)), duration)
     tick = period
-    if dither is not None and dither.model == "actuated" and document.filter is None:
-        tick = min(dither.hold, period)
+    if noise is not None and noise.moves_arm and document.filter is None:
+        tick = min(noise.hold, period)
     return Schedule(
         times, np.isin(times, samples), np.isin(times, noises), period, tick, document.window
     )

@@ -76,9 +76,14 @@ def able_reading(document: ExperimentDocument, law: Law) -> SampledReading:
         raise InvalidInputError(
             "integrator: is Drake's; a batch needs a sampled law, with a period"
         )
-    for name, part in {"sensor": document.sensor, "sensing": document.sensing}.items():
-        if part is not None:
-            raise InvalidInputError(f"{name}: a batch has none; simulate has")
+    if document.sensor is not None:
+        raise InvalidInputError("sensor: a batch has none; simulate has")
+    if document.sensing is not None and (
+        not document.sensing.of_position_alone or document.filter is not None
+    ):
+        raise InvalidInputError(
+            "sensing: a batch has p_WE_noise alone, without a filter; simulate has the rest"
+        )
     if document.obstacles is not None:
         raise InvalidInputError("obstacles: a batch does not look at distances; simulate does")
     if document.safety is not None:

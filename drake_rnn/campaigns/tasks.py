@@ -39,11 +39,19 @@ def _cut(orders: list[Order], size: int) -> list[list[Order]]:
     return [orders[k : k + size] for k in range(0, len(orders), size)]
 
 
+#: Keys that tell whether robots may run side by side, but for their numbers; those before others
+#: that always keep robots apart, for the tasks are cut from orders that are sorted by them.
+_TELLING = (
+    *("law", "period", "duration", "task", "filter", "feedback"),
+    *("sensing", "dither", "disturbance", "arm"),
+)
+
+
 def _kind(order: Order) -> str:
     """Return a text that is equal for orders whose robots may run side by side."""
-    keys = ("arm", "task", "period", "duration", "law", "dither", "filter", "feedback")
-    known = {key: order.document.get(key) for key in keys}
-    return json.dumps(_without_numbers(known) | {"period": known["period"]}, sort_keys=True)
+    known = {key: order.document.get(key) for key in _TELLING}
+    kinds = [_without_numbers(known[key]) if key != "period" else known[key] for key in _TELLING]
+    return json.dumps(kinds, sort_keys=True)
 
 
 def _without_numbers(value: Any) -> Any:
@@ -57,6 +65,6 @@ def _without_numbers(value: Any) -> Any:
 
 def _steps(order: Order) -> float:
     document = order.document
-    dither = document.get("dither") or {}
-    step = min(document["period"], dither.get("hold", document["period"]))
+    noise = document.get("dither") or document.get("disturbance") or {}
+    step = min(document["period"], noise.get("hold", document["period"]))
     return max(1.0, float(document["duration"] / step))

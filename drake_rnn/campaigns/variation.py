@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from itertools import product
 from typing import Any, Literal
 
 import numpy as np
+from pydantic import Field
 
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest, short
@@ -96,6 +98,53 @@ class Range(Axis):
     @property
     def size(self) -> int:
         return self.count
+
+
+@validated
+class Grid:
+    """A section of a document, some keys of which have several values.
+
+    Args:
+        fixed: Keys that have one value.
+        over: Values of the other keys, by key; all combinations are run, the last key fastest.
+    """
+
+    fixed: dict[str, Any]
+    over: dict[str, list[Any]] = Field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for key, values in self.over.items():
+            if key in self.fixed:
+                raise ValueError(f"over.{key}: is also in fixed; it cannot be both")
+            if not values:
+                raise ValueError(f"over.{key}: must have one value or more, not []")
+
+    def listed(self) -> list[dict[str, Any]]:
+        """Return the sections, in their order."""
+        combinations = product(*self.over.values())
+        return [{**self.fixed, **dict(zip(self.over, each, strict=True))} for each in combinations]
+
+
+@validated
+class Grids(Axis):
+    """Sections of a document, one grid of them after the other: laws, each with gains of its own.
+
+    Args:
+        of: The grids.
+    """
+
+    of: list[Grid]
+
+    def __post_init__(self) -> None:
+        if not self.of:
+            raise ValueError("of: must not be empty")
+
+    def listed(self) -> list[Any]:
+        return [section for grid in self.of for section in grid.listed()]
+
+    @property
+    def size(self) -> int:
+        return sum(math.prod(map(len, grid.over.values())) for grid in self.of)
 
 
 @validated
@@ -208,6 +257,7 @@ class Choice(Distribution):
 VARIATIONS: dict[str, type[Axis] | type[Distribution]] = {
     "values": Values,
     "range": Range,
+    "grids": Grids,
     "uniform": Uniform,
     "log_uniform": LogUniform,
     "normal": Normal,

@@ -146,7 +146,8 @@ def _require_paced(experiment: Experiment, robot: Robot) -> None:
             f"period: must be {robot.period:g} s, the cycle of the {robot.name}, not "
             f"{document.period}"
         )
-    for name, given in (("filter", document.filter), ("dither", document.dither)):
+    behind = {"filter": document.filter, "dither": document.dither}
+    for name, given in {**behind, "disturbance": document.disturbance}.items():
         if given is not None:
             raise InvalidInputError(
                 f"{name}: must be left out for the {robot.name}, which does not wait: what comes "

@@ -20,8 +20,10 @@ from ..robot.task import TASKS
 from ..systems import BODIES
 from ..systems.body import Feedback
 from ..systems.contact_reference import ForceProfile
+from ..systems.disturbance import DisturbanceSettings
 from ..systems.dither import DitherSettings
 from ..systems.force_sensor import SensorSettings
+from ..systems.joint_noise import JointNoise
 from ..systems.moving_average import FilterSettings
 from ..systems.plant_settings import PlantSettings
 from ..systems.sensing_settings import SensingSettings
@@ -137,6 +139,7 @@ class ExperimentDocument:
             for all joints or one per joint; or ``none`` for no limits at all; or the name of
             shipped limits that replace the arm's, such as ``fr3`` or ``fer``.
         dither: Excitation of the joints.
+        disturbance: Velocities that the joints make besides those commanded.
         filter: Filter of the law's command, so that the arm keeps the bounds of ``limits`` up to
             the highest order given.
         feedback: Arm that the law sees: ``commanded``, the one that the filtered command moves;
@@ -176,6 +179,7 @@ class ExperimentDocument:
     on_unreachable: Literal["refuse", "project", "follow"] = "refuse"
     limits: dict[str, Any] | str = Field(default_factory=dict)
     dither: DitherSettings | None = None
+    disturbance: DisturbanceSettings | None = None
     filter: FilterSettings | None = None
     feedback: Feedback | None = None
     seed: Seed = 0
@@ -207,6 +211,9 @@ class ExperimentDocument:
             if value not in known:
                 raise ValueError(f"{key}: may be {', '.join(known)}, not {value!r}")
 
+        if self.dither is not None and self.disturbance is not None:
+            raise ValueError("disturbance: cannot be combined with dither; give one of them")
+
     def _check_times(self) -> None:
         if self.period is not None and self.integrator is not None:
             raise ValueError("period: cannot be combined with integrator; give one of them")
@@ -228,6 +235,11 @@ class ExperimentDocument:
                 f"window: must be two increasing times up to {self.duration:g} s, "
                 f"not {list(self.window)}"
             )
+
+    @property
+    def joint_noise(self) -> JointNoise | None:
+        """What is added to the joint velocities; None for nothing."""
+        return self.dither or self.disturbance
 
     def contents(self) -> dict[str, Any]:
         """Return the document as plain data, without the keys that are not set."""

@@ -128,14 +128,14 @@ class Experiment:
     def kept_limits(self) -> tuple[str, ...]:
         """Names of the limits of the arm that the law or a filter behind it keeps by construction.
 
-        There are none for an arm that does not move as commanded, because of its motors or of an
-        actuated dither. Behind a filter the arm's positions are means of those of an unfiltered arm
-        that the law sees, if neither a bound on the velocity nor a precompensation changes the
-        command before. A law that sees positions with errors of measurement can keep no limit of
-        the true ones.
+        There are none for an arm that does not move as commanded, because of its motors, of an
+        actuated dither or of a disturbance. Behind a filter the arm's positions are means of those
+        of an unfiltered arm that the law sees, if neither a bound on the velocity nor a
+        precompensation changes the command before. A law that sees positions with errors of
+        measurement can keep no limit of the true ones.
         """
-        dither, settings, keeps = self.document.dither, self.document.filter, self.keeps
-        if self.level.has_motors or (dither is not None and dither.model == "actuated"):
+        noise, settings, keeps = self.document.joint_noise, self.document.filter, self.keeps
+        if self.level.has_motors or (noise is not None and noise.moves_arm):
             return ()
         if settings is None:
             sensed = self.document.sensing is not None
@@ -294,7 +294,12 @@ def _unsafe(parts: Sections) -> list[str]:
             "filter: must be left out with obstacles that are avoided; a mean of postures may "
             "collide where none of them does"
         )
-    if document.dither is not None and document.dither.model == "actuated":
+    if document.disturbance is not None:
+        raise InvalidInputError(
+            "disturbance: must be left out with obstacles that are avoided; nothing is known of "
+            "the motion that it adds to the command"
+        )
+    if document.dither is not None and document.dither.moves_arm:
         raise InvalidInputError(
             "dither.model: must not be actuated with obstacles that are avoided; nothing is known "
             "of the motion that it adds to the command"

@@ -40,7 +40,7 @@ def filter_delay(parts: Sections) -> tuple[FilterDelay, list[str]]:
 def _delay(parts: Sections) -> FilterDelay:
     document, feedback, law = parts.document, parts.feedback, parts.law
     settings = document.filter
-    check_filter(settings is not None, feedback, document.dither)
+    check_filter(settings is not None, feedback, document.joint_noise)
     if settings is None:
         return FilterDelay()
     if document.period is None:

@@ -27,6 +27,7 @@ from .document import ExperimentDocument
 _SHARED = (
     *("second", "obstacles", "period", "integrator", "duration", "log_period", "seed", "name"),
     *("over", "environment", "force", "sensor", "level", "plant", "safety", "filter", "dither"),
+    "disturbance",
 )
 _NEEDS = (
     "second: needs laws that keep clear of what is beside their arms: adaptive, with a period and "

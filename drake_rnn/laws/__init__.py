@@ -20,6 +20,7 @@ from .motion_force import MotionForce
 from .null_space_adjustment import NullSpaceAdjustment
 from .parts.held_clear import Avoidance
 from .posture_law import PostureLaw
+from .projection import Projection
 from .pseudoinverse import Pseudoinverse
 from .receding_horizon import RecedingHorizon
 from .recursive import Recursive
@@ -38,6 +39,7 @@ LAWS: Kinds[Law] = Kinds(
         "joint_stream": JointStream,
         "motion_force": MotionForce,
         "null_space_adjustment": NullSpaceAdjustment,
+        "projection": Projection,
         "pseudoinverse": Pseudoinverse,
         "receding_horizon": RecedingHorizon,
         "recursive": Recursive,
@@ -63,6 +65,7 @@ __all__ = [
     "MotionForce",
     "NullSpaceAdjustment",
     "PostureLaw",
+    "Projection",
     "Pseudoinverse",
     "Reading",
     "RecedingHorizon",

@@ -3,28 +3,33 @@
 # No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
-from ..inputs.fields import Gain, GainOrZero, Vector, validated
+from ..inputs.fields import Gain, GainOrZero, Positive, Vector, between, validated
 from ..robot.limits import JointLimits
 from .law import Law
 from .program.bounds import VelocityBox
-from .program.costs import ReturningVelocity
+from .program.costs import Cost, KineticEnergy, LargestVelocity, ReturningVelocity
 from .program.rows import EndEffectorVelocity
 from .program.scheme import QPScheme
 
 
 @validated
 class ProgramLaw(Law):
-    """A law with a scheme: repetitive motion along a path, within bounds if they are asked for.
+    """A law with a scheme: a cost along a path, within bounds if they are asked for.
 
     Args:
         limits: Limits of the joints; with ``bounds: velocity`` those of position and velocity.
         home: Posture at the start, which the joints return to, shape (n,) [rad].
         task_size: Number of rows of J; of 6 rows the first three are rotation.
+        cost: What is minimised: ``velocity``, ``kinetic_energy`` or ``largest_velocity``, see
+            `drake_rnn.laws.program.costs`.
         return_gain: Gain k of the way back to that posture [1/s]; 0 for the least velocity alone.
+        manipulability: Gain of the gradient of the manipulability [rad/s], with ``cost: velocity``.
+        blend: Weight of the velocity's square beside the largest velocity, with
+            ``cost: largest_velocity`` [1]; 1 has the square alone.
         feedback: Gain K of the feedback of position and orientation [1/s].
         bounds: ``velocity`` has the limits of position and velocity as inequalities of the
             program, which the network fulfils as well as it follows its optimum; ``none`` has none.
@@ -34,7 +39,10 @@ class ProgramLaw(Law):
     limits: JointLimits
     home: Vector
     task_size: Literal[2, 3, 6] = 3
+    cost: Literal["velocity", "kinetic_energy", "largest_velocity"] = "velocity"
     return_gain: GainOrZero = 1.0
+    manipulability: GainOrZero = 0.0
+    blend: Annotated[Positive, between(1e-3, 1.0)] = 0.1
     feedback: GainOrZero = 10.0
     bounds: Literal["none", "velocity"] = "none"
     limit_stiffness: Gain = 10.0
@@ -48,11 +56,23 @@ class ProgramLaw(Law):
                 f"{int(np.argmax(unbounded)) + 1} has none; give limits.velocity"
             )
 
+        if self.manipulability and (self.cost != "velocity" or self.task_size == 2):
+            raise ValueError(
+                "manipulability: needs cost: velocity and task: xyz or pose; leave it out"
+            )
+
+    @property
+    def _cost(self) -> Cost:
+        if self.cost == "kinetic_energy":
+            return KineticEnergy(self.home, self.return_gain)
+        square = ReturningVelocity(self.home, self.return_gain, self.manipulability, self.task_size)
+        return square if self.cost == "velocity" else LargestVelocity(square, self.blend)
+
     @cached_property
     def scheme(self) -> QPScheme:
         """The program that the network follows the optimum of."""
         return QPScheme(
-            ReturningVelocity(self.home, self.return_gain),
+            self._cost,
             EndEffectorVelocity(self.limits.size, self.task_size, self.feedback),
             VelocityBox(self.limits, self.limit_stiffness) if self.bounds == "velocity" else None,
         )

@@ -36,25 +36,21 @@ K          feedback               gain of the position feedback [1/s]
 =========  =====================  =====================================================
 
 Not in the papers:
-    What is commanded is held for a sample: the mean of the network's velocities at its two ends,
-    which moves the joints as the ramp between them does. How J changes is told by the last
-    samples. ``discretization: implicit`` steps are stable at any gain, where the papers integrate
-    in continuous time. A damping keeps the equations regular in a singular posture.
+    What is commanded is held for a sample, see `drake_rnn.laws.program_reading`.
+    ``discretization: implicit`` steps are stable at any gain, where the papers integrate in
+    continuous time. A damping keeps the equations regular in a singular posture.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from math import inf, isfinite
 from typing import Literal
 
-import numpy as np
-
 from ..errors import InvalidInputError
-from ..inputs.fields import Array, Gain, GainOrZero, Positive, Weight, validated
+from ..inputs.fields import Gain, GainOrZero, Positive, Weight, validated
 from .law import Circumstances, SampledReading
-from .layout import Layout, Signals
+from .layout import Layout
 from .networks.activations import Activation, Shape, activation
 from .networks.design import Design
 from .networks.discretization import FORMULAS, Discretization
@@ -62,8 +58,8 @@ from .networks.growth import GrowingGain, Growth
 from .networks.optimality import Variables
 from .networks.zeroing_network import ZeroingNetwork
 from .parts.network_noise import NetworkNoise
-from .parts.signal_rates import SignalRates
 from .program_law import ProgramLaw
+from .program_reading import ProgramReading
 
 # Damping [m]: of equations alone, whose optimum changes smoothly up to singular postures; and with
 # bounds, which can leave none, so that multipliers grow as the inverse of its square.
@@ -75,7 +71,8 @@ class Zeroing(ProgramLaw):
     """A zeroing network around the program of a scheme, sampled.
 
     Args:
-        limits, home, task_size, return_gain, feedback, bounds, limit_stiffness: See `ProgramLaw`.
+        limits, home, task_size, cost, return_gain, manipulability, blend: See `ProgramLaw`.
+        feedback, bounds, limit_stiffness: See `ProgramLaw`.
         gain: Gain gamma of the design formula at the start [1/s].
         growth: How the gain grows: ``none``, ``exponential`` or ``power``.
         growth_rate: The rate a of its growth [1/s].
@@ -113,12 +110,10 @@ class Zeroing(ProgramLaw):
         return activation(self.activation, self.exponent, self.steepness)
 
     @cached_property
-    def network(self) -> ZeroingNetwork:
+    def dynamics(self) -> ZeroingNetwork:
         """The network that the law runs."""
-        n = self.limits.size
-        bounds = 0 if self.scheme.bounds is None else 2 * n
         return ZeroingNetwork(
-            Variables(n, self.task_size, bounds),
+            Variables(*self.scheme.sizes(self.limits.size)),
             Design(self.phi, self.integral_gain),
             self.gain_over_time,
             FORMULAS.get(self.discretization),
@@ -138,7 +133,7 @@ class Zeroing(ProgramLaw):
         return GrowingGain(self.gain, self.growth, self.growth_rate)
 
     def sampled(self, period: float) -> SampledReading:
-        """Return a `ZeroingReading`.
+        """Return a `ProgramReading`.
 
         Raises:
             InvalidInputError: If an explicit ``discretization`` is unstable at this period.
@@ -151,7 +146,7 @@ class Zeroing(ProgramLaw):
                     f"discretization: {self.discretization} and activation: {self.activation}, not "
                     f"{gain:g}; or give discretization: implicit"
                 )
-        return ZeroingReading(self)
+        return ProgramReading(self)
 
     def _most(self, period: float) -> float:
         """Return the gain from which on errors that are small grow at this period [1/s]."""
@@ -189,51 +184,4 @@ class Zeroing(ProgramLaw):
 
     @property
     def state(self) -> Layout:
-        return Layout(v=(self.limits.size,), **self.network.shapes)
-
-
-@dataclass(frozen=True, eq=False)
-class ZeroingReading(SampledReading):
-    """The sampled reading of a `Zeroing` law.
-
-    Args:
-        law: The law.
-    """
-
-    law: Zeroing
-
-    takes_many = True
-
-    @cached_property
-    def state(self) -> Layout:
-        n = self.law.limits.size
-        return Layout(v=(n,), **self.law.network.shapes, **self._rates.shapes, samples=(1,))
-
-    @cached_property
-    def inputs(self) -> Layout:
-        return self.law.inputs
-
-    @cached_property
-    def observables(self) -> Layout:
-        return Layout(residual=(1,))
-
-    @cached_property
-    def _rates(self) -> SignalRates:
-        return SignalRates(self.law.scheme.differenced)
-
-    def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
-        start = {"v": np.zeros(self.law.limits.size), "samples": np.zeros(1)}
-        start |= self.law.network.start(rng) | self._rates.start(u)
-        return self.state.joined(start)
-
-    def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
-        kept, scheme = self.state.named(x), self.law.scheme
-        count, before = kept["samples"], kept["optimum"]
-        u_dot, held = self._rates.advanced(kept, u, count, period)
-        program, rates = scheme.program(u), scheme.rates(u, u_dot, before)
-        found = self.law.network.after(t, kept, program, rates, count, period)
-        v = 0.5 * (before + found["optimum"])
-        return self.state.joined({"v": v, **found, **held, "samples": count + 1.0})
-
-    def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
-        return {"residual": self.state.part(x, "residual_largest")}
+        return Layout(v=(self.limits.size,), **self.dynamics.shapes)

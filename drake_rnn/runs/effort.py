@@ -14,7 +14,8 @@ LONGEST = 3 * 3600.0
 #: Samples that a run may store: some 1.5 kB each.
 MOST_SAMPLES = 1e7
 # What a step costs, roughly, by what makes it [s].
-_COSTS = {"period": 5e-5, "integrator.step": 1.5e-4, "dither.hold": 5e-5, "plant.time_step": 2e-4}
+_COSTS = {"period": 5e-5, "integrator.step": 1.5e-4, "plant.time_step": 2e-4}
+_COSTS |= {"dither.hold": 5e-5, "disturbance.hold": 5e-5}
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,7 @@ def effort_of(document: ExperimentDocument) -> Effort:
         "period": document.period,
         "integrator.step": document.integrator and document.integrator.step,
         "dither.hold": document.dither and document.dither.hold,
+        "disturbance.hold": document.disturbance and document.disturbance.hold,
     }
     if BODIES[document.level].has_motors:
         held["plant.time_step"] = (document.plant or PlantSettings()).time_step

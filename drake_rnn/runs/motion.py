@@ -275,9 +275,9 @@ def _pressing(experiment: Experiment, steps: Steps) -> Pressing | None:
 def ticks_of(experiment: Experiment, loop: Loop) -> tuple[float | None, float | None]:
     """Return the times for which arm and law hold their velocities [s]; None if not held."""
     document, tick = experiment.document, loop.arm.tick
-    dither, period = document.dither, document.period
+    noise, period = document.joint_noise, document.period
     if tick is not None:
         return tick, period
-    if dither is None or dither.model != "actuated" or document.filter is not None:
+    if noise is None or not noise.moves_arm or document.filter is not None:
         return period, period
-    return dither.hold if period is None else min(dither.hold, period), period
+    return noise.hold if period is None else min(noise.hold, period), period

@@ -285,7 +285,7 @@ def _add_experiment(
         controller,
         source,
         task=document.task,
-        dither=document.dither,
+        dither=document.joint_noise,
         filter=_filter(experiment),
         feedback=experiment.feedback,
         sensing=document.sensing,

@@ -9,6 +9,7 @@ from .controllers import (
     Controller as Controller,
     SampledController as SampledController,
 )
+from .disturbance import DisturbanceSettings as DisturbanceSettings
 from .dither import Dither as Dither, DitherSettings as DitherSettings
 from .dynamics import Dynamics as Dynamics
 from .force_sensor import ForceSensor as ForceSensor, SensorSettings as SensorSettings

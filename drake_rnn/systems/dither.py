@@ -7,11 +7,12 @@ from typing import Annotated, Literal
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from ..inputs.fields import Array, Positive, between, validated
+from .joint_noise import JointNoise, Samples
 from .white_noise import WhiteNoise
 
 
 @validated
-class DitherSettings:
+class DitherSettings(JointNoise):
     """Seeded white noise on the joint velocities, and where it acts.
 
     Args:
@@ -28,22 +29,56 @@ class DitherSettings:
     sigma: Annotated[Positive, between(0.0, 100.0)]
     hold: Positive
 
+    section = "dither"
 
-def dither_noise(size: int, seed: int) -> WhiteNoise:
-    """Return the noise of a dither of standard deviation 1.
+    @property
+    def course(self) -> str:
+        """See `JointNoise.course`."""
+        return "white"
+
+    @property
+    def scale(self) -> float:
+        """See `JointNoise.scale`."""
+        return self.sigma
+
+    def samples(self, size: int, seed: int) -> Samples:
+        """See `JointNoise.samples`."""
+        return WhiteNoise(size, seed, stream=1, clip=3.0)
+
+
+class HeldNoise(LeafSystem):
+    """What is added to the joint velocities, with a new value every ``hold``.
+
+    The output, shape (n,) [rad/s], is named after the settings' section. It depends on seed and
+    sample number alone: every run and every process gets the same values.
 
     Args:
         size: Number of joints.
-        seed: Seed of the experiment.
+        settings: Settings of the noise.
+        seed: Seed of the random generator.
     """
-    return WhiteNoise(size, seed, stream=1, clip=3.0)
+
+    def __init__(self, size: int, settings: JointNoise, seed: int = 0) -> None:
+        super().__init__()
+        self._sigma = settings.scale
+        self._hold = settings.hold
+        self._noise = settings.samples(size, seed)
+        state = self.DeclareDiscreteState(size)
+        self.DeclareStateOutputPort(settings.section, state)
+        self.DeclarePeriodicDiscreteUpdateEvent(self._hold, 0.0, self._update)
+
+    def sample(self, number: int) -> Array:
+        """Return the value of one sample, shape (n,) [rad/s]."""
+        return self._sigma * self._noise.sample(number)
+
+    def _update(self, context: Context, state: DiscreteValues) -> None:
+        state.set_value(self.sample(round(context.get_time() / self._hold)))
 
 
-class Dither(LeafSystem):
+class Dither(HeldNoise):
     """Normal white noise, clipped at three sigma, with a new value every ``hold``.
 
-    The output ``dither``, shape (n,) [rad/s], depends on seed and sample number alone: every run
-    and every process gets the same values.
+    The output is ``dither``, shape (n,) [rad/s].
 
     Args:
         size: Number of joints.
@@ -53,18 +88,4 @@ class Dither(LeafSystem):
     """
 
     def __init__(self, size: int, sigma: float, hold: float, seed: int = 0) -> None:
-        super().__init__()
-        settings = DitherSettings(sigma=sigma, hold=hold)
-        self._sigma = settings.sigma
-        self._hold = settings.hold
-        self._noise = dither_noise(size, seed)
-        state = self.DeclareDiscreteState(size)
-        self.DeclareStateOutputPort("dither", state)
-        self.DeclarePeriodicDiscreteUpdateEvent(self._hold, 0.0, self._update)
-
-    def sample(self, number: int) -> Array:
-        """Return the value of one sample, shape (n,) [rad/s]."""
-        return self._sigma * self._noise.sample(number)
-
-    def _update(self, context: Context, state: DiscreteValues) -> None:
-        state.set_value(self.sample(round(context.get_time() / self._hold)))
+        super().__init__(size, DitherSettings(sigma=sigma, hold=hold), seed)

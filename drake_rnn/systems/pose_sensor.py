@@ -14,6 +14,15 @@ from .sensing_settings import SensingSettings
 from .white_noise import WhiteNoise
 
 
+def pose_noise(seed: int) -> WhiteNoise:
+    """Return the noise of a pose, of standard deviation 1: three of position, three of rotation.
+
+    Args:
+        seed: Seed of the experiment.
+    """
+    return WhiteNoise(6, seed, stream=4)
+
+
 class PoseSensor(LateSensor):
     """Measurement of the task frame E from outside, once every period of the controller.
 
@@ -47,7 +56,7 @@ class PoseSensor(LateSensor):
         period: float,
         seed: int = 0,
     ) -> None:
-        super().__init__(settings, period, WhiteNoise(6, seed, stream=4))
+        super().__init__(settings, period, pose_noise(seed))
         self._p_noise, self._R_noise = settings.p_WE_noise or 0.0, settings.R_WE_noise or 0.0
         self._kinematics, self._task = kinematics, named_task(task)
         position = self.DeclareVectorInputPort("position_true", np.size(start))

@@ -74,6 +74,13 @@ class SensingSettings:
         """Whether the end effector is measured from outside, not computed from the joints."""
         return self.p_WE_noise is not None or self.R_WE_noise is not None
 
+    @property
+    def of_position_alone(self) -> bool:
+        """Whether nothing but the position of the end effector is measured with errors."""
+        steps = self.resolution is not None or self.encoder_bits is not None
+        others = np.max(self.position_noise), self.delay, self.secant_samples, self.R_WE_noise
+        return self.p_WE_noise is not None and not steps and not any(others)
+
     def step_of(self, arm: Arm) -> Array | None:
         """Return the step of each joint's measured position, shape (n,); None without steps.
 

@@ -105,3 +105,32 @@ def test_bad_sections_are_refused_by_name(section, message):
         variation_of(section, "vary.x")
     assert str(caught.value).startswith(message)
     assert "\n" not in str(caught.value)
+
+
+def test_grids_list_each_section_with_all_its_gains():
+    section = {
+        "kind": "grids",
+        "of": [
+            {"fixed": {"kind": "a", "list": [1, 2]}, "over": {"x": [1, 2], "y": [3, 4]}},
+            {"fixed": {"kind": "b"}},
+        ],
+    }
+    axis = variation_of(section, "vary.law")
+    gains = [(1, 3), (1, 4), (2, 3), (2, 4)]
+    listed = [{"kind": "a", "list": [1, 2], "x": x, "y": y} for x, y in gains]
+    assert axis.listed() == [*listed, {"kind": "b"}]
+    assert axis.size == 5
+
+
+@pytest.mark.parametrize(
+    ("grids", "said"),
+    [
+        ([], "vary.law.of: must not be empty"),
+        ([{"over": {"x": [1]}}], "vary.law.of.0.fixed: must be given"),
+        ([{"fixed": {"x": 1}, "over": {"x": [1]}}], "over.x: is also in fixed"),
+        ([{"fixed": {}, "over": {"x": []}}], "over.x: must have one value or more"),
+    ],
+)
+def test_grids_that_mean_nothing_are_refused(grids, said):
+    with pytest.raises(InvalidInputError, match=said.replace(".", r"\.")):
+        variation_of({"kind": "grids", "of": grids}, "vary.law")

@@ -88,6 +88,7 @@ def test_its_numbers_read_back_to_the_last_bit(start, offset, rho):
 def test_what_is_not_set_is_not_written():
     contents = written(KINEMATIC).contents()
     unset = {"plant", "environment", "force", "sensor", "sensing", "integrator", "dither", "filter"}
+    unset |= {"disturbance"}
     assert not contents.keys() & (unset | {"feedback", "over"})
     assert contents["level"] == "kinematic"
 

@@ -8,6 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from ...arrays.algebra import functions_of, joined
 from ...inputs.fields import Array
 from ..layout import Signals
 from .bounds import Bounds
@@ -16,12 +19,12 @@ from .quadratic_program import Program, Rates
 from .rows import Rows
 
 #: Signals whose rates no other signal tells: they are taken by differences of samples.
-DIFFERENCED = ("J", "M")
+DIFFERENCED = ("J", "J_omega", "M")
 
 
 @dataclass(frozen=True, eq=False)
 class QPScheme:
-    """A time-varying quadratic program in the joint velocities x.
+    """A time-varying quadratic program in x: the joint velocities, then slacks of the cost.
 
     Attributes:
         cost: What is minimised.
@@ -44,6 +47,16 @@ class QPScheme:
         """Shapes of those signals among them whose rates `rates` is to be told."""
         return {name: shape for name, shape in self.inputs.items() if name in DIFFERENCED}
 
+    def sizes(self, joints: int) -> tuple[int, int, int]:
+        """Return the numbers of variables, equations and inequalities.
+
+        Args:
+            joints: Number n of joints.
+        """
+        k, rows = joints + self.cost.slacks, self.cost.rows()
+        box = 0 if self.bounds is None else 2 * k
+        return k, self.rows.size, box + (0 if rows is None else rows[1].size)
+
     def program(self, u: Signals) -> Program:
         """Return the program at an instant.
 
@@ -52,7 +65,11 @@ class QPScheme:
         """
         W, c = self.cost.terms(u)
         A, b = self.rows.terms(u)
-        return Program(W, c, A, b, None if self.bounds is None else self.bounds.box(u))
+        box = None if self.bounds is None else self._wider_box(*self.bounds.box(u))
+        if (rows := self.cost.rows()) is None:
+            return Program(W, c, self._wider(A), b, box)
+        # As many robots as the rest has.
+        return Program(W, c, self._wider(A), b, box, rows[0], rows[1] + 0.0 * c[..., :1])
 
     def rates(self, u: Signals, u_dot: Signals, x: Array) -> Rates:
         """Return how fast the program changes.
@@ -60,8 +77,28 @@ class QPScheme:
         Args:
             u: Signals.
             u_dot: Time derivatives of those in `differenced`.
-            x: Joint velocities, shape (..., n) [rad/s].
+            x: Variables, shape (..., k).
         """
-        W, c = self.cost.rates(u, u_dot, x)
-        A, b = self.rows.rates(u, u_dot, x)
-        return Rates(W, c, A, b, None if self.bounds is None else self.bounds.rates(u, x))
+        v = x[..., : x.shape[-1] - self.cost.slacks]
+        W, c = self.cost.rates(u, u_dot, v)
+        A, b = self.rows.rates(u, u_dot, v)
+        box = None
+        if self.bounds is not None:
+            lower, upper = (self._wider(rate) for rate in self.bounds.rates(u, v))
+            box = lower, upper
+        return Rates(W, c, None if A is None else self._wider(A), b, box)
+
+    def _wider(self, value: Array) -> Array:
+        """Return a matrix or vector with zeros for the slacks at the end of its last axis."""
+        if not self.cost.slacks:
+            return value
+        zeros = np.zeros((*value.shape[:-1], self.cost.slacks))
+        return functions_of(value).concatenate((value, zeros), axis=-1)
+
+    def _wider_box(self, lower: Array, upper: Array) -> tuple[Array, Array]:
+        """Return bounds also of the slacks: between 0 and what no velocity exceeds."""
+        if not self.cost.slacks:
+            return lower, upper
+        xp = functions_of(lower, upper)
+        most = xp.maximum(xp.abs(lower), xp.abs(upper)).max(axis=-1, keepdims=True)
+        return self._wider(lower), joined((upper, most))

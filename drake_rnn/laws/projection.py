@@ -1,0 +1,289 @@
+r"""Projection networks: dual, and primal-dual of a linear variational inequality.
+
+Sources:
+    Zhang, Wang, Xia, "A dual neural network for redundancy resolution of kinematically redundant
+    manipulators subject to joint limits and joint velocity limits", IEEE Transactions on Neural
+    Networks 14 (2003). The LVI-based primal-dual network: Zhang, "On the LVI-based primal-dual
+    neural network for solving online linear and quadratic programming problems", American Control
+    Conference (2005), and its simplified form, in which public code integrates them. The
+    projection network: Xia, Leung, Wang, "A projection neural network and its application to
+    constrained optimization problems", IEEE Transactions on Circuits and Systems I 49 (2002).
+    Equations were read in public code, see `drake_rnn.laws.networks.projection_networks`; the
+    papers themselves were not read.
+
+The optimum of the program of a scheme (`drake_rnn.laws.program`) is where a projection leaves the
+network as it is. Elsewhere it moves there, with P the clip to the bounds, at the rate gamma: the
+primal-dual one by
+
+.. math::
+    \dot y = \gamma (I + H^T) \left( P(y - (H y + p)) - y \right), \qquad y = (x, \lambda),
+
+and the dual one by
+
+.. math::
+    \dot u = \gamma \left( P(E x - u) - E x \right), \qquad x = W^{-1} (E^T u - c) .
+
+=========  ===========  =====================================================
+paper      here         meaning
+=========  ===========  =====================================================
+theta      position     joint positions q
+x          optimum      joint velocities of the network (state)
+lambda, u  multipliers  multipliers of the task, and of the dual ones (state)
+gamma      gain         gain of the network [1/s]
+k          return_gain  gain of the way back [1/s]
+K          feedback     gain of the position feedback [1/s]
+=========  ===========  =====================================================
+
+Not in the papers:
+    The papers integrate in continuous time, by stiff methods. Here a step is implicit, and found
+    exactly, at any gain and period; or it is printed, and refused where it is unstable; or it is a
+    counted number of iterations. What is commanded is held for a sample, see
+    `drake_rnn.laws.program_reading`. A damping keeps the multipliers of the task bounded where the
+    bounds leave no velocity that does it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from ..errors import InvalidInputError
+from ..inputs.fields import Array, Gain, Weight, validated
+from .law import Circumstances, ContinuousReading, SampledReading
+from .layout import Layout, Signals
+from .networks.projection_network import ProjectionNetwork, Steps
+from .networks.projection_networks import PRIMAL, Network, projected
+from .parts.learned_jacobian import LearnedJacobian
+from .parts.measurement import EXACT, Measurement, suited
+from .program.quadratic_program import Program
+from .program_law import ProgramLaw
+from .program_reading import ProgramReading
+
+# Gain where steps are implicit, and where they are explicit or Drake's [1/s].
+_GAIN, _GAIN_EXPLICIT = 1e6, 100.0
+_ITERATIONS = 20
+_UNMOVED = (
+    "law.J_hat_initial: zero moves no joint, so nothing is learned unless a noise moves the arm; "
+    "consider uniform"
+)
+
+
+@validated
+class Projection(ProgramLaw):
+    """A dual or primal-dual network around the program of a scheme.
+
+    Args:
+        limits, home, task_size, cost, return_gain, manipulability, blend: See `ProgramLaw`.
+        feedback, bounds, limit_stiffness: See `ProgramLaw`.
+        network: ``lvi``, the LVI-based primal-dual one, ``dual``, or either ``simplified_lvi`` or
+            ``simplified_dual``.
+        gain: Gain gamma of the network [1/s]; by default 1e6 of ``implicit`` steps and 100 of
+            others. ``iterated`` has none.
+        discretization: ``implicit``, ``euler`` or, of ``lvi``, ``iterated``.
+        iterations: Number of iterations per sample; only of ``iterated``, by default 20.
+        damping: Damping of the optimum where J loses rank, or where bounds leave no velocity that
+            does the task [m].
+        jacobian: ``known`` reads J; ``learned`` learns it from ``position`` and ``p_WE``.
+        J_hat_initial: Initial J_hat: ``uniform`` in [0, 1], ``zero``, or ``exact``, the arm's own.
+        variance: Variance R of the measured velocity; by default as suits the measurement.
+        wander: Growth q_n of the variance of J_hat's entries [1/s]; likewise.
+        measurement: Quality of what the law sees, if it learns.
+    """
+
+    kind: Literal["projection"] = "projection"
+    network: Network = "lvi"
+    gain: Gain | None = None
+    discretization: Steps = "implicit"
+    iterations: Annotated[int, Field(strict=True, ge=1, le=1000)] | None = None
+    damping: Weight = 1e-3
+    jacobian: Literal["known", "learned"] = "known"
+    J_hat_initial: Literal["uniform", "zero", "exact"] = "uniform"
+    variance: Weight | None = None
+    wander: Weight | None = None
+    measurement: Measurement = Field(default_factory=Measurement)
+
+    takes_many = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.network == "simplified_dual" and self.bounds == "none":
+            raise ValueError(
+                "network: simplified_dual has a neuron for each bound; give bounds: velocity, or "
+                "network: dual"
+            )
+        if self.cost != "velocity" and (
+            self.discretization == "euler" or self.network not in ("lvi", "simplified_lvi")
+        ):
+            raise ValueError(
+                f"cost: {self.cost} needs network: lvi or simplified_lvi and discretization: "
+                "implicit or iterated; or give cost: velocity"
+            )
+        if self.manipulability and self.jacobian == "learned":
+            raise ValueError("manipulability: needs jacobian: known; leave it out")
+        iterated = self.discretization == "iterated"
+        if iterated and self.network != "lvi":
+            raise ValueError(
+                f"discretization: iterated is of network: lvi, not of {self.network}; give "
+                "discretization: implicit"
+            )
+        if iterated and self.gain is not None:
+            raise ValueError("gain: discretization: iterated has none; leave it out")
+        if self.iterations is not None and not iterated:
+            raise ValueError(
+                "iterations: belongs to discretization: iterated, not to "
+                f"{self.discretization}; leave it out"
+            )
+
+    @cached_property
+    def dynamics(self) -> ProjectionNetwork:
+        """The network that the law runs."""
+        gain = _GAIN if self.discretization == "implicit" else _GAIN_EXPLICIT
+        k, m, count = self.scheme.sizes(self.limits.size)
+        return ProjectionNetwork(
+            self.network,
+            k,
+            m,
+            self.scheme.bounds is not None,
+            count - (0 if self.scheme.bounds is None else 2 * k),
+            gain if self.gain is None else self.gain,
+            self.discretization,
+            _ITERATIONS if self.iterations is None else self.iterations,
+            self.damping**2,
+        )
+
+    @property
+    def _learns(self) -> bool:
+        return self.jacobian == "learned"
+
+    def sampled(self, period: float) -> SampledReading:
+        """Return a `ProjectionReading`.
+
+        Raises:
+            InvalidInputError: If ``euler`` is unstable at this period, whatever the Jacobian is.
+        """
+        if self.discretization == "euler":
+            self._require_stable(np.zeros((self.task_size, self.limits.size)), period)
+        suits = suited(self.measurement, period) if self._learns else EXACT
+        law = replace(
+            self,
+            variance=suits.variance if self.variance is None else self.variance,
+            wander=suits.wander if self.wander is None else self.wander,
+        )
+        return ProjectionReading(law, suits.samples, suits.still)
+
+    def continuous(self) -> ContinuousReading:
+        """Return a `ContinuousProjection`.
+
+        Raises:
+            InvalidInputError: If the network's velocities are no state of it, or it is stepped.
+        """
+        if self.network not in PRIMAL:
+            raise InvalidInputError(
+                f"integrator: the velocities of network: {self.network} follow from its signals at "
+                "once, which would close a loop without a state; give a period, or network: lvi"
+            )
+        if self.cost != "velocity":
+            raise InvalidInputError(
+                f"integrator: Drake integrates the joint velocities alone; with cost: {self.cost} "
+                "give a period instead"
+            )
+        if self.discretization != "implicit" or self._learns:
+            told = "jacobian: learned" if self._learns else f"discretization: {self.discretization}"
+            raise InvalidInputError(f"integrator: {told} is of samples; give a period instead")
+        return ContinuousProjection(self)
+
+    def doubts(self, circumstances: Circumstances) -> list[str]:
+        """See `Law.doubts`.
+
+        Raises:
+            InvalidInputError: If ``euler`` is unstable at this period in the posture of the start.
+        """
+        J, task_J, period = circumstances.J, circumstances.task_J, circumstances.period
+        if self.discretization == "euler" and period is not None:
+            if self.task_size == 6:
+                J = None if task_J is None else task_J(self.home)
+            if J is not None:
+                self._require_stable(J, period)
+        return [_UNMOVED] if self._learns and self.J_hat_initial == "zero" else []
+
+    def _require_stable(self, J: Array, period: float) -> None:
+        n, m = self.limits.size, self.task_size
+        box = None if self.scheme.bounds is None else (-np.ones(n), np.ones(n))
+        program = Program(np.eye(n), np.zeros(n), J, np.zeros(m), box)
+        most = projected(self.network, program, self.damping**2).stable_below() / period
+        if self.dynamics.gain >= most:
+            raise InvalidInputError(
+                f"law.gain: must be below {most:.4g} /s at a period of {period:g} s with "
+                f"discretization: euler, network: {self.network} and the Jacobian at the start, "
+                f"not {self.dynamics.gain:g}; or give discretization: implicit"
+            )
+
+    @property
+    def inputs(self) -> Layout:
+        shapes = self.scheme.inputs
+        if self._learns:
+            del shapes["J"]
+            shapes |= {"position": (self.limits.size,)}
+        return Layout(**shapes)
+
+    @property
+    def state(self) -> Layout:
+        n, m = self.limits.size, self.task_size
+        learned = {"J_hat": (m, n)} if self._learns else {}
+        return Layout(v=(n,), **self.dynamics.shapes, **learned)
+
+
+@dataclass(frozen=True, eq=False)
+class ProjectionReading(ProgramReading):
+    """The sampled reading of a `Projection` law.
+
+    Attributes:
+        law: The law, with the numbers that suit its measurement.
+        samples: Number of samples over which velocities are difference quotients.
+        still: Joint speed below which nothing is learned [rad/s].
+    """
+
+    law: Projection
+    samples: int
+    still: float
+
+    @cached_property
+    def learned(self) -> LearnedJacobian | None:
+        """See `ProgramReading.learned`."""
+        law = self.law
+        if law.jacobian == "known":
+            return None
+        m, n = law.task_size, law.limits.size
+        trust = (law.wander, law.variance, self.still)
+        return LearnedJacobian(m, n, self.samples, *trust, law.J_hat_initial)
+
+
+@dataclass(frozen=True, eq=False)
+class ContinuousProjection(ContinuousReading):
+    """A `Projection` law that Drake integrates, of a network that begins with x.
+
+    Attributes:
+        law: The law.
+    """
+
+    law: Projection
+
+    takes_many = True
+
+    @cached_property
+    def state(self) -> Layout:
+        shapes = self.law.dynamics.shapes
+        return Layout(v=shapes["optimum"], multipliers=shapes["multipliers"])
+
+    @property
+    def inputs(self) -> Layout:
+        return self.law.inputs
+
+    def derivatives(self, t: float, x: Array, u: Signals) -> Array:
+        v, multipliers = self.state.split(x)
+        kept = {"optimum": v, "multipliers": multipliers}
+        return self.law.dynamics.rate(kept, self.law.scheme.program(u))

@@ -152,20 +152,22 @@ def found(asked: Asked, python: str | None, begin: int) -> Found:
     return {"constants": [asdict(each) for each in ours], "franka_sim": theirs}
 
 
-def judge(asked: Asked, python: str | None, kept: Path | None) -> None:
-    """Print a row, if there are any motions of it."""
+def judge(asked: Asked, python: str | None, judged: int, kept: Path | None) -> None:
+    """Print a row, if there are any motions of it; franka-sim judges the first of them."""
     if not asked.count:
         return
-    name = f"{asked.name}, {asked.block} at a time{', by franka-sim' if python else ''}"
-    blocks = range(0, asked.count, asked.block)
-    made = cases(partial(found, asked, python), blocks, 1, kept, name)
+    name, blocks = f"{asked.name}, {asked.block} at a time", range(0, asked.count, asked.block)
+    by_both = [begin for begin in blocks if python is not None and begin < judged]
+    by_one = [begin for begin in blocks if begin not in by_both]
+    made = cases(partial(found, asked, python), by_both, 1, kept, f"{name}, by franka-sim")
+    made += cases(partial(found, asked, None), by_one, 1, kept, name)
     ours = [each for block in made for each in block["constants"]]
     theirs = [each for block in made for each in block["franka_sim"]]
     kinds = sorted({kind for each in ours for kind in each["kinds"]})
     cells = [_told([each["count"] for each in ours])]
-    first = ""
+    first, few = "", f" of {len(theirs)}" if len(theirs) < len(ours) else ""
     for mode in () if python is None else ("velocity", "position"):
-        cells.append(_told([each[mode][0] for each in theirs]))
+        cells.append(_told([each[mode][0] for each in theirs]) + few)
         first = first or next((each[mode][1] for each in theirs if each[mode][1]), "")
     distance = min(each["distance"] for each in ours)
     samples = len(ours) * STEPS
@@ -216,6 +218,7 @@ def main() -> None:
     parser.add_argument("--judge", metavar="PYTHON", help="a Python that has franka-sim")
     parser.add_argument("--motions", type=int, default=5000, help="motions with J known")
     parser.add_argument("--learned", type=int, default=5000, help="motions with J learned")
+    parser.add_argument("--judged", type=int, default=5000, help="of each, judged by franka-sim")
     parser.add_argument("--others", type=int, default=24, help="motions of each other kind")
     parser.add_argument("--kept", type=Path, help="file of what was found, which is not made again")
     parser.add_argument("--cost", action="store_true", help="time a step of the law instead")
@@ -251,7 +254,7 @@ def main() -> None:
     )
     missing = [name for name in ("mink", "ruckig") if few and find_spec(name) is None]
     for asked in rows[: -2 if missing else None]:
-        judge(asked, options.judge, options.kept)
+        judge(asked, options.judge, options.judged, options.kept)
     if missing:
         sys.exit(f"{' and '.join(missing)}: not installed; the rows with it are left out")
 

@@ -63,6 +63,7 @@ class RobotStatus:
         velocity: Estimated joint velocities, shape (n,) [rad/s].
         commanded: Positions that it holds as its command, shape (n,) [rad].
         motion: What a paced connection has commanded in this cycle; None of any other.
+        earlier: Older statuses that have come together with it, the oldest first.
     """
 
     time: float
@@ -70,6 +71,7 @@ class RobotStatus:
     velocity: Array
     commanded: Array
     motion: Motion | None = None
+    earlier: Sequence[RobotStatus] = ()
 
 
 class Connection(Protocol):
@@ -92,7 +94,7 @@ class Connection(Protocol):
         """Return the time of this side's clock, which never jumps [s]."""
 
     def next(self, timeout: float) -> RobotStatus | None:
-        """Return the newest status that has not been returned yet; None if none comes.
+        """Return the newest status, with all that have not been returned yet; None if none comes.
 
         Args:
             timeout: Time to wait for it [s].

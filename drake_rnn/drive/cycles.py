@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from .connection import Connection, RobotStatus
@@ -22,11 +23,18 @@ class Cycle:
         time: The robot's clock, as far as it is accounted for [s].
         passed: Time since the cycle before [s].
         status: What the robot has told; None if nothing came in time.
+        earlier: What it has told since the cycle before besides, the oldest first.
     """
 
     time: float
     passed: float
     status: RobotStatus | None
+    earlier: Sequence[RobotStatus] = ()
+
+    @property
+    def told(self) -> Sequence[RobotStatus]:
+        """All that the robot has told since the cycle before, the newest last."""
+        return self.earlier if self.status is None else (*self.earlier, self.status)
 
 
 class Cycles:
@@ -69,7 +77,9 @@ class Cycles:
         assert self._time is not None
         period = self._connection.period
         self.unanswered = period
+        earlier: list[RobotStatus] = []
         while (status := self._next()) is not None:
+            earlier += status.earlier
             self.heard = self._connection.now()
             passed = status.time - self._time
             if abs(passed) > self._settings.late:
@@ -78,7 +88,9 @@ class Cycles:
             if passed > _EARLY * period:
                 self.late += round(passed / period) - 1
                 self._time, self.unanswered = status.time, passed
-                return Cycle(self._time, passed, status)
+                return Cycle(self._time, passed, status, earlier)
+            # Its cycle is accounted for, but not yet looked at.
+            earlier.append(status)
         self._time += period
         if failure := self._connection.failure:
             raise StopError("robot", failure)
@@ -86,7 +98,7 @@ class Cycles:
         if silent > self._settings.silence or self._connection.paced:
             raise StopError("silence", f"no status for {silent:.3g} s")
         self.lost += 1
-        return Cycle(self._time, period, None)
+        return Cycle(self._time, period, None, earlier)
 
     def whatever_comes(self) -> Cycle:
         """Return the cycle that is unanswered, or else wait for the next, and raise nothing.

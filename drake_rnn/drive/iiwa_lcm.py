@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from math import ceil
 
 import numpy as np
@@ -84,10 +85,9 @@ class IiwaLcm(Connection):
             if (left := end - self.now()) <= 0.0:
                 return None
             self._wait(left)
-        came = [decoded_status(data) for data in self._came]
+        *earlier, newest = sorted(map(decoded_status, self._came), key=lambda status: status.time)
         self._came.clear()
-        # Those that were overtaken say nothing new.
-        return max(came, key=lambda status: status.time)
+        return replace(newest, earlier=earlier) if earlier else newest
 
     def send(self, command: Command) -> None:
         """See `Connection.send`."""

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from select import POLLIN, poll
 
@@ -35,6 +36,8 @@ from .shared_cycles import (
 FRANKA = "drake_rnn.drive.franka:Franka"
 # Times that a pacer has to come up and to end [s].
 _STARTS, _ENDS = 15.0, 5.0
+# Statuses that are looked at of those that have come together; more is a stall, which stops anyway.
+_MISSED = 100
 # Names of the numbers of a cycle, in their order.
 _NUMBERS = (
     "position_measured",
@@ -121,8 +124,14 @@ class Paced(Connection):
                 return None
             self._poll.poll(1e3 * left)
             self._take_event()
+        begin = self._read
         self._keep()
-        return _status(self._shared.cycle(self._read - 1))
+        newest = _status(self._shared.cycle(self._read - 1))
+        # After a stall only the last of them are worth the time.
+        missed = range(max(begin, self._read - _MISSED), self._read - 1)
+        if not missed:
+            return newest
+        return replace(newest, earlier=[_status(self._shared.cycle(k)) for k in missed])
 
     def _take_event(self) -> None:
         try:

@@ -6,7 +6,9 @@ lie in the box of a law which leaves itself this stop: a late law costs steps of
 bound. The law goes on from what was commanded.
 
 Where the robot has lost cycles, it has held its acceleration meanwhile: v += h a, q += h v in each.
-What was commanded is advanced likewise before a step of the stop follows.
+What was commanded is advanced likewise before a step of the stop follows. A robot drops a command
+that comes late, and nobody tells whether one did. So a command that is not ready in time is not
+sent: that its cycle is lost is then certain, and the motion goes on from the one before.
 
 This runs in a process of its own, without NumPy: ``python -m drake_rnn.drive.pacer``.
 """
@@ -18,6 +20,7 @@ import gc
 import os
 import sys
 from collections.abc import Callable, Sequence
+from math import inf
 from pathlib import Path
 from select import select
 from time import monotonic
@@ -47,6 +50,8 @@ PERIOD = 1e-3
 #: Cycles of standstill that a motion begins and ends with, before which the robot's checks of
 #: differences are not sure to have a history.
 STILL = 25
+#: Age of a state from which on it is not answered, and at which an answer has come too late [s].
+LATE, DROPPED = 7e-4, PERIOD
 # Of what the law is told, by rounding: shares of the bounds, and of a position [rad].
 _ROUNDING, _SAME = 1e-6, 1e-9
 
@@ -84,6 +89,18 @@ class PacedRobot(Protocol):
         """Send the positions for a cycle, 7 [rad]; the last ones end the motion."""
 
 
+class Commanded(NamedTuple):
+    """A motion that is commanded, with 7 numbers each [rad, rad/s, rad/s^2].
+
+    Attributes:
+        position, velocity, acceleration: The motion at the end of a cycle.
+    """
+
+    position: Sequence[float]
+    velocity: Sequence[float]
+    acceleration: Sequence[float]
+
+
 class Pacer:
     """The motion that is commanded, cycle by cycle.
 
@@ -92,12 +109,11 @@ class Pacer:
         period: Time of a cycle [s].
 
     Attributes:
-        position, velocity, acceleration: What was commanded last, 7 each.
+        motion: What was commanded last.
     """
 
     def __init__(self, position: Sequence[float], period: float = PERIOD) -> None:
-        self.position = list(position)
-        self.velocity, self.acceleration = [0.0] * JOINTS, [0.0] * JOINTS
+        self.motion = Commanded(tuple(position), (0.0,) * JOINTS, (0.0,) * JOINTS)
         self._period = period
         self._most: Sequence[float] = (1.0,) * JOINTS
         self._jerk: Sequence[float] | None = (1.0,) * JOINTS
@@ -105,44 +121,43 @@ class Pacer:
     @property
     def rests(self) -> bool:
         """Whether nothing moves."""
-        return not (any(self.velocity) or any(self.acceleration))
+        return not (any(self.motion.velocity) or any(self.motion.acceleration))
 
     def lose(self, cycles: int) -> None:
         """Go on as the robot has in cycles that it has lost."""
         for _ in range(cycles):
-            self.velocity = self._added(self.velocity, self.acceleration)
-            self.position = self._added(self.position, self.velocity)
+            q, v, a = self.motion
+            v = self._added(v, a)
+            self.motion = Commanded(self._added(q, v), v, a)
 
     def _added(self, x: Sequence[float], rate: Sequence[float]) -> list[float]:
         return [y + self._period * change for y, change in zip(x, rate, strict=True)]
 
     def take(self, told: Told) -> bool:
         """Take a command if it goes on from the motion within its own bounds; tell whether."""
-        h, jerk = self._period, told.jerk
+        h, jerk, before = self._period, told.jerk, self.motion
         for i in range(JOINTS):
             q, v, a = told.position[i], told.velocity[i], told.acceleration[i]
-            if not abs(q - self.position[i] - h * v) <= _SAME:
+            if not abs(q - before.position[i] - h * v) <= _SAME:
                 return False
             room = told.most[i] * (1.0 + _ROUNDING)
-            if not (abs(v - self.velocity[i]) <= h * room and abs(a) <= room):
+            if not (abs(v - before.velocity[i]) <= h * room and abs(a) <= room):
                 return False
             if jerk is None:
                 continue
-            if not abs(a - self.acceleration[i]) <= h * jerk[i] * (1.0 + _ROUNDING):
+            if not abs(a - before.acceleration[i]) <= h * jerk[i] * (1.0 + _ROUNDING):
                 return False
-            if not abs(v - self.velocity[i] - h * a) <= _SAME:
+            if not abs(v - before.velocity[i] - h * a) <= _SAME:
                 return False
-        self.position, self.velocity = list(told.position), list(told.velocity)
-        self.acceleration = list(told.acceleration)
+        self.motion = Commanded(told.position, told.velocity, told.acceleration)
         self._most, self._jerk = told.most, jerk
         return True
 
     def stop(self) -> None:
         """Make a step of the fastest stop within the bounds of the last command that was taken."""
-        self.velocity, self.acceleration = stop_step(
-            self.velocity, self.acceleration, self._most, self._jerk, self._period
-        )
-        self.position = self._added(self.position, self.velocity)
+        q, v, a = self.motion
+        v, a = stop_step(v, a, self._most, self._jerk, self._period)
+        self.motion = Commanded(self._added(q, v), v, a)
 
 
 class Pacing:
@@ -153,6 +168,7 @@ class Pacing:
         shared: What it shares with the law.
         wake: Called when a cycle has been written.
         is_alone: Whether nobody is left who could ask for anything.
+        now: Clock of this machine [s].
     """
 
     def __init__(
@@ -161,9 +177,10 @@ class Pacing:
         shared: SharedCycles,
         wake: Callable[[], None],
         is_alone: Callable[[], bool],
+        now: Callable[[], float] = monotonic,
     ) -> None:
         self._robot, self._shared = robot, shared
-        self._wake, self._is_alone = wake, is_alone
+        self._wake, self._is_alone, self._now = wake, is_alone, now
 
     def run(self) -> None:
         """Listen, and move the robot once it is asked for, until it has been handed back."""
@@ -172,7 +189,7 @@ class Pacing:
         state = self._robot.look()
         while shared.asked == LISTEN and not self._is_alone():
             state = self._robot.look()
-            now = monotonic()
+            now = self._now()
             self._write(state, Pacer(state.held), (NOBODY, 1), now, now)
         if shared.asked in (MOVE, REST):
             self._move(state)
@@ -181,18 +198,29 @@ class Pacing:
         """Command the robot until it rests and is to be handed back."""
         pacer, shared, robot = Pacer(state.held), self._shared, self._robot
         robot.begin()
-        before, rested = state.time, -STILL
-        begun = False
+        last, since, answered, rested = state, inf, -inf, -STILL
         while True:
             state = robot.read()
-            heard = monotonic()
-            passed = round((state.time - before) / PERIOD) if begun else 1
-            before, begun = state.time, True
+            heard = self._now()
+            # It may have waited for this process: it was sent by the robot's clock.
+            sent = min(heard, since + state.time - last.time)
+            last, since = state, heard
+            passed = 1 if answered < 0.0 else round((state.time - answered) / PERIOD)
+            before = pacer.motion
             source = self._advance(pacer, max(passed, 1), rested < 0)
-            rested = rested + 1 if pacer.rests else 0
-            is_last = rested > STILL and self._is_done()
-            robot.answer(pacer.position, is_last)
-            self._write(state, pacer, (source, passed), heard, monotonic())
+            if self._now() - sent > LATE:
+                pacer.motion = before
+                continue
+            rests = rested + 1 if pacer.rests else 0
+            is_last = rests > STILL and self._is_done()
+            robot.answer(pacer.motion.position, is_last)
+            done = self._now()
+            if done - sent > DROPPED and not is_last:
+                # It stood still while it sent: the robot has dropped this.
+                pacer.motion = before
+                continue
+            answered, rested = state.time, rests
+            self._write(state, pacer, (source, passed), heard, done)
             if rested == 0:
                 shared.doing = MOVING
             if is_last:
@@ -219,8 +247,8 @@ class Pacing:
     ) -> None:
         times = (state.time, heard, answered, state.success)
         seen = (*state.q, *state.dq, *state.held)
-        commanded = (*pacer.position, *pacer.velocity, *pacer.acceleration)
-        self._shared.add(words, times, (*seen, *commanded))
+        q, v, a = pacer.motion
+        self._shared.add(words, times, (*seen, *q, *v, *a))
         self._wake()
 
 

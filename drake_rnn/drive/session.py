@@ -192,12 +192,13 @@ class Session:
         if self._is_told_to_stop():
             raise StopError("interrupted", "told to stop")
         cycle = self._cycles.due()
+        for told in cycle.told:
+            self._watches.sound(told)
+            self._watches.within(told)
+            self._watches.continues(told, self._last)
         if (status := cycle.status) is not None:
-            self._watches.sound(status)
-            self._watches.within(status)
-            self._watches.continues(status, self._last)
-            told = self._sent if status.motion is None else status.motion.position
-            self._watches.follows(status, told)
+            commanded = self._sent if status.motion is None else status.motion.position
+            self._watches.follows(status, commanded)
             self._last = status
         return cycle
 

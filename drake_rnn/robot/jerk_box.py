@@ -11,6 +11,9 @@ from ..inputs.fields import Array
 from .jerk_stop import course, gaining, stop
 from .velocity_envelope import VelocityEnvelope, farthest
 
+# What rounding may make of a velocity at its limit, in steps of the acceleration over a period.
+_ROUNDING = 1e-9
+
 
 class JerkLimits(NamedTuple):
     """Limits of joints, their jerk included; any of position and velocity may be infinite.
@@ -38,6 +41,10 @@ def jerk_box(
     chord between the largest acceleration and that of the stop gives the bound: between these two,
     how far a joint gets is convex in its next acceleration. With an envelope, the way that it needs
     for its velocity counts as gone; the proof is in `drake_rnn.robot.velocity_envelope`.
+
+    A joint that has no such stop, as after samples in which it has held its acceleration, brakes:
+    as fast as it may where its stop leads beyond a position limit or the envelope, and until it is
+    within its velocity limit again where it is faster.
 
     Args:
         q: Joint positions, shape (..., n) [rad].
@@ -75,6 +82,9 @@ def _upper(v: Array, fastest: Array, most: Array, d: Array, period: float) -> Ar
     xp = functions_of(v)
     left = (most - v) / (period * d)
     room = gaining(xp.maximum(differentiable(left), 0.0))
+    too_fast = left < -_ROUNDING
+    if xp is not np or too_fast.any():
+        room = xp.where(too_fast, -gaining(xp.maximum(-left, 0.0)), room)
     return xp.minimum(fastest, xp.where(xp.isfinite(left), d * room, fastest))
 
 

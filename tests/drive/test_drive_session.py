@@ -97,6 +97,28 @@ def test_a_fault_ends_in_a_stop_within_the_bounds(watch):
     assert not velocity[-1].any()
 
 
+@pytest.mark.parametrize("wrong", [beyond, nan])
+@pytest.mark.parametrize("in_time", [True, False])
+def test_a_single_wrong_status_is_seen_whenever_it_comes(wrong, in_time):
+    """Of messages that come together only the newest moves the robot's clock on."""
+
+    def together(t, status):
+        # This side is late, and finds two; or the first came when its cycle was taken for lost.
+        if t > 0.6 and robot.wrong is None:
+            robot.wrong = wrong(t, status)
+            return None
+        if robot.wrong is not None and not robot.told:
+            robot.told = True
+            return replace(status, earlier=[robot.wrong]) if in_time else robot.wrong
+        return status
+
+    robot = Scripted(known().start, together)
+    robot.wrong, robot.told = None, False
+    (result, made), _ = driven(robot)
+    assert made.stopped.watch == {beyond: "limits", nan: "status"}[wrong]
+    assert result.status == "failed"
+
+
 def test_whoever_wants_it_to_end_waits_until_the_robot_rests():
     robot = Scripted(known().start)
     (result, made), _ = driven(robot, is_told_to_stop=lambda: robot.now() > 1.2)

@@ -35,11 +35,11 @@ def paced(document, is_late, cycles=600):
         if is_late(k):
             pacer.stop()
         else:
-            motion = Motion(*map(np.array, (pacer.position, pacer.velocity, pacer.acceleration)))
+            motion = Motion(*map(np.array, pacer.motion))
             law.resume((k - 1) * H, motion)
             law.advance(k * H, law.start, rest)
             assert pacer.take(told(law.motion(), law.limits))
-        sent.append(np.array(pacer.position))
+        sent.append(np.array(pacer.motion.position))
     return np.array(sent), law
 
 
@@ -77,7 +77,7 @@ def test_what_does_not_go_on_from_the_motion_is_not_taken():
     untrue = Motion(still + H * 0.001, still + 0.001, still + 4.0)
     for wrong in (jump, fast, sudden, untrue):
         assert not pacer.take(told(wrong, limits))
-        assert pacer.position == [0.0] * 7
+        assert pacer.motion.position == (0.0,) * 7
     assert pacer.take(told(Motion(still + H * 0.004, still + 0.004, still + 4.0), limits))
     assert not pacer.rests
 
@@ -89,15 +89,15 @@ def test_cycles_that_the_robot_loses_are_mirrored():
         pacer, robot = Pacer(law.start.tolist()), StandIn("none")
         for before, q in pairwise(sent):
             v = (q - before) / H
-            a = (v - np.array(pacer.velocity)) / H
+            a = (v - np.array(pacer.motion.velocity)) / H
             pacer.take(told(Motion(q, v, a), law.limits))
-            robot.answer(pacer.position, is_last=False)
+            robot.answer(pacer.motion.position, is_last=False)
         for _ in range(3):
             robot._move([v + H * a for v, a in zip(robot.v, robot.a, strict=True)])
         pacer.lose(3 if knows else 0)
         pacer.stop()
         if knows:
-            robot.answer(pacer.position, is_last=False)
+            robot.answer(pacer.motion.position, is_last=False)
         else:
             with pytest.raises(RefusedError, match=r"rad/s\^3"):
-                robot.answer(pacer.position, is_last=False)
+                robot.answer(pacer.motion.position, is_last=False)

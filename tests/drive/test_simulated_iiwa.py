@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from drake import lcmt_iiwa_command
+from drake import lcmt_iiwa_command, lcmt_iiwa_status
 from drive_helpers import derivatives, known, simulated
 from pydrake.lcm import DrakeLcm
 
@@ -41,6 +41,20 @@ def test_it_stands_until_it_is_commanded_and_then_goes_there():
     np.testing.assert_allclose(status.commanded, target, atol=1e-12)
     np.testing.assert_allclose(status.position, target, atol=2e-3)
     assert connection.others() == 0
+
+
+def test_of_messages_that_come_together_all_are_returned():
+    lcm = DrakeLcm("memq://")
+    connection = IiwaLcm(lcm)
+    for time in (3000, 1000, 2000):
+        message = lcmt_iiwa_status()
+        message.utime = time
+        lcm.Publish("IIWA_STATUS", message.encode())
+    while lcm.HandleSubscriptions(0):
+        pass
+    newest = connection.next(0.1)
+    assert newest.time == pytest.approx(3e-3)
+    assert [each.time for each in newest.earlier] == pytest.approx([1e-3, 2e-3])
 
 
 def test_messages_are_those_of_the_driver_and_others_are_noticed():

@@ -1,0 +1,42 @@
+"""Cycles that a robot loses since its pacer stands still: the next command goes on from them."""
+
+import os
+from math import inf
+
+import pytest
+
+from drake_rnn.drive import pacer
+from fr3_judge_packets import judged_by
+from fr3_lost_cycles import ROUNDING, moved
+
+#: A cycle in which joints move at full acceleration.
+AT = 130
+ACCELERATION, JERK = 10.0 * (1 + ROUNDING), 5000.0 * (1 + ROUNDING)
+
+
+@pytest.mark.parametrize("place", ["waiting", "answering", "sending"])
+@pytest.mark.parametrize("lost", [1, 18])
+def test_a_robot_that_drops_what_is_late_is_commanded_within_its_bounds(place, lost):
+    robot = moved(AT, lost, place)
+    acceleration, jerk = robot.worst
+    assert robot.lost == lost
+    assert 9.9 < acceleration <= ACCELERATION
+    assert jerk <= JERK
+
+
+@pytest.mark.parametrize("place", ["waiting", "sending"])
+def test_who_takes_what_is_late_for_taken_commands_a_discontinuity(place, monkeypatch):
+    monkeypatch.setattr(pacer, "LATE", inf)
+    monkeypatch.setattr(pacer, "DROPPED", inf)
+    assert moved(AT, 3, place).worst[1] > JERK
+
+
+@pytest.mark.long
+def test_a_third_partys_checker_takes_what_follows_lost_cycles():
+    if not (python := os.environ.get("FRANKA_SIM_PYTHON")):
+        pytest.skip("FRANKA_SIM_PYTHON names no Python that has franka-sim")
+    silent = [moved(AT, lost, "waiting").packets for lost in (1, 3, 18)]
+    assert judged_by(python, silent) == [""] * 3
+    # It applies what comes late, which a robot drops, and objects to what goes on from the drop.
+    (why,) = judged_by(python, [moved(AT, 3, "sending").packets])
+    assert "discontinuity" in why

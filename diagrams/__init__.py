@@ -8,5 +8,7 @@ from ..inputs.lending import lent_names
 CAMPAIGNS = Path(__file__).parent / "campaigns"
 #: Folder of the shipped experiments: one folder per kind of law, one YAML file per experiment.
 EXPERIMENTS = Path(__file__).parent / "experiments"
+#: Folder of the JSON schemas of experiments, campaigns and files of claims.
+SCHEMAS = Path(__file__).parent / "schemas"
 
 __all__, __getattr__, __dir__ = lent_names(__name__, __file__)

@@ -8,3 +8,4 @@ from .loop import AddLoop as AddLoop, Loop as Loop
 
 CAMPAIGNS: Path
 EXPERIMENTS: Path
+SCHEMAS: Path

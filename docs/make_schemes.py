@@ -1,8 +1,9 @@
 """Write what pages say of every scheme: python docs/make_schemes.py.
 
 Made from classes, documents and the schemes' own pages: the rows of experiments, the traits, the
-keys of laws, the sections of the reference and the list of schemes. What a row says that no class
-knows, such as a name, a measured cost or how to choose a key, stays as it is on the page.
+keys of laws, the sections of the reference, the list of schemes and the JSON schemas of documents.
+What a row says that no class knows, such as a name, a measured cost or how to choose a key, stays
+as it is on the page.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from drake_rnn import LAWS, Experiment, Law, load_experiment
+from drake_rnn.cli.schemas import DOCUMENTS, schema_text
 from drake_rnn.experiment import read_document
 from drake_rnn.experiment.law import ORIGINS
 from drake_rnn.inputs.explained import keys_of
@@ -47,6 +49,7 @@ def pages() -> dict[str, str]:
             rf"(?<=\n)({_INDEX_HEAD}.*?\n\n)(?:- .*\n)*", rf"\1{_scheme_list()}", text[INDEX]
         ),
         REFERENCE: _reference((ROOT / REFERENCE).read_text()),
+        **{f"diagrams/schemas/{name}.json": schema_text(name) for name in DOCUMENTS},
         **{f"docs/schemes/{page}": _gains(page) for page in sorted(set(map(page_of, LAWS)))},
     }
 

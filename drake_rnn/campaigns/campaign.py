@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ..errors import InvalidInputError
+from ..experiment.heads import written_head
 from ..inputs.complaints import require_type
 from ..inputs.dataclass_fields import fields_of
 from ..inputs.documents import to_yaml
@@ -162,16 +163,17 @@ def _carry_out(
 
 def _describe(plan: Plan, folder: Path) -> None:
     """Write the documents of campaign and experiment, so that the folder documents itself."""
-    header = "".join(f"# {package} {number}\n" for package, number in versions().items())
     campaign = {
         name: fields_of(value) or value for name, value in fields_of(plan.campaign).items() if value
     }
     try:
-        (folder / "experiment.yaml").write_text(header + to_yaml(plan.experiment))
+        (folder / "experiment.yaml").write_text(
+            written_head("experiment") + to_yaml(plan.experiment)
+        )
         # The experiment's file already includes the changes.
         contents = {**campaign, "experiment": "experiment.yaml"}
         contents.pop("changes", None)
-        (folder / "campaign.yaml").write_text(header + to_yaml(contents))
+        (folder / "campaign.yaml").write_text(written_head("campaign") + to_yaml(contents))
     except OSError as error:
         raise InvalidInputError(f"output folder {folder}: {error.strerror}") from None
 

@@ -13,6 +13,7 @@ from ..diagrams import CAMPAIGNS
 from ..experiment import require_apart, require_distinct, require_none_lost
 from ..inputs.complaints import nearest, require_type
 from ..inputs.documents import construct, read_named
+from ..inputs.extensions import without_extensions
 from ..inputs.fields import Count, Seed, validated
 from ..inputs.names import require_folder_name
 from ..measures import METRIC_NAMES
@@ -175,7 +176,10 @@ def read_campaign(
     require_type("campaign", campaign, str, Path, Mapping, CampaignDocument)
     if isinstance(campaign, CampaignDocument):
         return campaign
-    contents = dict(campaign) if isinstance(campaign, Mapping) else _read(str(campaign))
+    if isinstance(campaign, Mapping):
+        contents = without_extensions(campaign)
+    else:
+        contents = _read(str(campaign))
     contents |= changes
     return construct(CampaignDocument, contents, "")
 

@@ -14,6 +14,7 @@ from ..errors import InvalidInputError
 from ..experiment import shipped_experiments
 from ..inputs.complaints import nearest
 from ..inputs.documents import construct, read_yaml
+from ..inputs.extensions import without_extensions
 from ..inputs.fields import validated
 from ..measures import METRIC_NAMES
 from .claim import Claim, Paper, Quantity
@@ -24,7 +25,16 @@ SCHEMES = tuple(sorted(file.stem for file in _FOLDER.glob("*.yaml")))
 
 
 @validated
-class _File:
+class ClaimsFile:
+    """What one paper claims, as plain data.
+
+    Args:
+        prefix: What the names of its claims begin with, before a hyphen.
+        paper: The paper, the fields of `Paper`.
+        page: Page of the repository about it.
+        claims: Its claims, each with the fields of `Claim`.
+    """
+
     prefix: str
     paper: dict[str, Any]
     page: str
@@ -102,7 +112,7 @@ def _shipped(scheme: str) -> Claims:
 
 
 def _read(file: Path) -> Claims:
-    content = construct(_File, read_yaml(file), file.name)
+    content = construct(ClaimsFile, without_extensions(read_yaml(file)), file.name)
     claims = tuple(
         construct(Claim, claim, f"{file.name}: {claim.get('id', f'claim {number}')}")
         for number, claim in enumerate(content.claims, start=1)

@@ -484,6 +484,15 @@ class New:
 
 
 @options
+class PrintSchema:
+    """Print the JSON schema of documents, by which editors complete and check their keys."""
+
+    document: Annotated[
+        Literal["experiment", "campaign", "claims"], typer.Argument(help="What is described.")
+    ] = "experiment"
+
+
+@options
 class ShowClaims:
     """List the claims of the papers, or judge them."""
 

@@ -60,6 +60,7 @@ for _name, _place, _options in (
     ("drive", "driving:drive_robot", asked.Drive),
     ("robot", "driving:serve_robot", asked.ServeRobot),
     ("new", "new:new", asked.New),
+    ("schema", "schemas:print_schema", asked.PrintSchema),
     ("claims", "claims:show_claims", asked.ShowClaims),
     ("report", "report:report", asked.Report),
 ):

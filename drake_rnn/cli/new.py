@@ -14,13 +14,16 @@ from rich.markup import escape
 from ..errors import InvalidInputError
 from .asked import New
 from .console import errors, out
+from .schemas import schema_text
 from .shipping import write_shipped
 
 _TEMPLATES = files("drake_rnn.cli") / "templates"
+#: What the first line of the document names.
+_SCHEMA = "experiment.schema.json"
 
 
 def write_start(own: str, name: str, folder: Path) -> list[Path]:
-    """Write a module, a document and a test, which run as they are.
+    """Write a module, a document, its schema and a test, which run as they are.
 
     Args:
         own: What the module is to hold: a law, a path or an environment.
@@ -39,17 +42,19 @@ def write_start(own: str, name: str, folder: Path) -> list[Path]:
         file = folder / template.name.removesuffix(".txt").replace(f"my_{own}", name)
         text = template.read_text(encoding="utf-8").replace(f"my_{own}", name)
         written[file] = text.replace(f"My{own.capitalize()}", title)
+    # A schema is made anew: the language server of an editor finds it beside the document.
+    schema = {folder / _SCHEMA: schema_text("experiment")}
     for file in written:
         if file.exists():
             raise InvalidInputError(f"{file}: already exists, and is not overwritten")
     if find_spec(name) is not None:
         raise InvalidInputError(f"name: there is a Python module {name!r} already; take another")
     try:
-        for file, text in written.items():
+        for file, text in (written | schema).items():
             file.write_text(text, encoding="utf-8")
     except OSError as error:
         raise InvalidInputError(f"{folder}: {error.strerror}") from None
-    return list(written)
+    return [*written, *schema]
 
 
 def new(asked: New) -> None:

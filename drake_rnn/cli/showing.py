@@ -16,6 +16,7 @@ from ..experiment import (
     read_document,
     section_meanings,
 )
+from ..experiment.heads import schema_line
 from ..inputs.documents import construct, to_yaml
 from ..inputs.explained import shortened
 from ..runs import build_diagram
@@ -30,7 +31,7 @@ def show(asked: Show) -> None:
     """Print the document, or draw the wiring."""
     with errors():
         if asked.diagram is None:
-            typer.echo(commented(asked.experiment), nl=False)
+            typer.echo(schema_line("experiment") + commented(asked.experiment), nl=False)
             return
         built, _ = build_diagram(load_experiment(asked.experiment))
         write_graph(wiring_graph(built), asked.diagram)

@@ -11,6 +11,7 @@ from pydrake.trajectories import Trajectory
 from ..diagrams import check_sensing
 from ..errors import InvalidInputError
 from ..inputs.documents import construct
+from ..inputs.extensions import without_extensions
 from ..inputs.fields import Array
 from ..inputs.modules import Modules
 from ..laws import Circumstances, Law, PostureLaw, Safety
@@ -238,7 +239,7 @@ def _checked(
 ) -> ExperimentDocument:
     """Return a document with its own fields checked, which says if a path is given besides."""
     if not isinstance(document, ExperimentDocument):
-        document = construct(ExperimentDocument, document, "")
+        document = construct(ExperimentDocument, without_extensions(document), "")
     return document if path is None else replace(document, path=GIVEN)
 
 

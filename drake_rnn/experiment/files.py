@@ -13,6 +13,7 @@ from ..errors import InvalidInputError
 from ..inputs.complaints import nearest, require_type
 from ..inputs.dataclass_fields import field_names, fields_of
 from ..inputs.documents import read_named
+from ..inputs.extensions import without_extensions
 from ..robot.limits_file import limits_beside
 from ..robot.load_arm import shipped_arms
 from .arms import Arms
@@ -114,7 +115,7 @@ def _contents(experiment: Described) -> tuple[dict[str, Any], str]:
     if isinstance(experiment, ExperimentDocument):
         return experiment.contents(), ""
     if isinstance(experiment, Mapping):
-        return deepcopy(dict(experiment)), ""
+        return deepcopy(without_extensions(experiment)), ""
     require_type("experiment", experiment, str, File, Mapping, ExperimentDocument, Experiment)
     return _read(str(experiment))
 

@@ -23,8 +23,8 @@ from ..robot.limits import JointLimits
 from ..robot.rotation import rotation_of
 from .document import ExperimentDocument
 
-# What both arms share.
-_SHARED = (
+#: What both arms share.
+SHARED = (
     *("second", "obstacles", "period", "integrator", "duration", "log_period", "seed", "name"),
     *("over", "environment", "force", "sensor", "level", "plant", "safety", "filter", "dither"),
     "disturbance",
@@ -118,7 +118,7 @@ def second_document(document: ExperimentDocument) -> SecondDocument:
 def _require_own(given: Mapping[str, Any]) -> None:
     """Raise an InvalidInputError for a key that the second arm cannot have."""
     for name in given:
-        if name in _SHARED:
+        if name in SHARED:
             raise InvalidInputError(f"second.{name}: is shared by both arms; leave it out")
         if name not in field_names(ExperimentDocument):
             known = ["base", "follows", *field_names(ExperimentDocument)]

@@ -17,6 +17,7 @@ from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 from ..errors import InvalidInputError
 from .complaints import nearest, plain, sentence
 from .dataclass_fields import field_names
+from .extensions import EXTENSION, without_extensions
 from .given_file import content_of
 from .own_code import naming
 
@@ -128,19 +129,20 @@ def read_named(
     if not isinstance(document, dict):
         raise InvalidInputError(f"{file}: must be a mapping of keys to values")
     _require_no_store(document, cls)
-    return document, file
+    # A copy for each alias: a later change of one key must change no other.
+    return plain(without_extensions(document)), file
 
 
 def _require_no_store(document: Mapping[str, Any], cls: type) -> None:
     """Raise an InvalidInputError for an unknown key to whose value others refer by an alias."""
-    for key in document.keys() - set(field_names(cls)):
+    for key in without_extensions(document).keys() - set(field_names(cls)):
         others = [value for name, value in document.items() if name != key]
         while others:
             other = others.pop()
             if other is document[key] and isinstance(other, (dict, list)):
                 raise InvalidInputError(
-                    f"{key}: no such key; give what several keys share where it is needed first, "
-                    "with the anchor there"
+                    f"{key}: no such key; give what several keys share under a key that begins "
+                    f"with {EXTENSION}, such as {EXTENSION}{key}"
                 )
             if isinstance(other, (dict, list)):
                 others += other.values() if isinstance(other, dict) else other

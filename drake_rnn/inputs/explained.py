@@ -60,12 +60,18 @@ def shortened(text: str) -> str:
     return re.split(r"(?<=[^.\s]\.)\s+(?=[A-Z])", text, maxsplit=1)[0]
 
 
-def _default(field: Any) -> str | None:
+def default_of(field: Any) -> Any:
+    """Return the default of a dataclass's field; ``dataclasses.MISSING`` if it must be given."""
     value = field.default
     if isinstance(value, FieldInfo):
-        value = value.get_default(call_default_factory=True, validated_data={})
-    elif field.default_factory is not MISSING:
-        value = field.default_factory()
+        return value.get_default(call_default_factory=True, validated_data={})
+    if field.default_factory is not MISSING:
+        return field.default_factory()
+    return value
+
+
+def _default(field: Any) -> str | None:
+    value = default_of(field)
     return None if value is MISSING else _written(plain(value))
 
 

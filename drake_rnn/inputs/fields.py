@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass as plain_dataclass
 from functools import wraps
 from math import pi
 from typing import Annotated, Any, dataclass_transform
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    WithJsonSchema,
+)
 from pydantic.dataclasses import dataclass
 
 from ..errors import InvalidInputError
@@ -75,6 +83,17 @@ def _point(value: Any) -> Array:
     return vector
 
 
+@plain_dataclass(frozen=True)
+class _Between(AfterValidator):
+    """A validator of numbers between two bounds, which a JSON schema tells too."""
+
+    low: float
+    high: float
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
+        return {**handler(schema), "minimum": self.low, "maximum": self.high}
+
+
 def between(low: float, high: float) -> AfterValidator:
     """Return a validator of numbers from ``low`` to ``high``."""
 
@@ -83,7 +102,7 @@ def between(low: float, high: float) -> AfterValidator:
             raise ValueError(f"may be {low:g} to {high:g}" if low else f"may be at most {high:g}")
         return value
 
-    return AfterValidator(between)
+    return _Between(between, low, high)
 
 
 def _angle(value: float) -> float:
@@ -126,9 +145,11 @@ def _non_negative(value: Any) -> float | Array:
     return given
 
 
-Bounds = Annotated[Array, BeforeValidator(_vector)]
-Vector = Annotated[Array, BeforeValidator(_finite_vector)]
-Point = Annotated[Array, BeforeValidator(_point)]
+_NUMBERS = {"type": "array", "items": {"type": "number"}}
+_THREE = WithJsonSchema({**_NUMBERS, "minItems": 3, "maxItems": 3})
+Bounds = Annotated[Array, BeforeValidator(_vector), WithJsonSchema(_NUMBERS)]
+Vector = Annotated[Array, BeforeValidator(_finite_vector), WithJsonSchema(_NUMBERS)]
+Point = Annotated[Array, BeforeValidator(_point), _THREE]
 # Strict: 4 is a number; true and "4" are not.
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
@@ -157,7 +178,7 @@ Modulus = Annotated[Positive, between(1e3, 1e13)]
 Mass = Annotated[Positive, between(1e-6, 1e3)]
 # At most one turn [rad]; more are degrees.
 Angle = Annotated[Finite, AfterValidator(_angle)]
-Angles = Annotated[Array, BeforeValidator(_angles)]
+Angles = Annotated[Array, BeforeValidator(_angles), _THREE]
 # Neither 1 nor "yes".
 Flag = Annotated[bool, Field(strict=True)]
 # Of what a robot traces or touches: from a micrometre to a kilometre [m].

@@ -35,6 +35,11 @@ class Kinds(MutableMapping[str, type[T]], Generic[T]):
         self._shipped = dict(shipped)
         self._known = dict(shipped)
 
+    @property
+    def shipped(self) -> dict[str, type[T]]:
+        """The classes of this package, by their ``kind``."""
+        return dict(self._shipped)
+
     def __getitem__(self, kind: str) -> type[T]:
         return self._known[kind]
 

@@ -15,6 +15,7 @@ from pydrake.trajectories import Trajectory
 
 from ..errors import InvalidInputError
 from ..experiment import Experiment, make_experiment
+from ..experiment.heads import written_head
 from ..inputs.complaints import require_type
 from ..inputs.documents import parse_yaml
 from ..inputs.fields import Array
@@ -173,8 +174,8 @@ class Result:
         Raises:
             OSError: If a file cannot be written.
         """
-        header = "".join(f"# {package} {number}\n" for package, number in versions().items())
-        (folder / "experiment.yaml").write_text(header + self.experiment.document.to_yaml())
+        text = written_head("experiment") + self.experiment.document.to_yaml()
+        (folder / "experiment.yaml").write_text(text)
         arrays: dict[str, Any] = {"time": self.time, **self.series}
         np.savez_compressed(folder / "result.npz", **arrays)
         (folder / "metrics.json").write_text(json.dumps(self.metrics, indent=2) + "\n")

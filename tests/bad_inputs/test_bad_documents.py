@@ -28,7 +28,8 @@ DOCUMENTS = {
     "a document without an end": ("arm: &a\n  model: *a\n", "refers to itself"),
     "an anchor under a key of its own": (
         PLANAR + "mine: &mine {kind: circle, size: 1, period: 1}\nover: {path: [*mine]}\n",
-        "mine: no such key; give what several keys share where it is needed first, with the anchor",
+        "mine: no such key; give what several keys share under a key that begins with x-, such as "
+        "x-mine",
     ),
     "a number of 5000 digits": (PLANAR + f"seed: {'9' * 5000}\n", "holds a number of too many"),
     "one in hexadecimals": (PLANAR + f"seed: 0x{'f' * 5000}\n", "holds a number of too many"),

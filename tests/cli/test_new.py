@@ -31,6 +31,7 @@ def test_what_it_writes_passes_its_own_test(here, what, name, title):
     result = new(what, name)
     assert result.exit_code == 0, result.stderr
     assert {file.name for file in here.iterdir()} == {
+        "experiment.schema.json",
         f"{name}.py",
         f"{name}.yaml",
         f"test_{name}.py",

@@ -149,3 +149,39 @@ def test_an_arm_that_is_where_it_is_commanded_to_be_has_nothing_to_measure():
     )
     with pytest.raises(InvalidInputError, match=f"^{message}"):
         make_experiment(written(KINEMATIC, feedback="measured"))
+
+
+SHARING = """\
+x-circle: &circle {kind: circle, plane: yz, size: 0.05}
+arm: panda
+path: {<<: *circle, period: 4}
+law: {kind: simultaneous_learning}
+start: &start [0, 0.3, 0, -1.8, 0, 2.1, 0.8]
+over: {start: [*start]}
+period: 1e-3
+duration: 4
+"""
+
+
+def test_keys_that_begin_with_x_hold_what_others_share(tmp_path):
+    file = tmp_path / "sharing.yaml"
+    file.write_text(SHARING)
+    document = read_document(str(file))
+    assert document["path"] == {"kind": "circle", "plane": "yz", "size": 0.05, "period": 4}
+    assert not [key for key in document if key.startswith("x-")]
+    plain = parse_yaml(SHARING, "sharing")
+    made = make_experiment(plain)
+    assert made.document.contents() == load_experiment(plain).document.contents()
+    assert "x-circle" not in made.document.contents()
+
+
+def test_a_change_of_one_alias_changes_no_other(tmp_path):
+    file = tmp_path / "sharing.yaml"
+    file.write_text(
+        SHARING.replace("x-circle: &circle", "x-law: &law {kind: adaptive}\nx-c: &circle").replace(
+            "law: {kind: simultaneous_learning}", "law: *law\nsecond: {law: *law}"
+        )
+    )
+    document = read_document(str(file), {"law.kappa": 3})
+    assert document["law"] == {"kind": "adaptive", "kappa": 3}
+    assert document["second"] == {"law": {"kind": "adaptive"}}

@@ -8,7 +8,8 @@ from . import obstacles
 from .model_obstacle import ModelObstacle
 from .obstacles import Obstacle
 
-_KINDS = {**obstacles.OBSTACLES, "model": ModelObstacle}
+#: Their classes by kind.
+KINDS = {**obstacles.OBSTACLES, "model": ModelObstacle}
 
 
 def make_obstacles(given: list[Any]) -> list[Obstacle]:
@@ -21,4 +22,4 @@ def make_obstacles(given: list[Any]) -> list[Obstacle]:
         InvalidInputError: If there are too many, a kind is unknown, a field is wrong, or a file
             cannot be read or has joints that move.
     """
-    return obstacles.make_obstacles(given, _KINDS)
+    return obstacles.make_obstacles(given, KINDS)

@@ -25,6 +25,7 @@ from drake_rnn import (
     Sequence,
     Spline,
     Square,
+    Text,
     Waypoints,
 )
 from drake_rnn.figures.looks import DESIRED
@@ -50,6 +51,8 @@ KINDS: dict[str, Path] = {
     "points: closed": Points(points=WAY, closed=True, **ONE),
     "line": Line(by=[0.3, 0.15, 0.0], **ONE),
     "spline; points": Spline(points=WAY, **ONE),
+    "text": Text(text="R2", size=0.2, speed=0.1, acceleration=0.2),
+    "text: scripts": Text(text="ring", font="scripts", size=0.2, speed=0.1, acceleration=0.2),
     "waypoints": Waypoints(**TIMED),
     "waypoints: cubic": Waypoints(**TIMED, through="cubic"),
     "waypoints: straight": Waypoints(**STRAIGHT),
@@ -76,7 +79,9 @@ def draw() -> Figure:
     with styled():
         figure = Figure(figsize=(PAGE, 1.45 * rows), layout="constrained")
         axes = figure.subplots(rows, columns).ravel()
-        for ax, (name, path) in zip(axes, KINDS.items(), strict=True):
+        for ax in axes:
+            ax.axis("off")
+        for ax, (name, path) in zip(axes, KINDS.items(), strict=False):
             placed = path.placed(np.zeros(3))
             end = min(placed.duration, placed.traversal)
             x, y, _ = np.array([placed.position(t)[0] for t in np.linspace(0, end, 801)]).T
@@ -90,7 +95,6 @@ def draw() -> Figure:
             ax.set_title(name, fontsize=6)
             ax.set_aspect("equal", adjustable="datalim")
             ax.margins(0.12)
-            ax.axis("off")
     return figure
 
 

@@ -116,6 +116,7 @@ from .paths import (
     Clover as Clover,
     Curve as Curve,
     Deltoid as Deltoid,
+    Drawing as Drawing,
     FourRing as FourRing,
     Line as Line,
     Nephroid as Nephroid,
@@ -131,6 +132,7 @@ from .paths import (
     Sequence as Sequence,
     Spline as Spline,
     Square as Square,
+    Text as Text,
     TrajectoryPath as TrajectoryPath,
     Waypoints as Waypoints,
 )

@@ -11,7 +11,7 @@ from ..errors import InvalidInputError
 from ..inputs.complaints import require_type
 from ..inputs.documents import construct, without_kind
 from ..inputs.modules import Modules
-from ..paths import PATHS, Part, Path, Rest, Sequence, as_path
+from ..paths import PATHS, Drawing, Part, Path, Rest, Sequence, as_path
 from ..paths.timed import TimedPath
 from .arms import Arms
 from .document import ExperimentDocument
@@ -91,9 +91,9 @@ def described_path(section: Mapping[str, Any], key: str, modules: Modules) -> Pa
 
 def _doubts(path: Path, duration: float) -> list[str]:
     """Return a warning about a path that ends after the run; refuse one that begins after it."""
-    if not isinstance(path, TimedPath):
+    if not isinstance(path, (Drawing, TimedPath)):
         return []
-    if path.begins >= duration:
+    if isinstance(path, TimedPath) and path.begins >= duration:
         raise InvalidInputError(
             f"path: begins at {path.begins:g} s, and the run ends at {duration:g} s"
         )

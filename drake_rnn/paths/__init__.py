@@ -19,10 +19,12 @@ line           straight, open, with a turn if asked for
 spline         cubic spline through points in space, open
 points         the same; periodic if it is closed
 rest           a fixed point
+text           letters of single strokes, joined by moves
 =============  =======================================================================
 
-Not traced by phase are ``waypoints``, through positions and orientations at given times (see
-`pieces`), ``sequence``, paths one after another, and `TrajectoryPath`, a trajectory of Drake's.
+Not traced by phase are ``text`` (see `drawing`), ``waypoints``, through positions and orientations
+at given times (see `pieces`), ``sequence``, paths one after another, and `TrajectoryPath`, a
+trajectory of Drake's.
 
 Source:
     Classical curves. The papers that follow a nephroid, a four-ring, a four-leaf clover, a
@@ -40,6 +42,7 @@ with all other time laws the point rests at the corners. Every other curve is on
 from ..inputs.kinds import Kinds
 from .cat import Cat as Cat
 from .curve import Curve as Curve
+from .drawing import Drawing as Drawing
 from .joint_targets import JointTargets as JointTargets, RecordedTargets as RecordedTargets
 from .led import LedPath as LedPath
 from .line import Line as Line
@@ -58,6 +61,7 @@ from .relative import RelativePath as RelativePath
 from .rest import Rest as Rest
 from .sequence import Part as Part, Sequence as Sequence
 from .target_path import TargetPath as TargetPath
+from .text import Text as Text
 from .timing import TimeLaw as TimeLaw, Timing as Timing, time_at as time_at, time_law as time_law
 from .trajectory import TrajectoryPath as TrajectoryPath, as_path as as_path
 from .trigonometric import (
@@ -88,6 +92,7 @@ PATHS: Kinds[Path] = Kinds(
         "points": Points,
         "spline": Spline,
         "rest": Rest,
+        "text": Text,
         "sequence": Sequence,
     },
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -120,3 +121,9 @@ def require_count(count: object) -> None:
     """Raise an InvalidInputError unless a number of points is a whole number of at least 1."""
     if not isinstance(count, (int, np.integer)) or count < 1:
         raise InvalidInputError(f"count: must be a whole number of at least 1, not {short(count)}")
+
+
+def require_time(t: object) -> None:
+    """Raise an InvalidInputError unless a time is a finite number."""
+    if not isinstance(t, Real) or not math.isfinite(t):
+        raise InvalidInputError(f"t: must be finite, not {short(t)}")

@@ -23,7 +23,10 @@ Triple = tuple[float, float, float]
 Period = Annotated[float, Field(strict=True, ge=1e-3, le=1e6, allow_inf_nan=False)]
 
 TURN = 2.0 * math.pi
-_RAMP = 0.2
+#: Fraction of a segment's time that a ramp takes.
+Ramp = Annotated[float, Field(strict=True, ge=1e-3, le=0.5)]
+#: This fraction, unless it is given.
+RAMP = 0.2
 _INSTANT = 1e-12  # share of a segment; a time this close to its end belongs to the next segment
 
 
@@ -46,7 +49,7 @@ class Curve(RelativePath):
 
     period: Period
     timing: Timing = "uniform"
-    ramp: Annotated[float, Field(strict=True, ge=1e-3, le=0.5)] | None = None
+    ramp: Ramp | None = None
     laps: Count | None = None
     pause: NonNegative = 0.0
 
@@ -103,7 +106,7 @@ class Curve(RelativePath):
 
     @cached_property
     def _law(self) -> TimeLaw:
-        return time_law(self.timing, _RAMP if self.ramp is None else self.ramp)
+        return time_law(self.timing, RAMP if self.ramp is None else self.ramp)
 
     @cached_property
     def _frequency(self) -> float:

@@ -3,8 +3,6 @@
 # No postponed annotations: see `path`.
 from abc import abstractmethod
 from functools import cached_property
-from math import isfinite
-from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -14,9 +12,8 @@ from pydrake.trajectories import (
     PiecewiseTrajectory,
 )
 
-from ..errors import InvalidInputError
-from ..inputs.complaints import short
 from ..inputs.fields import Array, Flag, validated
+from .checks import require_time
 from .path import Motion
 from .relative import RelativePath
 from .turning import QuaternionTurning, SlerpTurning, Turning
@@ -110,7 +107,7 @@ class TimedPath(RelativePath):
         return np.array(self._positions.value(t)).ravel()
 
     def evaluate(self, t: float) -> Motion:
-        _require_finite(t)
+        require_time(t)
         if not self._begin <= t < self._finish:
             edge = self._begin if t < self._begin else self._finish
             return self._at(edge) - self._first, np.zeros(3), np.zeros(3)
@@ -121,7 +118,7 @@ class TimedPath(RelativePath):
     def evaluate_rotation(self, t: float) -> Motion:
         if self._quaternions is None:
             return super().evaluate_rotation(t)
-        _require_finite(t)
+        require_time(t)
         back = self._first_orientation.T
         if not self._begin <= t < self._finish:
             edge = self._begin if t < self._begin else self._finish
@@ -148,8 +145,3 @@ def breaks(trajectory: Any) -> Array:
     if isinstance(trajectory, BsplineTrajectory):
         return np.unique(trajectory.basis().knots())
     return np.zeros(0)
-
-
-def _require_finite(t: float) -> None:
-    if not isinstance(t, Real) or not isfinite(t):
-        raise InvalidInputError(f"t: must be finite, not {short(t)}")

@@ -1,7 +1,7 @@
 r"""Tables as LaTeX, with the rules of the package booktabs.
 
 The text has nothing that pdfLaTeX could not set: powers of ten, Greek letters and signs are
-formulas.
+formulas: their fonts have outlines, where the signs of text fonts may be bitmaps.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _ESCAPED = {each: f"\\{each}" for each in "&%$#_{}"}
 _ESCAPED |= {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
 # A line that begins with a bracket would be an option of the end of the line before it.
 _ESCAPED |= {"[": "{[}", "]": "{]}", "\n": r" \newline "}
-_ESCAPED |= {"<": "$<$", ">": "$>$", "|": "$|$", "µ": r"\textmu{}", "°": r"\textdegree{}"}
+_ESCAPED |= {"<": "$<$", ">": "$>$", "|": "$|$", "µ": r"$\mu$", "°": r"$^\circ$"}
 _ESCAPED |= {"≤": r"$\le$", "≥": r"$\ge$", "×": r"$\times$", "−": "$-$", "±": r"$\pm$"}
 _ESCAPED |= {"∞": r"$\infty$", "≈": r"$\approx$", "→": r"$\to$", "·": r"$\cdot$", "∈": r"$\in$"}
 _ESCAPED |= {"–": "--", "…": r"\dots{}", "’": "'", "‖": r"$\|$", "√": r"$\surd$", "∫": r"$\int$"}

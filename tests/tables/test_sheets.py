@@ -70,7 +70,7 @@ def test_what_latex_takes_for_commands_is_set_as_it_is(tmp_path):
     texts = {
         "law.kappa_1 & 50 % of {x}": r"law.kappa\_1 \& 50 \% of \{x\}",
         "[0, -1.5]": "{[}0, $-1.5${]}",
-        "<= 3 µm/s²": r"$\le$ 3 \textmu{}m/s$^{2}$",
+        "<= 3 µm/s²": r"$\le$ 3 $\mu$m/s$^{2}$",
         "ε, Γ": r"$\epsilon$, $\Gamma$",
         "1e-05 to 2.5e+03": r"$1 \times 10^{-5}$ to $2.5 \times 10^{3}$",
         "slc-F2a, e.g. ur5": "slc-F2a, e.g. ur5",

@@ -1,7 +1,8 @@
-"""Print the tables of the zeroing networks as Markdown: order, noise, activations, growing gains.
+"""Print the tables of the zeroing networks as Markdown: order, noise, activations, gains, times.
 
 `python benchmarks/zeroing_tables.py` prints all of them, `python benchmarks/zeroing_tables.py
-order` one. Every row is a change of the shipped experiment `zeroing_noise`, a circle of a Panda.
+order` one. Every row is a change of the shipped experiment `zeroing_noise`, a circle of a Panda; of
+`times` it is the design formula alone.
 """
 
 from __future__ import annotations
@@ -10,8 +11,11 @@ import math
 import sys
 from typing import Any, get_args
 
+import numpy as np
+
 from drake_rnn import Result, SimulationError, load_experiment, simulate
-from drake_rnn.laws.networks.activations import Shape
+from drake_rnn.laws.networks.activations import FIXED_TIME, Activation, Shape, activation
+from drake_rnn.laws.networks.design import Design
 from drake_rnn.laws.networks.discretization import FORMULAS
 from markdown_table import head, row
 
@@ -99,11 +103,59 @@ def _broken_at(changes: dict[str, Any]) -> float:
     return float(result.time[off.argmax()]) if off.any() else math.inf
 
 
+def time_table() -> None:
+    """Print when errors have vanished, against the bound, in continuous time and at 1 ms."""
+    head(
+        *("`activation`", "gain [1/s]", "error at first", "bound [s]", "continuous [s]"),
+        *("`implicit`, 1 ms [s]", "`euler`, 1 ms"),
+    )
+    for shape in FIXED_TIME:
+        phi = activation(shape, None, None)
+        for gain in (100.0, 1000.0):
+            for first in (1e-2, 1.0, 1e6):
+                cells = [f"{phi.time_bound(gain):.2g}", f"{_continuous(phi, gain, first):.2g}"]
+                cells += [f"{_implicit(phi, gain, first):.2g}", _explicit(phi, gain, first)]
+                row(f"`{shape}`", f"{gain:g}", f"{first:g}", *cells)
+
+
+# An error that has vanished, a sample [s], and samples that are looked at.
+_ZERO, _SAMPLE, _COUNT = 1e-9, 1e-3, 400
+
+
+def _continuous(phi: Activation, gain: float, first: float) -> float:
+    """Return when dE/dt = -gain phi(E) has vanished [s]: the integral of dE/phi, over ln E."""
+    logs = np.linspace(math.log(_ZERO), math.log(first), 200001)
+    sizes = np.exp(logs)
+    return float(np.trapezoid(sizes / phi(sizes), logs) / gain)
+
+
+def _implicit(phi: Activation, gain: float, first: float) -> float:
+    """Return when implicit steps of 1 ms have made the error vanish [s]; infinite if never."""
+    E, design = np.array([first]), Design(phi, 0.0)
+    for k in range(1, _COUNT):
+        E = design.after(E, None, gain, 0.0, _SAMPLE)
+        if abs(E[0]) <= _ZERO:
+            return k * _SAMPLE
+    return math.inf
+
+
+def _explicit(phi: Activation, gain: float, first: float) -> str:
+    """Return what explicit steps of 1 ms leave in the end."""
+    E, left = np.array([first]), []
+    for _ in range(_COUNT):
+        E = E - _SAMPLE * gain * phi(E)
+        left.append(abs(float(E[0])))
+        if left[-1] > 1e6 * max(first, 1.0):
+            return "diverges"
+    return f"{max(left[_COUNT // 2 :]):.2g} left"
+
+
 TABLES = {
     "order": order_table,
     "noise": noise_table,
     "activations": activation_table,
     "growth": growth_table,
+    "times": time_table,
 }
 
 if __name__ == "__main__":

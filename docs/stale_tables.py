@@ -108,15 +108,27 @@ def made_of(command: str, text: str = "", root: Path = ROOT) -> list[Path]:
     shipped = sorted(root.glob("diagrams/*/**/*.yaml"))
     contents = {file.stem: _contents(file) for file in shipped}
     names = {name for name in contents if named.fullmatch(name)}
-    names |= {contents[name]["experiment"] for name in names if "experiment" in contents[name]}
+    bases = [contents[name].get("experiment") for name in names]
+    names |= {base for base in bases if isinstance(base, str)}
     documents = [file for file in shipped if file.stem in names]
-    kinds = {contents[name]["law"]["kind"] for name in names if "law" in contents[name]}
+    kinds = {law["kind"] for name in names for law in _laws(contents[name])}
     laws = [
         file
         for file in (root / _LAWS).glob("*.py")
         if file.stem not in _NO_ALGEBRA and (file.stem in kinds or named.fullmatch(file.stem))
     ]
     return scripts + documents + _with_imports(laws, lambda _: root / _LAWS)
+
+
+def _laws(document: Any) -> Iterator[Any]:
+    """Yield the sections `law` of an experiment, or of a campaign and its own experiment."""
+    if "law" in document:
+        yield document["law"]
+    varied = document.get("vary", {}).get("law", [])
+    if isinstance(varied, dict):
+        yield from (grid["fixed"] for grid in varied.get("of", []))
+    if isinstance(document.get("experiment"), dict):
+        yield from _laws(document["experiment"])
 
 
 @cache

@@ -29,7 +29,7 @@ class ProgramLaw(Law):
         return_gain: Gain k of the way back to that posture [1/s]; 0 for the least velocity alone.
         manipulability: Gain of the gradient of the manipulability [rad/s], with ``cost: velocity``.
         blend: Weight of the velocity's square beside the largest velocity, with
-            ``cost: largest_velocity`` [1]; 1 has the square alone.
+            ``cost: largest_velocity`` [1]; nearly 1 has the square alone.
         feedback: Gain K of the feedback of position and orientation [1/s].
         bounds: ``velocity`` has the limits of position and velocity as inequalities of the
             program, which the network fulfils as well as it follows its optimum; ``none`` has none.
@@ -42,7 +42,7 @@ class ProgramLaw(Law):
     cost: Literal["velocity", "kinetic_energy", "largest_velocity"] = "velocity"
     return_gain: GainOrZero = 1.0
     manipulability: GainOrZero = 0.0
-    blend: Annotated[Positive, between(1e-3, 1.0)] = 0.1
+    blend: Annotated[Positive, between(1e-3, 0.99)] = 0.1
     feedback: GainOrZero = 10.0
     bounds: Literal["none", "velocity"] = "none"
     limit_stiffness: Gain = 10.0

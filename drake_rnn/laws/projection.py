@@ -64,7 +64,7 @@ from .program_law import ProgramLaw
 from .program_reading import ProgramReading
 
 # Gain where steps are implicit, and where they are explicit or Drake's [1/s].
-_GAIN, _GAIN_EXPLICIT = 1e6, 100.0
+_GAIN, _GAIN_EXPLICIT = 1e8, 100.0
 _ITERATIONS = 20
 _UNMOVED = (
     "law.J_hat_initial: zero moves no joint, so nothing is learned unless a noise moves the arm; "
@@ -81,7 +81,7 @@ class Projection(ProgramLaw):
         feedback, bounds, limit_stiffness: See `ProgramLaw`.
         network: ``lvi``, the LVI-based primal-dual one, ``dual``, or either ``simplified_lvi`` or
             ``simplified_dual``.
-        gain: Gain gamma of the network [1/s]; by default 1e6 of ``implicit`` steps and 100 of
+        gain: Gain gamma of the network [1/s]; by default 1e8 of ``implicit`` steps and 100 of
             others. ``iterated`` has none.
         discretization: ``implicit``, ``euler`` or, of ``lvi``, ``iterated``.
         iterations: Number of iterations per sample; only of ``iterated``, by default 20.

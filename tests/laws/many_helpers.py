@@ -15,6 +15,7 @@ from drake_rnn import (
     MotionForce,
     NullSpaceAdjustment,
     OnlineStiffness,
+    Projection,
     Pseudoinverse,
     Recursive,
     SimultaneousLearning,
@@ -51,6 +52,10 @@ def pressing(**options):
 
 def zeroing(**options):
     return Zeroing(limits=LIMITS, home=HOME, **options)
+
+
+def projection(**options):
+    return Projection(limits=LIMITS, home=HOME, **options)
 
 
 def adaptive(**options):
@@ -132,6 +137,17 @@ LAWS = {
     "sa_ramped": StateAdjustment(target=HOME, limits=LIMITS, ramp_time=1.0, task_size=6),
     "nsa": NullSpaceAdjustment(target=HOME, limits=LIMITS),
     "nsa_pose": NullSpaceAdjustment(target=HOME, limits=LIMITS, task_size=6, feedback=2.0),
+    "projection": projection(gain=1e4),
+    "projection_dual": projection(network="dual", bounds="velocity", gain=1e4),
+    "projection_simplified": projection(
+        network="simplified_lvi", task_size=6, bounds="velocity", gain=1e4
+    ),
+    "projection_simplified_dual": projection(
+        network="simplified_dual", bounds="velocity", gain=1e4
+    ),
+    "projection_euler": projection(network="dual", discretization="euler", gain=50.0),
+    "projection_iterated": projection(discretization="iterated", bounds="velocity"),
+    "projection_learned": projection(jacobian="learned", gain=1e4, wander=0.5, variance=2e-5),
     "zeroing": zeroing(),
     "zeroing_bounds": zeroing(
         bounds="velocity",
@@ -190,6 +206,12 @@ GAINS = {
     "msa": ("rise_time", "limits.velocity"),
     "sa_ramped": ("ramp_time",),
     "nsa": ("feedback", "rate", "target"),
+    "projection": ("gain", "return_gain", "feedback", "home", "damping"),
+    "projection_dual": ("gain", "limit_stiffness", "limits.velocity"),
+    "projection_simplified": ("gain", "feedback"),
+    "projection_simplified_dual": ("gain", "damping", "limits.velocity"),
+    "projection_iterated": ("damping", "feedback"),
+    "projection_learned": ("gain", "wander", "variance"),
     "zeroing": ("gain", "return_gain", "feedback", "home"),
     "zeroing_bounds": ("gain", "integral_gain", "limit_stiffness", "limits.velocity", "noise.size"),
     "zeroing_largest": ("gain", "return_gain", "blend"),

@@ -71,6 +71,19 @@ def test_errors_of_any_size_vanish_within_the_fixed_time(shape, size):
         assert np.abs(E).max() < (1e-12 if h < 1e-3 else 1e-9)
 
 
+@pytest.mark.parametrize("shape", FIXED_TIME)
+def test_a_bound_of_few_samples_is_not_held(shape):
+    """With a gain of one over the period the bound is 3 or 6 samples; 8 to 13 are needed."""
+    design, gain, h = Design(activation(shape, None, None), 0.0), 1000.0, 1e-3
+    E, bound = np.array([1e6]), activation(shape, None, None).time_bound(gain)
+    left = []
+    for _ in range(14):
+        E = design.after(E, None, gain, 0.0, h)
+        left.append(abs(E[0]))
+    assert left[round(bound / h) - 1] > 1e-3
+    assert left[-1] < 1e-9
+
+
 def test_a_linear_error_does_not_vanish_in_that_time():
     assert np.isinf(activation("linear", None, None).time_bound(1.0))
     E, design = np.array([1.0]), Design(activation("linear", None, None), 0.0)

@@ -91,11 +91,11 @@ class Projected(NamedTuple):
 
         The least of two: with no entry clipped, and with all that have bounds.
         """
-        bounded = 1.0 * (np.isfinite(self.lower) | np.isfinite(self.upper))
+        bounded: Array = np.where(np.isfinite(self.lower) | np.isfinite(self.upper), 1.0, 0.0)
         least = np.inf
-        for sides in (0.0 * bounded, bounded):
+        for sides in (np.zeros_like(bounded), bounded):
             # Euler's method is stable where |1 + turns value| < 1.
-            values = np.linalg.eigvals(self._slope(sides))
+            values: Any = np.linalg.eigvals(self._slope(sides))
             values = values[np.abs(values) > _NARROW]
             if values.size:
                 least = min(least, float((-2.0 * values.real / np.abs(values) ** 2).min()))

@@ -160,7 +160,7 @@ class LargestVelocity:
 
     Attributes:
         square: The cost that it is blended with, without slacks.
-        blend: The weight alpha of that cost, above 0 and at most 1.
+        blend: The weight alpha of that cost, above 0 and below 1: at 1 nothing determines s.
     """
 
     square: ReturningVelocity

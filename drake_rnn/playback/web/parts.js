@@ -2,7 +2,7 @@
 
 // What a switch shows or hides: its name, and the scene paths of which it has those that there are.
 const PARTS = [
-  ["Arm", ["arm", "arm2", "stand"]],
+  ["Arm", ["arm", "second", "stand"]],
   ["Desired path", ["desired", "*/desired"]],
   ["Traced path", ["traced", "*/traced"]],
   ["Target posture", ["target"]],

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from ..measures import shown_in
 from ..runs.limit_use import uses
 from ..runs.result import Result
+from ..runs.told_metrics import told_bound, told_value, words_of
 from ..runs.verdict import Verdict
 from .force_panels import plot_force, plot_force_error
 from .jacobian_panels import plot_jacobian, plot_jacobian_error, plot_singular_value
@@ -183,15 +184,14 @@ def _table(part: Any, result: Result, entries: Sequence[tuple[str, Verdict | Non
     for k, (name, verdict) in enumerate(entries):
         column, row = divmod(k, rows)
         x, y = 0.02 + 0.5 * column, 1.0 - (row + 1.4) * step
-        reached = name in result.metrics
-        value = f"{result.metrics[name]:.4g}" if reached else "not reached"
+        value = told_value(name, result.metrics.get(name))
         missed = verdict is not None and not verdict.met
         style = ALARM if missed else {}
         line: Style = {"va": "top", "fontsize": 7}
-        part.text(x, y, name, **line)
-        part.text(x + _VALUE, y, _written(value), ha="right", **{**line, **style, "fontsize": 7})
+        part.text(x, y, words_of(name), **line)
+        part.text(x + _VALUE, y, value, ha="right", **{**line, **style, "fontsize": 7})
         if verdict is not None:
-            bound = _written(f"{verdict.bound}".replace("<=", "≤").replace(">=", "≥"))
+            bound = told_bound(name, verdict.bound)
             part.text(x + _VERDICT, y, "✗ no" if missed else "✓", va="top", **(style or NOTE))
             part.text(x + _BOUND, y, bound, va="top", **(style or NOTE))
         if row == 0:
@@ -199,8 +199,3 @@ def _table(part: Any, result: Result, entries: Sequence[tuple[str, Verdict | Non
             part.text(x + _VALUE, top, "value", va="top", ha="right", **NOTE)
             if any(other is not None for _, other in entries[k : k + rows]):
                 part.text(x + _BOUND, top, "expected", va="top", **NOTE)
-
-
-def _written(number: str) -> str:
-    """Return a number as it is printed: with a minus sign for a hyphen."""
-    return number.replace("-", "−")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from ..robot.limits import LIMIT_UNITS
+from ..robot.limits import DERIVATIVE_UNITS, LIMIT_UNITS
 from .gathering import Gathering, Largest
 from .values import Observed, Values
 
@@ -68,7 +68,10 @@ class Metric:
     @property
     def words(self) -> str:
         """The name in words, without the unit."""
-        return self.name.removesuffix(_ending(self.unit)).replace("_", " ")
+        words = self.name.removesuffix(_ending(self.unit)).replace("_", " ")
+        for order, derivative in enumerate(DERIVATIVE_UNITS, start=1):
+            words = words.replace(f"limit ratio {order}", f"{derivative} / bound")
+        return words
 
 
 def violation_metric(limit: str) -> str:

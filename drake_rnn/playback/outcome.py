@@ -7,19 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from ..experiment.document import Acceptance
-from ..measures import METRICS, told, violation_metric
-from ..robot.limits import DERIVATIVE_UNITS, LIMIT_UNITS
+from ..measures import told
 from ..runs.conclusion import conclusion_of
 from ..runs.limit_use import share_metric, uses
 from ..runs.result import Result
-from ..runs.verdict import Verdict
+from ..runs.told_metrics import meaning_of, told_bound, told_value, words_of
 from .replay import name_of
-
-_MEANINGS = {metric.name: metric for metric in METRICS}
-_VIOLATIONS = {violation_metric(limit) for limit in LIMIT_UNITS}
-# Violation that is a rounding error, in any unit.
-_ROUNDING = 1e-12
 
 
 def outcome_of(result: Result) -> dict[str, Any]:
@@ -39,10 +32,10 @@ def outcome_of(result: Result) -> dict[str, Any]:
         "summary": conclusion.criteria,
         "criteria": [
             {
-                "name": in_words(each.metric),
-                "meaning": _MEANINGS[each.metric].meaning,
-                "value": _value(each),
-                "bound": _bound(each.bound, _MEANINGS[each.metric].unit),
+                "name": words_of(each.metric),
+                "meaning": meaning_of(each.metric),
+                "value": told_value(each.metric, each.value),
+                "bound": told_bound(each.metric, each.bound),
                 "met": each.met,
             }
             for each in sorted(verdicts, key=lambda one: one.metric not in document.accept)
@@ -51,32 +44,6 @@ def outcome_of(result: Result) -> dict[str, Any]:
         "broken": list(conclusion.broken),
         "warnings": list(result.warnings),
     }
-
-
-def in_words(metric: str) -> str:
-    """Return the name of a metric as words, without its unit."""
-    words = _MEANINGS[metric].words
-    for order, derivative in enumerate(DERIVATIVE_UNITS, start=1):
-        words = words.replace(f"limit ratio {order}", f"{derivative} / bound")
-    return words
-
-
-def _value(verdict: Verdict) -> str:
-    if verdict.value is None:
-        return "not reached"
-    if verdict.metric in _VIOLATIONS and abs(verdict.value) < _ROUNDING:
-        return "none"
-    return _written(verdict.value, _MEANINGS[verdict.metric].unit)
-
-
-def _bound(bound: Acceptance, unit: str) -> str:
-    ends = (("≥", bound.at_least), ("≤", bound.at_most))
-    return ", ".join(f"{sign} {_written(end, unit)}" for sign, end in ends if end is not None)
-
-
-def _written(value: float, unit: str) -> str:
-    """Return a number with its unit, and with a minus sign for a hyphen."""
-    return told(value, unit).replace("-", "−")
 
 
 def _limits(result: Result) -> Iterator[dict[str, Any]]:

@@ -13,6 +13,7 @@ from drake_rnn.figures import drawable, write_figures
 from drake_rnn.figures.looks import SERIES
 from drake_rnn.robot.self_motion import SelfMotion
 from drake_rnn.runs.simulation import simulate
+from drake_rnn.runs.told_metrics import words_of
 from figure_helpers import (
     assert_no_text_is_cut_off,
     changed,
@@ -243,13 +244,13 @@ def test_overview_of_a_target(modified, null_space):
     ]
     texts = {text.get_text() for part in page.subfigs for text in part.texts}
     assert {
-        "joint_error_max_rad",
-        "joint_settling_time_s",
-        "end_effector_drift_max_m",
-        "end_effector_drift_end_m",
-        "invariant_error_max_m",
-        "joint_velocity_initial_rad_s",
-        "joint_acceleration_initial_rad_s2",
+        words_of("joint_error_max_rad"),
+        words_of("joint_settling_time_s"),
+        words_of("end_effector_drift_max_m"),
+        words_of("end_effector_drift_end_m"),
+        words_of("invariant_error_max_m"),
+        words_of("joint_velocity_initial_rad_s"),
+        words_of("joint_acceleration_initial_rad_s2"),
     } <= texts
     velocities = draw(null_space, "overview").get_axes()[4]
     levels = {line.get_ydata()[0] for line in velocities.lines if is_dashed(line)}

@@ -15,6 +15,7 @@ from drake_rnn.figures.force_panels import force_spectrum
 from drake_rnn.figures.surface import force_scale, surface_axes, surface_coordinates
 from drake_rnn.figures.sweep import learning_figure
 from drake_rnn.runs.simulation import simulate
+from drake_rnn.runs.told_metrics import words_of
 from figure_helpers import assert_no_text_is_cut_off, changed, draw, is_dashed, panel
 
 OF_CONTACT = ["normal_force", "force_error", "path_on_surface", "orientation_error"]
@@ -408,11 +409,11 @@ def test_overview(level, inclined, learned):
     assert labels(learned) == {*common, "joint velocity, law", r"error of $\hat J$"}
     texts = {text.get_text() for part in draw(level, "overview").subfigs for text in part.texts}
     assert {
-        "force_error_rms_N",
-        "lateral_error_max_m",
-        "orientation_error_max_rad",
-        "contact_lost_fraction",
-        "joint_velocity_max_rad_s",
+        words_of("force_error_rms_N"),
+        words_of("lateral_error_max_m"),
+        words_of("orientation_error_max_rad"),
+        words_of("contact_lost_fraction"),
+        words_of("joint_velocity_max_rad_s"),
     } <= texts
 
 

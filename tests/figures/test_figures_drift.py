@@ -13,6 +13,7 @@ from drake_rnn.figures import drawable, write_figures
 from drake_rnn.figures.looks import SERIES
 from drake_rnn.figures.sweep import sweep_figure
 from drake_rnn.runs.simulation import simulate
+from drake_rnn.runs.told_metrics import words_of
 from figure_helpers import (
     assert_no_text_is_cut_off,
     curves,
@@ -201,13 +202,13 @@ def test_overview(galjdf, moaljdf, windowed):
     assert labels(moaljdf) == [*common, force, "joint torque [N m]"]
     texts = {text.get_text() for part in draw(galjdf, "overview").subfigs for text in part.texts}
     assert {
-        "position_error_max_m",
-        "velocity_error_max_m_s",
-        "joint_drift_mean_rad",
-        "joint_drift_max_rad",
-        "joint_acceleration_demand_max_rad_s2",
-        "saturated_fraction",
-        "singular_value_min",
+        words_of("position_error_max_m"),
+        words_of("velocity_error_max_m_s"),
+        words_of("joint_drift_mean_rad"),
+        words_of("joint_drift_max_rad"),
+        words_of("joint_acceleration_demand_max_rad_s2"),
+        words_of("saturated_fraction"),
+        words_of("singular_value_min"),
     } <= texts
     # Other laws have their own panels.
     assert labels(windowed)[1:3] == ["position error [m]", "joint angle [rad]"]

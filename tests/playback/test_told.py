@@ -14,12 +14,13 @@ from test_playback import Page
 from drake_rnn import Result, load_experiment, simulate, write_playback
 from drake_rnn.measures import METRICS, told
 from drake_rnn.playback.lines import simplified
-from drake_rnn.playback.outcome import in_words, outcome_of
+from drake_rnn.playback.outcome import outcome_of
 from drake_rnn.playback.packing import packed
 from drake_rnn.playback.recorded import recorded
 from drake_rnn.playback.replay import replayed_motion
 from drake_rnn.playback.shown_curves import Curve, curves_of, nearest
 from drake_rnn.playback.views import facing, outermost
+from drake_rnn.runs.told_metrics import words_of
 
 
 @pytest.fixture(scope="module")
@@ -126,11 +127,11 @@ def test_no_text_ends_a_script(learned: Result, tmp_path: Path) -> None:
     assert "</script><b>" not in page.text
 
 
-def test_metrics_are_told_in_words() -> None:
-    assert in_words("position_error_max_m") == "position error max"
-    assert in_words("acceleration_violation_max_rad_s2") == "acceleration violation max"
-    assert in_words("limit_ratio_3_max") == "jerk / bound max"
-    words = [in_words(metric.name) for metric in METRICS]
+def test_metrics_are_told_words_of() -> None:
+    assert words_of("position_error_max_m") == "position error max"
+    assert words_of("acceleration_violation_max_rad_s2") == "acceleration violation max"
+    assert words_of("limit_ratio_3_max") == "jerk / bound max"
+    words = [words_of(metric.name) for metric in METRICS]
     assert all(word and "_" not in word for word in words)
 
 

@@ -48,6 +48,7 @@ const chart = {
     canvas.width = Math.round(canvas.clientWidth * ratio);
     canvas.height = Math.round(canvas.clientHeight * ratio);
     this.drawn = null;
+    hover.hide();
     this.draw();
   },
 

@@ -21,11 +21,11 @@ const legend = {
     return found;
   },
 
-  /** Bounds of what may be, and of what is accepted: in which run, where there are several. */
+  /** Bounds of what may be, and of what is accepted: of which line, where there are several. */
   levels(paint) {
-    const found = [];
-    for (const { curve, run } of chart.lines()) {
-      const of = beside.length && curve.accepted.length ? ` (${run})` : "";
+    const found = [], lines = chart.lines();
+    for (const { curve, name } of lines) {
+      const of = lines.length > 1 ? ` (${name})` : "";
       const axis = chart.drawn?.axes.get(curve.unit);
       const beyond = (level) => (axis && !axis.holds(level) ? ", off the axis" : "");
       const levels = curve.bound === null ? curve.bounds ?? [] : [curve.bound];

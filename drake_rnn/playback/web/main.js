@@ -79,6 +79,7 @@ joints.build();
 zoom.reset();
 // The browser shows first what there is, as the scene takes its time.
 setTimeout(() => picture.load().then(() => {
+  if (viewer !== null) buildParts();
   listen();
   player.ready = true;
   paintTheme();

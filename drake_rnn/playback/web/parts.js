@@ -2,7 +2,7 @@
 
 // What a switch shows or hides: its name, and the scene paths of which it has those that there are.
 const PARTS = [
-  ["Arm", ["arm", "arm2", "stand"]],
+  ["Arm", ["arm", "second", "stand"]],
   ["Desired path", ["desired", "*/desired"]],
   ["Traced path", ["traced", "*/traced"]],
   ["Target posture", ["target"]],
@@ -15,7 +15,7 @@ const PARTS = [
 function buildParts() {
   const list = byId("parts");
   for (const [name, places] of PARTS) {
-    const nodes = places.flatMap(nodesAt);
+    const nodes = places.flatMap(nodesAt).filter(isDrawn);
     if (!nodes.length) continue;
     const row = document.createElement("label"), box = document.createElement("input");
     Object.assign(box, { type: "checkbox", checked: true });
@@ -34,6 +34,13 @@ function nodesAt(place) {
   for (const part of place.split("/")) {
     found = found.flatMap(({ children }) => (part === "*" ? below({ children }) : children[part] ?? []));
   }
+  return found;
+}
+
+/** Whether there is something to see at a node. */
+function isDrawn({ object }) {
+  let found = false;
+  object.traverse((each) => { found ||= Boolean(each.isMesh || each.isLine); });
   return found;
 }
 

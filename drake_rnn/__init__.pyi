@@ -162,6 +162,7 @@ from .runs import (
     Result as Result,
     build_diagram as build_diagram,
     check_experiment as check_experiment,
+    resume as resume,
     simulate as simulate,
 )
 from .runs.fastest import Fastest as Fastest, fastest as fastest

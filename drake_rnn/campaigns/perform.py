@@ -11,11 +11,11 @@ import numpy as np
 
 from ..errors import DrakeRnnError, InterruptedRunError, InvalidInputError, SimulationError
 from ..experiment import Arms, make_experiment
+from ..experiment.fingerprint import stamp
 from ..inputs.own_code import described
 from ..runs.result import Result
 from ..runs.simulation import simulate
 from ..runs.stored import Series
-from .fingerprint import stamp
 from .outcome import Order, Outcome
 
 #: Function that carries out a task, which is a list of orders, in any process. The outcome of an

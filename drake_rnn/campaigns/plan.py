@@ -22,11 +22,11 @@ from ..experiment import (
     read_sections,
     require_none_lost,
 )
+from ..experiment.fingerprint import forget_files, row_key, stamp, surroundings
 from ..inputs.complaints import plain
 from ..inputs.documents import construct
 from ..runs.effort import effort_of, require_effort
 from .document import CampaignDocument
-from .fingerprint import forget_files, row_key, stamp, surroundings
 from .outcome import Method, Order
 from .variation import Distribution
 

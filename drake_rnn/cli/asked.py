@@ -126,13 +126,20 @@ class Run(Planned):
     """Run experiments. Each gets a folder with metrics, figures and a playback."""
 
     experiments: Annotated[
-        list[str],
+        list[str] | None,
         typer.Argument(
             metavar="EXPERIMENT...",
             help="Names of shipped experiments, or YAML files.",
             autocompletion=complete_experiments,
         ),
-    ]
+    ] = None
+    resume: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="Go on with the run of this folder, which was stopped, instead of a new one.",
+        ),
+    ] = None
     seed: Seed = None
     figures: Figures = True
     playback: Playback = True

@@ -19,12 +19,13 @@ from rich.markup import escape
 from ..campaigns.workers import Processes
 from ..errors import DrakeRnnError
 from ..experiment import Experiment, load_experiment
+from ..runs.checkpoint import Checkpoint
 from ..runs.result import Result
 from ..runs.stored import Series
 from .changing import tell_of_window
 from .console import err, errors, out
 from .saving import Pictures, write_result
-from .simulating import simulated
+from .simulating import resumed, simulated
 
 
 @dataclass(frozen=True)
@@ -105,6 +106,14 @@ def run_in_turn(
         if result.status == "interrupted":
             break
     return outcomes
+
+
+def go_on(folder: Path, pictures: Pictures) -> Outcome:
+    """Go on with the run of a folder that was stopped."""
+    with errors():
+        result = resumed(Checkpoint.load(folder))
+        write_result(result, folder, pictures)
+    return Outcome(result.experiment.name, folder, result.record, result.metrics)
 
 
 @contextmanager
@@ -215,6 +224,6 @@ def _perform(
     task: Task, experiment: Experiment, beside: Sequence[Result], bar: bool = True
 ) -> Result:
     tell_of_window(task.experiment, task.changes)
-    result = simulated(experiment, bar, anyway=task.anyway, series=task.series)
+    result = simulated(experiment, bar, anyway=task.anyway, series=task.series, keep=task.folder)
     write_result(result, task.folder, task.pictures, beside)
     return result

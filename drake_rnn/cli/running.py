@@ -16,37 +16,22 @@ from .announcing import print_data, print_plan
 from .asked import Fastest, Run
 from .changing import changes_of, require_writable
 from .console import err, errors, finish, out, silenced
-from .queue import Task, run_at_once, run_in_turn
+from .queue import Outcome, Task, go_on, run_at_once, run_in_turn
 from .saving import Pictures, write_result
 
 
 def run(asked: Run) -> None:
-    """Run experiments, one after another or several at a time."""
-    first = asked.beside or []
-    names = [*first, *asked.experiments]
+    """Run experiments, one after another or several at a time; or go on with a run."""
     with silenced(asked.quiet or asked.as_json):
-        with errors():
-            if first:
-                _require_beside_is_possible(asked)
-            changed = changes_of(asked.changes, asked.seed, asked.duration)
-            loaded = []
-            for name in names:
-                with named(name, among=names):
-                    loaded.append(load_experiment(name, changed))
-            warnings = _check_all(loaded, names, asked)
-            tasks = [
-                _task(asked, name, experiment.name, changed)
-                for name, experiment in zip(names, loaded, strict=True)
-            ]
-            if asked.dry_run:
-                print_plan(tasks, loaded, warnings, asked.as_json)
-                return
-            for task in tasks:
-                require_writable(task.folder)
-        if asked.jobs > 1:
-            outcomes = run_at_once(tasks, asked.jobs)
+        if asked.resume is None:
+            begun = _begun(asked)
         else:
-            outcomes = run_in_turn(tasks, loaded, len(first))
+            with errors():
+                _require_alone(asked)
+            begun = [go_on(asked.resume, Pictures(asked.figures, asked.playback))], []
+    if begun is None:
+        return
+    outcomes, skipped = begun
     if asked.as_json:
         print_data(
             {
@@ -54,13 +39,62 @@ def run(asked: Run) -> None:
                 for each in outcomes
             }
         )
-    ran = {outcome.name for outcome in outcomes}
-    if skipped := [task.name for task in tasks if task.name not in ran]:
+    if skipped:
         err.print(f"[red]not run[/] {escape(', '.join(skipped))}")
     finish(
         not skipped and all(outcome.complete for outcome in outcomes),
         not asked.check or all(outcome.met for outcome in outcomes),
     )
+
+
+def _begun(asked: Run) -> tuple[list[Outcome], list[str]] | None:
+    """Run experiments; return outcomes and names of those not run, None if none was to run."""
+    first = asked.beside or []
+    names = [*first, *(asked.experiments or [])]
+    with errors():
+        if not asked.experiments:
+            raise InvalidInputError("EXPERIMENT: must be given, or a run's folder with --resume")
+        if first:
+            _require_beside_is_possible(asked)
+        changed = changes_of(asked.changes, asked.seed, asked.duration)
+        loaded = []
+        for name in names:
+            with named(name, among=names):
+                loaded.append(load_experiment(name, changed))
+        warnings = _check_all(loaded, names, asked)
+        tasks = [
+            _task(asked, name, experiment.name, changed)
+            for name, experiment in zip(names, loaded, strict=True)
+        ]
+        if asked.dry_run:
+            print_plan(tasks, loaded, warnings, asked.as_json)
+            return None
+        for task in tasks:
+            require_writable(task.folder)
+    if asked.jobs > 1:
+        outcomes = run_at_once(tasks, asked.jobs)
+    else:
+        outcomes = run_in_turn(tasks, loaded, len(first))
+    ran = {outcome.name for outcome in outcomes}
+    return outcomes, [task.name for task in tasks if task.name not in ran]
+
+
+def _require_alone(asked: Run) -> None:
+    """Refuse what --resume takes from the run that it goes on with."""
+    for option, given in (
+        ("EXPERIMENT", asked.experiments),
+        ("--set", asked.changes),
+        ("--seed", asked.seed is not None),
+        ("--duration", asked.duration is not None),
+        ("--series", asked.series != "full"),
+        ("--beside", asked.beside),
+        ("--jobs", asked.jobs > 1),
+        ("--dry-run", asked.dry_run),
+    ):
+        if given:
+            raise InvalidInputError(
+                f"{option}: cannot be combined with --resume, which goes on with the run as it was"
+            )
 
 
 def _task(asked: Run, experiment: str, name: str, changes: dict[str, Any]) -> Task:

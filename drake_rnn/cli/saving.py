@@ -11,6 +11,7 @@ from rich.markup import escape
 from ..inputs.signals_held import signals_held
 from ..playback import write_playback
 from ..runs.beside import SECOND
+from ..runs.checkpoint import can_go_on
 from ..runs.conclusion import conclusion_of
 from ..runs.folder import filled
 from ..runs.result import Result
@@ -58,7 +59,9 @@ def write_result(
     out.print(f"verdict   [{colour}]{told}[/]", soft_wrap=True)
     cost = result.timings["wall_time_s"]
     how = "simulated" if result.experiment.level.is_simulated else "driven"
-    out.print(f"time      {result.record['until_s']:g} s {how} in {cost:.3g} s")
+    since = result.timings.get("resumed_at_s", 0.0)
+    again = f", resumed at {since:g} s" if since else ""
+    out.print(f"time      {result.record['until_s'] - since:g} s {how} in {cost:.3g} s{again}")
     interrupted: KeyboardInterrupt | None = None
     with filled(folder, result.record):
         # What was computed is kept; pictures can be made again.
@@ -79,6 +82,8 @@ def _make(pictures: Pictures, result: Result, folder: Path, beside: Sequence[Res
     draw_beside(folder / "diagram.dot")
     out.print(escape(f"results   {folder}"), soft_wrap=True)
     if result.status == "interrupted":
+        if can_go_on(folder):
+            out.print(escape(f"go on     drake-rnn run --resume {folder}"), soft_wrap=True)
         if pictures.figures or pictures.playback:
             out.print(escape(f"pictures  none: {_again(folder)}"), soft_wrap=True)
         return

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from time import perf_counter
 
 from rich.markup import escape
@@ -11,20 +12,41 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from ..errors import SimulationError
 from ..experiment import Experiment
+from ..runs.checkpoint import Checkpoint
 from ..runs.result import Result
 from ..runs.simulation import Progress as ProgressCallback
-from ..runs.simulation import simulate
+from ..runs.simulation import resume, simulate
 from ..runs.stored import Series
 from .console import err, out
 
 
 def simulated(
-    experiment: Experiment, bar: bool = True, *, anyway: bool = False, series: Series = "full"
+    experiment: Experiment,
+    bar: bool = True,
+    *,
+    anyway: bool = False,
+    series: Series = "full",
+    keep: Path | None = None,
 ) -> Result:
     """Return the result of an experiment; up to its failure, which is printed, if it fails."""
+    return _shown(
+        experiment,
+        lambda progress: simulate(experiment, progress, anyway=anyway, series=series, keep=keep),
+        bar,
+    )
+
+
+def resumed(since: Checkpoint) -> Result:
+    """Return the result of a run that goes on, as `simulated` does."""
+    return _shown(since.experiment, lambda progress: resume(since, progress))
+
+
+def _shown(
+    experiment: Experiment, make: Callable[[ProgressCallback | None], Result], bar: bool = True
+) -> Result:
     try:
         with _progress_bar(experiment, bar) as progress:
-            return simulate(experiment, progress, anyway=anyway, series=series)
+            return make(progress)
     except SimulationError as error:
         err.print(f"[red]failed[/] {escape(f'{experiment.name}: {error}')}")
         failed: Result = error.result
@@ -46,10 +68,13 @@ def _progress_bar(experiment: Experiment, shown: bool) -> Iterator[ProgressCallb
     )
     with Progress(*columns, console=err, transient=True) as bar:
         task = bar.add_task(experiment.name, total=experiment.document.duration, speed="")
-        began = perf_counter()
+        began: list[float] = []
 
         def progress(t: float) -> None:
-            speed = t / max(perf_counter() - began, 1e-9)
+            # A run that goes on begins later.
+            since, at = began or (t, perf_counter())
+            began[:] = since, at
+            speed = (t - since) / max(perf_counter() - at, 1e-9)
             bar.update(task, completed=t, speed=f"{speed:.1f} x real time")
 
         yield progress

@@ -77,11 +77,14 @@ class Recorder:
         self._logs = [sink.FindMutableLog(root) for sink in self._sinks]
         self._take, self._due = take, part
         self._origin: float | None = None
-        self._count = 0
+        self._count = self._dropped = 0
         simulator.set_monitor(self)
 
     def __call__(self, context: Context) -> None:
         """Count a step that was logged; if a part is due, evaluate the steps before it first."""
+        self._step()
+
+    def _step(self) -> None:
         if self._count == self._due:
             self._make_room()
         self._count += 1
@@ -94,6 +97,32 @@ class Recorder:
         rows = np.hstack([log.data().T[:count] for log in self._logs])
         times = self._logs[0].sample_times()[:count]
         return Steps(times, rows, self._layout, self._origin)
+
+    def since(self, number: int) -> tuple[Array, Array]:
+        """Return times, shape (k,), and rows, shape (k, layout.size), from a step of the run on.
+
+        Args:
+            number: Number of the step in the whole run; it must not have been dropped.
+        """
+        steps = self.steps
+        return steps.time[number - self._dropped :], steps.rows[number - self._dropped :]
+
+    def replay(self, times: Array, rows: Array) -> None:
+        """Record the steps of a run anew, in place of what was recorded since the watch began.
+
+        Parts are evaluated where they were in that run.
+
+        Args:
+            times: Times, shape (k,) [s].
+            rows: What `since` returned of them, shape (k, layout.size).
+        """
+        for log in self._logs:
+            log.Clear()
+        ports = [self._layout.part(rows, name) for name in self._layout.parts]
+        for number, time in enumerate(times.tolist()):
+            for log, values in zip(self._logs, ports, strict=True):
+                log.AddData(time, values[number])
+            self._step()
 
     def taken(self) -> Steps:
         """Return the steps since the last call, of which only the last is kept for the next one.
@@ -126,3 +155,4 @@ class Recorder:
             for time, value in zip(times[first:], steps.series(name)[first:], strict=True):
                 log.AddData(time, value)
         self._count -= first
+        self._dropped += first

@@ -15,13 +15,13 @@ from pathlib import Path
 from typing import Any
 
 from ..campaigns import Order, Outcome
-from ..campaigns.fingerprint import stamp
 from ..campaigns.plan import order_of
 from ..campaigns.store import RowStore
 from ..claims import Claims, Quantity, RunSource
 from ..diagrams import EXPERIMENTS
 from ..errors import DrakeRnnError, InvalidInputError
 from ..experiment import read_document
+from ..experiment.fingerprint import stamp
 from ..runs.result import Result
 from ..runs.whole_file import written_whole
 

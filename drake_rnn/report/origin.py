@@ -6,7 +6,7 @@ import platform
 import subprocess
 from pathlib import Path
 
-from ..campaigns.fingerprint import stamp
+from ..experiment.fingerprint import stamp
 from ..inputs.versions import versions
 
 _PACKAGE = Path(__file__).parents[1]

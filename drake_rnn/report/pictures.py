@@ -13,8 +13,8 @@ from PIL import Image
 
 from ..campaigns import Order, Outcome
 from ..campaigns.engine import carry_out
-from ..campaigns.fingerprint import stamp
 from ..errors import DrakeRnnError
+from ..experiment.fingerprint import stamp
 from ..figures import drawable, write_figures
 from ..inputs.own_code import described
 from ..playback import write_playback

@@ -4,5 +4,6 @@ from .result import Result as Result
 from .simulation import (
     build_diagram as build_diagram,
     check_experiment as check_experiment,
+    resume as resume,
     simulate as simulate,
 )

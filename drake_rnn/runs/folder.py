@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 from ..errors import InvalidInputError
 from .whole_file import written_whole
@@ -14,6 +16,8 @@ from .whole_file import written_whole
 #: File with the record of the run; it is written first, as incomplete, and last.
 RECORD = "run.json"
 _INCOMPLETE = {"status": "incomplete"}
+#: Errors that reading damaged or foreign files raises.
+UNREADABLE = (OSError, EOFError, ValueError, KeyError, BadZipFile, zlib.error)
 #: Files that runs write, also those of versions without a record.
 _FILES = (
     "experiment.yaml",

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
-from zipfile import BadZipFile
 
 import numpy as np
 from pydrake.trajectories import Trajectory
@@ -25,16 +23,13 @@ from ..inputs.versions import versions
 from ..measures import METRICS
 from ..paths import Path as MotionPath
 from .beside import SECOND
+from .checkpoint import forget
 from .columns import columns_of, frame_of
-from .folder import filled, read_record
+from .folder import UNREADABLE, filled, read_record
 from .verdict import Verdict, verdicts_of
 
 #: Whether a run came to its end, and if not, what stopped it.
 Status = Literal["complete", "failed", "interrupted"]
-
-
-# Errors that reading damaged or foreign files raises.
-_UNREADABLE = (OSError, EOFError, ValueError, KeyError, BadZipFile, zlib.error)
 
 
 @dataclass(frozen=True, repr=False)
@@ -57,7 +52,8 @@ class Result:
         timings: What the run cost on this machine: ``wall_time_s`` of run and evaluation,
             ``real_time_factor``, simulated time over wall time of the run, and, if a clock samples
             the law, ``control_step_us``, the median time of one of its steps alone. They differ
-            from run to run.
+            from run to run. Of a run that was resumed they are those of what was left from
+            ``resumed_at_s`` on.
         second: The result of a second arm beside the first one; None without one.
     """
 
@@ -183,6 +179,8 @@ class Result:
             (folder / "diagram.dot").write_text(self.graphviz)
         if self.second is not None:
             self.second.save(folder / SECOND)
+        if self.status != "interrupted":
+            forget(folder)
 
     @classmethod
     def load(
@@ -221,7 +219,7 @@ class Result:
             lacks = f"{Path(error.filename).name} is missing"
             why = lacks if folder.is_dir() else "there is no such folder"
             raise InvalidInputError(f"{folder}: holds no result: {why}") from None
-        except _UNREADABLE as error:
+        except UNREADABLE as error:
             raise InvalidInputError(f"{folder}: holds no result: {error}") from None
         try:
             experiment = make_experiment(document, path, modules=modules)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
@@ -41,6 +42,7 @@ from ..systems import (
     followed_path,
 )
 from .beside import PREFIX
+from .checkpoint import Checkpoint, Keeper
 from .effort import check_effort
 from .evaluation import Evaluations
 from .result import Result, Status, stopped
@@ -92,6 +94,7 @@ def simulate(
     *,
     anyway: bool = False,
     series: Series = "full",
+    keep: str | Path | None = None,
 ) -> Result:
     """Run an experiment and return its result.
 
@@ -106,6 +109,8 @@ def simulate(
         series: What of the series is stored: "full", a sample for each ``log_period``; "thin", some
             of these, at most 2000, whose period is then the ``log_period`` of the result; or
             "none", the last step alone. Metrics are the same.
+        keep: Folder in which is kept what `resume` needs if the run is stopped: at whole seconds of
+            its time, at most once a second. To save the result there removes it.
 
     Raises:
         InvalidInputError: If the experiment is none, the path is out of reach, the law fails when
@@ -115,29 +120,65 @@ def simulate(
     """
     if not isinstance(experiment, Experiment):
         experiment = load_experiment(experiment)
+    if not anyway:
+        check_effort(experiment, stored_period(experiment, series))
+    return _run(experiment, progress, series, keep)
+
+
+def resume(kept: str | Path | Checkpoint, progress: Progress | None = None) -> Result:
+    """Go on with a run that was stopped, from the last whole second of its time that was kept.
+
+    The result has the bits of a run that was not stopped; timings are those of what was left. A law
+    of one's own must keep all that varies in its state.
+
+    Args:
+        kept: Folder that `simulate` was told to ``keep``, or that of `drake-rnn run`; or what was
+            loaded from it.
+        progress: Called with the simulated time [s] from time to time.
+
+    Raises:
+        InvalidInputError: If the folder holds no run that was stopped, or one that was begun by
+            other code or from another document, or that cannot go on.
+        SimulationError: As `simulate` does.
+    """
+    since = kept if isinstance(kept, Checkpoint) else Checkpoint.load(kept)
+    return _run(since.experiment, progress, since.series, since.folder, since)
+
+
+def _run(
+    experiment: Experiment,
+    progress: Progress | None,
+    series: Series,
+    keep: str | Path | None = None,
+    since: Checkpoint | None = None,
+) -> Result:
+    """Run an experiment, or go on with it since a checkpoint, and return its result."""
     if progress is not None and not callable(progress):
         raise InvalidInputError(f"progress: must be a function of time, not {short(progress)}")
-    period = stored_period(experiment, series)
+    period, given = stored_period(experiment, series), experiment
     experiment = _simulated(thinned(experiment, period))
-    if not anyway:
-        check_effort(experiment, period)
     started = time.perf_counter()
     found = [forecasts(each) for each in (experiment, experiment.second) if each is not None]
     simulator, loops, recorder = recorded_simulator(experiment)
     root, loop = simulator.get_mutable_context(), loops[0]
     start_laws(loops, root)
     evaluation = Evaluations(experiment, loops, period)
-    recorder.watch(simulator, evaluation.take, PART)
-    if progress is not None:
-        simulator.set_monitor(_with_progress(recorder, progress))
+    keeper = None if keep is None else Keeper(keep, given, series, recorder, loop.arm.tick, since)
+    _watch(simulator, recorder, evaluation, progress, keeper, since)
 
+    begin, evaluated = root.get_time(), evaluation.wall_time
     run_time, failure = _advance(simulator, experiment)
+    run_time -= evaluation.wall_time - evaluated
     result, fault = evaluation.finish(recorder.steps, found, simulator.get_system())
     if failure is None and fault is not None:
         failure = SimulationError(str(fault), root.get_time())
         failure.__cause__ = fault
-    result.timings["real_time_factor"] = root.get_time() / (run_time - evaluation.wall_time)
+    result.timings["real_time_factor"] = (root.get_time() - begin) / run_time
     result.timings["wall_time_s"] = time.perf_counter() - started
+    if since is not None:
+        result.timings["resumed_at_s"] = begin
+    if keeper is not None and keeper.trouble:
+        result.warnings.append(f"checkpoint: {keeper.trouble}")
     if failure is not None:
         status: Status = "interrupted" if isinstance(failure, InterruptedRunError) else "failed"
         failure.result = stopped(result, status, str(failure))
@@ -146,6 +187,28 @@ def simulate(
         context = loop.controller.GetMyContextFromRoot(root)
         result.timings["control_step_us"] = _step_cost(loop.controller, context)
     return result
+
+
+def _watch(
+    simulator: Simulator,
+    recorder: Recorder,
+    evaluation: Evaluations,
+    progress: Progress | None,
+    keeper: Keeper | None,
+    since: Checkpoint | None,
+) -> None:
+    """Let all watch a simulator that are to; bring it and them to a checkpoint, if there is one."""
+    if since is not None:
+        since.restore(simulator)
+    recorder.watch(
+        simulator, evaluation.take if keeper is None else keeper.taking(evaluation.take), PART
+    )
+    if since is not None:
+        recorder.replay(since.times, since.rows)
+    told = None if progress is None else _now_and_then(progress)
+    monitors = [each for each in (recorder, keeper, told) if each is not None]
+    if len(monitors) > 1:
+        simulator.set_monitor(_each_of(monitors))
 
 
 def _simulated(experiment: Experiment) -> Experiment:
@@ -164,10 +227,12 @@ def _advance(simulator: Simulator, experiment: Experiment) -> tuple[float, Simul
     began = time.perf_counter()
     failure: SimulationError | None = None
     try:
-        simulator.Initialize()
+        if root.get_time() == 0.0:
+            simulator.Initialize()
         began = time.perf_counter()
         for stop in _stops(experiment):
-            simulator.AdvanceTo(stop)
+            if stop > root.get_time():
+                simulator.AdvanceTo(stop)
     except SimulationError as error:
         failure = error
         integrator = experiment.document.integrator
@@ -434,15 +499,22 @@ def start_laws(loops: Sequence[Loop], root: Context) -> None:
         loop.controller.try_law(context)
 
 
-def _with_progress(recorder: Recorder, progress: Progress) -> Callable[[Context], None]:
+def _now_and_then(progress: Progress) -> Callable[[Context], None]:
     steps = 0
 
     def monitor(context: Context) -> None:
         nonlocal steps
-        recorder(context)
         steps += 1
         if steps % 256 == 0:
             progress(context.get_time())
+
+    return monitor
+
+
+def _each_of(monitors: Sequence[Callable[[Context], None]]) -> Callable[[Context], None]:
+    def monitor(context: Context) -> None:
+        for each in monitors:
+            each(context)
 
     return monitor
 

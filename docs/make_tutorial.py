@@ -23,7 +23,7 @@ PAGE = Path(__file__).with_name("tutorial.md")
 PICTURE = PAGE.with_suffix(".png")
 _FILE = re.compile(r"^Save this as `([\w.]+)`:\n\n```\w+\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 _COMMANDS = re.compile(r"^```sh\n(.*?)^```$", re.DOTALL | re.MULTILINE)
-_TABLE = re.compile(r"(?<= -->\n)(TABLE|(\|.*\n)+)")
+_TABLE = re.compile(r"(?<= -->\n).*?(?=\n† marks)", re.DOTALL)
 #: Resolution of the picture [dots/inch], and room round what is printed [px].
 _DOTS, _ROOM = 110, 16
 

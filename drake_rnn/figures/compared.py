@@ -32,7 +32,7 @@ from .style import (
     ticks,
     time_axis,
 )
-from .traits import first_pass
+from .traits import first_pass, pen_down
 
 Runs = Mapping[str, Result]
 
@@ -133,7 +133,7 @@ def _put_noise_behind(lines: Sequence[Line2D]) -> None:
         ways = [-np.nansum(np.abs(np.diff(curve))) for curve in curves]
     places = np.argsort(np.argsort(ways, kind="stable"), kind="stable")
     for line, curve, place in zip(lines, curves, places, strict=True):
-        line.set_zorder(2.0 + 0.4 * float(place) / len(curves))
+        line.set_zorder(1.5 + 0.4 * float(place) / len(curves))
         if noisy(curve[:, None]):
             line.set(linewidth=0.6, alpha=0.8)
 
@@ -154,9 +154,14 @@ def _plot_path(ax: Axes, runs: Runs) -> None:
     desired = first.series["p_WE_desired"][first_pass(first)]
     a, b = sorted(np.argsort(np.ptp(finite(desired), axis=0), kind="stable")[-2:].tolist())
     for k, run in enumerate(runs.values()):
-        ax.plot(*run.series["p_WE"][:, [a, b]].T, **nth(k))
-    ax.plot(*desired[:, [a, b]].T, **DESIRED)
+        ax.plot(*_drawn(run, "p_WE")[:, [a, b]].T, **nth(k))
+    ax.plot(*_drawn(first, "p_WE_desired")[first_pass(first)][:, [a, b]].T, **DESIRED)
     plane_axes(ax, f"{'xyz'[a]} [m]", f"{'xyz'[b]} [m]")
+
+
+def _drawn(run: Result, series: str) -> Array:
+    """Return points of a run, shape (k, m); NaN where a pen is lifted."""
+    return np.asarray(np.where(pen_down(run)[:, None], run.series[series], np.nan))
 
 
 def _plot_error(ax: Axes, runs: Runs) -> None:

@@ -6,13 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..inputs.fields import Array
-from ..paths import Rest
+from ..paths import Drawing, Rest
 from ..robot.limits import DERIVATIVE_UNITS
 from ..runs.result import Result
 from .style import largest
 
 #: Difference between arm and law, relative to the law's peak, above which both are drawn.
 _APART = 0.01
+#: Height, as a share of that to which a pen is lifted, above which it does not draw.
+_LIFTED = 0.01
 
 
 def has_target(result: Result) -> bool:
@@ -72,6 +74,19 @@ def first_pass(result: Result) -> NDArray[np.bool_]:
     experiment = result.experiment
     passed = experiment.desired.traversal + experiment.path_delay
     return result.time <= passed + experiment.document.log_period
+
+
+def pen_down(result: Result) -> NDArray[np.bool_]:
+    """Return which samples have the desired point in the plane that a pen draws in, shape (k,).
+
+    All of them on a path that lifts no pen, or whose plane turns with another frame than the base.
+    """
+    path = result.experiment.path
+    if not isinstance(path, Drawing) or path.lift == 0.0 or path.frame != "base":
+        return np.ones(result.time.size, dtype=bool)
+    desired = result.series["p_WE_desired"]
+    heights = (desired - desired[0]) @ path.normal
+    return np.asarray(np.abs(heights) <= _LIFTED * abs(path.lift))
 
 
 def returns(result: Result) -> bool:

@@ -58,6 +58,11 @@ class InPlane(RelativePath):
         return x, y, np.cross(x, y)
 
     @property
+    def normal(self) -> Array:
+        """Unit vector normal to the plane, along the axes of the path's frame, shape (3,)."""
+        return self._axes[2]
+
+    @property
     @abstractmethod
     def _first_point(self) -> Array:
         """First point relative to the curve's own origin, along the axes of the base, (3,) [m]."""

@@ -26,8 +26,8 @@ SERIES_ON_DARK = ("#E0915A", "#CC88EE", "#DDAA44", "#9C8CF0", "#00C4B4", "#A9BD8
 ARM, SURFACE = "#C9CDD2", "#EFE8D8"
 #: What the arm's distances are measured from.
 CAPSULE = "#4F5A66"
-#: Beside the arm's own: its joints and tool.
-ARM_DARK = "#8E959D"
+#: Beside the arm's own: of its dark and of its white parts.
+ARM_DARK, ARM_LIGHT = "#8E959D", "#E9EBED"
 
 
 def components(colour: str) -> tuple[float, float, float]:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from itertools import combinations
 
 import pytest
+from pydrake.geometry import Rgba
 
 from colour_vision import VISIONS, distance
-from drake_rnn import colours
+from drake_rnn import colours, load_arm
+from drake_rnn.playback.drawn_arm import _muted
 
 MEANINGS = {
     name: colours.components(getattr(colours, name))
@@ -37,3 +40,17 @@ def test_green_and_red_of_equal_lightness_look_alike_without_the_receptor_for_gr
     red, green = (0.75, 0.25, 0.2), (0.42, 0.46, 0.1)
     assert distance(red, green, "normal") > 60.0
     assert distance(red, green, "deuteranopia") < 20.0
+
+
+@pytest.mark.parametrize("vision", VISIONS)
+def test_paths_stand_out_from_the_pale_colours_of_arms(vision: str) -> None:
+    """20, as dark greys and the force have for some; the orange of a maker would be a path's."""
+    for arm in ("panda", "fr3", "iiwa14", "ur5", "gen3", "puma560"):
+        model = load_arm(arm).model.read_text()
+        found = {tuple(map(float, each.split())) for each in re.findall('rgba="([^"]*)"', model)}
+        for maker in found:
+            pale = _muted(Rgba(*maker))
+            for meaning, colour in MEANINGS.items():
+                seen = distance(colour, (pale.r(), pale.g(), pale.b()), vision)
+                assert seen > 20.0, (arm, maker, meaning)
+    assert distance(colours.components(colours.TRACED), (1.0, 0.424, 0.039), "protanopia") < 20.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 
 from rich.box import SIMPLE_HEAD
@@ -15,6 +16,7 @@ from ..inputs.complaints import nearest
 from ..inputs.documents import construct
 from ..inputs.explained import Key, first_sentence, keys_of
 from ..laws import LAWS
+from ..measures import raised
 from ..paths import PATHS
 from ..robot.arm_description import ArmDescription
 from ..robot.load_arm import load_arm, shipped_arms
@@ -24,6 +26,8 @@ from .asked import Arms, Laws, List, Paths
 from .console import errors, out, print_table
 from .written_tables import require_tables, write_tables
 
+# The units in the meaning of a key.
+_UNITS = re.compile(r"\[[^\]]*\]")
 #: Width from which a table of experiments also has their papers [characters].
 _ROOM = 120
 #: Columns of that table that have sentences.
@@ -156,6 +160,10 @@ def _print_kinds(
     print_table(table)
 
 
+def _raised(units: re.Match[str]) -> str:
+    return raised(units[0])
+
+
 def keys_table(keys: list[Key]) -> Table:
     """Return a table of keys with defaults and meanings."""
     table = Table(box=SIMPLE_HEAD)
@@ -164,5 +172,5 @@ def keys_table(keys: list[Key]) -> Table:
     table.add_column("meaning", ratio=1)
     for key in keys:
         default = "must be given" if key.default is None else key.default
-        table.add_row(*map(escape, (key.name, default, key.meaning)))
+        table.add_row(*map(escape, (key.name, default, _UNITS.sub(_raised, key.meaning))))
     return table

@@ -54,7 +54,7 @@ class Commands(TyperGroup):
         if self.get_command(ctx, name) is None:
             meant = [_ALSO[name]] if name in _ALSO else get_close_matches(name, self.commands, 1)
             hint = f"; perhaps {meant[0]!r} is meant" if meant else ""
-            raise _UsageError(f"there is no command {name!r}{hint}", ctx)
+            raise _UsageError(f"no such command {name!r}{hint}", ctx)
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:

@@ -39,11 +39,16 @@ from ..robot.arm import Arm
 from ..robot.drake_log import quiet_drake
 
 TARGET_OPACITY = 0.4
-# Shapes whose only colour is the one in the model; luminance that is drawn as the lightest grey,
-# and how much darker a saturated colour is drawn.
+# Shapes whose only colour is the one in the model.
 _PRIMITIVE = (Box, Capsule, Cylinder, Ellipsoid, Sphere)
-_LIGHT, _SATURATED = 0.6, 0.5
+# Weights of red, green and blue in the luminance, luminances and the greys that these are drawn in,
+# and the share of a colour's difference from grey that is kept.
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+_LEVELS = (0.0, 0.6, 0.95)
+_GREYS = np.array(
+    [colours.components(each) for each in (colours.ARM_DARK, colours.ARM, colours.ARM_LIGHT)]
+)
+_TINT = 0.35
 
 # Where arm and target posture coincide, only the arm should be seen, without flicker: the target
 # is drawn as if it were some millimetres farther away, in units of the depth buffer.
@@ -182,7 +187,7 @@ def _without_colour(shape: Shape) -> Shape:
 
 
 def _mute(plant: Any, scene_graph: SceneGraph) -> None:
-    """Draw primitive shapes in greys, so that none looks like a path; meshes keep their colours."""
+    """Draw primitive shapes in pale colours, which no path has; meshes keep theirs."""
     inspector = scene_graph.model_inspector()
     for geometry in inspector.GetAllGeometryIds(Role.kIllustration):
         properties = inspector.GetIllustrationProperties(geometry)
@@ -196,9 +201,9 @@ def _mute(plant: Any, scene_graph: SceneGraph) -> None:
 
 
 def _muted(colour: Rgba) -> Rgba:
-    """Return a grey: lighter for a light colour, darker for a dark or a saturated one."""
+    """Return a pale image of a maker's colour: a grey as light as it is, with a tint of it."""
     rgb = np.array([colour.r(), colour.g(), colour.b()])
-    light = float(rgb @ _LUMINANCE) / _LIGHT - _SATURATED * float(np.ptp(rgb))
-    share = min(max(light, 0.0), 1.0)
-    dark, bright = (np.array(colours.components(c)) for c in (colours.ARM_DARK, colours.ARM))
-    return Rgba(*(dark + share * (bright - dark)), colour.a())
+    luminance = float(rgb @ _LUMINANCE)
+    grey = np.array([np.interp(luminance, _LEVELS, channel) for channel in _GREYS.T])
+    pale = np.clip(grey + _TINT * (rgb - luminance), 0.0, 1.0)
+    return Rgba(*pale, colour.a())

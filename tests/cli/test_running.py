@@ -1,5 +1,6 @@
 """Runs on the command line, as a user meets them."""
 
+import json
 import math
 import shutil
 import subprocess
@@ -178,3 +179,18 @@ def test_a_run_without_series_has_its_metrics_and_neither_figures_nor_playback(t
     files = {file.name for file in (tmp_path / KNOWN).rglob("*") if file.is_file()}
     assert not {name for name in files if name.endswith((".png", ".html"))}
     assert Result.load(tmp_path / KNOWN).time.size == 1
+
+
+def test_the_verdict_is_one_line_and_bounded_metrics_are_first(tmp_path):
+    """Also where nobody looks at the table: in a pipe or a file."""
+    result = call("run", KNOWN, "--out", tmp_path, "--no-playback", *SHORT)
+    (line,) = [each for each in result.stdout.splitlines() if each.startswith("verdict")]
+    record = json.loads((tmp_path / KNOWN / "run.json").read_text())
+    met = sum(verdict["met"] for verdict in record["accept"].values())
+    assert f"{KNOWN}: " in line
+    assert f"{met} of {len(record['accept'])} criteria met" in line
+    names = [each.split()[0] for each in result.stdout.splitlines() if each.startswith("  ")]
+    bounded = names[2 : 2 + len(record["accept"])]
+    assert set(bounded) == set(record["accept"])
+    # Nothing is padded with blanks.
+    assert not any(each.endswith(" ") for each in result.stdout.splitlines())

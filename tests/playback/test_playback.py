@@ -434,6 +434,13 @@ def test_start_and_target_are_seen_apart(
     assert math.sqrt(1.0 - along**2) > 0.7
 
 
+def test_a_legend_names_what_can_be_seen(page: Page, adjusted_page: Page) -> None:
+    """A tool that stays where it is draws no path."""
+    assert all(f"</i>{name}</li>" in page.text for name in ("desired", "traced", "desired point"))
+    assert "</i>point to stay at</li>" in adjusted_page.text
+    assert "</i>traced</li>" not in adjusted_page.text
+
+
 @pytest.mark.parametrize("kind", ["adjusted", "planar_adjusted", "resting"])
 def test_a_point_that_stays_is_a_ball_and_no_path(
     kind: str, request: pytest.FixtureRequest, tmp_path: Path

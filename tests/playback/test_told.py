@@ -13,6 +13,8 @@ from test_playback import Page
 
 from drake_rnn import Result, load_experiment, simulate, write_playback
 from drake_rnn.measures import METRICS, told
+from drake_rnn.playback import accepted
+from drake_rnn.playback.accepted import accepted_bounds
 from drake_rnn.playback.lines import simplified
 from drake_rnn.playback.outcome import outcome_of
 from drake_rnn.playback.packing import packed
@@ -20,7 +22,8 @@ from drake_rnn.playback.recorded import recorded
 from drake_rnn.playback.replay import replayed_motion
 from drake_rnn.playback.shown_curves import Curve, curves_of, nearest
 from drake_rnn.playback.views import facing, outermost
-from drake_rnn.runs.told_metrics import words_of
+from drake_rnn.runs.conclusion import conclusion_of
+from drake_rnn.runs.told_metrics import told_value, words_of
 
 
 @pytest.fixture(scope="module")
@@ -82,6 +85,37 @@ def test_differences_end_where_the_run_does() -> None:
     v = run.series["velocity"]
     second = np.abs(np.diff(v, n=2, axis=0)).max(axis=1) / 0.01**2 / 100.0
     np.testing.assert_allclose(jerk.values, second, rtol=1e-6)
+
+
+def test_what_is_accepted_of_a_curve_is_a_level_of_it(learned: Result) -> None:
+    """A limit's bound of 1 is a bound of the curve, and is not repeated."""
+    (bound,) = [one for one in accepted_bounds(learned) if one.key == "position_error"]
+    assert (bound.level, bound.text, bound.met) == (1e-9, "largest ≤ 1 nm", False)
+    assert bound.windowed
+    shown = {curve.key for curve in curves_of(replayed_motion(learned))}
+    ratios = {one.key: one.level for one in accepted_bounds(learned) if one.key.endswith("ratio")}
+    assert "acceleration_ratio" in ratios.keys() & shown
+    assert all(level == pytest.approx(1.0) for level in ratios.values())
+
+
+def test_metrics_that_levels_are_taken_from_are_metrics() -> None:
+    assert accepted._JUDGED.keys() <= {metric.name for metric in METRICS}
+
+
+def test_a_line_says_what_a_run_has_come_to(learned: Result) -> None:
+    met = sum(verdict.met for verdict in learned.verdicts)
+    told_of = f"{met} of {len(learned.verdicts)} criteria met"
+    assert str(conclusion_of(learned)) == f"not accepted: {told_of}; limits kept"
+    metrics = learned.metrics | {"limit_ratio_2_max": 1.2}
+    assert str(conclusion_of(dataclasses.replace(learned, metrics=metrics))).endswith(
+        "; limits broken: acceleration"
+    )
+
+
+def test_violations_of_rounding_are_none() -> None:
+    assert told_value("position_violation_max_rad", 1.1e-13) == "none"
+    assert told_value("velocity_violation_max_rad_s", 1e-9) == "1 nrad/s"
+    assert told_value("settling_time_s", None) == "not reached"
 
 
 def test_criteria_and_limits_are_told_with_what_came_out(learned: Result) -> None:

@@ -196,7 +196,7 @@ function placeLabels() {
     style.maxWidth = `${clamp(room, NARROWEST, 320)}px`;
     style.visibility = ahead && shown ? "visible" : "hidden";
     const half = labels[k].offsetWidth / 2;
-    const x = clamp(left, half + 4, Math.max(half + 4, pane.clientWidth - half - 4));
+    const x = clamp(left, half + 8, Math.max(half + 8, pane.clientWidth - half - 8));
     style.transform = `translate(${x}px, ${top + BELOW}px) translateX(-50%)`;
   });
 }

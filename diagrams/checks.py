@@ -11,6 +11,7 @@ from ..errors import InvalidInputError
 from ..inputs.complaints import nearest, require_type
 from ..inputs.dataclass_fields import field_names
 from ..laws import Law
+from ..robot.joint_locks import JointLocks
 from ..robot.task import TASKS, tasks_suiting
 from ..systems.body import Body, Feedback
 from ..systems.controllers import Controller
@@ -129,6 +130,37 @@ def check_filter(filtered: bool, feedback: Feedback, dither: DitherSettings | No
     if feedback == "measured" and dither is not None and dither.model != "actuated":
         raise InvalidInputError(
             f"dither.model: must be actuated with feedback: measured, not {dither.model}"
+        )
+
+
+def check_locks(
+    locks: JointLocks | None,
+    period: float | None,
+    feedback: Feedback,
+    dither: DitherSettings | None,
+) -> None:
+    """Raise an InvalidInputError if joints cannot lock in such a loop.
+
+    Args:
+        locks: When joints lock; None for sound joints.
+        period: Sampling period of the controller [s]; None for a law that Drake integrates.
+        feedback: Arm that the law sees.
+        dither: Excitation of the joints; None for none.
+    """
+    require_type("locks", locks, JointLocks, NoneType)
+    if locks is None:
+        return
+    if period is None:
+        raise InvalidInputError("faults: need a sampled law; give a period, not an integrator")
+    if feedback == "unfiltered":
+        raise InvalidInputError(
+            "feedback: must not be unfiltered with faults; the virtual arm that the law would see "
+            "does not lock"
+        )
+    if dither is not None and dither.model != "actuated":
+        raise InvalidInputError(
+            f"dither.model: must be actuated with faults, not {dither.model}; a locked joint "
+            "shows no noise"
         )
 
 

@@ -76,8 +76,8 @@ def able_reading(document: ExperimentDocument, law: Law) -> SampledReading:
         raise InvalidInputError(
             "integrator: is Drake's; a batch needs a sampled law, with a period"
         )
-    for name, part in {"sensor": document.sensor, "sensing": document.sensing}.items():
-        if part is not None:
+    for name in ("sensor", "sensing", "faults"):
+        if getattr(document, name):
             raise InvalidInputError(f"{name}: a batch has none; simulate has")
     if document.obstacles is not None:
         raise InvalidInputError("obstacles: a batch does not look at distances; simulate does")

@@ -211,6 +211,7 @@ function drawAxes(context, curve, range, { left, top, width, height }, { toX, to
     context.fillStyle = paint("shade");
     context.fillRect(from, top, to - from, height);
   }
+  drawMarks(context, { left, top, width, height }, { toX, paint });
   context.lineWidth = 1;
   context.fillStyle = paint("muted");
   context.strokeStyle = paint("line");
@@ -239,6 +240,26 @@ function drawAxes(context, curve, range, { left, top, width, height }, { toX, to
     context.stroke();
     context.setLineDash([]);
   }
+}
+
+/** Moments of the run, such as that at which a joint locks, with their names. */
+function drawMarks(context, { left, top, width, height }, { toX, paint }) {
+  context.lineWidth = 1.5;
+  context.fillStyle = context.strokeStyle = paint("bound");
+  context.textBaseline = "top";
+  context.setLineDash([1, 3]);
+  (data.marks || []).forEach(({ time, name }, k) => {
+    const x = toX(clamp(time, 0, data.duration));
+    context.beginPath();
+    context.moveTo(x, top);
+    context.lineTo(x, top + height);
+    context.stroke();
+    // To the left where there is no room to the right.
+    const fits = x + 6 + context.measureText(name).width < left + width;
+    context.textAlign = fits ? "left" : "right";
+    context.fillText(name, x + (fits ? 6 : -6), top + 2 + 15 * k);
+  });
+  context.setLineDash([]);
 }
 
 /** A line through samples: of those in one column of pixels, the first, least, largest and last. */

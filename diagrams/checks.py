@@ -11,6 +11,7 @@ from ..errors import InvalidInputError
 from ..inputs.complaints import nearest, require_type
 from ..inputs.dataclass_fields import field_names
 from ..laws import Law
+from ..robot.joint_locks import JointLocks
 from ..robot.task import TASKS, tasks_suiting
 from ..systems.body import Body, Feedback
 from ..systems.controllers import Controller
@@ -135,6 +136,37 @@ def check_filter(filtered: bool, feedback: Feedback, dither: JointNoise | None) 
 def _moving(noise: JointNoise) -> str:
     """Return what makes a noise move the arm, for messages."""
     return "disturbance:" if noise.section == "disturbance" else "dither.model: actuated"
+
+
+def check_locks(
+    locks: JointLocks | None,
+    period: float | None,
+    feedback: Feedback,
+    dither: JointNoise | None,
+) -> None:
+    """Raise an InvalidInputError if joints cannot lock in such a loop.
+
+    Args:
+        locks: When joints lock; None for sound joints.
+        period: Sampling period of the controller [s]; None for a law that Drake integrates.
+        feedback: Arm that the law sees.
+        dither: Excitation or disturbance of the joints; None for none.
+    """
+    require_type("locks", locks, JointLocks, NoneType)
+    if locks is None:
+        return
+    if period is None:
+        raise InvalidInputError("faults: need a sampled law; give a period, not an integrator")
+    if feedback == "unfiltered":
+        raise InvalidInputError(
+            "feedback: must not be unfiltered with faults; the virtual arm that the law would see "
+            "does not lock"
+        )
+    if dither is not None and not dither.moves_arm:
+        raise InvalidInputError(
+            f"dither.model: must be actuated with faults, not {dither.model}; a locked joint "
+            "shows no noise"
+        )
 
 
 _HINTS = {

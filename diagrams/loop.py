@@ -11,6 +11,7 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import Adder, Integrator, MatrixGain
 
 from ..inputs.complaints import require_type
+from ..robot.joint_locks import JointLocks
 from ..systems.body import Body, Feedback
 from ..systems.contact import Contact
 from ..systems.contact_reference import ContactReference
@@ -20,6 +21,7 @@ from ..systems.dynamics import DYNAMICS_SIGNALS, Dynamics
 from ..systems.force_sensor import ForceSensor
 from ..systems.force_watch import ForceWatch
 from ..systems.ideal_arm import IdealArm
+from ..systems.joint_brakes import JointBrakes
 from ..systems.joint_noise import JointNoise
 from ..systems.joint_sensor import JointSensor
 from ..systems.kinematics import Kinematics
@@ -27,7 +29,7 @@ from ..systems.moving_average import MovingAverage
 from ..systems.normal_force import NormalForce
 from ..systems.pose_sensor import PoseSensor
 from ..systems.sensing_settings import SensingSettings
-from .checks import check_arguments, check_offers, check_parts, given_signals
+from .checks import check_arguments, check_locks, check_offers, check_parts, given_signals
 from .wiring import Ports, Wiring, ports_of
 
 #: Samples from one check of the force sensor to the next: each costs time, and a stuck sensor stays
@@ -77,6 +79,7 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
     feedback: Feedback | None = None,
     sensing: SensingSettings | None = None,
     signals: Mapping[str, OutputPort] | None = None,
+    locks: JointLocks | None = None,
     seed: int = 0,
     prefix: str = "",
 ) -> Loop:
@@ -104,19 +107,22 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
         sensing: Imperfections of the measured joints, and of all kinematics that follow from
             them, or of a pose that is measured from outside; None for the true joints.
         signals: Output ports in ``builder`` that replace, by name, those offered here.
+        locks: When joints lock, whatever is commanded; None for sound joints. A law is told of it
+            by the same argument of its `SampledController`.
         seed: Seed of dither and sensors.
         prefix: Prefix of the systems' names, for several loops in one diagram.
 
     Raises:
         InvalidInputError: If the law needs an input that nothing offers, or of another size; if
             the filter does not fit controller, feedback or dither; if the body cannot run in this
-            loop; if ``sensing`` does not fit controller, feedback or arm; or if an argument has the
-            wrong type.
+            loop; if ``sensing`` or ``locks`` do not fit controller, feedback, dither or arm; or if
+            an argument has the wrong type.
     """
     check_arguments(builder, reference, signals, seed, prefix)
     require_type("body", body, Body)
     feedback = body.chosen_feedback(feedback, sensed=sensing is not None)
     check_parts(body, controller, task, dither, filter, feedback, sensing)
+    check_locks(locks, controller.period, feedback, dither)
     given = given_signals(signals, controller)
     wiring = Wiring(builder, prefix)
     wiring.add("controller", controller)
@@ -132,6 +138,7 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
             wiring.connect(command, filter.get_input_port())
             command = filter.get_output_port()
     velocity = _add_dither(wiring, dither, command, seed)
+    velocity = _add_brakes(wiring, body, locks, velocity, controller.period)
     _move(wiring, seen, velocity.moved)
     joints, pose = _add_sensors(wiring, body, task, sensing, controller.period, seed)
     position, measured, shown = _joints_seen(seen, velocity, feedback, joints)
@@ -230,6 +237,22 @@ def _add_dither(
         "virtual": _Velocity(command, dithered, dithered),
         "printed": _Velocity(command, command, dithered),
     }[dither.model]
+
+
+def _add_brakes(
+    wiring: Wiring,
+    body: Body,
+    locks: JointLocks | None,
+    velocity: _Velocity,
+    period: float | None,
+) -> _Velocity:
+    """Return what brakes leave of the velocities, which are one; without brakes, as they are."""
+    if locks is None or period is None:
+        return velocity
+    brakes = wiring.add("brakes", JointBrakes(locks, body.arm.limits, period))
+    wiring.connect(velocity.moved, brakes.get_input_port())
+    braked = brakes.get_output_port()
+    return _Velocity(braked, braked, braked)
 
 
 def _add_sensors(

@@ -76,8 +76,9 @@ def able_reading(document: ExperimentDocument, law: Law) -> SampledReading:
         raise InvalidInputError(
             "integrator: is Drake's; a batch needs a sampled law, with a period"
         )
-    if document.sensor is not None:
-        raise InvalidInputError("sensor: a batch has none; simulate has")
+    for name in ("sensor", "faults"):
+        if getattr(document, name):
+            raise InvalidInputError(f"{name}: a batch has none; simulate has")
     if document.sensing is not None and (
         not document.sensing.of_position_alone or document.filter is not None
     ):

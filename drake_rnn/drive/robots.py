@@ -135,6 +135,8 @@ def driven_experiment(
         raise InvalidInputError(f"start: {why}")
     if found.second is not None:
         raise InvalidInputError("second: must be left out; one robot is driven at a time")
+    if found.locks is not None:
+        raise InvalidInputError("faults: must be left out; the joints of a robot are not locked")
     return found
 
 

@@ -16,6 +16,7 @@ from ..inputs.fields import Finite, NonNegative, Positive, Seed, Vector, between
 from ..inputs.names import require_folder_name
 from ..measures import METRIC_NAMES
 from ..paths import RecordedTargets
+from ..robot.joint_locks import JointLock
 from ..robot.task import TASKS
 from ..systems import BODIES
 from ..systems.body import Feedback
@@ -129,6 +130,7 @@ class ExperimentDocument:
         force: Desired pressing force.
         sensor: Force sensor; by default an ideal one.
         sensing: Measurement of the joints that the law sees; by default an ideal one.
+        faults: Joints that lock during the run.
         period: Sampling period of the controller [s]; give either this or ``integrator``.
         integrator: Integrator of the law's continuous reading; give either this or ``period``.
         start: Start posture, shape (n,) [rad]; by default the arm's home posture.
@@ -173,6 +175,7 @@ class ExperimentDocument:
     force: ForceProfile | None = None
     sensor: SensorSettings | None = None
     sensing: SensingSettings | None = None
+    faults: list[JointLock] | None = None
     period: _Period | None = None
     integrator: IntegratorSettings | None = None
     start: Vector | None = None
@@ -251,6 +254,8 @@ class ExperimentDocument:
                 value = {key: _given(bound) for key, bound in value.items()}
             elif is_dataclass(value):
                 value = _given(value)
+            elif name == "faults":
+                value = [_given(lock) for lock in value]
             contents[name] = plain(value)
         return contents
 

@@ -20,6 +20,7 @@ from ..paths import JointTargets, LedPath, Path, PlacedPath
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.obstacles import Obstacle
+from ..robot.joint_locks import JointLocks
 from ..robot.kinematics import ArmKinematics
 from ..robot.limits import JointLimits
 from ..robot.task import Task, named_task
@@ -28,6 +29,7 @@ from ..systems.moving_average import averaged_limits
 from .arms import Arms
 from .contact import contact_doubts
 from .document import ExperimentDocument
+from .faults import kept_through_locks, lock_doubts
 from .filter import FilterDelay, filter_delay
 from .judged import judged_doubts
 from .path import GIVEN
@@ -59,6 +61,7 @@ class Experiment:
             and distances are in the base frame of this one.
         base: Where that arm stands; None without one.
         safety: What is kept of the law's command; None if it is taken as it is.
+        locks: When joints lock; None if none does.
         feedback: Arm that the law sees.
         path_delay: Delay with which the arm follows the path [s].
         warnings: Warnings about the document and the objects.
@@ -78,6 +81,7 @@ class Experiment:
     clearance: Clearance | None
     motions: ObstacleMotions | None
     safety: Safety | None
+    locks: JointLocks | None
     feedback: Feedback
     path_delay: float
     warnings: tuple[str, ...] = ()
@@ -133,8 +137,14 @@ class Experiment:
         actuated dither or of a disturbance. Behind a filter the arm's positions are means of those
         of an unfiltered arm that the law sees, if neither a bound on the velocity nor a
         precompensation changes the command before. A law that sees positions with errors of
-        measurement can keep no limit of the true ones.
+        measurement can keep no limit of the true ones. A joint that locks stops within the limits
+        that the command kept, but not within higher ones.
         """
+        return kept_through_locks(self._kept_by_command, self.locks, self.limits)
+
+    @property
+    def _kept_by_command(self) -> tuple[str, ...]:
+        """Names of the limits that are kept of an arm whose joints follow their commands."""
         noise, settings, keeps = self.document.joint_noise, self.document.filter, self.keeps
         if self.level.has_motors or (noise is not None and noise.moves_arm):
             return ()
@@ -199,7 +209,7 @@ def make_experiment(
     check_sensing(document.sensing, parts.law)
     delay, late = filter_delay(parts)
     law, moved = with_reachable_target(parts)
-    unsafe = _unsafe(parts)
+    unsafe, unsure = _unsafe(parts), lock_doubts(parts)
     start, kinematics = parts.start, arms.shared("kinematics", document.arm, parts.arm.kinematics)
     desired = parts.path.placed_by(kinematics, start)
     if desired.turns and "R_WE_desired" not in law.inputs:
@@ -223,11 +233,12 @@ def make_experiment(
         clearance=parts.clearance,
         motions=parts.motions,
         safety=parts.safety,
+        locks=parts.locks,
         feedback=parts.feedback,
         path_delay=delay.path,
     )
     circumstances = _circumstances(found, delay, kinematics)
-    unsure = warnings_of(law, "doubts", lambda: law.doubts(circumstances))
+    unsure += warnings_of(law, "doubts", lambda: law.doubts(circumstances))
     judged = judged_doubts(found.limits, found.keeps, document.period)
     warnings = (*parts.warnings, *late, *moved, *unsafe, *unsure, *judged, *doubts)
     found = replace(found, warnings=warnings)

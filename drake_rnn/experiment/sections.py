@@ -22,12 +22,14 @@ from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
 from ..robot.clearance.described_obstacles import make_obstacles
 from ..robot.clearance.obstacles import Obstacle
+from ..robot.joint_locks import JointLocks
 from ..robot.limits import JointLimits
 from ..robot.load_arm import named_limits
 from ..systems import BODIES, Contact, Feedback, ObstacleMotions, start_posture
 from .arms import Arms
 from .document import ExperimentDocument
 from .law import make_law
+from .locks import joint_locks
 from .moving import obstacle_motions
 from .path import path_of
 from .pressed import described_contact, pressed_solids
@@ -58,6 +60,7 @@ class Sections:
         safety: What is kept of the law's command; None if it is taken as it is.
         motions: How obstacles that may move do; None without any.
         contact: Contact of the tool with a surface; None without one.
+        locks: When joints lock; None if none does.
         warnings: Warnings about arm, limits, path and start.
     """
 
@@ -73,6 +76,7 @@ class Sections:
     motions: ObstacleMotions | None
     safety: Safety | None
     contact: Contact | None
+    locks: JointLocks | None
     warnings: tuple[str, ...]
 
 
@@ -129,6 +133,7 @@ def read_sections(
         safety=safety,
         motions=motions,
         contact=contact,
+        locks=joint_locks(document, arm),
         warnings=warnings,
     )
 

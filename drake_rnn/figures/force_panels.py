@@ -9,7 +9,7 @@ from ..inputs.fields import Array
 from ..measures import prefixed
 from ..runs.result import Result
 from .looks import BEHIND, DESIRED, FORCE, MOMENT, Style
-from .style import corner_note, largest, legend, log_axis, noisy, shade_window, span, time_axis
+from .style import corner_note, largest, legend, log_axis, mark_times, noisy, span, time_axis
 from .surface import NEAR
 from .traits import evaluated
 
@@ -55,7 +55,7 @@ def plot_force(ax: Axes, result: Result, until: float | None = None) -> None:
         curve.set_label("true")
         _plot_measured(ax, time, scale * measured, scale * true)
         levels.append(scale * measured)
-    shade_window(ax, result)
+    mark_times(ax, result)
     lost = result.metrics.get("contact_lost_time_s")
     if lost is not None and lost <= time[-1]:
         ax.axvline(lost, label="contact lost", **MOMENT)

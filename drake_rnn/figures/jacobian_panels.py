@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 
 from ..runs.result import Result
 from .looks import INK, nth
-from .style import label, legend, log_axis, shade_window, time_axis
+from .style import label, legend, log_axis, mark_times, time_axis
 
 #: Number of the colour of the error along the motion.
 _ALONG = 2
@@ -24,7 +24,7 @@ def plot_jacobian_error(ax: Axes, result: Result) -> None:
     along = np.divide(along, speed, out=np.full(size.shape, np.nan), where=speed > 1e-6)
     ax.plot(result.time, along, color=nth(_ALONG)["color"], linewidth=0.7, label="along the motion")
     ax.plot(result.time, size, color=INK, label="Frobenius norm")
-    shade_window(ax, result)
+    mark_times(ax, result)
     log_axis(ax, [size, along])
     time_axis(ax, result, label(r"error of $\hat J$", "J"))
     legend(ax)

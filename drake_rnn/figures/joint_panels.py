@@ -19,8 +19,8 @@ from .style import (
     largest,
     legend,
     log_axis,
+    mark_times,
     plot_joints,
-    shade_window,
     span,
     time_axis,
     unit,
@@ -101,7 +101,7 @@ def plot_drift(ax: Axes, result: Result) -> None:
     corner_note(ax, f"at the end: mean {sizes.mean():.3g}, largest {sizes.max():.3g} {shown}")
     low, high = span(drift, least=1e-6)
     ax.set_ylim(low - 0.06 * (high - low), high + 0.16 * (high - low))
-    shade_window(ax, result)
+    mark_times(ax, result)
     time_axis(ax, result, label("joint drift", "position"))
     legend(ax, joint_handles(end.size))
 

@@ -22,7 +22,7 @@ from PIL import Image
 from ..inputs.fields import Array
 from ..measures import UNITS, raised
 from ..runs.result import Result
-from .looks import NOTE, SHADE, Style, nth
+from .looks import MOMENT, NOTE, SHADE, Style, nth
 from .paper import current, wide
 
 #: Widths of a printed column and page [inch].
@@ -213,11 +213,14 @@ def corner_note(ax: Axes, text: str, look: Style = NOTE) -> None:
     ax.text(0.99, 0.99, text, **place, **look)
 
 
-def shade_window(ax: Axes, result: Result) -> None:
-    """Shade the window over which errors are evaluated, if there is one."""
-    window = result.experiment.document.window
-    if window is not None:
+def mark_times(ax: Axes, result: Result) -> None:
+    """Shade the window of the errors, and mark when joints lock, where there are any."""
+    experiment = result.experiment
+    if (window := experiment.document.window) is not None:
         ax.axvspan(*window, label="window", **SHADE)
+    if (locks := experiment.locks) is not None:
+        for joint in locks.joints:
+            ax.axvline(locks.times[joint], label=f"joint {joint + 1} locks", **MOMENT)
 
 
 def log_axis(ax: Axes, curves: Iterable[Array]) -> None:

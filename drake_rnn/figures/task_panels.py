@@ -20,9 +20,9 @@ from .style import (
     largest,
     legend,
     log_axis,
+    mark_times,
     noisy,
     plane_axes,
-    shade_window,
     time_axis,
 )
 from .surface import surface_axes
@@ -49,7 +49,7 @@ def plot_position_error(ax: Axes, result: Result) -> None:
     ax.axhline(tolerance, label="settling tolerance", **BOUND)
     if (settled := result.metrics.get("settling_time_s", 0.0)) > 0:
         ax.axvline(settled, label=f"settled at {settled:.2f} s", **MOMENT)
-    shade_window(ax, result)
+    mark_times(ax, result)
     log_axis(ax, [result.position_error, tolerance * np.array([0.6, 1.6])])
     if not has_path(result):
         # The error starts at zero: a line from there would run along the axis.
@@ -62,7 +62,7 @@ def plot_position_error_axes(ax: Axes, result: Result) -> None:
     """Plot the position error along each axis, and its norm."""
     error = result.series["p_WE"] - result.series["p_WE_desired"]
     _plot_error(ax, result, error, "position error", "m", norm="norm")
-    shade_window(ax, result)
+    mark_times(ax, result)
     legend(ax)
 
 
@@ -79,7 +79,7 @@ def plot_velocity_error(ax: Axes, result: Result) -> None:
             ax.plot(result.time, scale * column, **{**PREDICTED, "color": nth(k)["color"]})
         ax.plot([], [], label=r"predicted, $\sigma$", **PREDICTED)
         keep_in_view(ax, result, np.hstack((error, predicted)), "m/s", scale)
-    shade_window(ax, result)
+    mark_times(ax, result)
     legend(ax)
 
 
@@ -120,7 +120,7 @@ def plot_orientation_error(ax: Axes, result: Result) -> None:
     error = result.series["orientation_error"]
     shown, scale = prefixed(largest(in_view(result, error)), "rad")
     ax.plot(result.time, scale * error, color=INK, linewidth=0.6 if noisy(error) else 1.0)
-    shade_window(ax, result)
+    mark_times(ax, result)
     ax.set_ylim(0, 1.06 * scale * largest(error) or None)
     time_axis(ax, result, f"orientation error [{shown}]")
     keep_in_view(ax, result, error, "rad", scale)

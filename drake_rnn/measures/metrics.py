@@ -24,15 +24,20 @@ from .gathering import (
 )
 from .metric import Metric, Shown, violation_metric
 from .values import (
+    LASTING,
     Observed,
     below,
     distance,
     envelope_margin,
     envelope_ratio,
+    error_after_lock,
+    error_before_lock,
+    error_lasting,
     margin,
     mean,
     returning,
     root_of,
+    settled_after_lock,
     square,
     top,
 )
@@ -87,6 +92,35 @@ METRICS: tuple[Metric, ...] = (
         "time after which the position error stays below settling_tolerance_m",
         shown=("path", "sweep"),
         of=lambda motion, against: motion.error_length < against.settling_tolerance,
+        by=Settling(),
+    ),
+    Metric(
+        "position_error_before_lock_max_m",
+        "largest norm of the position error before the first joint locks",
+        over="window",
+        shown=("path", "return", "sweep"),
+        of=error_before_lock,
+    ),
+    Metric(
+        "position_error_after_lock_max_m",
+        "largest norm of the position error once the last joint that locks has begun to",
+        over="window",
+        shown=("path", "return", "sweep"),
+        of=error_after_lock,
+    ),
+    Metric(
+        "position_error_lasting_max_m",
+        f"the same from {LASTING:g} s later: what is left when the arm has had time to settle",
+        over="window",
+        shown=("path", "return", "sweep"),
+        of=error_lasting,
+    ),
+    Metric(
+        "resettling_time_s",
+        "time of the run, at or after the last lock of a joint, from which on the position error "
+        "stays below settling_tolerance_m",
+        shown=("path", "sweep"),
+        of=settled_after_lock,
         by=Settling(),
     ),
     Metric(

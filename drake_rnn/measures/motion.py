@@ -94,6 +94,7 @@ class Motion:
             shape (k,) [m]; None if distances are not looked at.
         distance_moving: The same where the arm has moved since, infinite elsewhere; None without
             obstacles that move.
+        locked: Times at which the first and the last joint lock [s]; None if none does.
         virtual: Motion of the virtual arm ahead of a filter, where the law sees that arm and learns
             its Jacobian; None where the law sees this arm.
     """
@@ -122,6 +123,7 @@ class Motion:
     observed: Mapping[str, AnyArray] = field(default_factory=dict)
     distance: AnyArray | None = None
     distance_moving: AnyArray | None = None
+    locked: tuple[float, float] | None = None
     virtual: Motion | None = None
 
     @property

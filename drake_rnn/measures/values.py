@@ -15,6 +15,8 @@ from ..robot.velocity_envelope import VelocityEnvelope
 from .motion import Motion
 from .yardsticks import Yardsticks
 
+#: Time after the last lock of a joint from which an error counts as lasting [s].
+LASTING = 2.0
 #: Values of a metric at the steps of a motion, shape (k, ...), or of the last k - 1 of them; None
 #: if the motion has none.
 Values = Callable[[Motion, Yardsticks], AnyArray | None]
@@ -102,6 +104,37 @@ def returning(motion: Motion, against: Yardsticks) -> AnyArray | None:
         return motion.position
     xp = functions_of(motion.position)
     return xp.where(motion.returns[:, None], motion.position, np.nan)
+
+
+def error_before_lock(motion: Motion, against: Yardsticks) -> AnyArray | None:
+    """Return the position error until the first joint locks [m]; None if none does."""
+    return None if motion.locked is None else _error_within(motion, 0.0, motion.locked[0])
+
+
+def error_after_lock(motion: Motion, against: Yardsticks) -> AnyArray | None:
+    """Return the position error from the last lock of a joint on [m]; None if none locks."""
+    return None if motion.locked is None else _error_within(motion, motion.locked[1], np.inf)
+
+
+def error_lasting(motion: Motion, against: Yardsticks) -> AnyArray | None:
+    """Return the position error from `LASTING` after the last lock on [m]; None if none locks."""
+    if motion.locked is None:
+        return None
+    return _error_within(motion, motion.locked[1] + LASTING, np.inf)
+
+
+def settled_after_lock(motion: Motion, against: Yardsticks) -> AnyArray | None:
+    """Return whether all locks are past and the position error is small; None if none locks."""
+    if motion.locked is None:
+        return None
+    small = motion.error_length < against.settling_tolerance
+    return (motion.time >= motion.locked[1]) & small
+
+
+def _error_within(motion: Motion, begin: float, end: float) -> AnyArray:
+    """Return the position error in an interval of time [m]; less than any error out of it."""
+    within = (motion.time >= begin) & (motion.time <= end)
+    return np.where(within, motion.error_length, -np.inf)
 
 
 @dataclass(frozen=True)

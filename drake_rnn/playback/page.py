@@ -21,6 +21,7 @@ from .camera import some
 from .drawn_arm import DrawnArm
 from .drawn_paths import DrawnPaths
 from .joints import joints_of
+from .locked_joints import LockedJoints, marks_of
 from .obstacles import draw_obstacles, record_obstacles
 from .outcome import outcome_of
 from .packing import packed
@@ -52,6 +53,7 @@ class Scene:
         beside: Motions whose paths are drawn beside it.
         drawn: Its arm.
         second: Another arm beside it; None without one.
+        locked: Marks of its joints that lock.
         paths: The paths.
         size: Largest extent [m].
         capsules: Scene paths of the arms' capsules.
@@ -62,6 +64,7 @@ class Scene:
     beside: Sequence[ReplayedMotion]
     drawn: DrawnArm
     second: SecondArm | None
+    locked: LockedJoints
     paths: DrawnPaths
     size: float
     capsules: list[str]
@@ -96,6 +99,7 @@ def make_page(
         "duration": duration,
         "rate": rate,
         "window": _window(motion),
+        "marks": marks_of(motion),
         "curves": _curves(motion, frames),
         "beside": [
             {"name": name_of(each.result), "curves": _curves(each, frames)} for each in beside
@@ -150,7 +154,8 @@ def make_scene(motion: ReplayedMotion, beside: Sequence[ReplayedMotion] = ()) ->
     if second is not None:
         capsules += second.draw_capsules()
     paths.draw(floor)
-    return Scene(meshcat, motion, beside, drawn, second, paths, size, capsules)
+    locked = LockedJoints(meshcat, motion, drawn)
+    return Scene(meshcat, motion, beside, drawn, second, locked, paths, size, capsules)
 
 
 def _seen(
@@ -178,6 +183,7 @@ def _seen(
             "axes": turns and not beside and paths.legend is None,
             "target": motion.result.experiment.target is not None,
             "force": paths.legend,
+            "locked": motion.result.experiment.locks is not None,
             "ring": paths.legend is not None,
         },
     }
@@ -218,6 +224,7 @@ def _record(scene: Scene, time: Array, rate: int) -> None:
         scene.second.record(time, rate)
     recording = meshcat.get_mutable_recording()
     scene.paths.record(recording, time)
+    scene.locked.record(recording, time)
     begin = float(motion.result.time[0])
     record_obstacles(recording, motion.result.experiment, begin + time)
     # The page has a clock of its own.

@@ -177,6 +177,7 @@ def motion_of(
         origin=steps.origin,
         distance=distance,
         distance_moving=moving,
+        locked=None if experiment.locks is None else experiment.locks.span,
     )
 
 

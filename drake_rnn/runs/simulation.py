@@ -279,7 +279,7 @@ def _add_loops(
         return (_add_experiment(builder, experiment, ContinuousController(law, document.seed)),)
     settings = (document.period, document.seed)
     if second is None:
-        controller = SampledController(law, *settings, experiment.safety)
+        controller = SampledController(law, *settings, experiment.safety, experiment.locks)
         return (_add_experiment(builder, experiment, controller),)
     leader = LeadingController(law, *settings)
     follower = SampledController(second.law, *settings)
@@ -355,6 +355,7 @@ def _add_experiment(
         feedback=experiment.feedback,
         sensing=document.sensing,
         signals=signals,
+        locks=experiment.locks,
         seed=document.seed,
         prefix=prefix,
     )

@@ -15,6 +15,7 @@ from .dynamics import Dynamics as Dynamics
 from .force_sensor import ForceSensor as ForceSensor, SensorSettings as SensorSettings
 from .force_watch import ForceWatch as ForceWatch
 from .ideal_arm import IdealArm as IdealArm
+from .joint_brakes import JointBrakes as JointBrakes
 from .joint_reference import (
     JointReference as JointReference,
     followed_path as followed_path,

@@ -26,7 +26,9 @@ from ..laws.checks import (
 from ..laws.law import ContinuousReading, Law, Reading, SampledReading
 from ..laws.layout import Signals
 from ..laws.safety import Safety
+from ..laws.told_of_locks import ToldOfLocks
 from ..laws.trial import started, try_reading
+from ..robot.joint_locks import JointLocks
 from .white_noise import require_seed
 
 
@@ -225,6 +227,7 @@ class SampledController(Controller):
         period: Sampling period [s].
         seed: Seed of the law's random initial state.
         safety: What is kept of the law's command; None to take it as it is.
+        locks: When joints lock, which the law is told of; None for an arm of sound joints.
 
     Raises:
         InvalidInputError: If the law cannot be sampled at this period, or nothing can be kept of
@@ -236,12 +239,20 @@ class SampledController(Controller):
     period: float
 
     def __init__(
-        self, law: Law, period: float, seed: int = 0, safety: Safety | None = None
+        self,
+        law: Law,
+        period: float,
+        seed: int = 0,
+        safety: Safety | None = None,
+        locks: JointLocks | None = None,
     ) -> None:
         require_type("law", law, Law)
         if not isinstance(period, Real) or not (period > 0 and isfinite(period)):
             raise InvalidInputError(f"period: must be a positive time [s], not {short(period)}")
         reading = read_sampled(law, period, safety)
+        require_type("locks", locks, JointLocks, NoneType)
+        if locks is not None:
+            reading = ToldOfLocks(reading, locks)
         super().__init__(law, reading, seed)
         self.period = period
         self._step: Any = unchecked(reading.step)

@@ -127,6 +127,7 @@ function drawCurves(context, lines, frame, paint) {
   const toX = (t) => chart.placeOf(t, frame);
   context.font = FONT;
   shadeTimes(context, frame, toX, paint);
+  drawMarks(context, frame, { toX, paint });
   axes.slice(0, 2).forEach((axis, k) => drawAxis(context, axis, frame, paint, k === 1));
   drawTimes(context, frame, toX, paint);
   context.save();
@@ -185,6 +186,27 @@ function drawTimes(context, { top, width, height }, toX, paint) {
   for (const tick of ticksOf({ low: span.from, high: span.to }, Math.max(2, Math.floor(width / 90)))) {
     context.fillText(`${parseFloat(tick.toPrecision(6))} s`, toX(tick), top + height + 6);
   }
+}
+
+/** Moments of the run, such as that at which a joint locks, with their names. */
+function drawMarks(context, { left, top, width, height }, { toX, paint }) {
+  context.lineWidth = 1.5;
+  context.fillStyle = context.strokeStyle = paint("bound");
+  context.textBaseline = "top";
+  context.setLineDash([1, 3]);
+  (data.marks || []).forEach(({ time, name }, k) => {
+    const x = toX(clamp(time, 0, data.duration));
+    if (x < left || x > left + width) return;
+    context.beginPath();
+    context.moveTo(x, top);
+    context.lineTo(x, top + height);
+    context.stroke();
+    // To the left where there is no room to the right.
+    const fits = x + 6 + context.measureText(name).width < left + width;
+    context.textAlign = fits ? "left" : "right";
+    context.fillText(name, x + (fits ? 6 : -6), top + 2 + 15 * k);
+  });
+  context.setLineDash([]);
 }
 
 /** Draws what a curve must not pass, and, in the time that counts, what is accepted of it. */

@@ -44,7 +44,7 @@ Not in the papers:
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Literal
 
@@ -55,25 +55,18 @@ from ..errors import InvalidInputError
 from ..inputs.fields import Array, Gain, Weight, validated
 from .law import Circumstances, ContinuousReading, SampledReading
 from .layout import Layout, Signals
+from .learning_program_law import LearningProgramLaw, LearningReading
 from .networks.projection_network import ProjectionNetwork, Steps
 from .networks.projection_networks import PRIMAL, Network, projected
-from .parts.learned_jacobian import LearnedJacobian
-from .parts.measurement import EXACT, Measurement, suited
 from .program.quadratic_program import Program
-from .program_law import ProgramLaw
-from .program_reading import ProgramReading
 
 # Gain where steps are implicit, and where they are explicit or Drake's [1/s].
 _GAIN, _GAIN_EXPLICIT = 1e8, 100.0
 _ITERATIONS = 20
-_UNMOVED = (
-    "law.J_hat_initial: zero moves no joint, so nothing is learned unless a noise moves the arm; "
-    "consider uniform"
-)
 
 
 @validated
-class Projection(ProgramLaw):
+class Projection(LearningProgramLaw):
     """A dual or primal-dual network around the program of a scheme.
 
     Args:
@@ -87,11 +80,7 @@ class Projection(ProgramLaw):
         iterations: Number of iterations per sample; only of ``iterated``, by default 20.
         damping: Damping of the optimum where J loses rank, or where bounds leave no velocity that
             does the task [m].
-        jacobian: ``known`` reads J; ``learned`` learns it from ``position`` and ``p_WE``.
-        J_hat_initial: Initial J_hat: ``uniform`` in [0, 1], ``zero``, or ``exact``, the arm's own.
-        variance: Variance R of the measured velocity; by default as suits the measurement.
-        wander: Growth q_n of the variance of J_hat's entries [1/s]; likewise.
-        measurement: Quality of what the law sees, if it learns.
+        jacobian, J_hat_initial, variance, wander, measurement: See `LearningProgramLaw`.
     """
 
     kind: Literal["projection"] = "projection"
@@ -100,11 +89,6 @@ class Projection(ProgramLaw):
     discretization: Steps = "implicit"
     iterations: Annotated[int, Field(strict=True, ge=1, le=1000)] | None = None
     damping: Weight = 1e-3
-    jacobian: Literal["known", "learned"] = "known"
-    J_hat_initial: Literal["uniform", "zero", "exact"] = "uniform"
-    variance: Weight | None = None
-    wander: Weight | None = None
-    measurement: Measurement = Field(default_factory=Measurement)
 
     takes_many = True
 
@@ -122,8 +106,6 @@ class Projection(ProgramLaw):
                 f"cost: {self.cost} needs network: lvi or simplified_lvi and discretization: "
                 "implicit or iterated; or give cost: velocity"
             )
-        if self.manipulability and self.jacobian == "learned":
-            raise ValueError("manipulability: needs jacobian: known; leave it out")
         iterated = self.discretization == "iterated"
         if iterated and self.network != "lvi":
             raise ValueError(
@@ -155,25 +137,15 @@ class Projection(ProgramLaw):
             self.damping**2,
         )
 
-    @property
-    def _learns(self) -> bool:
-        return self.jacobian == "learned"
-
     def sampled(self, period: float) -> SampledReading:
-        """Return a `ProjectionReading`.
+        """Return a `LearningReading`.
 
         Raises:
             InvalidInputError: If ``euler`` is unstable at this period, whatever the Jacobian is.
         """
         if self.discretization == "euler":
             self._require_stable(np.zeros((self.task_size, self.limits.size)), period)
-        suits = suited(self.measurement, period) if self._learns else EXACT
-        law = replace(
-            self,
-            variance=suits.variance if self.variance is None else self.variance,
-            wander=suits.wander if self.wander is None else self.wander,
-        )
-        return ProjectionReading(law, suits.samples, suits.still)
+        return LearningReading(*self._suited(period))
 
     def continuous(self) -> ContinuousReading:
         """Return a `ContinuousProjection`.
@@ -208,7 +180,7 @@ class Projection(ProgramLaw):
                 J = None if task_J is None else task_J(self.home)
             if J is not None:
                 self._require_stable(J, period)
-        return [_UNMOVED] if self._learns and self.J_hat_initial == "zero" else []
+        return self._learning_doubts
 
     def _require_stable(self, J: Array, period: float) -> None:
         n, m = self.limits.size, self.task_size
@@ -221,45 +193,6 @@ class Projection(ProgramLaw):
                 f"discretization: euler, network: {self.network} and the Jacobian at the start, "
                 f"not {self.dynamics.gain:g}; or give discretization: implicit"
             )
-
-    @property
-    def inputs(self) -> Layout:
-        shapes = self.scheme.inputs
-        if self._learns:
-            del shapes["J"]
-            shapes |= {"position": (self.limits.size,)}
-        return Layout(**shapes)
-
-    @property
-    def state(self) -> Layout:
-        n, m = self.limits.size, self.task_size
-        learned = {"J_hat": (m, n)} if self._learns else {}
-        return Layout(v=(n,), **self.dynamics.shapes, **learned)
-
-
-@dataclass(frozen=True, eq=False)
-class ProjectionReading(ProgramReading):
-    """The sampled reading of a `Projection` law.
-
-    Attributes:
-        law: The law, with the numbers that suit its measurement.
-        samples: Number of samples over which velocities are difference quotients.
-        still: Joint speed below which nothing is learned [rad/s].
-    """
-
-    law: Projection
-    samples: int
-    still: float
-
-    @cached_property
-    def learned(self) -> LearnedJacobian | None:
-        """See `ProgramReading.learned`."""
-        law = self.law
-        if law.jacobian == "known":
-            return None
-        m, n = law.task_size, law.limits.size
-        trust = (law.wander, law.variance, self.still)
-        return LearnedJacobian(m, n, self.samples, *trust, law.J_hat_initial)
 
 
 @dataclass(frozen=True, eq=False)

@@ -50,7 +50,7 @@ from typing import Literal
 from ..errors import InvalidInputError
 from ..inputs.fields import Gain, GainOrZero, Positive, Weight, validated
 from .law import Circumstances, SampledReading
-from .layout import Layout
+from .learning_program_law import LearningProgramLaw, LearningReading
 from .networks.activations import Activation, Shape, activation
 from .networks.design import Design
 from .networks.discretization import FORMULAS, Discretization
@@ -58,8 +58,6 @@ from .networks.growth import GrowingGain, Growth
 from .networks.optimality import Variables
 from .networks.zeroing_network import ZeroingNetwork
 from .parts.network_noise import NetworkNoise
-from .program_law import ProgramLaw
-from .program_reading import ProgramReading
 
 # Damping [m]: of equations alone, whose optimum changes smoothly up to singular postures; and with
 # bounds, which can leave none, so that multipliers grow as the inverse of its square.
@@ -67,12 +65,13 @@ _DAMPING, _DAMPING_OF_BOUNDS = 1e-4, 1e-3
 
 
 @validated
-class Zeroing(ProgramLaw):
+class Zeroing(LearningProgramLaw):
     """A zeroing network around the program of a scheme, sampled.
 
     Args:
         limits, home, task_size, cost, return_gain, manipulability, blend: See `ProgramLaw`.
         feedback, bounds, limit_stiffness: See `ProgramLaw`.
+        jacobian, J_hat_initial, variance, wander, measurement: See `LearningProgramLaw`.
         gain: Gain gamma of the design formula at the start [1/s].
         growth: How the gain grows: ``none``, ``exponential`` or ``power``.
         growth_rate: The rate a of its growth [1/s].
@@ -133,7 +132,7 @@ class Zeroing(ProgramLaw):
         return GrowingGain(self.gain, self.growth, self.growth_rate)
 
     def sampled(self, period: float) -> SampledReading:
-        """Return a `ProgramReading`.
+        """Return a `LearningReading`.
 
         Raises:
             InvalidInputError: If an explicit ``discretization`` is unstable at this period.
@@ -146,7 +145,7 @@ class Zeroing(ProgramLaw):
                     f"discretization: {self.discretization} and activation: {self.activation}, not "
                     f"{gain:g}; or give discretization: implicit"
                 )
-        return ProgramReading(self)
+        return LearningReading(*self._suited(period))
 
     def _most(self, period: float) -> float:
         """Return the gain from which on errors that are small grow at this period [1/s]."""
@@ -157,6 +156,9 @@ class Zeroing(ProgramLaw):
 
     def doubts(self, circumstances: Circumstances) -> list[str]:
         """See `Law.doubts`; a gain that grows may leave what can be sampled, or computed."""
+        return [*self._learning_doubts, *self._growth_doubts(circumstances)]
+
+    def _growth_doubts(self, circumstances: Circumstances) -> list[str]:
         lasts, until = self.gain_over_time.lasts, circumstances.duration
         if until is None:
             return []
@@ -177,11 +179,3 @@ class Zeroing(ProgramLaw):
             f"discretization: {self.discretization} is stable at this period; end before, or give "
             "discretization: implicit"
         ]
-
-    @property
-    def inputs(self) -> Layout:
-        return Layout(**self.scheme.inputs)
-
-    @property
-    def state(self) -> Layout:
-        return Layout(v=(self.limits.size,), **self.dynamics.shapes)

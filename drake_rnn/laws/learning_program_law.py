@@ -1,0 +1,106 @@
+"""The base class of laws of programs whose Jacobian may be learned."""
+
+# No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal, Self
+
+from pydantic import Field
+
+from ..inputs.fields import Weight, validated
+from .layout import Layout
+from .parts.learned_jacobian import LearnedJacobian
+from .parts.measurement import EXACT, Measurement, suited
+from .program_law import ProgramLaw
+from .program_reading import FollowingNetwork, ProgramReading
+
+_UNMOVED = (
+    "law.J_hat_initial: zero moves no joint, so nothing is learned unless a noise moves the arm; "
+    "consider uniform"
+)
+
+
+@validated
+class LearningProgramLaw(ProgramLaw):
+    """A law of a program whose Jacobian is known, or learned from positions.
+
+    Args:
+        jacobian: ``known`` reads J; ``learned`` learns it from ``position`` and ``p_WE``.
+        J_hat_initial: Initial J_hat: ``uniform`` in [0, 1], ``zero``, or ``exact``, the arm's own.
+        variance: Variance R of the measured velocity; by default as suits the measurement.
+        wander: Growth q_n of the variance of J_hat's entries [1/s]; likewise.
+        measurement: Quality of what the law sees, if it learns.
+    """
+
+    jacobian: Literal["known", "learned"] = "known"
+    J_hat_initial: Literal["uniform", "zero", "exact"] = "uniform"
+    variance: Weight | None = None
+    wander: Weight | None = None
+    measurement: Measurement = Field(default_factory=Measurement)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.manipulability and self._learns:
+            raise ValueError("manipulability: needs jacobian: known; leave it out")
+
+    @property
+    def dynamics(self) -> FollowingNetwork:
+        """The network that the law runs."""
+        raise NotImplementedError
+
+    @property
+    def _learns(self) -> bool:
+        return self.jacobian == "learned"
+
+    def _suited(self, period: float) -> tuple[Self, int, float]:
+        """Return the law with the numbers that suit its measurement, samples and least speed."""
+        suits = suited(self.measurement, period) if self._learns else EXACT
+        law = replace(
+            self,
+            variance=suits.variance if self.variance is None else self.variance,
+            wander=suits.wander if self.wander is None else self.wander,
+        )
+        return law, suits.samples, suits.still
+
+    @property
+    def _learning_doubts(self) -> list[str]:
+        return [_UNMOVED] if self._learns and self.J_hat_initial == "zero" else []
+
+    @property
+    def inputs(self) -> Layout:
+        shapes = self.scheme.inputs
+        if self._learns:
+            del shapes["J"]
+            shapes |= {"position": (self.limits.size,)}
+        return Layout(**shapes)
+
+    @property
+    def state(self) -> Layout:
+        n, m = self.limits.size, self.task_size
+        learned = {"J_hat": (m, n)} if self._learns else {}
+        return Layout(v=(n,), **self.dynamics.shapes, **learned)
+
+
+@dataclass(frozen=True, eq=False)
+class LearningReading(ProgramReading):
+    """The sampled reading of a `LearningProgramLaw`.
+
+    Attributes:
+        law: The law, with the numbers that suit its measurement.
+        samples: Number of samples over which velocities are difference quotients.
+        still: Joint speed below which nothing is learned [rad/s].
+    """
+
+    law: LearningProgramLaw
+    samples: int
+    still: float
+
+    @cached_property
+    def learned(self) -> LearnedJacobian | None:
+        """See `ProgramReading.learned`."""
+        law = self.law
+        if law.jacobian == "known":
+            return None
+        m, n = law.task_size, law.limits.size
+        trust = (law.wander, law.variance, self.still)
+        return LearnedJacobian(m, n, self.samples, *trust, law.J_hat_initial)

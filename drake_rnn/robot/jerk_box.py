@@ -69,8 +69,8 @@ def _box(q: Array, v: Array, a: Array, limits: JerkLimits, period: float) -> tup
     speeds: Any
     speeds, ends, together = (v, -v), (fastest, -slowest), is_one(fastest)
     if together:
-        speeds = np.stack(speeds)
-        bounds = _upper(speeds, np.stack(ends), limits.velocity, d, period)
+        speeds = np.array(speeds)
+        bounds = _upper(speeds, np.array(ends), limits.velocity, d, period)
     else:
         bounds = [
             _upper(*each, limits.velocity, d, period) for each in zip(speeds, ends, strict=True)
@@ -80,7 +80,7 @@ def _box(q: Array, v: Array, a: Array, limits: JerkLimits, period: float) -> tup
         c = course(v, a, limits.acceleration, limits.jerk, period).first
         if together:
             bounds = _held_back_of_one(
-                near, bounds, np.stack((c, -c)), room, speeds, limits, period
+                near, bounds, np.array((c, -c)), room, speeds, limits, period
             )
         else:
             sides = zip(near, bounds, (c, -c), room, speeds, strict=True)

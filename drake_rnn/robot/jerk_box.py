@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -64,17 +64,30 @@ def _box(q: Array, v: Array, a: Array, limits: JerkLimits, period: float) -> tup
     slowest = xp.maximum(-limits.acceleration, a - d)
     fastest = xp.minimum(limits.acceleration, a + d)
     # Upwards, and downwards as if mirrored.
-    upwards = _upper(v, fastest, limits.velocity, d, period)
-    downwards = _upper(-v, -slowest, limits.velocity, d, period)
     room = xp.stack((limits.position[1] - q, q - limits.position[0]))
+    bounds: Any
+    speeds: Any
+    speeds, ends, together = (v, -v), (fastest, -slowest), is_one(fastest)
+    if together:
+        speeds = np.array(speeds)
+        bounds = _upper(speeds, np.array(ends), limits.velocity, d, period)
+    else:
+        bounds = [
+            _upper(*each, limits.velocity, d, period) for each in zip(speeds, ends, strict=True)
+        ]
     near = room < _long_room(v, a, limits, period)
     if xp is not np or near.any():
         c = course(v, a, limits.acceleration, limits.jerk, period).first
-        upwards = _before_end(near[0], upwards, c, room[0], v, limits, period)
-        downwards = _before_end(near[1], downwards, -c, room[1], -v, limits, period)
+        if together:
+            bounds = _held_back_of_one(
+                near, bounds, np.array((c, -c)), room, speeds, limits, period
+            )
+        else:
+            sides = zip(near, bounds, (c, -c), room, speeds, strict=True)
+            bounds = [_held_back_of_many(*side, limits, period) for side in sides]
     # Without this, rounding could move a bound beyond the jerk limit.
-    upper = clipped(upwards, slowest, fastest)
-    return xp.minimum(clipped(-downwards, slowest, fastest), upper), upper
+    upper = clipped(bounds[0], slowest, fastest)
+    return xp.minimum(clipped(-bounds[1], slowest, fastest), upper), upper
 
 
 def _upper(v: Array, fastest: Array, most: Array, d: Array, period: float) -> Array:
@@ -88,36 +101,13 @@ def _upper(v: Array, fastest: Array, most: Array, d: Array, period: float) -> Ar
     return xp.minimum(fastest, xp.where(xp.isfinite(left), d * room, fastest))
 
 
-def _before_end(
+def _held_back_of_many(
     near: Array, upper: Array, c: Array, room: Array, v: Array, limits: JerkLimits, period: float
 ) -> Array:
     """Return the upper accelerations, held back where a joint is ``near`` its position limit.
 
-    Joint by joint, so that a joint near its limit changes no bit of another joint. The other
-    arguments are those of `_held_back`.
-    """
-    if not is_one(upper):
-        held = _held_back(upper, c, room, v, limits, period)
-        return functions_of(upper).where(near, held, upper)
-    # Of one robot only the joints that are near are looked at.
-    if not near.any():
-        return upper
-    fewer = limits._replace(
-        acceleration=limits.acceleration[near],
-        jerk=limits.jerk[near],
-        envelope=limits.envelope and VelocityEnvelope(*(part[near] for part in limits.envelope)),
-    )
-    found = upper.copy()
-    found[near] = _held_back(upper[near], c[near], room[near], v[near], fewer, period)
-    return found
-
-
-def _held_back(
-    upper: Array, c: Array, room: Array, v: Array, limits: JerkLimits, period: float
-) -> Array:
-    """Return the upper accelerations after which the stop keeps position limit and envelope.
-
     Args:
+        near: Which joints are, shape (..., n).
         upper: Largest accelerations otherwise, shape (..., n) [rad/s^2].
         c: First accelerations of the stop from now, likewise.
         room: Ways to the position limit, shape (..., n) [rad].
@@ -126,9 +116,49 @@ def _held_back(
         period: Time for which a velocity is held [s].
     """
     xp = functions_of(upper)
-    upper = xp.maximum(upper, c)
-    way = differentiable(room)
-    over, at_best = (_way(b, v, limits, period) - way for b in (upper, c))
+    most = xp.maximum(upper, c)
+    ways = (_way(b, v, limits, period) for b in (most, c))
+    return xp.where(near, _held_back(most, c, room, *ways), upper)
+
+
+def _held_back_of_one(
+    near: Array, upper: Array, c: Array, room: Array, v: Array, limits: JerkLimits, period: float
+) -> Array:
+    """Return the same for both sides of one robot, shape (2, n) each.
+
+    Only the joints that are near are looked at, and all that there is to know of them at once:
+    calls cost more than numbers. Joint by joint, so that a joint near its limit changes no bit of
+    another joint.
+    """
+    joints = np.nonzero(near)[1]
+    joints = np.concatenate((joints, joints))
+    fewer = limits._replace(
+        acceleration=limits.acceleration[joints],
+        jerk=limits.jerk[joints],
+        envelope=limits.envelope and VelocityEnvelope(*(part[joints] for part in limits.envelope)),
+    )
+    first, speed = c[near], v[near]
+    most = np.maximum(upper[near], first)
+    both = np.concatenate((most, first)), np.concatenate((speed, speed))
+    ways = np.split(_way(*both, fewer, period), 2)
+    found = upper.copy()
+    found[near] = _held_back(most, first, room[near], *ways)
+    return found
+
+
+def _held_back(upper: Array, c: Array, room: Array, way: Array, way_of_stop: Array) -> Array:
+    """Return the upper accelerations after which the stop keeps position limit and envelope.
+
+    Args:
+        upper: Largest accelerations otherwise, at least ``c``, shape (..., n) [rad/s^2].
+        c: First accelerations of the stop from now, likewise.
+        room: Ways to the position limit, shape (..., n) [rad].
+        way: How far up joints get by the first, shape (..., n) [rad].
+        way_of_stop: How far up they get by the second, likewise.
+    """
+    xp = functions_of(upper)
+    left = differentiable(room)
+    over, at_best = way - left, way_of_stop - left
     # If even the stop from now exceeds the limit, the bound is the stop itself.
     gap = xp.where(over > 0.0, over - at_best, 1.0)
     share = xp.where(gap > 0.0, -at_best / xp.where(gap > 0.0, gap, 1.0), 0.0)

@@ -117,7 +117,7 @@ class Course:
     @cached_property
     def ends(self) -> tuple[Any, Any]:
         """How far it is where it turns, and where it rests, shape (..., n) each [rad]."""
-        if not _are_few(self.x):
+        if not are_few(self.x):
             way = _way(self.v, self.x * self.step, -self.step, self.turn, self.period)
             return self.mirror * way, self.moved(self.samples)
         h, ends = self.period, []
@@ -175,7 +175,7 @@ def course(v: Array, a: Array, most: Array, jerk: Array, period: float) -> Cours
         period: Time for which a velocity is held [s].
     """
     d = jerk * period
-    if _are_few(v) and _are_few(a):
+    if are_few(v) and are_few(a):
         joints = zip(v.tolist(), a.tolist(), most.tolist(), d.tolist(), strict=True)
         rows = np.array([joint_stop.course(*joint, period) for joint in joints])
         mirror, v, x, steps, longest, last = rows.T
@@ -205,7 +205,7 @@ def stop(q: Array, v: Array, a: Array, most: Array, jerk: Array, period: float) 
     return Stop(found.first, q + xp.maximum(xp.maximum(ended, turned), 0.0))
 
 
-def _are_few(x: AnyArray) -> bool:
+def are_few(x: AnyArray) -> bool:
     """Return whether joints, shape (..., n), are those of one robot, in NumPy, and not too many."""
     return is_one(x) and x.size <= _FEW
 

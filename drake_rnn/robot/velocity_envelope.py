@@ -61,9 +61,11 @@ T is that of `drake_rnn.robot.jerk_stop`. Between whole z it is convex, so never
 nearest two, and over these it rises, falls and rises again, or only rises. Its largest value is at
 the first fall or at the most steps there are. For the limits of a Franka FR3 at 1 kHz these are
 four steps down and two back. With a bound of the jerk so low that there are more than
-2^`_HALVINGS` steps down, a bound is taken of the samples between which the largest is.
+2^`HALVINGS` steps down, a bound is taken of the samples between which the largest is.
 
-All functions take leading axes of robots, in NumPy or in JAX arrays, and work joint by joint.
+All functions take leading axes of robots, in NumPy or in JAX arrays, and work joint by joint. For
+the joints of one robot `farthest` is worked out in plain numbers, with the same bits, see
+`drake_rnn.robot.joint_envelope`.
 """
 
 from __future__ import annotations
@@ -74,12 +76,8 @@ import numpy as np
 
 from ..arrays.algebra import functions_of, root
 from ..inputs.fields import Array
-from .jerk_stop import Course, course, gained
-
-# Times that an interval of samples is halved; each takes as long as a tenth of all the rest.
-_HALVINGS = 8
-# More than one, by more than rounding.
-_ROUNDED = 1.0 + 1e-12
+from . import joint_envelope
+from .jerk_stop import Course, are_few, course, gained
 
 
 class VelocityEnvelope(NamedTuple):
@@ -133,9 +131,13 @@ def farthest(
         jerk: Largest jerks, shape (..., n) [rad/s^3].
         period: Time for which a velocity is held [s].
     """
+    if are_few(w) and are_few(b):
+        envelopes = map(joint_envelope.JointEnvelope, *(part.tolist() for part in envelope))
+        joints = zip(w.tolist(), b.tolist(), envelopes, most.tolist(), jerk.tolist(), strict=True)
+        return np.array([joint_envelope.farthest(*joint, period) for joint in joints])
     xp, d = functions_of(w, b), jerk * period
     # What is left of a stop from above is one, too, whatever rounding makes of it.
-    least = -_ROUNDED * period * d * xp.sign(b) * gained(xp.abs(b) / d - 1.0)
+    least = -joint_envelope.ROUNDED * period * d * xp.sign(b) * gained(xp.abs(b) / d - 1.0)
     after = course(xp.where(w > 0.0, xp.maximum(w, least), w), b, most, jerk, period)
     falling, held = _falling(after, envelope), _held(after, envelope)
     largest = xp.maximum(xp.maximum(falling, held), _rising(after, envelope))
@@ -151,7 +153,7 @@ def _falling(after: Course, envelope: VelocityEnvelope) -> Any:
     # As long as the acceleration is positive H rises; at -D and below it falls.
     low = xp.clip(xp.floor(x), 0.0, after.steps)
     high = xp.clip(xp.ceil(x + envelope.deceleration / d), low, after.steps)
-    for _ in range(_HALVINGS):
+    for _ in range(joint_envelope.HALVINGS):
         if xp is np and not (low < high).any():
             break
         middle = xp.ceil(0.5 * (low + high))

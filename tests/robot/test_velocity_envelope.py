@@ -66,6 +66,22 @@ def test_the_envelope_is_kept_whatever_is_wished_for(period):
     assert driven(limits, period, 300, limits.envelope) < 1e-9
 
 
+@pytest.mark.parametrize("period", [1e-3, 1e-2])
+def test_few_joints_are_worked_out_in_plain_numbers_with_the_same_bits(period):
+    rng = np.random.default_rng(6)
+    limits = with_envelopes(rng, 960)
+    v = limits.velocity * rng.uniform(-1.1, 1.1, 960)
+    b = limits.acceleration * rng.uniform(-1.0, 1.0, 960)
+    b[::7] = 0.0
+    many = farthest(v, b, limits.envelope, limits.acceleration, limits.jerk, period)
+    assert np.isfinite(many).all()
+    for few in np.split(np.arange(960), 48):
+        envelope = VelocityEnvelope(*(part[few] for part in limits.envelope))
+        bounds = limits.acceleration[few], limits.jerk[few]
+        found = farthest(v[few], b[few], envelope, *bounds, period)
+        np.testing.assert_array_equal(found, many[few])
+
+
 def test_a_box_that_knows_no_envelope_breaks_it():
     limits = with_envelopes(np.random.default_rng(4), 350)
     assert driven(limits, 4e-3, 300, envelope=None) > 0.5

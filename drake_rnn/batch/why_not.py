@@ -21,6 +21,13 @@ SIGNALS = PREVIEWS | {
     *("normal_WE", "normal_force", "normal_force_desired"),
 }
 _SCHEMES = ("explicit_euler", "runge_kutta2")
+# Sections that a batch does not carry out.
+_WITHOUT = {
+    "sensor": "a batch has none; simulate has",
+    "faults": "a batch has none; simulate has",
+    "obstacles": "a batch does not look at distances; simulate does",
+    "safety": "a batch takes commands as they are; simulate has it",
+}
 
 
 def why_not(experiment: Described) -> str | None:
@@ -76,19 +83,15 @@ def able_reading(document: ExperimentDocument, law: Law) -> SampledReading:
         raise InvalidInputError(
             "integrator: is Drake's; a batch needs a sampled law, with a period"
         )
-    for name in ("sensor", "faults"):
-        if getattr(document, name):
-            raise InvalidInputError(f"{name}: a batch has none; simulate has")
+    for name, why in _WITHOUT.items():
+        if getattr(document, name) not in (None, ()):
+            raise InvalidInputError(f"{name}: {why}")
     if document.sensing is not None and (
         not document.sensing.of_position_alone or document.filter is not None
     ):
         raise InvalidInputError(
             "sensing: a batch has p_WE_noise alone, without a filter; simulate has the rest"
         )
-    if document.obstacles is not None:
-        raise InvalidInputError("obstacles: a batch does not look at distances; simulate does")
-    if document.safety is not None:
-        raise InvalidInputError("safety: a batch takes commands as they are; simulate has it")
     if document.filter is not None and document.environment is not None:
         raise InvalidInputError("filter: a batch has none in contact; simulate has")
     return _able_reading(law, document.period)

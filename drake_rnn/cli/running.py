@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from rich.markup import escape
@@ -87,6 +88,7 @@ def _require_alone(asked: Run) -> None:
         ("--seed", asked.seed is not None),
         ("--duration", asked.duration is not None),
         ("--series", asked.series != "full"),
+        ("--out", asked.out_folder != Path("out")),
         ("--beside", asked.beside),
         ("--jobs", asked.jobs > 1),
         ("--dry-run", asked.dry_run),

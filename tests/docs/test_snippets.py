@@ -17,6 +17,7 @@ from drake_rnn import (
 )
 from drake_rnn.campaigns import plan_campaign, read_campaign
 from drake_rnn.inputs.documents import parse_yaml
+from drake_rnn.inputs.extensions import without_extensions
 from drake_rnn.inputs.fields import field_names
 from drake_rnn.robot.limits_file import read_limits
 
@@ -68,7 +69,7 @@ def test_a_snippet_runs(page, line, code, monkeypatch):
 @pytest.mark.parametrize(("page", "line", "code"), blocks("yaml"))
 def test_a_document_can_be_run_or_is_a_part_of_one(page, line, code, tmp_path, monkeypatch):
     monkeypatch.chdir(ROOT)
-    document = parse_yaml(code, f"{page}:{line}")
+    document = without_extensions(parse_yaml(code, f"{page}:{line}"))
     if "vary" in document:
         plan_campaign(read_campaign(document))
         return

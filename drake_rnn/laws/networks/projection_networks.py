@@ -167,8 +167,13 @@ def iterated(program: Program, damping: Any, y: Array, count: int) -> Array:
     return y
 
 
+def _weight(program: Program) -> Array:
+    """Return W with the leading axes of the robots, and in arrays of their kind."""
+    return program.W + 0.0 * program.c[..., None]
+
+
 def _dual(program: Program, damping: Any) -> Projected:
-    W, c, A, b = program[:4]
+    W, c, A, b = _weight(program), *program[1:4]
     E, lower, upper = _bounded_rows(program)
     lead = joined((b, lower)), joined((b, upper))
     E = A if E is None else stacked_rows([A, E])
@@ -181,7 +186,7 @@ def _dual(program: Program, damping: Any) -> Projected:
 
 
 def _simplified_dual(program: Program, damping: Any) -> Projected:
-    W, c, A, b = program[:4]
+    W, c, A, b = _weight(program), *program[1:4]
     E, lower, upper = _bounded_rows(program)
     if E is None:
         raise ValueError("simplified_dual: needs a program with bounds or inequalities")

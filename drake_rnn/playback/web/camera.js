@@ -6,7 +6,7 @@ const MARGIN = 1.06;
 const THICK = 2.4, THIN = 1.2, SHARE = 0.01;
 
 // Least width of a label, and its distance below its drawing [pixels].
-const NARROWEST = 72, BELOW = 8;
+const NARROWEST = 52, BELOW = 8;
 // Of the enlarged path: its least size, its distance from the edges, and the height of its name.
 const LEAST_INSET = 104, EDGE = 12, NAME = 22;
 

@@ -23,6 +23,7 @@ const chart = {
   setChosen(chosen) {
     this.chosen = chosen;
     this.changed();
+    this.canvas.dispatchEvent(new Event("chosen"));
   },
 
   /** What is drawn has changed, or the time of its ends. */

@@ -23,6 +23,7 @@ const joints = (() => {
       const list = byId("joints");
       this.rows = this.all.map((joint, k) => jointRow(joint, () => choosing.press(this.curveOf(k), true)));
       list.append(...this.rows.map(({ item }) => item));
+      chart.canvas.addEventListener("chosen", () => this.mark());
     },
 
     /** The position of a joint as a curve of the chart, with its limits as bounds. */
@@ -43,6 +44,9 @@ const joints = (() => {
       if (!this.rows.length || this.rows[0].item.offsetParent === null) return;
       const at = nearest(this.time, t);
       this.all.forEach((joint, k) => fillRow(this.rows[k], joint, at));
+    },
+
+    mark() {
       this.rows.forEach(({ button }, k) => {
         button.setAttribute("aria-pressed", chart.chosen.includes(this.curves?.get(k)));
       });

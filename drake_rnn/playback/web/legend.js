@@ -27,11 +27,11 @@ const legend = {
     for (const { curve, name } of lines) {
       const of = lines.length > 1 ? ` (${name})` : "";
       const axis = chart.drawn?.axes.get(curve.unit);
-      const beyond = (level) => (axis && !axis.holds(level) ? ", off the axis" : "");
+      const beyond = (...all) => (axis && !all.some(axis.holds) ? ", off the axis" : "");
       const levels = curve.bound === null ? curve.bounds ?? [] : [curve.bound];
       if (levels.length) {
         const text = `bound ${levels.map((level) => plain(level, curve.unit)).join(" and ")}`;
-        found.push({ text: text + beyond(levels[0]), line: paint("bound"), look: "dotted" });
+        found.push({ text: text + beyond(...levels), line: paint("bound"), look: "dotted" });
       }
       for (const { level, text, met } of curve.accepted) {
         found.push({ text: `${met ? "accepted" : "✗ accepted"}${of}: ${text}${beyond(level)}`, line: paint("bound"), look: "accepted" });

@@ -38,6 +38,8 @@ function listen() {
   byId("several").addEventListener("change", (event) => setSeveral(event.target.checked));
   byId("full-screen").addEventListener("click", toggleFullScreen);
   listenToLooks();
+  // A sheet that was closed shows the joints as they were.
+  byId("details").addEventListener("click", () => joints.show(player.time));
   listenToMenus();
   listenToKeys(KEYS);
   listenToChart((t) => player.seek(t));

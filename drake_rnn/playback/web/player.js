@@ -78,7 +78,7 @@ const player = {
     const next = this.time + this.rest + this.speed * passed;
     if (this.loop !== null) {
       const [from, to] = this.loop;
-      this.show(next < from || next >= to ? from : next);
+      this.show(next < from ? from : from + ((next - from) % (to - from)));
     } else if (next < data.duration) {
       this.show(next);
     } else if (next < data.duration + PAUSE * this.speed) {

@@ -82,7 +82,7 @@ class JointBrakes(LeafSystem):
         a = np.clip(a, -self._most, self._most)
         for smooth in (False, True):
             which = closed & (self._smooth == smooth)
-            moving = (each[which].tolist() for each in (v, a, self._most))
+            moving = v[which].tolist(), a[which].tolist(), self._most[which].tolist()
             jerk = self._jerk[which].tolist() if smooth else None
             after[which], _ = stop_step(*moving, jerk, self._period)
         return after

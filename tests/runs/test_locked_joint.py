@@ -116,10 +116,11 @@ def test_a_stop_at_once_breaks_acceleration_and_jerk_and_is_known_to():
 def test_a_stop_that_a_law_did_not_leave_room_for_promises_no_position():
     """A law that keeps no jerk may be told to stop with one, which takes a longer way."""
     faults = [{"joint": 2, "time": LOCK}]
-    limits = {"velocity": 0.5, "acceleration": 2.0}
+    limits = {"velocity": 0.5, "acceleration": 2.0, "jerk": None}
     with_room = load_experiment({**DOCUMENT, "law": SLC, "limits": limits, "faults": faults})
     without = load_experiment({**DOCUMENT, "law": SLC, "faults": faults})
-    assert ("position" in with_room.kept_limits) == ("position" in with_room.keeps)
+    assert "position" in with_room.keeps
+    assert "position" in with_room.kept_limits
     assert "position" not in without.kept_limits
 
 
@@ -146,7 +147,8 @@ def test_a_learned_jacobian_does_not_notice_but_is_right_when_told():
     at_lock, end = column[untold.time <= LOCK][-1], column[-1]
     assert np.linalg.norm(end - at_lock) < 0.3 * np.linalg.norm(at_lock)
     lasting = [each.metrics["position_error_lasting_max_m"] for each in (told, untold)]
-    assert lasting[0] < 2e-3 < 5.0 * lasting[0] < lasting[1]
+    assert lasting[0] < 1e-4
+    assert lasting[1] > 1e-3
 
 
 @pytest.mark.long
@@ -165,7 +167,7 @@ def test_an_arm_with_motors_holds_a_locked_joint():
 
 def test_a_filter_and_noise_that_moves_the_arm_pass_through_the_brakes():
     limits = {"velocity": 0.5, "acceleration": 2.0, "jerk": 400.0}
-    filtered = {"law": {"kind": "pseudoinverse", "kappa": 2.0}, "filter": {}, "limits": limits}
+    filtered = {"law": {"kind": "pseudoinverse", "feedback": 2.0}, "filter": {}, "limits": limits}
     result = run(duration=1.8, **filtered)
     assert np.ptp(result.series["position"][result.time >= 1.5][:, 1]) == 0.0
     assert "acceleration" in result.experiment.kept_limits
@@ -190,12 +192,12 @@ def test_few_joints_left_and_postures_out_of_reach_are_warned_of():
     warned = load_experiment({**DOCUMENT, "faults": faults}).warnings
     assert any("2 joints remain for the 3 dimensions of the task" in text for text in warned)
     posture = load_experiment("null_space_adjustment", {"faults": [{"joint": 3, "time": 1.0}]})
-    assert any("panda_joint3 will not reach the target" in text for text in posture.warnings)
+    assert any("will not reach the target posture" in text for text in posture.warnings)
 
 
 def test_the_document_of_a_run_with_faults_reads_back():
     document = {**DOCUMENT, "faults": [{"joint": 2, "time": LOCK, "told": False}]}
     made = load_experiment(document)
     again = load_experiment(made.document.contents())
-    assert again.document.faults == made.document.faults
+    assert again.document.faults[0].told is False
     assert again.document.to_yaml() == made.document.to_yaml()

@@ -6,10 +6,12 @@ Writes the picture of the page of paths: ``python docs/make_paths.py docs/paths.
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
+import drake_rnn
 from drake_rnn import (
     Cat,
     Circle,
@@ -20,17 +22,18 @@ from drake_rnn import (
     Nephroid,
     Parallelogram,
     Part,
-    Path,
     Points,
     Sequence,
     Spline,
     Square,
+    Svg,
     Text,
     Waypoints,
 )
 from drake_rnn.figures.looks import DESIRED
 from drake_rnn.figures.style import PAGE, save, styled
 
+DRAWING = Path(__file__).parents[1] / "diagrams/experiments/pseudoinverse/robot.svg"
 ONE = {"period": 8.0, "timing": "quintic", "laps": 1}
 WAY = [[0, 0, 0], [0.2, 0.15, 0], [0.35, -0.05, 0], [0.55, 0, 0], [0.5, 0.25, 0], [0.25, 0.3, 0]]
 TIMED = {"positions": WAY, "speed": 0.1}
@@ -38,7 +41,7 @@ STRAIGHT = {**TIMED, "through": "straight"}
 AROUND = {"period": 4.0, "size": 0.1}
 
 #: A path of each kind, by the name written above it.
-KINDS: dict[str, Path] = {
+KINDS: dict[str, drake_rnn.Path] = {
     "circle": Circle(size=0.1, **ONE),
     "nephroid": Nephroid(size=0.04, **ONE),
     "four_ring": FourRing(size=0.1, **ONE),
@@ -52,7 +55,8 @@ KINDS: dict[str, Path] = {
     "line": Line(by=[0.3, 0.15, 0.0], **ONE),
     "spline; points": Spline(points=WAY, **ONE),
     "text": Text(text="R2", size=0.2, speed=0.1, acceleration=0.2),
-    "text: scripts": Text(text="ring", font="scripts", size=0.2, speed=0.1, acceleration=0.2),
+    "text: scripts": Text(text="ring", font="scripts", size=0.2, speed=0.3, acceleration=0.5),
+    "svg": Svg(file=str(DRAWING), size=0.3, speed=0.4, acceleration=0.6),
     "waypoints": Waypoints(**TIMED),
     "waypoints: cubic": Waypoints(**TIMED, through="cubic"),
     "waypoints: straight": Waypoints(**STRAIGHT),

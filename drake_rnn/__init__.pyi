@@ -133,6 +133,7 @@ from .paths import (
     Sequence as Sequence,
     Spline as Spline,
     Square as Square,
+    Svg as Svg,
     Text as Text,
     TrajectoryPath as TrajectoryPath,
     Waypoints as Waypoints,

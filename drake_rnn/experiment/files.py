@@ -144,7 +144,14 @@ def _resolve_files(document: dict[str, Any], folder: File) -> None:
     packages, environment = _section(arm, "packages"), _section(document, "environment")
     others = (*_path_sections(document), *_obstacle_sections(document))
     named = ((section, "file") for section in (*others, _section(document, "targets")))
-    files = ((arm, "model"), (arm, "limits"), (arm, "capsules"), *named, (environment, "model"))
+    files = (
+        (arm, "model"),
+        (arm, "limits"),
+        (arm, "capsules"),
+        (arm, "looks"),
+        *named,
+        (environment, "model"),
+    )
     for section, key in (*files, *((packages, key) for key in packages)):
         value = section.get(key)
         # Not `exists`, because a folder may have the name of a shipped arm.

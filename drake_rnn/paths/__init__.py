@@ -20,11 +20,12 @@ spline         cubic spline through points in space, open
 points         the same; periodic if it is closed
 rest           a fixed point
 text           letters of single strokes, joined by moves
+svg            the shapes of an SVG file, joined by moves
 =============  =======================================================================
 
-Not traced by phase are ``text`` (see `drawing`), ``waypoints``, through positions and orientations
-at given times (see `pieces`), ``sequence``, paths one after another, and `TrajectoryPath`, a
-trajectory of Drake's.
+Not traced by phase are ``text`` and ``svg`` (see `drawing`), ``waypoints``, through positions and
+orientations at given times (see `pieces`), ``sequence``, paths one after another, and
+`TrajectoryPath`, a trajectory of Drake's.
 
 Source:
     Classical curves. The papers that follow a nephroid, a four-ring, a four-leaf clover, a
@@ -60,6 +61,7 @@ from .polygons import Parallelogram as Parallelogram, Square as Square
 from .relative import RelativePath as RelativePath
 from .rest import Rest as Rest
 from .sequence import Part as Part, Sequence as Sequence
+from .svg import Svg as Svg
 from .target_path import TargetPath as TargetPath
 from .text import Text as Text
 from .timing import TimeLaw as TimeLaw, Timing as Timing, time_at as time_at, time_law as time_law
@@ -93,6 +95,7 @@ PATHS: Kinds[Path] = Kinds(
         "spline": Spline,
         "rest": Rest,
         "text": Text,
+        "svg": Svg,
         "sequence": Sequence,
     },
 )

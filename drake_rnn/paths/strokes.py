@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..inputs.fields import Array
-from .arc_length import Arc, line, rounding, through, turn
+from .arc_length import CORNER, Arc, line, rounding, through, turn
 from .run import Run
 
 #: Lines and curves, each given by points of shape (k, 3) [m]: two of a straight line, more of a
@@ -61,7 +61,7 @@ class Pen:
         arcs = [
             line(*points) if len(points) == 2 else through(points, _PIECES) for points in stroke
         ]
-        return _divided(arcs, [self._radius(*pair) for pair in pairwise(arcs)])
+        return _runs(arcs, [self._radius(*pair) for pair in pairwise(arcs)])
 
     def _radius(self, before: Arc, after: Arc) -> float | None:
         """Return the reach of the rounding between two curves [m]; None for a stop."""
@@ -79,7 +79,7 @@ class Pen:
         if not self.lift.any():
             return [Run((line(p, q),))]
         arcs = [line(*pair) for pair in pairwise((p, p + self.lift, q + self.lift, q))]
-        return _divided(arcs, [float(np.linalg.norm(self.lift))] * 2)
+        return _runs(arcs, [float(np.linalg.norm(self.lift))] * 2)
 
 
 def _joined(strokes: Sequence[Stroke]) -> list[Stroke]:
@@ -92,7 +92,7 @@ def _joined(strokes: Sequence[Stroke]) -> list[Stroke]:
     return list(joined)
 
 
-def _divided(arcs: Sequence[Arc], radii: Sequence[float | None]) -> list[Run]:
+def _runs(arcs: Sequence[Arc], radii: Sequence[float | None]) -> list[Run]:
     """Return the runs of curves one after another, divided where there is a stop.
 
     Args:
@@ -115,3 +115,12 @@ def _divided(arcs: Sequence[Arc], radii: Sequence[float | None]) -> list[Run]:
             runs[-1].append(rounding(before, after, reach))
         runs[-1].append(after)
     return [Run(tuple(run)) for run in runs]
+
+
+def divided(points: Array) -> list[Array]:
+    """Return points, shape (k, 3), divided at corners: where lines between them turn sharply."""
+    ways = np.diff(points, axis=0)
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    corners = [k for k, pair in enumerate(pairwise(ways), 1) if turn(*pair) >= CORNER]
+    ends = [0, *corners, len(points) - 1]
+    return [points[begin : end + 1] for begin, end in pairwise(ends)]

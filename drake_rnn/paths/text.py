@@ -11,9 +11,8 @@ from pydantic import Field
 
 from ..inputs.complaints import nearest
 from ..inputs.fields import Array, Length, validated
-from .arc_length import CORNER, turn
 from .drawing import Drawing
-from .strokes import Stroke
+from .strokes import Stroke, divided
 
 #: Names of the fonts.
 FONTS: list[str] = list(HersheyFonts().default_font_names)
@@ -55,7 +54,7 @@ class Text(Drawing):
             raise ValueError(f"text: must have a letter that is drawn, unlike {self.text!r}")
         corners = np.concatenate(lines)
         middle = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
-        return [_divided(points - middle) for points in lines]
+        return [list(map(_even, divided(points - middle))) for points in lines]
 
     @property
     def _lines(self) -> list[Array]:
@@ -79,15 +78,6 @@ class Text(Drawing):
                     drawn.append(self.size / height * points)
                 x += glyph.char_width
         return drawn
-
-
-def _divided(points: Array) -> Stroke:
-    """Return lines and curves through points, divided at corners."""
-    ways = np.diff(points, axis=0)
-    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-    corners = [k for k, pair in enumerate(pairwise(ways), 1) if turn(*pair) >= CORNER]
-    ends = [0, *corners, len(points) - 1]
-    return [_even(points[begin : end + 1]) for begin, end in pairwise(ends)]
 
 
 def _even(points: Array) -> Array:

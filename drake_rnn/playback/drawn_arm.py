@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from functools import cached_property
 from typing import Any
 
@@ -15,6 +15,7 @@ from pydrake.geometry import (
     Cylinder,
     Ellipsoid,
     GeometryId,
+    GeometryInstance,
     IllustrationProperties,
     Mesh,
     Meshcat,
@@ -37,8 +38,11 @@ from .. import colours
 from ..inputs.fields import Array
 from ..robot.arm import Arm
 from ..robot.drake_log import quiet_drake
+from .maker_looks import meshes_of
 
 TARGET_OPACITY = 0.4
+# Begins the names of meshes that are drawn in place of the model's shapes.
+_LOOKS = "looks_"
 # Shapes whose only colour is the one in the model.
 _PRIMITIVE = (Box, Capsule, Cylinder, Ellipsoid, Sphere)
 # Weights of red, green and blue in the luminance, luminances and the greys that these are drawn in,
@@ -79,10 +83,17 @@ class DrawnArm:
         builder = DiagramBuilder()
         self.plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
         arm.add_to(self.plant)
+        meshes = [] if arm.looks is None else meshes_of(arm, arm.plant())
+        for number, (body, X_BG, mesh) in enumerate(meshes):
+            own = self.plant.GetBodyByName(body.name())
+            instance = GeometryInstance(X_BG, mesh, f"{_LOOKS}{number}")
+            instance.set_illustration_properties(IllustrationProperties())
+            self.plant.RegisterVisualGeometry(own, instance)
         self.plant.Finalize()
         # Drake warns that visualizers that exist do not see this; there is none yet.
         with quiet_drake(logging.ERROR):
             _mute(self.plant, scene_graph)
+            _hide(self.plant, scene_graph, {body.name() for body, _, _ in meshes})
         parameters = MeshcatVisualizerParams()
         parameters.default_color = Rgba(*colours.components(colours.ARM))
         parameters.role = Role.kIllustration
@@ -198,6 +209,15 @@ def _mute(plant: Any, scene_graph: SceneGraph) -> None:
         muted = IllustrationProperties(properties)
         muted.UpdateProperty("phong", "diffuse", _muted(properties.GetProperty("phong", "diffuse")))
         scene_graph.AssignRole(plant.get_source_id(), geometry, muted, RoleAssign.kReplace)
+
+
+def _hide(plant: Any, scene_graph: SceneGraph, names: Collection[str]) -> None:
+    """Leave out the model's own shapes of the bodies of these names."""
+    inspector = scene_graph.model_inspector()
+    for name in names:
+        for geometry in plant.GetVisualGeometriesForBody(plant.GetBodyByName(name)):
+            if _LOOKS not in inspector.GetName(geometry):
+                scene_graph.RemoveRole(plant.get_source_id(), geometry, Role.kIllustration)
 
 
 def _muted(colour: Rgba) -> Rgba:

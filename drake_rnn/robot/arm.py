@@ -27,6 +27,7 @@ from .kinematics import ArmKinematics
 from .limits import FIELD_UNITS, JointLimits
 from .limits_file import LimitsFile, read_limits
 from .link_error_settings import LinkErrorSettings
+from .looks_file import looks_file
 from .model import Model, displaced, moving_joints, read_model
 from .structure import joints_to, nearest_frame
 
@@ -48,6 +49,8 @@ class Arm:
         units: Units of their positions: ``rad``, or ``m`` for one that slides.
         limits: Limits of the controlled joints.
         home: Home posture, shape (n,) [rad], or None.
+        looks: Model file whose meshes are drawn in place of the arm's shapes, or None.
+        triangles: Number of triangles to which these meshes are simplified.
         warnings: Changes that the model's file needed, and warnings of Drake.
 
     Raises:
@@ -64,7 +67,9 @@ class Arm:
         self._stated = read_model(self.model, description.packages)
         self._model = self._with_errors()
         self._held: Mapping[str, RigidTransform] = {}
-        self.warnings = self._model.warnings
+        self.looks, without = looks_file(description.looks, self.model)
+        self.triangles = description.triangles
+        self.warnings = (*self._model.warnings, *((without,) if without else ()))
         self.frame = description.frame
         self.tool = description.tool
         self.tip = description.tip if self.tool is None else self.tool.tip

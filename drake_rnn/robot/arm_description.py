@@ -11,7 +11,7 @@ from pydantic import Field
 
 from ..inputs.dataclass_fields import fields_of
 from ..inputs.documents import construct
-from ..inputs.fields import Finite, Point, Positive, Vector, between, validated
+from ..inputs.fields import Count, Finite, Point, Positive, Vector, between, validated
 from .link_error_settings import LinkErrorSettings
 from .tool_description import ToolDescription
 
@@ -49,6 +49,10 @@ class ArmDescription:
             the model.
         message_period: Time between two messages of the robot's own controller [s], for
             ``level: robot``; None if nothing drives the robot.
+        looks: URDF file of the same arm, whose meshes are drawn in place of this model's shapes in
+            playbacks; ``example-robot-data`` for that of the package of this name, of a shipped
+            arm. Nothing but the looks depends on it.
+        triangles: Number of triangles to which these meshes are simplified, in all.
         link_errors: Errors in the dimensions of the model, a URDF file.
     """
 
@@ -66,6 +70,8 @@ class ArmDescription:
     limits: str | None = None
     capsules: str | None = None
     message_period: Positive | None = None
+    looks: str | None = None
+    triangles: Annotated[Count, between(100, 2_000_000)] = 20_000
     link_errors: LinkErrorSettings | None = None
 
     def __post_init__(self) -> None:

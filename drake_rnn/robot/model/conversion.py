@@ -51,7 +51,7 @@ def gltf_file(mesh: Path, colour: Colour | None) -> Path:
         Exception: Of any class, if the mesh cannot be read or is empty.
     """
     colour = colour or GREY
-    name = _content_name(mesh, b"gltf", repr(colour).encode())
+    name = content_name(mesh, b"gltf", repr(colour).encode())
     return cached_file(f"meshes/{name}.gltf", lambda: _gltf(mesh, colour))
 
 
@@ -64,10 +64,10 @@ def obj_file(mesh: Path) -> Path:
     Raises:
         Exception: Of any class, if the mesh cannot be read or is empty.
     """
-    return cached_file(f"meshes/{_content_name(mesh, b'obj')}.obj", lambda: _obj(mesh))
+    return cached_file(f"meshes/{content_name(mesh, b'obj')}.obj", lambda: _obj(mesh))
 
 
-def _content_name(mesh: Path, *more: bytes) -> str:
+def content_name(mesh: Path, *more: bytes) -> str:
     """Return a name that changes with the content of a mesh and of the files that it names."""
     content = sha256(_VERSION)
     for part in more:

@@ -36,6 +36,7 @@ LOST = 0.01
 #: What the keys that a grid leaves out stand for.
 _DEFAULTS = {"zeroing": "linear", "projection": "lvi", "adaptive": "known J", "recursive": "n = 1"}
 _SHORT = {"simultaneous_learning": "slc", "discretization": "", "activation": "", "network": ""}
+_TICKS = (1e-8, 1e-6, 1e-4, 1e-2)
 _MARKERS = ("o", "s", "^", "D", "x")
 
 
@@ -196,7 +197,7 @@ def draw(runs: list[Run], file: Path) -> None:
     names = list(table)
     with styled():
         figure = Figure(figsize=(PAGE, 0.19 * len(names) + 1.0), layout="constrained")
-        axes = figure.subplots(1, len(DISTURBANCES), sharey=True)
+        axes = figure.subplots(1, len(DISTURBANCES), sharex=True, sharey=True)
         for k, (kind, axis) in enumerate(zip(DISTURBANCES, axes, strict=True)):
             for place, name in enumerate(names):
                 errors = np.array([min(run.error, 1.0) for run in table[name][kind]])
@@ -206,11 +207,13 @@ def draw(runs: list[Run], file: Path) -> None:
                 axis.plot(
                     np.median(errors), place, _MARKERS[k], color=SERIES[k], markersize=4, zorder=3
                 )
-            axis.set(xscale="log", title=kind, xlabel="largest error [m]")
+            axis.set(xscale="log", title=kind, xlim=(1e-8, 2.0 * LOST), xticks=_TICKS)
+            axis.minorticks_off()
             axis.axvline(LOST, color=INK, linewidth=0.6, linestyle=":")
             axis.grid(visible=True, axis="y", linewidth=0.3)
         axes[0].set_yticks(range(len(names)), names, fontsize=6)
         axes[0].invert_yaxis()
+        figure.supxlabel("largest error [m]", fontsize=8)
         save(figure, file)
 
 

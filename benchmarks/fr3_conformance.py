@@ -250,7 +250,7 @@ def main() -> None:
     head(
         *("commands", "motions", "samples", "objected to, motions (samples): constants", *theirs),
         *("least distance to the envelope [rad/s]", "what the constants object to"),
-        made_by=f"{_COMMAND} --judge PYTHON",
+        made_by=f"{_COMMAND} --judge PYTHON --judged {options.judged}",
     )
     missing = [name for name in ("mink", "ruckig") if few and find_spec(name) is None]
     for asked in rows[: -2 if missing else None]:

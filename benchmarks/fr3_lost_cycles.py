@@ -63,6 +63,7 @@ class Robot:
         at: Cycle in which the pacer stands still.
         length: For how long [s].
         place: Where.
+        pace: Time that a cycle of its takes by the clock of the pacer's machine [s].
         time: Clock of the pacer's machine [s].
         packets: What it has sent and what has come, in order.
         worst: Largest acceleration and jerk that it was commanded.
@@ -73,6 +74,7 @@ class Robot:
     at: int
     length: float
     place: Place
+    pace: float = H
     time: float = 0.0
     v: list[float] = field(default_factory=lambda: [0.0] * 7)
     a: list[float] = field(default_factory=lambda: [0.0] * 7)
@@ -98,7 +100,7 @@ class Robot:
         if self._states:
             state = self._states[-1]
         else:
-            self._pass((self._cycle + 1) * H + TRAVEL - self.time)
+            self._pass((self._cycle + 1) * self.pace + TRAVEL - self.time)
             state = self._states[0]
             self._stand_still("waiting", state)
         while self._states and self._states[0].time <= state.time:
@@ -130,7 +132,7 @@ class Robot:
     def _pass(self, length: float) -> None:
         """Let time pass, and send the states that are due."""
         self.time += length
-        while (self._cycle + 1) * H <= self.time:
+        while (self._cycle + 1) * self.pace <= self.time:
             self._close()
             self._cycle += 1
             self.packets.append(Packet(self._cycle, None))
@@ -153,10 +155,10 @@ class Robot:
         self.q, self.v, self.a, self._taken = self._taken, v, a, None
 
 
-def moved(at: int, lost: int, place: Place) -> Robot:
+def moved(at: int, lost: int, place: Place, pace: float = H) -> Robot:
     """Return a robot after a motion in which the pacer has stood still."""
     law = DrivenLaw(driven_experiment(DOCUMENT, FR3))
-    robot = Robot(law.start.tolist(), at, lost * H, place)
+    robot = Robot(law.start.tolist(), at, lost * H, place, pace)
     shared = SharedCycles(anonymous_file())
     shared.asked = MOVE
     limits, rest = law.limits, np.zeros(7)

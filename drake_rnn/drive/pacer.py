@@ -202,14 +202,15 @@ class Pacing:
         while True:
             state = robot.read()
             heard = self._now()
-            # It may have waited for this process: it was sent by the robot's clock.
+            # It may have waited for this process: it was sent by the robot's clock. One that comes
+            # after one without an answer is the newest; else a slow robot would never have any.
             sent = min(heard, since + state.time - last.time)
             last, since = state, heard
             passed = 1 if answered < 0.0 else round((state.time - answered) / PERIOD)
             before = pacer.motion
             source = self._advance(pacer, max(passed, 1), rested < 0)
             if self._now() - sent > LATE:
-                pacer.motion = before
+                pacer.motion, since = before, inf
                 continue
             rests = rested + 1 if pacer.rests else 0
             is_last = rests > STILL and self._is_done()

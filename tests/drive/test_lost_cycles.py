@@ -24,6 +24,15 @@ def test_a_robot_that_drops_what_is_late_is_commanded_within_its_bounds(place, l
     assert jerk <= JERK
 
 
+def test_a_robot_at_half_its_pace_is_answered_in_every_other_cycle():
+    """As a simulated one on a busy machine: its states seem to have waited."""
+    robot = moved(AT, 0, "waiting", pace=2e-3)
+    acceleration, jerk = robot.worst
+    assert 0 < robot.lost <= 350
+    assert acceleration <= ACCELERATION
+    assert jerk <= JERK
+
+
 @pytest.mark.parametrize("place", ["waiting", "sending"])
 def test_who_takes_what_is_late_for_taken_commands_a_discontinuity(place, monkeypatch):
     monkeypatch.setattr(pacer, "LATE", inf)

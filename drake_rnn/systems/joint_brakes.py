@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from ..errors import InvalidInputError
@@ -76,7 +77,7 @@ class JointBrakes(LeafSystem):
             state.set_value(self._closed, closed.astype(float))
         state.set_value(self._before, v)
 
-    def _slower(self, v: Array, a: Array, closed: Array) -> Array:
+    def _slower(self, v: Array, a: Array, closed: NDArray[np.bool_]) -> Array:
         """Return the next velocities of a stop, shape (n,); zero for joints that are free."""
         after = np.zeros(v.size)
         a = np.clip(a, -self._most, self._most)

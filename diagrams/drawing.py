@@ -20,7 +20,6 @@ from ..systems import (
     Body,
     ContactReference,
     Controller,
-    Dither,
     Dynamics,
     ForceSensor,
     ForceWatch,
@@ -32,6 +31,7 @@ from ..systems import (
     PathSource,
     PoseSensor,
 )
+from ..systems.dither import HeldNoise
 
 
 class _Kind(NamedTuple):
@@ -64,7 +64,7 @@ _KINDS: tuple[tuple[tuple[type, ...], _Kind], ...] = (
     ((Kinematics, Dynamics), _MODEL),
     ((MovingAverage, Adder, Integrator), _COMMAND),
     ((JointSensor, PoseSensor), _SENSOR),
-    ((Dither,), _NOISE),
+    ((HeldNoise,), _NOISE),
 )
 # Of Drake's blocks some do different things: these are told by their names.
 _NAMED = {"normal_force": _FORCE}

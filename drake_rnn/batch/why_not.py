@@ -21,13 +21,6 @@ SIGNALS = PREVIEWS | {
     *("normal_WE", "normal_force", "normal_force_desired"),
 }
 _SCHEMES = ("explicit_euler", "runge_kutta2")
-# Sections that a batch does not carry out.
-_WITHOUT = {
-    "sensor": "a batch has none; simulate has",
-    "faults": "a batch has none; simulate has",
-    "obstacles": "a batch does not look at distances; simulate does",
-    "safety": "a batch takes commands as they are; simulate has it",
-}
 
 
 def why_not(experiment: Described) -> str | None:
@@ -83,9 +76,14 @@ def able_reading(document: ExperimentDocument, law: Law) -> SampledReading:
         raise InvalidInputError(
             "integrator: is Drake's; a batch needs a sampled law, with a period"
         )
-    for name, why in _WITHOUT.items():
-        if getattr(document, name) not in (None, ()):
-            raise InvalidInputError(f"{name}: {why}")
+    for section, why in (
+        (document.sensor, "sensor: a batch has none; simulate has"),
+        (document.faults or None, "faults: a batch has none; simulate has"),
+        (document.obstacles, "obstacles: a batch does not look at distances; simulate does"),
+        (document.safety, "safety: a batch takes commands as they are; simulate has it"),
+    ):
+        if section is not None:
+            raise InvalidInputError(why)
     if document.sensing is not None and (
         not document.sensing.of_position_alone or document.filter is not None
     ):

@@ -211,12 +211,7 @@ def make_experiment(
     law, moved = with_reachable_target(parts)
     unsafe, unsure = _unsafe(parts), lock_doubts(parts)
     start, kinematics = parts.start, arms.shared("kinematics", document.arm, parts.arm.kinematics)
-    desired = parts.path.placed_by(kinematics, start)
-    if desired.turns and "R_WE_desired" not in law.inputs:
-        raise InvalidInputError(
-            "path: carries an orientation, which this law does not see; give task: pose, or a law "
-            "with the input R_WE_desired, or leave the orientation out"
-        )
+    desired = _placed(parts.path.placed_by(kinematics, start), law)
     doubts = contact_doubts(parts, desired)
     found = Experiment(
         document=document,
@@ -243,6 +238,16 @@ def make_experiment(
     warnings = (*parts.warnings, *late, *moved, *unsafe, *unsure, *judged, *doubts)
     found = replace(found, warnings=warnings)
     return found if document.second is None else _beside(found, modules, arms)
+
+
+def _placed(desired: PlacedPath, law: Law) -> PlacedPath:
+    """Return the path, which must not turn if its law cannot see that."""
+    if desired.turns and "R_WE_desired" not in law.inputs:
+        raise InvalidInputError(
+            "path: carries an orientation, which this law does not see; give task: pose, or a law "
+            "with the input R_WE_desired, or leave the orientation out"
+        )
+    return desired
 
 
 def _checked(

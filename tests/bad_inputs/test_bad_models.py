@@ -187,7 +187,7 @@ USES = {
     "two tips": ({"tip": "tip", "tool": {"tip": "end"}}, "arm.tip: cannot be combined with a tool"),
     "a package that is missing": ({"packages": {"a": "/nowhere"}}, "arm.packages.a: no folder '/n"),
     "packages in a list": ({"packages": ["a"]}, "arm.packages: must be a mapping"),
-    "an unknown key": ({"nothing": 3}, "arm.nothing: no such key; it may be model, frame"),
+    "an unknown key": ({"colour": 3}, "arm.colour: no such key; it may be model, frame"),
     "limits that are missing": ({"limits": "no.yaml"}, "arm.limits: no file 'no.yaml'"),
     "a tool by name": ({"tool": "pen"}, "arm.tool: must be a mapping of keys to values, not 'pen'"),
     "a tool of the model's name": (

@@ -218,7 +218,7 @@ def test_a_law_for_another_arm_is_refused():
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
-        ("dither", {"sigma": 1}, r"dither: .* DitherSettings or None, not \{'sigma': 1\}"),
+        ("dither", {"sigma": 1}, r"dither: .* JointNoise or None, not \{'sigma': 1\}"),
         ("filter", FilterSettings(), "filter: .* MovingAverage or None, not FilterSettings"),
         ("body", {"contact": Plate()}, "contact: must be of class Contact or None, not Plate"),
     ],

@@ -133,8 +133,9 @@ def test_every_metric_that_is_taken_is_in_the_list_and_the_other_way_round():
     along = swing(velocity=4.0 * swing().velocity, tick=1e-3)
     towards = swing(target=np.zeros(2), position=np.zeros((1000, 2)))
     stream = swing(target=np.zeros((1000, 2)))
+    locks = swing(locked=(0.1, 0.2))
     taken = set()
-    for motion in (along, towards, stream):
+    for motion in (along, towards, stream, locks):
         metrics = RunMetrics(Yardsticks.of(BOUNDED, None, 1e-3))
         metrics.add(replace(motion, observed=observed(motion.time.size)))
         taken |= metrics.found().keys()

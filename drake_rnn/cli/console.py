@@ -5,11 +5,13 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import StringIO
 
 import typer
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from ..errors import DrakeRnnError, InterruptedRunError, RobotError, SimulationError
 from .statuses import BAD_INPUT, FAILED, INTERRUPTED, NOT_MET
@@ -61,22 +63,23 @@ def status(text: str) -> Iterator[None]:
 
 def print_table(table: Table) -> None:
     """Print a table; in a pipe or a file without blanks at the ends of lines."""
-    _print_trimmed(out, table)
+    _print_trimmed(table, out.width)
 
 
 def print_whole(table: Table) -> None:
     """Print a table; in a pipe or a file, where there is room for all columns, unsqueezed."""
-    wide = Console(width=WIDE, highlight=False, quiet=out.quiet)
-    _print_trimmed(out if out.is_terminal else wide, table)
+    _print_trimmed(table, WIDE)
 
 
-def _print_trimmed(console: Console, table: Table) -> None:
-    if console.is_terminal or console.quiet:
-        console.print(table)
+def _print_trimmed(table: Table, width: int) -> None:
+    if out.is_terminal:
+        out.print(table)
         return
-    with console.capture() as captured:
-        console.print(table)
-    typer.echo("".join(f"{line.rstrip()}\n" for line in captured.get().splitlines()), nl=False)
+    # Drawn beside `out`, which may be captured: Rich's captures cannot be nested.
+    drawn = StringIO()
+    Console(width=width, highlight=False, file=drawn).print(table)
+    lines = (line.rstrip() for line in drawn.getvalue().splitlines())
+    out.print(Text("\n".join(lines)), soft_wrap=True)
 
 
 def finish(complete: bool, kept: bool) -> None:

@@ -1,7 +1,12 @@
-"""Print what is left of a path when a joint locks, for each law that follows one, as Markdown.
+"""Print what is left of a Panda's path when a joint locks, as Markdown.
 
-`python benchmarks/locked_joint.py` runs every law on the same path of a Panda, whose second joint
-locks on the way: once where the law is told, and once where it is not.
+::
+
+    python benchmarks/locked_joint.py circle      # adaptive_locked_joint, joint by joint
+    python benchmarks/locked_joint.py nephroid    # adaptive_jerk and its learned variant, likewise
+    python benchmarks/locked_joint.py laws        # each law that follows a path, the second joint
+
+In the last two each run is made twice: the law is told of the lock, or it is not.
 """
 
 from __future__ import annotations
@@ -9,10 +14,16 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from drake_rnn import Result, SimulationError, simulate
+from drake_rnn import Result, SimulationError, load_experiment, simulate
 from markdown_table import broken_limits, head, row
 
+_COMMAND = "python benchmarks/locked_joint.py"
+_ERRORS = ("before [mm]", "after [mm]", "from 2 s later [mm]", "limits exceeded")
+#: Experiments of the second table, and what is changed in them.
+NEPHROIDS = {"adaptive_jerk": {"law.kappa": 1000.0}, "adaptive_jerk_learned": {}}
 JOINT, TIME = 2, 4.0
+# Excess of a limit that counts as none.
+_ROUNDING = 1e-9
 #: What all runs have in common.
 DOCUMENT: dict[str, Any] = {
     "arm": "panda",
@@ -71,19 +82,55 @@ def errors(result: Result | str) -> list[str]:
     if isinstance(result, str):
         return [result, "", "", ""]
     names = ("before_lock", "after_lock", "lasting")
-    found = [result.metrics[f"position_error_{name}_max_m"] * 1e3 for name in names]
-    kept = {name: y for name, y in result.metrics.items() if "held" not in name}
-    return [*(f"{error:.2g}" for error in found), broken_limits(kept)]
+    found = [1e3 * result.metrics[f"position_error_{name}_max_m"] for name in names]
+    broken = {
+        name: by for name, by in result.metrics.items() if "held" not in name and by > _ROUNDING
+    }
+    return [*(f"{error:.2g}" for error in found), broken_limits(broken)]
+
+
+def print_circle() -> None:
+    """Print a row for each joint that locks on the circle of the shipped experiment."""
+    head("locked joint", *_ERRORS, made_by=f"{_COMMAND} circle")
+    for joint in range(1, 8):
+        changes = {"faults": [{"joint": joint, "time": 1.0}], "accept": None}
+        row(joint, *errors(simulate(load_experiment("adaptive_locked_joint", changes))))
+
+
+def print_nephroid() -> None:
+    """Print a row for each of the first joints, J known and learned, told and not told."""
+    head("locked joint", "J", "told", *_ERRORS, made_by=f"{_COMMAND} nephroid")
+    for joint in range(1, 6):
+        for name, changes in NEPHROIDS.items():
+            for told in (True, False):
+                lock = {"joint": joint, "time": 9.0, "told": told}
+                given = {"duration": 16.0, "window": [4.0, 16.0], "accept": None, "faults": [lock]}
+                result = simulate(load_experiment(name, {**given, **changes}))
+                learned = "learned" if name.endswith("learned") else "known"
+                row(joint, learned, _said(told), *errors(result))
+
+
+def print_laws() -> None:
+    """Print a row for each law, told and not told."""
+    head("law", "told", *_ERRORS, made_by=f"{_COMMAND} laws")
+    for name, law in LAWS.items():
+        for told in (True, False):
+            row(name, _said(told), *errors(measured(law, told)))
+
+
+def _said(told: bool) -> str:
+    return "yes" if told else "no"
+
+
+TABLES = {"circle": print_circle, "nephroid": print_nephroid, "laws": print_laws}
 
 
 def main() -> None:
-    """Print a row for each law, told and not told."""
+    """Print the tables that were asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("laws", nargs="*", default=list(LAWS), help="Laws of the table.")
-    head("law", "told", "before [mm]", "after [mm]", "lasting [mm]", "limits exceeded")
-    for name in parser.parse_args().laws:
-        for told in (True, False):
-            row(name, "yes" if told else "no", *errors(measured(LAWS[name], told)))
+    parser.add_argument("tables", nargs="*", default=[*TABLES])
+    for name in parser.parse_args().tables:
+        TABLES[name]()
 
 
 if __name__ == "__main__":

@@ -83,6 +83,7 @@ def _plainly() -> Iterator[None]:
         if type(error).__name__ == "NoArgsIsHelpError":
             raise
         said = " ".join(error.format_message().split()).removesuffix(".")
+        said = said.replace("Value error, ", "")
         command = "drake-rnn" if error.ctx is None else _name(error.ctx)
         # Not by rich, which takes as long to import as all of this.
         typer.secho("error", fg="red", nl=False, err=True)

@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import StrictInt
 
 from ..arrays.namespace import AnyArray
 from ..errors import InvalidInputError
@@ -34,7 +35,7 @@ class JointLock:
         told_after: Time after ``time`` from which it does [s], such as a detection takes.
     """
 
-    joint: int | str
+    joint: StrictInt | str
     time: NonNegative
     stop: Literal["braked", "at_once"] = "braked"
     told: Flag = True

@@ -124,8 +124,13 @@ class Checkpoint:
             with np.load(place / _STATE) as kept:
                 state = State(float(kept["time"]), kept["continuous"], kept["discrete"])
                 count, width = (int(number) for number in kept["shape"])
-            table = np.fromfile(place / _STEPS, count=count * width).reshape(count, width)
-        except FileNotFoundError:
+            table = np.fromfile(place / _STEPS, count=count * width)
+            if table.size != count * width:
+                raise ValueError(f"{_STEPS} has {table.size} numbers, not {count * width}")
+            table = table.reshape(count, width)
+        except FileNotFoundError as error:
+            if Path(error.filename).name == _STEPS:
+                raise InvalidInputError(f"{place}: is no checkpoint: {_STEPS} is missing") from None
             raise InvalidInputError(
                 f"{folder}: was stopped before the first whole second; run it again"
             ) from None
@@ -137,6 +142,10 @@ class Checkpoint:
     def restore(self, simulator: Simulator) -> None:
         """Bring a simulator of the run's diagram to the end of the step."""
         root = simulator.get_mutable_context()
+        if [part.size for part in self.state[1:]] != [part.size for part in State.of(root)[1:]]:
+            raise InvalidInputError(
+                f"{self.folder / FOLDER}: is no checkpoint of this run: its state has other sizes"
+            )
         self.state.write_to(root)
         simulator.Initialize()
         # Some systems begin anew when they are initialized.
@@ -291,9 +300,12 @@ def why_not(document: ExperimentDocument) -> str:
 def _told(folder: Path) -> dict[str, Any]:
     """Return what a checkpoint says of its run, or refuse a folder without one."""
     if not folder.is_dir():
-        raise InvalidInputError(f"{folder}: there is no such folder")
+        what = "is a file, not a folder" if folder.exists() else "there is no such folder"
+        raise InvalidInputError(f"{folder}: {what}")
     try:
         told: dict[str, Any] = json.loads((folder / FOLDER / _RUN).read_text())
+        if not isinstance(told, dict) or not isinstance(told.get("versions"), dict):
+            raise ValueError(f"{_RUN} does not say by which versions it was made")
     except FileNotFoundError:
         raise InvalidInputError(f"{folder}: {_without(folder)}") from None
     except (OSError, ValueError) as error:

@@ -158,8 +158,11 @@ def test_it_follows_paths_on_every_arm():
 
 @pytest.mark.long
 def test_it_follows_paths_on_every_arm_with_every_network():
-    arms = ("panda", "iiwa14", "ur5", "gen3")
-    assert max(largest_errors(product(arms, ("xyz", "pose"), NETWORKS))) < 2e-6
+    """To 0.7 um, but for the UR5 with a pose, which has no joint to spare: damping costs 3.6 um."""
+    tight = ("ur5", "pose")
+    others = product(("panda", "iiwa14", "ur5", "gen3"), ("xyz", "pose"), NETWORKS)
+    assert max(largest_errors(case for case in others if case[:2] != tight)) < 2e-6
+    assert max(largest_errors((*tight, network) for network in NETWORKS)) < 4e-6
 
 
 def test_in_a_singular_posture_it_stays_finite():

@@ -22,6 +22,11 @@ def joint_locks(document: ExperimentDocument, arm: Arm) -> JointLocks | None:
                 f"faults.{number}.time: must be before the end of the run, "
                 f"{document.duration:g} s, not {lock.time:g}"
             )
+        if lock.time + lock.told_after >= document.duration:
+            raise InvalidInputError(
+                f"faults.{number}.told_after: must end before the run does, at "
+                f"{document.duration:g} s, not be {lock.told_after:g}; for never, give told: false"
+            )
         try:
             JointLocks.of(arm.joints, document.faults[: number + 1])
         except InvalidInputError as error:

@@ -13,8 +13,6 @@ from .style import largest
 
 #: Difference between arm and law, relative to the law's peak, above which both are drawn.
 _APART = 0.01
-#: Height, as a share of that to which a pen is lifted, above which it does not draw.
-_LIFTED = 0.01
 
 
 def has_target(result: Result) -> bool:
@@ -81,12 +79,12 @@ def pen_down(result: Result) -> NDArray[np.bool_]:
 
     All of them on a path that lifts no pen, or whose plane turns with another frame than the base.
     """
-    path = result.experiment.path
-    if not isinstance(path, Drawing) or path.lift == 0.0 or path.frame != "base":
-        return np.ones(result.time.size, dtype=bool)
-    desired = result.series["p_WE_desired"]
-    heights = (desired - desired[0]) @ path.normal
-    return np.asarray(np.abs(heights) <= _LIFTED * abs(path.lift))
+    path, desired = result.experiment.path, result.series["p_WE_desired"]
+    return (
+        path.pen_is_down(desired)
+        if isinstance(path, Drawing)
+        else np.ones(len(desired), dtype=bool)
+    )
 
 
 def returns(result: Result) -> bool:

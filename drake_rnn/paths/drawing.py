@@ -13,6 +13,7 @@ from itertools import accumulate
 from typing import Annotated, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from ..inputs.dataclass_fields import fields_of
@@ -27,6 +28,8 @@ from .timing import TimeLaw, time_law
 
 # Largest distance from a slight corner at which its rounding begins, as a share of the drawing.
 _SLIGHT = 0.01
+# Height, as a share of that to which a pen is lifted, above which it does not draw.
+_LIFTED = 0.01
 
 
 @validated
@@ -71,6 +74,20 @@ class Drawing(InPlane):
             raise ValueError(f"{rivals[0]}: cannot be combined with period; leave one out")
         # A bad drawing is refused now, not during a run.
         self._ends  # noqa: B018
+
+    def pen_is_down(self, points: Array) -> NDArray[np.bool_]:
+        """Return which desired points are in the plane that a pen draws in, shape (k,).
+
+        All of them on a path that lifts no pen, or whose plane turns with another frame than the
+        base.
+
+        Args:
+            points: Points of the path from its start on, shape (k, 3) [m].
+        """
+        if self.lift == 0.0 or self.frame != "base":
+            return np.ones(len(points), dtype=bool)
+        heights = (points - points[0]) @ self.normal
+        return np.asarray(np.abs(heights) <= _LIFTED * abs(self.lift))
 
     @property
     @abstractmethod

@@ -18,13 +18,11 @@ from .console import out
 
 
 def require_tables(files: Sequence[Path] | None) -> None:
-    """Raise an InvalidInputError unless all files of ``--table`` have a format and a folder."""
+    """Raise an InvalidInputError unless all files of ``--table`` can be of a known format."""
     for file in files or []:
         require_format(file, "--table")
         if file.is_dir():
             raise InvalidInputError(f"--table: {file}: is a folder, not a file")
-        if not file.parent.is_dir():
-            raise InvalidInputError(f"--table: {file}: there is no folder {file.parent}")
 
 
 def write_tables(sheet: Sheet, files: Sequence[Path] | None) -> None:

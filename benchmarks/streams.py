@@ -7,8 +7,8 @@ arm. All get the same targets, and the last one that was a number while there is
     python benchmarks/streams.py --streams 1000
     python benchmarks/streams.py --streams 1000 --collisions no
 
-With ``--kept FILE`` each stream's figures are kept as a line of that file, and those that are there
-already are not run again.
+``--first`` is the seed of the first stream. With ``--kept FILE`` the figures of each stream are a
+line of that file, and those that are there already are not run again.
 """
 
 from __future__ import annotations
@@ -182,6 +182,7 @@ def _delay(q: Array, smooth: Array) -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--streams", type=int, default=200)
+    parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--collisions", choices=("yes", "no"), default="yes")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--kept", type=Path, default=None)
@@ -189,7 +190,8 @@ def main() -> None:
     seen = options.collisions == "yes"
     task = partial(run, collisions=seen)
     among = "among balls" if seen else "nothing in the way"
-    _print(cases(task, range(options.streams), options.jobs, options.kept, among), seen)
+    seeds = range(options.first, options.first + options.streams)
+    _print(cases(task, seeds, options.jobs, options.kept, among), seen)
 
 
 def _print(streams: list[dict[str, Any]], seen: bool) -> None:

@@ -21,6 +21,11 @@ settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
 
 
+def pytest_collection_modifyitems(items):
+    """Long tests come first: short ones fill what is left of the time of several processes."""
+    items.sort(key=lambda item: item.get_closest_marker("long") is None)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def surroundings(tmp_path_factory):
     """A cache folder of the tests' own, no ROS, and Ctrl-C: results depend on nobody's machine."""

@@ -9,7 +9,7 @@ PYTEST = MPLBACKEND=Agg $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 # Each process of the tests would compile every file again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test long nightly bench mutants tables cross claims docs check clean
+.PHONY: demo test long ci-tests nightly bench mutants tables cross claims docs check clean
 
 demo: $(VENV)/installed
 	$(BIN)/drake-rnn run slc_nephroid_warm_up --out out
@@ -19,6 +19,9 @@ test: $(VENV)/installed-dev
 
 long: $(VENV)/installed-dev
 	$(PYTEST) -m "long and not nightly"
+
+ci-tests: $(VENV)/installed-dev
+	$(PYTEST) -m "not nightly"
 
 nightly: $(VENV)/installed-dev
 	$(PYTEST) -m nightly

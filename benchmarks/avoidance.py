@@ -28,6 +28,7 @@ import numpy as np
 from drake_rnn import load_experiment, simulate
 from kept_cases import cases
 from markdown_table import head, row
+from shared_options import add_case_options
 
 # The path of each arm: its plane, and its size [m].
 PATHS = {"panda": ("yz", 0.04), "iiwa14": ("yz", 0.02), "ur5": ("yz", 0.01)}
@@ -182,8 +183,7 @@ def main() -> None:
     parser.add_argument("--experiment", nargs="+", default=["adaptive_nephroid_known"])
     parser.add_argument("--own", action="store_true", help="keep its arm, path and limits")
     parser.add_argument("--rows", nargs="+", help="rows of the table; all without it")
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--kept", type=Path)
+    add_case_options(parser)
     options = parser.parse_args()
     arms: list[str | dict[str, Any]] = options.arm
     if options.model is not None:

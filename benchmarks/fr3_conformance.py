@@ -35,6 +35,7 @@ from drake_rnn import Adaptive, Arm, Array, JointLimits, load_arm
 from fr3_motions import PERIOD, STEPS, Commands, Errand, adaptive, mink, ruckig
 from kept_cases import Found, cases
 from markdown_table import head, row
+from shared_options import add_judge, add_kept
 
 _COMMAND = "python benchmarks/fr3_conformance.py"
 #: Acceleration from which to its opposite the robot lets a velocity go at once [rad/s^2].
@@ -215,12 +216,12 @@ def _timed(step: Callable[[], Array]) -> float:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--judge", metavar="PYTHON", help="a Python that has franka-sim")
+    add_judge(parser)
     parser.add_argument("--motions", type=int, default=5000, help="motions with J known")
     parser.add_argument("--learned", type=int, default=5000, help="motions with J learned")
     parser.add_argument("--judged", type=int, default=5000, help="of each, judged by franka-sim")
     parser.add_argument("--others", type=int, default=24, help="motions of each other kind")
-    parser.add_argument("--kept", type=Path, help="file of what was found, which is not made again")
+    add_kept(parser)
     parser.add_argument("--cost", action="store_true", help="time a step of the law instead")
     options = parser.parse_args()
     if options.cost:

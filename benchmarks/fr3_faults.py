@@ -26,6 +26,7 @@ from drake_rnn import Array
 from drake_rnn.drive import read_record
 from franka_sim_server import HOST, Server, served
 from markdown_table import head, row
+from shared_options import add_judge
 
 _COMMAND = "python benchmarks/fr3_faults.py"
 EXPERIMENT = "adaptive_fr3"
@@ -179,7 +180,7 @@ def told(name: str, outcomes: list[Outcome]) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--judge", metavar="PYTHON", required=True, help="has franka-sim")
+    add_judge(parser, required=True)
     parser.add_argument("--repeats", type=int, default=10, help="of each fault")
     parser.add_argument("--losses", type=int, default=1, help="repeats of each number lost")
     asked = parser.parse_args()

@@ -34,6 +34,7 @@ from drake_rnn.errors import InvalidInputError, RobotError
 from drake_rnn.experiment import Experiment, forecasts
 from franka_sim_server import HOST, Server, served
 from markdown_table import head, row
+from shared_options import add_judge
 
 _COMMAND = "python benchmarks/fr3_live.py"
 DURATION = 2.0
@@ -160,7 +161,7 @@ def told(name: str, found: Found) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--judge", metavar="PYTHON", required=True, help="has franka-sim")
+    add_judge(parser, required=True)
     parser.add_argument("--known", type=int, default=50, help="motions with J known")
     parser.add_argument("--learned", type=int, default=50, help="motions with J learned")
     parser.add_argument("--slc", type=int, default=20, help="motions of SLC")

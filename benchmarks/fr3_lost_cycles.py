@@ -32,6 +32,7 @@ from drake_rnn.drive.shared_cycles import END, MOVE, REST, SharedCycles, Told, a
 from fr3_conformance import ACCELERATION, JERK
 from fr3_judge_packets import Packet, judged_by
 from markdown_table import head, row
+from shared_options import add_judge
 
 _COMMAND = "python benchmarks/fr3_lost_cycles.py"
 H = FR3.period
@@ -195,7 +196,7 @@ def told(name: str, place: Place, python: str | None) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--judge", metavar="PYTHON", help="a Python that has franka-sim")
+    add_judge(parser)
     asked = parser.parse_args()
     theirs = [] if asked.judge is None else ["by franka-sim"]
     head(

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from drake_rnn import load_experiment, simulate
 from drake_rnn.robot.clearance.segments import between_segments
 from kept_cases import cases
 from markdown_table import head, row
+from shared_options import add_case_options
 
 NAME = "adaptive_nephroid_known"
 # Speed that is counted on, and least speed of a ball [m/s]; the error of its measured place [m].
@@ -71,8 +71,7 @@ def run(seed: int, avoids: bool) -> dict[str, float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cases", type=int, default=200)
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--kept", type=Path)
+    add_case_options(parser)
     options = parser.parse_args()
     head(
         "law",

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 from functools import cache, partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,6 +25,7 @@ from drake_rnn import (
 from drake_rnn.experiment import Arms
 from kept_cases import Found, cases
 from markdown_table import head, row
+from shared_options import add_case_options
 
 #: Networks with the box behind them, by name: what each has besides its random gains.
 NETWORKS: dict[str, dict[str, Any]] = {
@@ -154,8 +154,7 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cases", type=int, default=1000, help="number of cases a network")
-    parser.add_argument("--jobs", type=int, default=1, help="number of processes")
-    parser.add_argument("--kept", type=Path, help="file of what was run")
+    add_case_options(parser, jobs=1)
     parser.add_argument("--only", nargs="*", choices=NETWORKS, help="networks; by default all")
     arguments = parser.parse_args()
     found = {}

@@ -17,7 +17,6 @@ import argparse
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,6 +28,7 @@ from drake_rnn import Array, Guard, JointLimits, JointStream, load_experiment
 from drake_rnn.robot.clearance import Clearance
 from kept_cases import cases
 from markdown_table import head, row
+from shared_options import add_case_options
 
 PERIOD, DURATION, ENDS = 1e-3, 2.5, 2.0
 VELOCITY, ACCELERATION, JERK = 0.8, 3.0, 60.0
@@ -184,8 +184,7 @@ def main() -> None:
     parser.add_argument("--streams", type=int, default=200)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--collisions", choices=("yes", "no"), default="yes")
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--kept", type=Path, default=None)
+    add_case_options(parser)
     options = parser.parse_args()
     seen = options.collisions == "yes"
     task = partial(run, collisions=seen)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ import numpy as np
 from drake_rnn import load_experiment, simulate
 from kept_cases import cases
 from markdown_table import head, row
+from shared_options import add_case_options
 
 # Error below which an arm is at the end of its path, and above which it is stuck [m].
 BACK, STUCK = 1e-5, 0.02
@@ -92,8 +92,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cases", type=int, default=100)
     parser.add_argument("--jerk", type=float)
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--kept", type=Path)
+    add_case_options(parser)
     options = parser.parse_args()
     columns = ("collided", "least distance [mm]", "bounds beyond by")
     head("laws", "cases", *columns, "both at their ends", "one stuck")

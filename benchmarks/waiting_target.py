@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from drake_rnn import load_experiment
 from drake_rnn.laws.checks import sampled_reading
 from kept_cases import Found, cases
 from markdown_table import head, row
+from shared_options import add_case_options
 
 NAME, SPEED = "adaptive_nephroid_known", 2.0
 #: Rows of the table: the error at which a target waits [m], and its least share of the pace.
@@ -63,8 +63,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenes", type=int, default=60)
     parser.add_argument("--seeds", type=int, nargs="+", help="these scenes instead")
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--kept", type=Path)
+    add_case_options(parser)
     options = parser.parse_args()
     seeds = options.seeds or range(options.scenes)
     columns = ("at its end within three times the time", "on the path then", "stuck")

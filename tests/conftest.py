@@ -3,20 +3,27 @@
 import os
 import signal
 from copy import deepcopy
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import pytest
 from hypothesis import settings
 
 import shared_runs
 from browsing import chromium
+from drake_rnn import load_arm
 from drake_rnn.campaigns import perform
+from drake_rnn.experiment import arms
 from drake_rnn.inputs import documents
 from drake_rnn.runs import simulation
 
 # The same examples in each run, and none refused for the machine being busy.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
+
+
+def pytest_collection_modifyitems(items):
+    """Long tests come first: short ones fill what is left of the time of several processes."""
+    items.sort(key=lambda item: item.get_closest_marker("long") is None)
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -48,6 +55,22 @@ def a_file_is_parsed_once():
     parse = lru_cache(maxsize=1000)(documents.parse_yaml)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(documents, "parse_yaml", lambda *given: deepcopy(parse(*given)))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def a_shipped_arm_is_loaded_once():
+    """Experiments share it, as those of a campaign do: an arm never changes after it was made.
+
+    To load it takes two thirds of the time in which an experiment is made.
+    """
+    shipped = cache(load_arm)
+
+    def known(model, **fields):
+        return load_arm(model, **fields) if fields else shipped(model)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(arms, "load_arm", known)
         yield
 
 

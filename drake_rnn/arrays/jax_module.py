@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import Any
 
-from ..errors import InvalidInputError
+from ..inputs.extras import needed
 
 
 def require_jax() -> Any:
@@ -16,11 +15,6 @@ def require_jax() -> Any:
     Raises:
         InvalidInputError: If JAX is not installed.
     """
-    try:
-        jax = import_module("jax")
-    except ImportError:
-        raise InvalidInputError(
-            'jax: is not installed; get it with pip install "drake-rnn[jax]"'
-        ) from None
+    (jax,) = needed("compilation", "'drake-rnn[jax]'", "jax")
     jax.config.update("jax_enable_x64", True)
     return jax

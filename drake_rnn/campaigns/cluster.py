@@ -7,11 +7,11 @@ import re
 from collections.abc import Callable
 from concurrent.futures import CancelledError
 from contextlib import suppress
-from importlib import import_module
 from time import monotonic
 from typing import Any
 
 from ..errors import InvalidInputError
+from ..inputs.extras import needed
 from .workers import Handle, Workers
 
 #: Longest time to wait for a scheduler [s].
@@ -123,9 +123,5 @@ def workers_of(executor: Any) -> Workers:
 
 def _dask() -> Any:
     """Return Dask's package ``distributed``, an optional dependency."""
-    try:
-        return import_module("distributed")
-    except ModuleNotFoundError:
-        raise InvalidInputError(
-            "--scheduler: needs Dask, which is not installed: pip install 'drake-rnn[cluster]'"
-        ) from None
+    (distributed,) = needed("--scheduler", "'drake-rnn[cluster]'", "distributed")
+    return distributed

@@ -7,6 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from ..errors import RobotError
+from ..inputs.extras import not_installed
 from .connection import Connection
 from .iiwa_lcm import IiwaLcm, connected
 from .paced import Paced
@@ -36,10 +37,7 @@ def _iiwa(url: str, record: Path | None) -> Connection:
 
 def _fr3(url: str, record: Path | None) -> Connection:
     if find_spec("pylibfranka") is None:
-        raise RobotError(
-            "robot: pylibfranka is not installed, which speaks to an FR3: pip install "
-            "'drake-rnn[franka]'"
-        )
+        raise RobotError(not_installed("--robot fr3", "'drake-rnn[franka]'", "pylibfranka"))
     return Paced(url, record=record)
 
 

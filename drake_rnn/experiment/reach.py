@@ -71,7 +71,7 @@ def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
     q = experiment.start.copy()
     time: list[float] = []
     miss: list[float] = []
-    position, singular, velocity, desired = [], [], [], []
+    position, jacobian, velocity, desired = [], [], [], []
     lost = False
     for number, t in enumerate(times.tolist()):
         if lost and number % stride:
@@ -83,20 +83,20 @@ def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
             R, w, _ = desired_motion.orientation(t)
             aim = _Aim(kinematics, rows, R)
         # Once the path is lost, only the distance matters, so fewer iterations suffice.
-        q = _descend(aim, q, target, 20) if lost else _towards(aim, q, target)
+        q, missed = _descend(aim, q, target, 20) if lost else _towards(aim, q, target)
         J = aim.J(q)
         position.append(q)
         desired.append(target)
-        miss.append(_miss(aim, q, target))
-        lost = lost or miss[-1] > MISS
-        singular.append(np.linalg.svd(J, compute_uv=False)[-1])
+        miss.append(missed)
+        lost = lost or missed > MISS
+        jacobian.append(J)
         asked = np.concatenate((_LEVER * w, v[rows]))
         velocity.append(_damped_inverse(J) @ asked)
     return Reach(
         time=np.array(time),
         position=np.array(position),
         miss=np.array(miss),
-        singular_value=np.array(singular),
+        singular_value=np.linalg.svd(np.array(jacobian), compute_uv=False)[:, -1],
         velocity=np.array(velocity),
         acceleration=np.gradient(np.array(velocity), np.array(time), axis=0),
         desired=np.array(desired),
@@ -276,24 +276,24 @@ class _Aim:
         return np.vstack((_LEVER * self.kinematics.J_omega(q), J))
 
 
-def _towards(aim: _Aim, q: Array, target: Array) -> Array:
-    """Return the posture near ``q`` that reaches ``target``, or comes as close as it can."""
-    best = _descend(aim, q, target)
-    if _miss(aim, best, target) > MISS:
+def _towards(aim: _Aim, q: Array, target: Array) -> tuple[Array, float]:
+    """Return the posture near ``q`` that comes as close to ``target`` as it can, as `_descend`."""
+    best, miss = _descend(aim, q, target)
+    if miss > MISS:
         # J may be singular in the direction of the target, e.g. for an outstretched arm: start
         # again from slightly different postures.
         aside = 0.1 * np.cos(np.arange(1, q.size + 1))
-        found = [best, *(_descend(aim, q + step, target) for step in (aside, -aside))]
-        best = min(found, key=lambda posture: _miss(aim, posture, target))
-    return best
+        found = [(best, miss), *(_descend(aim, q + step, target) for step in (aside, -aside))]
+        best, miss = min(found, key=lambda each: each[1])
+    return best, miss
 
 
-def _miss(aim: _Aim, q: Array, target: Array) -> float:
-    return float(np.linalg.norm(aim.error(q, target)))
+def _descend(aim: _Aim, q: Array, target: Array, steps: int = 200) -> tuple[Array, float]:
+    """Run Levenberg's method, with steps cut to 0.2 rad to stay on the branch of ``q``.
 
-
-def _descend(aim: _Aim, q: Array, target: Array, steps: int = 200) -> Array:
-    """Run Levenberg's method, with steps cut to 0.2 rad to stay on the branch of ``q``."""
+    Returns:
+        The posture, shape (n,) [rad], and by how much it misses the target [m].
+    """
     damping = _DAMPING
     error = aim.error(q, target)
     for _ in range(steps):
@@ -309,7 +309,7 @@ def _descend(aim: _Aim, q: Array, target: Array, steps: int = 200) -> Array:
             q, error, damping = tried, remaining, max(_DAMPING, damping / 10)
         else:
             damping *= 10
-    return q
+    return q, float(np.linalg.norm(error))
 
 
 def _damped_inverse(J: Array, damping: float = _DAMPING) -> Array:

@@ -23,6 +23,15 @@ def needed(what: str, install: str, *modules: str) -> list[Any]:
         return [import_module(module) for module in modules]
     except ImportError:
         package = modules[0].partition(".")[0]
-        raise InvalidInputError(
-            f"{what}: needs {package}, which is not installed: pip install {install}"
-        ) from None
+        raise InvalidInputError(not_installed(what, install, package)) from None
+
+
+def not_installed(what: str, install: str, package: str) -> str:
+    """Return what is said where a package is missing.
+
+    Args:
+        what: What needs it.
+        install: What pip is to install.
+        package: Its name.
+    """
+    return f"{what}: needs {package}, which is not installed: pip install {install}"

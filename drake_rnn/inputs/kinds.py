@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterator, Mapping, MutableMapping
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from typing import Any, Generic, TypeVar, cast
 
 from ..errors import InvalidInputError
 from .complaints import nearest, short
 from .modules import Modules, object_named
+from .offers import offered
 from .own_code import described
 
 T = TypeVar("T")
@@ -99,11 +100,11 @@ class Kinds(MutableMapping[str, type[T]], Generic[T]):
             raise InvalidInputError(f"{key}: must be given; it may be {', '.join(self)}")
         if isinstance(kind, str) and ":" in kind:
             return self._fitting(object_named(kind, key, modules), f"{key}: {kind}")
-        offers = list(entry_points(group=self.group, name=kind)) if isinstance(kind, str) else []
+        offers = list(offered(self.group).select(name=kind)) if isinstance(kind, str) else []
         if isinstance(kind, str) and kind in self._known:
             return self._unrivalled(kind, offers, key)
         if not offers:
-            every = [*self, *sorted(entry_points(group=self.group).names)]
+            every = [*self, *sorted(offered(self.group).names)]
             raise InvalidInputError(
                 f"{key}: no {self.section} {short(kind)}; {nearest(str(kind), every)}; one of "
                 "your own is named module:Class"

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..inputs.fields import Array
 from ..paths import PlacedPath
-from ..paths.path import Motion
+from ..paths.path import Motion, PathOfAnother
 from .course import Course
 from .shaping import ShapedPoint
 
@@ -14,7 +14,7 @@ from .shaping import ShapedPoint
 _LETTING_GO = 2.0
 
 
-class HandledPath(PlacedPath):
+class HandledPath(PathOfAnother):
     r"""A path as it is followed by itself, and displaced by hand.
 
     The desired point is p(s(t)) + d(t) with the path p, its clock s, and a displacement d of
@@ -93,21 +93,6 @@ class HandledPath(PlacedPath):
         """Infinite; see `Passage.duration`."""
         return np.inf
 
-    @property
-    def traversal(self) -> float:
-        """See `Passage.traversal`; that of the path itself."""
-        return self.own.traversal
-
-    @property
-    def turns(self) -> bool:
-        """See `Passage.turns`."""
-        return self.own.turns
-
-    @property
-    def oriented(self) -> bool:
-        """See `PlacedPath.oriented`."""
-        return self.own.oriented
-
     def position(self, t: float) -> Motion:
         """See `PlacedPath.position`."""
         s, rate, change = (float(value[0]) for value in self._clock.at(t))
@@ -122,41 +107,26 @@ class HandledPath(PlacedPath):
         return R, rate * w, rate**2 * alpha + change * w
 
 
-class Later(PlacedPath):
+class Later(PathOfAnother):
     """A path, of which time 0 is a later time of another one.
 
     Args:
-        whole: The other path.
+        own: The other path.
         begin: That time [s].
     """
 
-    def __init__(self, whole: PlacedPath, begin: float) -> None:
-        self.whole, self.begin = whole, begin
+    def __init__(self, own: PlacedPath, begin: float) -> None:
+        self.own, self.begin = own, begin
 
     @property
     def duration(self) -> float:
         """See `Passage.duration`."""
-        return self.whole.duration - self.begin
-
-    @property
-    def traversal(self) -> float:
-        """See `Passage.traversal`."""
-        return self.whole.traversal
-
-    @property
-    def turns(self) -> bool:
-        """See `Passage.turns`."""
-        return self.whole.turns
-
-    @property
-    def oriented(self) -> bool:
-        """See `PlacedPath.oriented`."""
-        return self.whole.oriented
+        return self.own.duration - self.begin
 
     def position(self, t: float) -> Motion:
         """See `PlacedPath.position`."""
-        return self.whole.position(self.begin + t)
+        return self.own.position(self.begin + t)
 
     def orientation(self, t: float) -> Motion:
         """See `PlacedPath.orientation`."""
-        return self.whole.orientation(self.begin + t)
+        return self.own.orientation(self.begin + t)

@@ -172,13 +172,13 @@ def _handled_obstacles(experiment: Experiment) -> dict[int, HandledPath]:
 class Begun(Later):
     """A path as a displacement from where it begins."""
 
-    def __init__(self, whole: PlacedPath) -> None:
-        super().__init__(whole, 0.0)
-        self._from = whole.position(0.0)[0]
+    def __init__(self, own: PlacedPath) -> None:
+        super().__init__(own, 0.0)
+        self._from = own.position(0.0)[0]
 
     def position(self, t: float) -> tuple[Array, Array, Array]:
         """See `PlacedPath.position`."""
-        p, v, a = self.whole.position(t)
+        p, v, a = self.own.position(t)
         return p - self._from, v, a
 
 

@@ -8,11 +8,11 @@ import numpy as np
 
 from ..inputs.fields import Array
 from ..robot.arm import Arm
-from .path import Motion, PlacedPath
+from .path import Motion, PathOfAnother, PlacedPath
 
 
 @dataclass(frozen=True, eq=False)
-class LedPath(PlacedPath):
+class LedPath(PathOfAnother):
     """A placed path, each point of which is displaced by how far another path has led by then.
 
     Attributes:
@@ -38,16 +38,6 @@ class LedPath(PlacedPath):
     def traversal(self) -> float:
         """See `Passage.traversal`."""
         return max(self.own.traversal, self.leader.traversal)
-
-    @property
-    def turns(self) -> bool:
-        """See `Passage.turns`."""
-        return self.own.turns
-
-    @property
-    def oriented(self) -> bool:
-        """See `PlacedPath.oriented`."""
-        return self.own.oriented
 
     def position(self, t: float) -> Motion:
         """See `PlacedPath.position`."""

@@ -144,6 +144,31 @@ class PlacedPath(Passage):
         return self._sampled(self.position, count)
 
 
+class PathOfAnother(PlacedPath):
+    """A placed path that follows from another one, and turns as that one does.
+
+    Attributes:
+        own: The other path.
+    """
+
+    own: PlacedPath
+
+    @property
+    def traversal(self) -> float:
+        """See `Passage.traversal`; that of the other path."""
+        return self.own.traversal
+
+    @property
+    def turns(self) -> bool:
+        """See `Passage.turns`."""
+        return self.own.turns
+
+    @property
+    def oriented(self) -> bool:
+        """See `PlacedPath.oriented`."""
+        return self.own.oriented
+
+
 @validated
 class Path(ABC):
     """A desired motion of the end effector, to be placed where an arm starts."""

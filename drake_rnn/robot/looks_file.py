@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest
+from ..inputs.extras import not_installed
 
 #: Name of the package of robot models, and the files in it of shipped arms, by the arm's model.
 PACKAGE = "example-robot-data"
@@ -53,7 +54,7 @@ def looks_file(looks: str | None, model: Path) -> tuple[Path | None, str]:
     missing = PACKAGE if found is None else _SIMPLIFIER if find_spec(_SIMPLIFIER) is None else ""
     if missing:
         return None, (
-            f"arm.looks: needs {missing}, which is not installed: pip install drake-rnn[looks]; "
-            "the arm is drawn as its own model says"
+            not_installed("arm.looks", "'drake-rnn[looks]'", missing)
+            + "; the arm is drawn as its own model says"
         )
     return found, ""

@@ -11,4 +11,6 @@ def test_without_jax_one_sentence_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "jax", None)
     with pytest.raises(InvalidInputError) as caught:
         require_jax()
-    assert str(caught.value) == 'jax: is not installed; get it with pip install "drake-rnn[jax]"'
+    assert str(caught.value) == (
+        "compilation: needs jax, which is not installed: pip install 'drake-rnn[jax]'"
+    )

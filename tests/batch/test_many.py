@@ -6,7 +6,6 @@ import pytest
 from drake_rnn import (
     InvalidInputError,
     JointLimits,
-    Layout,
     Positive,
     SampledLaw,
     SimulationError,
@@ -17,6 +16,7 @@ from drake_rnn import (
     validated,
 )
 from drake_rnn.arrays.algebra import solved, vecmat
+from seeing_law import SeesTask
 
 GAINS = {"slc_nephroid_known": "kappa", "slc_four_ring_fast": "rho", "naljdf_table1": "rate"}
 
@@ -100,7 +100,7 @@ def test_a_start_outside_of_limits_and_a_target_are_measured():
 
 
 @validated
-class Fragile(SampledLaw):
+class Fragile(SeesTask, SampledLaw):
     """A law that follows its path, and breaks where it is told to."""
 
     limits: JointLimits
@@ -109,14 +109,6 @@ class Fragile(SampledLaw):
     solves: bool = False
 
     takes_many = True
-
-    @property
-    def state(self):
-        return Layout(v=(self.limits.size,))
-
-    @property
-    def inputs(self):
-        return Layout(p_WE=(3,), p_WE_desired=(3,), J=(3, self.limits.size))
 
     def step(self, t, x, u, period):
         off = self.gain * (u["p_WE_desired"] - u["p_WE"])

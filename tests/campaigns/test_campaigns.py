@@ -255,7 +255,8 @@ def test_without_dask_its_option_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     result = call("campaign", "line_starts", "--scheduler", "tcp://x:1", "--out", tmp_path)
     assert result.stderr == (
-        "error --scheduler: needs Dask, which is not installed: pip install 'drake-rnn[cluster]'\n"
+        "error --scheduler: needs distributed, which is not installed: "
+        "pip install 'drake-rnn[cluster]'\n"
     )
 
 

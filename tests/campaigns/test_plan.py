@@ -159,7 +159,14 @@ def test_bad_campaigns_are_refused_by_name_before_anything_runs(changes, message
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("name", shipped_campaigns())
+@pytest.mark.parametrize(
+    "name",
+    [
+        # 25920 rows of it take half a minute.
+        pytest.param(name, marks=pytest.mark.long if name == "networks_compared" else ())
+        for name in shipped_campaigns()
+    ],
+)
 def test_every_shipped_campaign_makes_valid_rows(name):
     given = {"samples": 3} if read_campaign(name).distributions else {}
     plan = plan_campaign(read_campaign(name, **given))

@@ -94,4 +94,10 @@ def texts():
 def test_a_message_that_is_quoted_is_one_of_the_package(message):
     pieces = [piece.strip() for piece in message.removeprefix("MyLaw").split("...")]
     for piece in filter(None, pieces):
-        assert any(piece in text for text in texts()), piece
+        assert any(piece in text or fills(piece, text) for text in texts()), piece
+
+
+def fills(piece, text):
+    """Return whether a piece of a message is a text of some words, filled in."""
+    given = text.split("...")
+    return len("".join(given)) > 20 and re.fullmatch(".+".join(map(re.escape, given)), piece)

@@ -340,6 +340,14 @@ def test_two_packages_cannot_offer_the_same_name(package):
     assert "others as mod_others:Still" in message
 
 
+def test_one_that_is_installed_later_is_found_then(package):
+    package("robots", "laws", "still", "mod_robots:Still")
+    assert "no law 'later'" in refusal(law={"kind": "later"})
+    package("others", "laws", "later", "mod_others:Still")
+    assert type(law_of("later")).__name__ == "Still"
+    assert type(law_of("still")).__name__ == "Still"
+
+
 @pytest.mark.usefixtures("forgotten")
 def test_a_package_may_register_what_it_offers_but_nothing_else_of_that_name(package):
     package("robots", "laws", "still", "mod_robots:Still")

@@ -6,7 +6,6 @@ import pytest
 from drake_rnn import (
     InvalidInputError,
     JointLimits,
-    Layout,
     Positive,
     SampledLaw,
     make_experiment,
@@ -16,23 +15,16 @@ from drake_rnn import (
 )
 from drake_rnn.arrays.algebra import matmul, solved_for, transposed, vecmat
 from drake_rnn.laws.stacked import stacked
+from seeing_law import SeesTask
 
 
 @validated
-class OfOne(SampledLaw):
+class OfOne(SeesTask, SampledLaw):
     """A law that says it takes many robots, and multiplies as if there were one."""
 
     limits: JointLimits
 
     takes_many = True
-
-    @property
-    def state(self):
-        return Layout(v=(self.limits.size,))
-
-    @property
-    def inputs(self):
-        return Layout(p_WE=(3,), p_WE_desired=(3,), J=(3, self.limits.size))
 
     def step(self, t, x, u, period):
         return 5.0 * u["J"].T @ (u["p_WE_desired"] - u["p_WE"])

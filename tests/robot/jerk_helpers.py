@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drake_rnn.robot.jerk_box import JerkLimits
+from drake_rnn.robot.jerk_box import JerkLimits, jerk_box
 from drake_rnn.robot.velocity_envelope import VelocityEnvelope
 
 
@@ -27,3 +27,13 @@ def one(limits, k):
     envelope = limits.envelope and VelocityEnvelope(*(x[k : k + 1] for x in limits.envelope))
     bounds = (bound[k : k + 1] for bound in limits[1:4])
     return JerkLimits(limits.position[:, k : k + 1], *bounds, envelope)
+
+
+def assert_one_joint_has_the_box_of_many(limits, period, q, v, a):
+    """The box of joints side by side is that of each alone, to the bit, and so with two axes."""
+    many = np.array(jerk_box(q, v, a, limits, period))
+    stacked = jerk_box(q[None], v[None], a[None], limits, period)
+    np.testing.assert_array_equal(np.array(stacked)[:, 0], many)
+    for k in range(q.size):
+        alone = jerk_box(q[k : k + 1], v[k : k + 1], a[k : k + 1], one(limits, k), period)
+        np.testing.assert_array_equal(np.ravel(alone), many[:, k])

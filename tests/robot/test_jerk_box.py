@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from jerk_helpers import joints, one
+from jerk_helpers import assert_one_joint_has_the_box_of_many, joints
 
 from drake_rnn import InvalidInputError, JointLimits
 from drake_rnn.robot.jerk_box import JerkLimits, jerk_box
@@ -145,12 +145,7 @@ def on_the_way(period, count=300, steps=(0, 3, 20, 120, 121)):
 def test_one_joint_and_many_have_the_same_box():
     limits, states = on_the_way(4e-3)
     for q, v, a in states:
-        many = np.array(jerk_box(q, v, a, limits, 4e-3))
-        stacked = jerk_box(q[None], v[None], a[None], limits, 4e-3)
-        np.testing.assert_array_equal(np.array(stacked)[:, 0], many)
-        for k in range(q.size):
-            alone = jerk_box(q[k : k + 1], v[k : k + 1], a[k : k + 1], one(limits, k), 4e-3)
-            np.testing.assert_array_equal(np.ravel(alone), many[:, k])
+        assert_one_joint_has_the_box_of_many(limits, 4e-3, q, v, a)
 
 
 def test_the_first_step_of_the_stop_and_zero_at_rest_are_in_the_box():

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from pydrake.geometry import SceneGraph
-from pydrake.multibody.plant import MultibodyPlant
 
 from drake_rnn import InvalidInputError, load_arm, shipped_arms
 from drake_rnn.robot.tool import beyond_tool, bodies_at_tip, find_tool, standoff
+from scene_helpers import in_scene
 
 RADIUS = 0.012
 UP = np.array([0.0, 0.0, 1.0])
@@ -28,15 +27,10 @@ BOX = """<collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>""
 
 
 def found(arm, check):
-    scene_graph = SceneGraph()
-    plant = MultibodyPlant(0.0)
-    plant.RegisterAsSourceForSceneGraph(scene_graph)
-    arm.add_to(plant)
-    plant.Finalize()
-    try:
+    def look(plant, _):
         return check(find_tool(plant, plant.GetFrameByName(arm.frame)))
-    finally:
-        del plant  # it points to the scene graph
+
+    return in_scene(arm, look)
 
 
 def with_tip(name):

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from pydrake.geometry import Role, SceneGraph
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.geometry import Role
 
 from drake_rnn import InvalidInputError, load_arm, make_experiment, simulate
 from drake_rnn.models import MODELS
 from drake_rnn.robot.tool import find_tool, standoff
 from drake_rnn.robot.tool_description import ToolDescription
+from scene_helpers import in_scene
 
 UR5 = str(MODELS / "ur5" / "ur5.urdf")
 IIWA = load_arm("iiwa14", frame="tip")
@@ -42,19 +42,6 @@ WRITTEN = """
 
 def ur5(**changes):
     return load_arm(UR5, frame="tool0", **changes)
-
-
-def in_scene(arm, look):
-    """Return what ``look`` sees of the arm's plant and its geometry."""
-    scene_graph = SceneGraph()
-    plant = MultibodyPlant(0.0)
-    plant.RegisterAsSourceForSceneGraph(scene_graph)
-    arm.add_to(plant)
-    plant.Finalize()
-    try:
-        return look(plant, scene_graph.model_inspector())
-    finally:
-        del plant  # it points to the scene graph
 
 
 def pressing(arm, **changes):

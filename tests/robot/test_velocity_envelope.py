@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from jerk_helpers import joints, one, spread
+from jerk_helpers import assert_one_joint_has_the_box_of_many, joints, spread
 from test_jerk_box import Wishes
 
 from drake_rnn import JointLimits, require_jax
@@ -184,13 +184,8 @@ def test_a_joint_rests_where_the_envelope_ends_and_no_nearer_to_its_limit():
 def test_one_joint_and_many_have_the_same_box():
     rng = np.random.default_rng(8)
     limits = with_envelopes(rng, 60)
-    q, (v, a) = starts(rng, limits), moving(rng, limits)
-    many = np.array(jerk_box(q, v, a, limits, 4e-3))
-    stacked = jerk_box(q[None], v[None], a[None], limits, 4e-3)
-    np.testing.assert_array_equal(np.array(stacked)[:, 0], many)
-    for k in range(q.size):
-        alone = jerk_box(q[k : k + 1], v[k : k + 1], a[k : k + 1], one(limits, k), 4e-3)
-        np.testing.assert_array_equal(np.ravel(alone), many[:, k])
+    q = starts(rng, limits)
+    assert_one_joint_has_the_box_of_many(limits, 4e-3, q, *moving(rng, limits))
 
 
 def test_jax_has_the_same_box():

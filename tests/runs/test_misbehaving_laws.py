@@ -28,6 +28,7 @@ from drake_rnn import (
     simulate,
     validated,
 )
+from seeing_law import SeesTask
 
 ARM = load_arm("panda")
 N = ARM.n
@@ -50,18 +51,10 @@ def no_hanging():
     signal.signal(signal.SIGALRM, before)
 
 
-class Good(SampledLaw, ContinuousLaw):
+class Good(SeesTask, SampledLaw, ContinuousLaw):
     """A law with a low pass, in both readings, with which nothing is wrong."""
 
     limits: JointLimits
-
-    @property
-    def state(self):
-        return Layout(v=(self.limits.size,))
-
-    @property
-    def inputs(self):
-        return Layout(p_WE=(3,), p_WE_desired=(3,), J=(3, self.limits.size))
 
     @property
     def observables(self):

@@ -17,23 +17,12 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_rnn import load_arm, make_experiment, simulate, write_playback
 from drake_rnn.robot.model.cache import cache_folder, cached_file
 from drake_rnn.robot.model.conversion import gltf_file
+from scene_helpers import extents
 
 
 def drawn(arm):
-    """Half the extents [m] and pose [in the body] of the boxes round all that is drawn."""
-    builder = DiagramBuilder()
-    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
-    arm.add_to(plant)
-    plant.Finalize()
-    diagram = builder.Build()
-    inspector = scene_graph.model_inspector()
-    found = []
-    for geometry in inspector.GetAllGeometryIds(Role.kIllustration):
-        box = inspector.GetObbInGeometryFrame(geometry)
-        pose = inspector.GetPoseInFrame(geometry) @ box.pose()
-        found.append(np.abs(pose.rotation().matrix()) @ box.half_width())
-    del diagram
-    return found
+    """Half the extents [m] of the boxes round all that is drawn."""
+    return extents(arm, Role.kIllustration)
 
 
 def colours(file):

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from model_files import START, experiment, refusal, write, write_box
 from pydrake.geometry import Role
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.multibody.plant import MultibodyPlant
 
 from drake_rnn import InvalidInputError, load_arm, make_experiment, simulate, write_playback
+from scene_helpers import extents
 
 AXES = ("0 0 1", "0 1 0", "0 1 0", "0 0 1", "0 1 0")
 
@@ -45,23 +45,6 @@ def mjcf(ending="stl", missing=""):
       <actuator>{drives}</actuator>
       <keyframe><key name="home" qpos="0 0 0 0 0"/></keyframe>
     </mujoco>"""
-
-
-def extents(arm, role):
-    """Half the extents of the boxes round all geometry of a role [m]."""
-    builder = DiagramBuilder()
-    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
-    arm.add_to(plant)
-    plant.Finalize()
-    diagram = builder.Build()
-    inspector = scene_graph.model_inspector()
-    found = []
-    for geometry in inspector.GetAllGeometryIds(role):
-        box = inspector.GetObbInGeometryFrame(geometry)
-        pose = inspector.GetPoseInFrame(geometry) @ box.pose()
-        found.append(np.abs(pose.rotation().matrix()) @ box.half_width())
-    del diagram
-    return found
 
 
 @pytest.fixture

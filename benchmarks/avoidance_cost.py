@@ -3,18 +3,22 @@
 ::
 
     python benchmarks/avoidance_cost.py
+    python benchmarks/avoidance_cost.py --jerk 20
 
-Steps are those of `adaptive_obstacle_on_path`, of 6 balls and 26 pairs of the arm's own. The unit u
-is p_WE and J of the posture by pydrake, timed in turn with them.
+Steps are those of `adaptive_obstacle_on_path` with five further balls, of both laws with the jerk
+bounded as given. The unit u is p_WE and J of the posture by pydrake, timed in turn with them.
 """
 
 from __future__ import annotations
 
+import argparse
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
-from drake_rnn import load_experiment
+from drake_rnn import Experiment, load_experiment
+from drake_rnn.inputs.fields import Array
 from drake_rnn.laws.checks import sampled_reading
 from markdown_table import head, row
 
@@ -23,18 +27,16 @@ NAME, UNTIL = "adaptive_obstacle_on_path", 9.0
 FAR = [[0.7, 0.5, 0.3], [0.7, -0.6, 0.4], [-0.5, 0.5, 0.5], [-0.6, -0.4, 0.3], [0.1, 0.8, 0.8]]
 
 
-def main() -> None:
-    first = load_experiment(NAME).document.obstacles
-    balls = [{"kind": "ball", "center": center, "radius": 0.05} for center in FAR]
-    changes = {"obstacles": [*(first or []), *balls]}
-    experiment = load_experiment(NAME, changes)
-    blind = load_experiment(NAME, {**changes, "law.avoidance": "none"})
+def timed(experiment: Experiment, blind: Experiment) -> Array:
+    """Return how long u and a step of each law took at every sample, shape (k, 3) [s]."""
     period = float(experiment.document.period or 0.0)
     readings = [sampled_reading(each.law, period) for each in (experiment, blind)]
     kinematics, q = experiment.arm.kinematics(), experiment.start.copy()
     plant = experiment.arm.plant()
     context, E = plant.CreateDefaultContext(), plant.GetFrameByName(experiment.arm.frame)
-    times, states = [], list[np.ndarray]()
+    # Both go on from where the arm is.
+    parts = [part for part in ("v", "commanded", "a") if part in readings[1].state]
+    times, states = [], list[Array]()
     for k in range(round(UNTIL / period)):
         t = k * period
         began = perf_counter()
@@ -51,8 +53,7 @@ def main() -> None:
         }
         if not states:
             states = [each.initial_state(np.random.default_rng(0), u) for each in readings]
-        # Both go on from where the arm is.
-        for part in ("v", "commanded"):
+        for part in parts:
             readings[1].state.part(states[1], part)[:] = readings[0].state.part(states[0], part)
         for number, reading in enumerate(readings):
             began = perf_counter()
@@ -60,8 +61,22 @@ def main() -> None:
             taken.append(perf_counter() - began)
         q = q + period * readings[0].commanded_velocity(t, states[0])
         times.append(taken)
-    found = np.array(times)
+    return np.array(times)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--jerk", type=float, help="largest jerk [rad/s^3]; none without it")
+    options = parser.parse_args()
+    first = load_experiment(NAME).document.obstacles
+    balls = [{"kind": "ball", "center": center, "radius": 0.05} for center in FAR]
+    changes: dict[str, Any] = {"obstacles": [*(first or []), *balls]}
+    if options.jerk is not None:
+        changes["limits.jerk"] = options.jerk
+    experiment = load_experiment(NAME, changes)
+    found = timed(experiment, load_experiment(NAME, {**changes, "law.avoidance": "none"}))
     unit = float(np.median(found[:, 0]))
+    period = float(experiment.document.period or 0.0)
     near = slice(round(6.0 / period), round(8.4 / period))
     head("steps", "with [us]", "without [us]", "more [u]", "99.9 % within [ms]")
     for name, steps in (("all", slice(None)), ("from 6 to 8.4 s, beside the ball", near)):
@@ -69,7 +84,11 @@ def main() -> None:
         medians = np.median(with_), np.median(without)
         more, last = (medians[0] - medians[1]) / unit, 1e3 * np.quantile(with_, 0.999)
         row(name, *(f"{1e6 * median:.0f}" for median in medians), f"{more:.1f}", f"{last:.2f}")
+    clearance = experiment.clearance
+    assert clearance is not None
+    own = len(clearance.own)
     print(f"\nu: {1e6 * unit:.1f} us")
+    print(f"pairs: {own} of the arm's own, {clearance.count - own} with obstacles")
 
 
 if __name__ == "__main__":

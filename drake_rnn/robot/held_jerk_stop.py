@@ -63,10 +63,20 @@ class HeldJerkStop:
         first = np.minimum(k, 1.0) * self.period * (self.v + self.period * b)
         return np.asarray(first + self._course(b).moved(np.maximum(k - 1.0, 0.0)))
 
-    def travelled(self, b: Array, k: Array) -> Array:
-        """Return the way of each joint up to k samples, there and back, shape (s, n) [rad]."""
-        turned = self.moved(b, np.minimum(k[:, None], 1.0 + self._course(b).turn))
-        return np.abs(turned) + np.abs(self.moved(b, k) - turned)
+    def gone(self, b: Array, k: Array) -> tuple[Array, Array]:
+        """Return what `moved` does, and the way of each joint until then, there and back.
+
+        Args:
+            b: Accelerations in the first sample, shape (n,) [rad/s^2].
+            k: Numbers of samples, at least 0, shape (s,).
+
+        Returns:
+            Both of shape (s, n) [rad].
+        """
+        k = np.repeat(k[:, None], b.size, axis=1)
+        both = np.concatenate((k, np.minimum(k, 1.0 + self._course(b).turn)))
+        moved, turned = np.split(self.moved(b, both), 2)
+        return moved, np.abs(turned) + np.abs(moved - turned)
 
     def _course(self, b: Array) -> Course:
         # It is asked for the same few again and again, and each takes as long as all the rest.

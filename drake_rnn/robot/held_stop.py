@@ -58,14 +58,19 @@ class HeldStop:
             w: Velocities in the first of them, shape (n,) [rad/s].
             k: Numbers of samples, at least 0, shape (s,); between two, velocities are held.
         """
-        whole, speed = np.floor(k)[:, None], np.abs(w)
+        whole, speed, k = np.floor(k)[:, None], np.abs(w), k[:, None]
         gone = self._gone(speed, np.minimum(whole - 1.0, self._braking(w)))
-        held = np.maximum(speed - whole * self._loss, 0.0)
-        return np.copysign(gone + (k[:, None] - whole) * self.period * held, w)
+        if np.count_nonzero(part := k - whole):
+            gone = gone + part * self.period * np.maximum(speed - whole * self._loss, 0.0)
+        return np.copysign(gone, w)
 
-    def travelled(self, w: Array, k: Array) -> Array:
-        """Return the way of each joint up to k samples, shape (s, n) [rad]; none turns on it."""
-        return np.abs(self.moved(w, k))
+    def gone(self, w: Array, k: Array) -> tuple[Array, Array]:
+        """Return what `moved` does, and the way of each joint until then, shape (s, n) [rad].
+
+        None turns on it.
+        """
+        moved = self.moved(w, k)
+        return moved, np.abs(moved)
 
     def leverage(self, w: Array, k: Array) -> Array:
         """Return by how much a change of w moves the joints after k samples, shape (s, n) [s].

@@ -9,8 +9,9 @@ from adaptive_helpers import HOME, LIMITS, PANDA, N, adaptive, circle, excess, m
 from drake_rnn import InvalidInputError, load_arm
 from drake_rnn.laws.parts import held_clear
 from drake_rnn.laws.parts.box_program import within_box
+from drake_rnn.laws.parts.certificate import Certificate
 from drake_rnn.laws.parts.held_clear import Avoidance
-from drake_rnn.laws.parts.rows_program import Rows, _solved, within_rows
+from drake_rnn.laws.parts.rows_program import Bounds, Rows, cheapest, within_rows
 from drake_rnn.laws.parts.secondary import Secondary
 from drake_rnn.robot.clearance.arm_clearance import arm_clearance
 from drake_rnn.robot.clearance.obstacles import make_obstacles
@@ -99,10 +100,41 @@ def test_the_certificate_alone_keeps_the_floor(monkeypatch):
     assert law.sampled(1e-3).state.part(motion.x, "held_back").item() > 100.0
 
 
+@pytest.mark.parametrize("jerk", [None, 20.0])
+def test_what_is_certified_is_free_at_all_times_and_no_pair_is_nearer_than_is_known(
+    monkeypatch, jerk
+):
+    """On the way into a ball, with the certificate alone to stop the arm.
+
+    Most pairs are known by the way that the joints have gone since they were looked at: never
+    nearer than that, in all samples. What is certified is looked at twice a sample of its stop.
+    """
+    looked = {True: 0, False: 0}
+    is_given = Certificate.is_given
+
+    def checked(self, u, q, left, along, stop, world):
+        found = is_given(self, u, q, left, along, stop, world)
+        looked[found] += 1
+        assert (left <= clearance.gaps(q) + 1e-12).all()
+        if found and looked[True] % 9 == 0:
+            k = np.arange(0.0, stop.samples(u) + 0.5, 0.5)
+            assert clearance.gaps(q + stop.moved(u, k)).min() >= FLOOR - 1e-12
+        return found
+
+    monkeypatch.setattr(Certificate, "is_given", checked)
+    monkeypatch.setattr(held_clear.WithinClear, "_rows", lambda *_: None)
+    clearance, terms = clearance_of(ball(P_START + AHEAD)), Secondary(obstacles=0.0)
+    limits = LIMITS.replace(jerk=jerk)
+    law = adaptive(clearance=clearance, secondary=terms, kappa=100.0, limits=limits)
+    moved(law, pushed(AHEAD), 1.2)
+    assert looked[True] > 400
+    assert looked[False] > 50
+
+
 def test_rows_alone_stop_later_than_they_are_told(monkeypatch):
     """Without the certificate the arm stays off the ball too, but nothing promises it."""
     clearance = clearance_of(ball(P_START + AHEAD))
-    monkeypatch.setattr(held_clear.WithinClear, "_is_free", lambda *_: True)
+    monkeypatch.setattr(Certificate, "is_given", lambda *_: True)
     motion = moved(adaptive(clearance=clearance, kappa=100.0), pushed(AHEAD), 1.5)
     assert clearance.least_along(motion.q).min() == pytest.approx(Avoidance().distance, abs=2e-3)
 
@@ -149,7 +181,7 @@ def test_the_program_with_rows_costs_least_among_what_is_allowed(seed):
     A /= np.linalg.norm(A, axis=1, keepdims=True)
     within = rng.uniform(lower, upper)
     c = A @ within - rng.uniform(0.0, 0.1, k)
-    v = _solved(J, b, g, 1e-3 * np.eye(m), lower, upper, Rows(A, c))
+    v = cheapest(J, b, g, 1e-3 * np.eye(m), Bounds.of(lower, upper, Rows(A, c)))
     assert (v >= lower).all()
     assert (v <= upper).all()
     assert (A @ v - c).min() > -1e-6
@@ -167,10 +199,10 @@ def test_the_program_with_rows_costs_least_among_what_is_allowed(seed):
 
 def test_a_task_that_rows_keep_from_being_done_has_a_price_that_is_bounded():
     """A row stops the way along x; to gain 1 mm/s of it, no joint moves at 1 rad/s."""
-    J = np.array([[1.0, 1e-3]])
-    given = (J, np.array([0.1]), np.zeros(2), 1e-6 * np.eye(1), -np.ones(2), np.ones(2))
+    program = (np.array([[1.0, 1e-3]]), np.array([0.1]), np.zeros(2), 1e-6 * np.eye(1))
+    given = (*program, -np.ones(2), np.ones(2))
     stopped = Rows(np.array([[-1.0, 0.0]]), np.zeros(1))
-    assert _solved(*given, stopped)[1] > 0.9
+    assert cheapest(*program, Bounds.of(-np.ones(2), np.ones(2), stopped))[1] > 0.9
     # It goes on as it went until now, but for 5 m/s of multiplier at a price of 101.
     for v in (np.zeros(2), np.array([0.0, 0.3])):
         expected = [0.0, (100.0 * v[1] + 5e-3) / 101.0]
@@ -178,7 +210,7 @@ def test_a_task_that_rows_keep_from_being_done_has_a_price_that_is_bounded():
     # Where the row is not in the way, the task is done.
     done = within_box(*given)
     assert Rows(-stopped.A, stopped.c).hold(done)
-    assert J @ done == pytest.approx([0.1], abs=1e-6)
+    assert given[0] @ done == pytest.approx([0.1], abs=1e-6)
 
 
 def test_what_a_law_with_obstacles_cannot_do_is_refused():

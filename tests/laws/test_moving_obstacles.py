@@ -74,7 +74,7 @@ def test_what_may_happen_until_an_arm_rests_is_taken_off_the_distance():
     clearance, _ = guarded()
     world = World(clearance, None, {"p_WO": np.zeros((1, 3))}, PERIOD)
     k = np.array([0.0, 10.0])
-    now, later = world.gaps(np.tile(HOME, (2, 1)), k)
+    now, later = world.gaps(np.tile(HOME, (2, 1)), k, np.arange(clearance.count))
     own = len(clearance.own)
     np.testing.assert_allclose(now[:own], clearance.gaps(HOME)[:own], atol=1e-15)
     np.testing.assert_allclose(now[own:], clearance.gaps(HOME)[own:] - ERROR, atol=1e-15)

@@ -152,15 +152,30 @@ def test_capsules_move_as_the_bodies_do(arm):
 def test_slopes_are_those_of_differences(arm):
     clearance = clearance_of(arm)
     q = np.random.default_rng(7).uniform(-1.5, 1.5, (20, arm.n))
-    near = clearance.near(q, 10.0)
+    near = clearance.near(q)
     step = 1e-6 * np.eye(arm.n)
     differences = np.stack(
         [(clearance.gaps(q + e) - clearance.gaps(q - e)) / 2e-6 for e in step], axis=-1
-    )[near.postures, near.pairs]
+    )
     # Where segments cross, or one is in a box, there is no slope.
-    apart = near.gaps[near.postures, near.pairs] > -0.02
+    apart = near.gaps > -0.02
     assert apart.sum() > 100
     assert np.abs(near.slopes - differences)[apart].max() < 1e-6
+
+
+def test_pairs_that_are_looked_at_alone_are_as_far_apart_as_among_all(arm):
+    """Also none of one shape, and none at all; two in turn, as those asked for last are kept."""
+    clearance, rng = clearance_of(arm), np.random.default_rng(10)
+    q = rng.uniform(-1.5, 1.5, (4, arm.n))
+    every = clearance.near(q)
+    np.testing.assert_array_equal(every.gaps, clearance.gaps(q))
+    count, own = clearance.count, len(clearance.own)
+    some = [np.sort(rng.choice(count, rng.integers(count), replace=False)) for _ in range(10)]
+    for pairs in (*some, some[0], np.arange(own), np.arange(own, count), np.arange(0)):
+        near = clearance.near(q, pairs=pairs, sloped=np.array([0, 2]))
+        np.testing.assert_allclose(near.gaps, every.gaps[:, pairs], rtol=0.0, atol=1e-15)
+        np.testing.assert_allclose(near.slopes, every.slopes[::2, pairs], rtol=0.0, atol=1e-14)
+        np.testing.assert_array_equal(clearance.gaps(q, pairs=pairs), near.gaps)
 
 
 def test_no_pair_comes_nearer_than_the_joints_way_allows(arm):
@@ -243,6 +258,6 @@ def test_pairs_that_may_touch_are_left_out_and_all_others_stay_as_they_are():
     assert some.names == tuple(every.names[k] for k in kept)
     q = arm.home + 0.1
     np.testing.assert_array_equal(some.gaps(q), every.gaps(q)[kept])
-    near, all_near = some.near(q[None], 10.0), every.near(q[None], 10.0)
-    np.testing.assert_array_equal(near.slopes, all_near.slopes[kept])
+    near, all_near = some.near(q[None]), every.near(q[None])
+    np.testing.assert_array_equal(near.slopes, all_near.slopes[:, kept])
     np.testing.assert_array_equal(some.reaches, every.reaches[kept])

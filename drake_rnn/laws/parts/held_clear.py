@@ -9,9 +9,8 @@ and by D, how far a change of w moves them there,
     n^T D (w - w_0) \ge -\gamma h \max(d(q_k) - d_0, 0),
 
 which w_0 satisfies: with rows or without, the program has a solution. Rows are linear and local,
-and promise nothing. What promises is the certificate behind them: w is held for a period, then
-the stop follows; wherever two postures of that motion are l apart (`drake_rnn.robot.clearance`), no
-pair may come nearer in between than (d_1 + d_2 - l) / 2, or postures between them are looked at. If
+and promise nothing. What promises is the certificate behind them, that w held for a period and the
+stop that follows are free (`drake_rnn.laws.parts.certificate`). If
 it fails, w moves towards w_0, by halves, in the end all the way. w_0 needs no look: what is left of
 a certified stop after its first sample is that stop, and was certified a sample ago. And it lies
 within the box, which is convex, so a velocity on the way keeps every bound as well.
@@ -28,8 +27,11 @@ Rows alone leave the arm at their edge, where they come and go from sample to sa
 the task leaves free may be led away before (`drake_rnn.laws.parts.led_away`).
 
 To look at distances takes longer than the rest of the law. So those of the last look are kept,
-with the posture they belong to: no pair can have come nearer since than the joints' way allows, and
-where that leaves room for the whole stop, nothing is looked at.
+with the posture that they belong to: no pair can have come nearer since than the joints' way
+allows. A pair is looked at only where that leaves too little room for the whole stop, for a row
+that some velocity of the box could fail, or for making way; of all others what is known is less by
+the way, which stays true. The full stop is looked at in more postures than rows need where its way
+is long, so that what was seen certifies the velocity that is chosen as well: it differs little.
 """
 
 from __future__ import annotations
@@ -42,11 +44,11 @@ import numpy as np
 
 from ...errors import InvalidInputError
 from ...inputs.fields import Array, Gain, Length, validated
-from ...robot.clearance import Clearance
-from ...robot.clearance.clearance import Near
+from ...robot.clearance import Clearance, Flags, Indices
 from ...robot.clearance.neighbour import Neighbour
 from ...robot.limits import JointLimits
 from .box_program import within_box
+from .certificate import Along, Certificate
 from .held_within import (
     Choice,
     Kept,
@@ -62,17 +64,16 @@ from .world import BothStop, Stop, World
 
 #: Parts of the stop at which rows are set up.
 _PARTS = np.array([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0])
-# Postures of a stop that are looked at first, and how often intervals between them are divided,
-# into how many pieces at most.
-_POSTURES, _ROUNDS, _PIECES = 6, 8, 8
-# Room that counts as none where intervals are divided [m].
-_CLOSE = 1e-4
-# More intervals than this that may not be free are not looked into: that would take too long.
-_UNSURE = 40
+# Share of the way of a stop that is gone until the first of them, and from each to the next; and
+# into how many pieces these are divided at most.
+_OF_WAY, _PIECES = (0.0, 0.6, 0.35, 0.12), 8
+# Share of twice the way from the distance to the floor that a pair may come nearer in a piece.
+_SURE = 0.6
 # Shares of the way from the stop's first velocity to one that is not free that are tried.
 _SHARES = (0.5, 0.25)
 # Slope of a row that no joint changes [m].
 _FLAT = 1e-9
+_ALL = slice(None)
 
 
 @validated
@@ -114,37 +115,51 @@ def require_free(clearance: Clearance, floor: float, q: Array, p_WO: Array | Non
         )
 
 
-class Known(NamedTuple):
-    """Distances that were looked at.
-
-    Errors of what was measured, and what obstacles may have moved since, are taken off.
+class Sight(NamedTuple):
+    """What there is to be chosen from, and what may be in the way, as far as it is known.
 
     Attributes:
-        q: The posture that they belong to, shape (n,) [rad].
-        gaps: Distances of the pairs there, at least, shape (p,) [m].
-        stop: Those along the full stop from there, if they were looked at in this sample: the
-            numbers of samples, shape (s,), postures, shape (s, n), and distances, shape (s, p).
+        q: Where all are, shape (n,) [rad].
+        choice: What the arm may choose from.
+        stop: Where each choice leads all.
+        world: What is in the way.
+        left: How far pairs are apart at least, shape (p,) [m].
+        least: How far they are during the full stop, at least, shape (p,) [m].
+        k: After how many samples of that stop rows are set up, shape (s,).
+        leverage: By how much a change of z moves the joints until then, shape (s, n) [s].
+        widest: By how much z may differ from that of the stop, shape (n,) [rad/s].
+        room: How much nearer than the stop z may bring each pair at least, shape (p,) [m].
+        ahead: Whether a z of the box can fail a row of each pair, shape (p,).
+        led: Whether joints may make way for it, shape (p,).
     """
 
     q: Array
-    gaps: Array
-    stop: tuple[Array, Array, Array] | None = None
+    choice: Choice
+    stop: Stop | BothStop
+    world: World
+    left: Array
+    least: Array
+    k: Array
+    leverage: Array
+    widest: Array
+    room: Array
+    ahead: Flags
+    led: Flags
 
 
 class Looked(NamedTuple):
     """What was seen along the full stop, where the arm is first.
 
     Attributes:
-        known: The distances.
-        near: What is near, of these postures.
-        gaps: Distances that pairs have at least, shape (1 + s, p) [m].
-        leverage: By how much a change of z moves the joints to the others, shape (s, n) [s].
+        along: The distances.
+        slopes: Derivatives of these with respect to the joints where the arm is and in the postures
+            of rows, shape (1 + s, r, n) [m/rad].
+        of_rows: Numbers of the postures of rows, shape (s,).
     """
 
-    known: Known
-    near: Near
-    gaps: Array
-    leverage: Array
+    along: Along
+    slopes: Array
+    of_rows: Indices
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,165 +205,145 @@ class WithinClear:
         """Return the next velocity, as `WithinAcceleration.chosen` does."""
         J, b, _, g, softness = program
         choice = self.within.choice(program, q, v, kept, period)
-        world = World(self.clearance, self.neighbour, seen, period)
-        known = Known(kept["seen"], kept["gaps"] - world.nearer(1.0))
-        # From here on q is the posture of all.
-        q, stop = world.posture(q), world.around(choice.stop)
+        sight = self._sight(q, kept, choice, World(self.clearance, self.neighbour, seen, period))
         looked = None
-        if self.led_away is not None and self._may_lead(q, known, self.led_away):
-            looked = self._looked(q, choice, stop, world)
-            away = self.led_away.preferred(looked.near, looked.gaps)
-            g = g + away[: g.size]
+        if np.count_nonzero(sight.led):
+            looked = self._looked(sight, sight.ahead | sight.led)
+            g = g + self._preferred(looked)[: g.size]
         z = within_box(J, b, g, softness, *choice.box)
-        if looked is None and self._may_bind(
-            q, np.abs(z - choice.first_z), known, choice, stop, world
-        ):
-            looked = self._looked(q, choice, stop, world)
+        if looked is None and self._may_bind(sight, z):
+            looked = self._looked(sight, sight.ahead)
         if looked is not None:
-            known = looked.known
-            rows = self._rows(looked, choice, world)
+            rows = self._rows(sight, looked, z)
             if rows is not None and not rows.hold(z):
                 found = within_rows(v, J, b, g, softness, *choice.box, rows)
                 z = choice.first_z if found is None else found
         first, u, held_back = choice.first, choice.chosen(z), kept["held_back"]
-        if not self._is_free(q, u, known, stop, world):
+        left = sight.left if looked is None else looked.along.known(sight.left)
+        given = (sight.q, left, looked and looked.along, sight.stop, sight.world)
+        if not self._certificate.is_given(u, *given):
             way = (first + share * (u - first) for share in _SHARES)
-            u = next((x for x in way if self._is_free(q, x, known, stop, world)), first)
+            u = next((x for x in way if self._certificate.is_given(x, *given)), first)
             held_back = held_back + 1.0
         v, own = choice.taken(u)
-        return v, own | {"seen": known.q, "gaps": known.gaps, "held_back": held_back}
+        if looked is None:
+            known = {"seen": kept["seen"], "gaps": kept["gaps"] - sight.world.nearer(1.0)}
+        else:
+            known = {"seen": sight.q, "gaps": left}
+        return v, own | known | {"held_back": held_back}
+
+    @cached_property
+    def _certificate(self) -> Certificate:
+        return Certificate(self.clearance, self.avoidance.floor)
 
     @cached_property
     def _reaches(self) -> Array:
         """How much nearer pairs come by the arm's own joints; see `Clearance.reaches`."""
-        return self.clearance.reaches[:, : self.within.limits.size]
+        return np.ascontiguousarray(self.clearance.reaches[:, : self.within.limits.size])
 
-    def _left(self, q: Array, known: Known, way: Array) -> Array:
-        """Return how far each pair is apart at least after a way of the joints, shape (p,) [m]."""
-        return known.gaps - self.clearance.reaches @ (np.abs(q - known.q) + way)
-
-    def _may_bind(
-        self,
-        q: Array,
-        change: Array,
-        known: Known,
-        choice: Choice,
-        stop: Stop | BothStop,
-        world: World,
-    ) -> bool:
-        """Return whether a z can fail a row that is so far from the stop's, as far as is known."""
-        first, samples = choice.first, choice.stop.samples(choice.first)
-        (leverage,) = choice.leverage(np.array([samples]))
-        left = self._left(q, known, stop.way(first)) - world.nearer(samples)
-        room = self.avoidance.approach * world.period * (left - self.avoidance.distance)
-        return bool((self._reaches @ (leverage * change) > room).any())
-
-    def _may_lead(self, q: Array, known: Known, led_away: LedAway) -> bool:
-        """Return whether an obstacle may be within the zone, as far as is known."""
-        left = self._left(q, known, np.zeros_like(q))
-        return bool((left[len(self.clearance.own) :] < led_away.zone).any())
-
-    def _looked(self, q: Array, choice: Choice, stop: Stop | BothStop, world: World) -> Looked:
-        """Return distances along the full stop, with the slopes of those that may matter."""
-        first = choice.first
-        k = np.unique(np.rint(1.0 + _PARTS * (choice.stop.samples(first) - 1.0)))
+    def _sight(self, q: Array, kept: Kept, choice: Choice, world: World) -> Sight:
+        """Return what may be in the way of what may be chosen in a posture, shape (n,) [rad]."""
+        first, reaches = choice.first, self.clearance.reaches
+        k = _of_rows(choice.stop.samples(first))
         leverage = choice.leverage(k)
-        # Of a pair that is farther away no velocity of the box can fail the row.
-        widest = np.maximum(choice.box[1] - choice.first_z, choice.first_z - choice.box[0])
-        rate = self.avoidance.approach * world.period
-        within = self.avoidance.distance + (leverage * widest) @ self._reaches.T / rate
-        # Where the arm is, joints are led away from obstacles, whose pairs come last.
-        now = np.full(self.clearance.count, -np.inf)
-        if self.led_away is not None:
-            now[len(self.clearance.own) :] = self.led_away.zone
-        path = q + np.vstack((np.zeros_like(q), stop.moved(first, k)))
-        k_path = np.concatenate(([0.0], k))
-        doubt = world.doubt(k_path)
-        near = self.clearance.near(path, np.vstack((now, within)) + doubt, world.p_WO)
-        gaps = world.least(near.gaps, doubt)
-        return Looked(Known(q, gaps[0], (k_path, path, gaps)), near, gaps, leverage)
+        q, stop = world.posture(q), world.around(choice.stop)
+        left = kept["gaps"] - reaches @ np.abs(q - kept["seen"]) - world.nearer(1.0)
+        least = left - reaches @ stop.way(first) - world.nearer(k[-1])
+        room = self.avoidance.approach * world.period * (least - self.avoidance.distance)
+        (lower, upper), z = choice.box, choice.first_z
+        widest = np.maximum(upper - z, z - lower)
+        ahead = self._reaches @ (leverage[-1] * widest) > room
+        led = left < self._zones
+        return Sight(q, choice, stop, world, left, least, k, leverage, widest, room, ahead, led)
 
-    def _rows(self, looked: Looked, choice: Choice, world: World) -> Rows | None:
-        """Return the rows of the pairs that may matter; None without any."""
-        near = looked.near
-        ahead = near.postures > 0
-        postures, pairs = near.postures[ahead], near.pairs[ahead]
-        leverage = looked.leverage[postures - 1]
-        A = near.slopes[ahead, : leverage.shape[1]] * leverage
+    @cached_property
+    def _zones(self) -> Array:
+        """Distance of each pair below which joints make way for it, shape (p,) [m]."""
+        zones = np.full(self.clearance.count, -np.inf)
+        if self.led_away is not None:
+            # The arm's own pairs, for which none do, come first.
+            zones[len(self.clearance.own) :] = self.led_away.zone
+        return zones
+
+    def _may_bind(self, sight: Sight, z: Array) -> bool:
+        """Return whether a z can fail a row, as far as is known."""
+        if not np.count_nonzero(sight.ahead):
+            return False
+        change = sight.leverage[-1] * np.abs(z - sight.choice.first_z)
+        return bool(np.count_nonzero(self._reaches @ change > sight.room))
+
+    def _looked(self, sight: Sight, chosen: Flags) -> Looked:
+        """Return distances of chosen pairs along the full stop, if rows may matter, and slopes."""
+        q, _, stop, world, *_ = sight
+        first, (pairs,) = sight.choice.first, chosen.nonzero()
+        if not np.count_nonzero(sight.ahead):
+            k, path, ends = np.zeros(1), q[None], np.zeros(1, dtype=np.intp)
+        else:
+            k, ends = self._divided(sight)
+            path = q + stop.moved(first, k)
+        near = world.near(path, k, pairs, ends if len(ends) < len(k) else _ALL)
+        return Looked(Along(pairs, k, path, near.gaps), near.slopes, ends[1:])
+
+    def _divided(self, sight: Sight) -> tuple[Array, Indices]:
+        """Return numbers of samples: 0, those of rows, and some in between; and places of those.
+
+        As many as should make sure that pairs stay free which the whole way of the stop leaves too
+        near. More of the way is gone at its beginning; how much is said for braking joints.
+        """
+        k = [0.0, *sight.k.tolist()]
+        near = sight.least < self.avoidance.floor
+        if len(k) <= len(_PARTS) or not np.count_nonzero(near):
+            return np.array(k), np.arange(len(k))
+        nearer = float((sight.left - sight.least)[near].max())
+        allowed = _SURE * 2.0 * (self.avoidance.distance - self.avoidance.floor)
+        # Plain numbers: there are few of them.
+        found, ends = [0.0], [0]
+        for begin, end, share in zip(k[:-1], k[1:], _OF_WAY, strict=True):
+            pieces = min(int(share * nearer / allowed) + 1, _PIECES)
+            found += [round(begin + j / pieces * (end - begin)) for j in range(1, pieces)]
+            found.append(end)
+            ends.append(len(found) - 1)
+        return np.array(found), np.array(ends)
+
+    def _preferred(self, looked: Looked) -> Array:
+        """Return the velocities that joints prefer, to make way for obstacles, shape (n,)."""
+        assert self.led_away is not None
+        pairs, gaps = looked.along.pairs, looked.along.gaps[0]
+        (here,) = (gaps < self._zones[pairs]).nonzero()
+        return self.led_away.preferred(gaps[here], looked.slopes[0, here])
+
+    def _rows(self, sight: Sight, looked: Looked, z: Array) -> Rows | None:
+        """Return the rows of the pairs that may matter; None without any that z may fail."""
+        if not looked.of_rows.size:
+            return None
+        distance, rate = self.avoidance.distance, self.avoidance.approach * sight.world.period
+        along, gaps = looked.along, looked.along.gaps[looked.of_rows]
+        leverage = sight.leverage[: len(gaps)]
+        reaches, first_z = self._reaches[along.pairs].T, sight.choice.first_z
+        # A row allows what the slope could take of the room, and no slope is larger than reaches.
+        taken = (leverage * np.abs(z - first_z)) @ reaches
+        if not np.count_nonzero(taken > rate * np.maximum(gaps - distance, 0.0)):
+            return None
+        # Of a pair that is farther away no velocity of the box can fail the row.
+        within = distance + (leverage * sight.widest) @ reaches / rate
+        postures, places = np.nonzero(gaps < within)
+        leverage = leverage[postures]
+        A = looked.slopes[1:][postures, places, : leverage.shape[1]] * leverage
         size = np.sqrt((A * A).sum(axis=1))
         some = size > _FLAT
-        if not some.any():
+        if np.count_nonzero(some) < some.size:
+            A, size, postures, places = A[some], size[some], postures[some], places[some]
+        if not size.size:
             return None
-        room = looked.gaps[postures, pairs] - self.avoidance.distance
-        rate = self.avoidance.approach * world.period
-        c = A @ choice.first_z - rate * np.maximum(room, 0.0)
-        return Rows(A[some] / size[some, None], c[some] / size[some])
-
-    def _is_free(
-        self, q: Array, u: Array, known: Known, stop: Stop | BothStop, world: World
-    ) -> bool:
-        """Return whether the arm can do u for a period and then stop, always free."""
-        floor, samples = self.avoidance.floor, stop.samples(u)
-        if (self._left(q, known, stop.way(u)) - world.nearer(samples) >= floor).all():
-            return True
-        if known.stop is not None:
-            # The full stop, which was looked at, passes near; this one may take a sample more.
-            seen, path, gaps = known.stop
-            k = np.append(seen[:-1], max(seen[-1], samples))
-            off = np.abs(q + stop.moved(u, k) - path) @ self.clearance.reaches.T
-            least = gaps - off - world.nearer(k - seen)
-            if self._is_free_between(q, u, k, least, stop, world):
-                return True
-        k = np.linspace(0.0, samples, _POSTURES)
-        gaps = world.gaps(q + stop.moved(u, k), k)
-        return self._is_free_between(q, u, k, gaps, stop, world)
-
-    def _is_free_between(
-        self, q: Array, u: Array, k: Array, gaps: Array, stop: Stop | BothStop, world: World
-    ) -> bool:
-        """Return whether it is, by how far pairs are apart at least after k samples, shape (s, p).
-
-        A pair that came nearer than the floor between two of these would have had too short a way.
-        """
-        floor, reaches = self.avoidance.floor, self.clearance.reaches
-        # Where it is now it was certified to be free. What is not a number is not free.
-        if not (gaps[1:] >= floor).all():
-            return False
-        # Intervals of the stop: when they begin and end, and how far pairs are apart there.
-        begin, end, d_begin, d_end = k[:-1], k[1:], gaps[:-1], gaps[1:]
-        for _ in range(_ROUNDS):
-            way = stop.travelled(u, end) - stop.travelled(u, begin)
-            nearer = way @ reaches.T + world.nearer(end - begin)
-            unsure = ~(0.5 * (d_begin + d_end - nearer) >= floor).all(axis=1)
-            if not unsure.any():
-                return True
-            if unsure.sum() > _UNSURE:
-                return False
-            begin, end, d_begin, d_end = (x[unsure] for x in (begin, end, d_begin, d_end))
-            count = _pieces(nearer[unsure], np.minimum(d_begin, d_end) - floor)
-            edges = begin[:, None] + np.arange(count + 1) / count * (end - begin)[:, None]
-            inner = edges[:, 1:-1].ravel()
-            d_inner = world.gaps(q + stop.moved(u, inner), inner)
-            if not (d_inner >= floor).all():
-                return False
-            d_inner = d_inner.reshape(begin.size, count - 1, -1)
-            d_edges = np.concatenate((d_begin[:, None], d_inner, d_end[:, None]), axis=1)
-            begin, end = edges[:, :-1].ravel(), edges[:, 1:].ravel()
-            d_begin = d_edges[:, :-1].reshape(begin.size, -1)
-            d_end = d_edges[:, 1:].reshape(end.size, -1)
-        return False
+        room = gaps[postures, places] - distance
+        c = A @ first_z - rate * np.maximum(room, 0.0)
+        return Rows(A / size[:, None], c / size)
 
 
-def _pieces(nearer: Array, room: Array) -> int:
-    """Return into how many pieces intervals are divided so that all of them should be sure.
-
-    Args:
-        nearer: How much nearer pairs may come in each interval, shape (s, p) [m].
-        room: How much nearer than at its ends they may come, likewise.
-    """
-    # Of a piece at the nearer end, half of its way must leave room; more of what is not linear.
-    needed = 0.5 * (nearer / np.maximum(room, _CLOSE)).max()
-    return int(np.clip(np.ceil(1.2 * needed), 2, _PIECES))
+def _of_rows(samples: float) -> Array:
+    """Return after how many samples of a stop rows are set up, each once, shape (s,)."""
+    k = np.rint(1.0 + _PARTS * (samples - 1.0))
+    return k if samples >= len(_PARTS) else np.unique(k)
 
 
 #: What chooses a velocity that keeps limits and, maybe, distances.

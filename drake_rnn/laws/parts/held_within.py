@@ -185,7 +185,10 @@ class AccelerationChoice:
         """See `Choice.leverage`; a mean over the box."""
         (least, most), (lower, upper) = self.box, self.accelerations
         width = most - least
-        moved = self.stop.moved(upper, k) - self.stop.moved(lower, k)
+        # Two joints for each, so that both ends of the box are worked out at once.
+        v, most, jerk = (np.concatenate((x, x)) for x in (self.v, self._most, self._jerk))
+        ends = HeldJerkStop(v, most, jerk, self.period).moved(np.concatenate((upper, lower)), k)
+        moved = ends[:, : width.size] - ends[:, width.size :]
         return np.where(width > _NARROW, moved / np.maximum(width, _NARROW), 0.0)
 
     def _z(self, a: Array) -> Array:
@@ -237,9 +240,19 @@ class WithinAcceleration:
         self, program: Program, q: Array, v: Array, kept: Kept, period: float
     ) -> VelocityChoice:
         """Return what one robot may choose from, of the arguments of `chosen`."""
-        box = self.limits.held_velocity_box(q, v, period)
-        most = self.limits.require("acceleration", "braking in time")
-        return VelocityChoice(box, v, HeldStop(most, period))
+        return VelocityChoice(self.limits.held_velocity_box(q, v, period), v, self._stop(period))
+
+    def _stop(self, period: float) -> HeldStop:
+        """Return the fastest stop with velocities held for a period [s]; the last is remembered."""
+        if (found := self._known.get(period)) is None:
+            most = self.limits.require("acceleration", "braking in time")
+            self._known.clear()
+            found = self._known[period] = HeldStop(most, period)
+        return found
+
+    @cached_property
+    def _known(self) -> dict[float, HeldStop]:
+        return {}
 
     def chosen(
         self, program: Program, q: Array, v: Array, kept: Kept, period: float, seen: Seen

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...arrays.algebra import clipped
 from ...inputs.fields import Array
-from ...robot.clearance.clearance import Near
 
 
 @dataclass(frozen=True)
@@ -23,13 +23,12 @@ class LedAway:
     weight: float
     zone: float
 
-    def preferred(self, near: Near, gaps: Array) -> Array:
+    def preferred(self, gaps: Array, slopes: Array) -> Array:
         """Return the velocities that they prefer, shape (n,) [rad/s].
 
         Args:
-            near: What is near at some postures; the first is where the joints are.
-            gaps: Distances that pairs have there at least, shape (k, p) [m].
+            gaps: Distances of what they make way for, shape (r,) [m].
+            slopes: Derivatives of these with respect to the joints, shape (r, n) [m/rad].
         """
-        here = near.postures == 0
-        into = np.clip(1.0 - gaps[0, near.pairs[here]] / self.zone, 0.0, 1.0)
-        return np.asarray(self.weight * (into * into) @ near.slopes[here])
+        into = clipped(1.0 - gaps / self.zone, 0.0, 1.0)
+        return np.asarray(self.weight * (into * into) @ slopes)

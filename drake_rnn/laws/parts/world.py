@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ...inputs.fields import Array
-from ...robot.clearance import Clearance
+from ...robot.clearance import Clearance, Indices, Near
 from ...robot.clearance.neighbour import OTHER, Neighbour
 from ...robot.held_jerk_stop import HeldJerkStop
 from ...robot.held_stop import HeldStop
@@ -20,6 +20,7 @@ Stop = HeldStop | HeldJerkStop
 
 # What an obstacle that is not seen counts as overlapping with everything [m].
 _ANYWHERE = 1e3
+_ALL = slice(None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,10 +56,11 @@ class NeighbourStop:
         held = np.minimum(k, self._chosen)[:, None] * self.period * self._v
         return held + self._stop.moved(self._first, np.maximum(k - self._chosen, 0.0))
 
-    def travelled(self, k: Array) -> Array:
-        """Return the way of each joint up to k samples, there and back, shape (s, n) [rad]."""
-        held = np.minimum(k, self._chosen)[:, None] * self.period * np.abs(self._v)
-        return held + self._stop.travelled(self._first, np.maximum(k - self._chosen, 0.0))
+    def gone(self, k: Array) -> tuple[Array, Array]:
+        """Return the same and the way of each joint until then, there and back, (s, n) each."""
+        held = np.minimum(k, self._chosen)[:, None] * self.period * self._v
+        moved, way = self._stop.gone(self._first, np.maximum(k - self._chosen, 0.0))
+        return held + moved, np.abs(held) + way
 
     @property
     def _chosen(self) -> float:
@@ -111,9 +113,11 @@ class BothStop:
         """Return how far the joints have gone after k samples, shape (s, n) [rad]."""
         return np.concatenate((self.own.moved(u, k), self.other.moved(k)), axis=1)
 
-    def travelled(self, u: Array, k: Array) -> Array:
-        """Return the way of each joint up to k samples, there and back, shape (s, n) [rad]."""
-        return np.concatenate((self.own.travelled(u, k), self.other.travelled(k)), axis=1)
+    def gone(self, u: Array, k: Array) -> tuple[Array, Array]:
+        """Return the same and the way of each joint until then, there and back, (s, n) each."""
+        parts = zip(self.own.gone(u, k), self.other.gone(k), strict=True)
+        moved, way = (np.concatenate(part, axis=1) for part in parts)
+        return moved, way
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,46 +139,62 @@ class World:
     period: float
 
     @cached_property
-    def _other(self) -> NeighbourStop | None:
-        if self.neighbour is None:
-            return None
+    def _other(self) -> NeighbourStop:
+        """What the other arm does; there must be one."""
+        assert self.neighbour is not None
         return NeighbourStop(self.neighbour, self.seen, self.period)
 
-    @cached_property
+    @property
     def p_WO(self) -> Array | None:
         """How far obstacles have moved, as measured now, shape (m, 3) [m]; None if none may."""
         return self.seen.get("p_WO")
 
     def posture(self, q: Array) -> Array:
         """Return the posture of all, for that of the arm itself, shape (n,) [rad]."""
-        return q if self._other is None else np.concatenate((q, self._other.posture))
+        return q if self.neighbour is None else np.concatenate((q, self._other.posture))
 
     def around(self, stop: Stop) -> Stop | BothStop:
         """Return what all do, for a stop of the arm itself."""
-        return stop if self._other is None else BothStop(stop, self._other)
+        return stop if self.neighbour is None else BothStop(stop, self._other)
 
-    def gaps(self, q: Array, k: Array) -> Array:
-        """Return the least that pairs can be apart, shape (s, p) [m].
+    def gaps(self, q: Array, k: Array, pairs: Indices) -> Array:
+        """Return the least that pairs can be apart, shape (s, r) [m].
 
         Args:
             q: Postures, shape (s, n) [rad].
             k: After how many samples they are reached, shape (s,).
+            pairs: The pairs, in order, shape (r,).
         """
-        return self.least(self.clearance.gaps(q, self.p_WO), self.doubt(k))
+        return self._least(self.clearance.gaps(q, self.p_WO, pairs), k, pairs)
 
-    def least(self, gaps: Array, doubt: Array) -> Array:
+    def near(self, q: Array, k: Array, pairs: Indices, sloped: Indices | slice) -> Near:
+        """Return the same with the slopes in some postures, of `Clearance.near`.
+
+        An obstacle whose place is not a number has none.
+        """
+        near = self.clearance.near(q, self.p_WO, pairs, sloped)
+        slopes = near.slopes
+        if self.p_WO is not None:
+            slopes = np.where(np.isnan(near.gaps[sloped])[..., None], 0.0, slopes)
+        return Near(pairs, self._least(near.gaps, k, pairs), slopes)
+
+    def _least(self, gaps: Array, k: Array, pairs: Indices) -> Array:
         """Return distances without a doubt; an obstacle whose place is not a number is anywhere."""
         if self.p_WO is None:
-            return gaps - doubt
+            return gaps
+        doubt = self.clearance.errors[pairs] + self.nearer(k, pairs)
         return np.where(np.isnan(gaps), -_ANYWHERE, gaps - doubt)
 
-    def doubt(self, k: float | Array) -> Array:
-        """Return how much nearer pairs may be than measured, k samples later, shape (s, p) [m]."""
-        return self.clearance.errors + self.nearer(k)
+    def nearer(self, k: float | Array, pairs: Indices | slice = _ALL) -> Array | float:
+        """Return how much nearer obstacles can come in k samples, shape (..., r) [m].
 
-    def nearer(self, k: float | Array) -> Array:
-        """Return how much nearer obstacles can come in k samples, shape (..., p) [m]."""
-        return np.multiply.outer(k, self.clearance.speeds * self.period)
+        Args:
+            k: Numbers of samples, shape (...).
+            pairs: The pairs.
+        """
+        if not self.clearance.solids.moving.size:
+            return 0.0
+        return np.multiply.outer(k, self.clearance.speeds[pairs] * self.period)
 
 
 def seen_signals(

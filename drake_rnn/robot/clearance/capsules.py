@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +68,12 @@ class ArmCapsules:
         poses = replace(self.poses, axes=self.poses.axes @ R.T, points=self.poses.points @ R.T + p)
         return replace(self, poses=poses, ends=self.ends @ R.T + p)
 
+    def some(self, numbers: NDArray[np.intp]) -> ArmCapsules:
+        """Return some of them, by their numbers."""
+        bodies = tuple(self.bodies[k] for k in numbers)
+        chosen = self.links[numbers], self.ends[numbers], self.radii[numbers]
+        return ArmCapsules(self.poses, bodies, *chosen)
+
     @property
     def carried(self) -> NDArray[np.bool_]:
         """For each capsule, whether a joint carries it, shape (c, n)."""
@@ -84,6 +91,11 @@ class ArmCapsules:
         Args:
             X: Motions of the links, from ``poses.at``.
         """
-        X = X[..., self.links, :, :]
-        turned = self.ends @ np.swapaxes(X[..., :3, :3], -1, -2)
-        return np.asarray(turned + X[..., None, :3, 3])
+        return np.swapaxes((X[..., self.links, :, :] @ self._columns)[..., :3, :], -1, -2)
+
+    @cached_property
+    def _columns(self) -> Array:
+        """The ends as columns with a 1 below, shape (c, 4, 2)."""
+        found = np.ones((len(self.links), 4, 2))
+        found[:, :3] = np.swapaxes(self.ends, -1, -2)
+        return found

@@ -25,53 +25,30 @@ from numpy.typing import NDArray
 
 from ...inputs.fields import Array
 from .capsules import ArmCapsules
-from .segments import Nearest, between_segments, cross, to_boxes, to_half_spaces
+from .pairs import Indices, Pairs
+from .segments import cross
 from .solids import Solids
 
-#: Numbers of capsules, obstacles, pairs and postures.
-Indices = NDArray[np.intp]
-
-# Below this distance of two axes there is no direction away [m].
-_CROSSING = 1e-9
 # How exact the least distance between postures is [m], and how often a way is halved for it.
 _ENOUGH, _HALVINGS = 1e-6, 16
+# Sets of pairs that are remembered as they were laid out.
+_REMEMBERED = 8
+_ALL = slice(None)
 
 
 class Near(NamedTuple):
-    """What is near at some postures.
+    """How far pairs are apart at some postures, and how that changes with the joints.
 
     Attributes:
-        gaps: Distances of all pairs, shape (k, p) [m].
-        postures: Posture of each of the r near ones, shape (r,).
-        pairs: Pair of each, shape (r,).
-        slopes: Derivatives of their distances with respect to the joints, shape (r, n) [m/rad].
+        pairs: The pairs, in order, shape (r,).
+        gaps: Their distances, shape (k, r) [m].
+        slopes: Derivatives of these with respect to the joints, shape (s, r, n) [m/rad], in all
+            postures or in those that they were asked for in.
     """
 
-    gaps: Array
-    postures: Indices
     pairs: Indices
+    gaps: Array
     slopes: Array
-
-
-class _Sides(NamedTuple):
-    """The two sides of all pairs: capsules of the arm, and what they may meet, shape by shape.
-
-    Those of obstacles come with their places among the obstacles that move.
-    """
-
-    round_first: Indices
-    own_second: Indices
-    fixed: Array
-    fixed_order: Indices
-    box_first: Indices
-    centers: Array
-    R_WO: Array
-    half: Array
-    box_order: Indices
-    wall_first: Indices
-    normals: Array
-    levels: Array
-    wall_order: Indices
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +110,7 @@ class Clearance:
         """How much nearer the obstacle of a pair may be than measured, shape (p,) [m]."""
         return self._of_pairs(self.solids.errors)
 
-    def gaps(self, q: Array, p_WO: Array | None = None) -> Array:
+    def gaps(self, q: Array, p_WO: Array | None = None, pairs: Indices | None = None) -> Array:
         """Return the distance of each pair, shape (..., p) [m]; negative where they overlap.
 
         Capsules whose segments cross, and segments in a box, count as overlapping by their radii.
@@ -141,8 +118,10 @@ class Clearance:
         Args:
             q: Joint positions, shape (..., n) [rad].
             p_WO: How far obstacles have moved, shape (m, 3) or (..., m, 3) [m]; None if not at all.
+            pairs: The pairs that are looked at, in order, shape (p,); None for all.
         """
-        return self._nearest(self.arm.placed(self.arm.poses.at(q)), p_WO)[0]
+        known = self._every if pairs is None else self._among(pairs)
+        return known.gaps(self.arm.poses.at(q), p_WO)
 
     def least_along(self, q: Array, p_WO: Array | None = None) -> Array:
         """Return the least distance of any pair at postures on a way, shape (k,) [m].
@@ -179,77 +158,44 @@ class Clearance:
             owners = np.concatenate((owners, owners))
         return np.asarray(least)
 
-    def near(self, q: Array, within: float | Array, p_WO: Array | None = None) -> Near:
-        """Return all distances, and how those below a bound change with the joints.
+    def near(
+        self,
+        q: Array,
+        p_WO: Array | None = None,
+        pairs: Indices | None = None,
+        sloped: Indices | slice = _ALL,
+    ) -> Near:
+        """Return distances, and how they change with the joints.
 
         Args:
             q: Joint positions, shape (k, n) [rad].
-            within: The bound, a number or one for each posture and pair, shape (k, p) [m].
             p_WO: How far obstacles have moved, shape (m, 3) [m]; None if not at all.
+            pairs: The pairs that are looked at, in order, shape (r,); None for all.
+            sloped: The postures in which slopes are wanted.
         """
-        X = self.arm.poses.at(q)
-        gaps, found = self._nearest(self.arm.placed(X), p_WO)
-        postures, pairs = np.nonzero(gaps < within)
-        p_A, p_B = found.p_A[postures, pairs], found.p_B[postures, pairs]
-        distance = found.distance[postures, pairs]
-        normals = (p_A - p_B) / np.where(np.abs(distance) > _CROSSING, distance, np.inf)[:, None]
-        axes, points = self.arm.poses.axes_at(X)
-        # How fast each joint moves a point along the normal: a (r x n) = n (a x r). Both points of
-        # a pair lie on its normal, so that r may lead to either.
-        turned = cross(p_A[:, None, :] - points[postures], normals[:, None, :])
-        if any(self.arm.poses.slides):
-            slides = np.array(self.arm.poses.slides)[:, None]
-            turned = np.where(slides, normals[:, None, :], turned)
-        slopes = self._parted[pairs] * (axes[postures] * turned).sum(axis=-1)
-        return Near(gaps, postures, pairs, slopes)
-
-    def _nearest(self, ends: Array, p_WO: Array | None) -> tuple[Array, Nearest]:
-        """Return the pairs' distances, and the nearest points of their segments."""
-        sides = self._sides
-        if p_WO is not None and self.solids.moving.size:
-            sides = _moved(sides, p_WO)
-        first, second = ends[..., sides.round_first, :, :], ends[..., sides.own_second, :, :]
-        if sides.fixed.size:
-            fixed = np.broadcast_to(sides.fixed, (*ends.shape[:-3], *sides.fixed.shape[-3:]))
-            second = np.concatenate((second, fixed), axis=-3)
-        found = [between_segments(first, second)]
-        if sides.half.size:
-            R, p = sides.R_WO, sides.centers
-            near = to_boxes((ends[..., sides.box_first, :, :] - p[..., None, :]) @ R, sides.half)
-            back = ((R @ x[..., None])[..., 0] + p for x in near[1:])
-            found.append(Nearest(near.distance, *back))
-        if sides.levels.size:
-            walls = ends[..., sides.wall_first, :, :]
-            found.append(to_half_spaces(walls, sides.normals, sides.levels))
-        if len(found) > 1:
-            distance, p_A, p_B = zip(*found, strict=True)
-            parts = (np.concatenate(p_A, axis=-2), np.concatenate(p_B, axis=-2))
-            found = [Nearest(np.concatenate(distance, axis=-1), *parts)]
-        return found[0].distance - self._radii, found[0]
+        known = self._every if pairs is None else self._among(pairs)
+        number = np.arange(self.count) if pairs is None else pairs
+        return Near(number, *known.sloped(self.arm.poses.at(q), p_WO, sloped))
 
     @cached_property
-    def _sides(self) -> _Sides:
-        own, solids = len(self.own), self.solids
-        first, second = self._outer.T
-        r, b = len(solids.radii), len(solids.half)
-        is_round, is_wall = second < r, second >= r + b
-        is_box = ~(is_round | is_wall)
-        balls, boxes, walls = second[is_round], second[is_box] - r, second[is_wall] - r - b
-        return _Sides(
-            round_first=np.concatenate((self._first[:own], first[is_round])),
-            own_second=self.own[:, 1],
-            fixed=solids.ends[balls],
-            fixed_order=solids.order[second[is_round]],
-            box_first=first[is_box],
-            centers=solids.centers[boxes],
-            R_WO=solids.R_WO[boxes],
-            half=solids.half[boxes],
-            box_order=solids.order[second[is_box]],
-            wall_first=first[is_wall],
-            normals=solids.normals[walls],
-            levels=solids.levels[walls],
-            wall_order=solids.order[second[is_wall]],
-        )
+    def _every(self) -> Pairs:
+        return Pairs.of(self.arm, self.own, self._outer, self.solids, self._parted)
+
+    def _among(self, pairs: Indices) -> Pairs:
+        """Return some pairs; the last few are remembered, as they are often the same."""
+        key = pairs.tobytes()
+        if (found := self._asked.get(key)) is None:
+            own, outer = np.split(pairs, [np.searchsorted(pairs, len(self.own))])
+            sides = self.own[own], self._outer[outer - len(self.own)]
+            found = Pairs.of(self.arm, *sides, self.solids, self._parted[pairs])
+            if len(self._asked) >= _REMEMBERED:
+                self._asked.clear()
+            self._asked[key] = found
+        return found
+
+    @cached_property
+    def _asked(self) -> dict[bytes, Pairs]:
+        return {}
 
     @cached_property
     def _outer(self) -> Indices:
@@ -284,14 +230,6 @@ class Clearance:
         first, second = self._carried[self._first], self._second_carried
         return first.astype(float) - second.astype(float)
 
-    @cached_property
-    def _radii(self) -> Array:
-        """The radii of both sides of each pair, shape (p,) [m]."""
-        solids = self.solids
-        second = np.concatenate((solids.radii, np.zeros(len(solids.half) + len(solids.levels))))
-        second = np.concatenate((self.arm.radii[self.own[:, 1]], second[self._outer[:, 1]]))
-        return np.asarray(self.arm.radii[self._first] + second)
-
     def _drift(self, moved: Array) -> Array:
         """Return how much nearer obstacles that move so, shape (k, m, 3), come, shape (k, p)."""
         far = np.zeros((len(moved), len(self.solids.names)))
@@ -322,18 +260,6 @@ class Clearance:
                     way += float(poses.travels[after].sum())
                 spans[c, j] = 1.0 if poses.slides[j] else way
         return spans
-
-
-def _moved(sides: _Sides, p_WO: Array) -> _Sides:
-    """Return the sides of all pairs where obstacles have moved, of `Clearance.gaps`."""
-    # Obstacles at rest share the last place.
-    p = np.concatenate((p_WO, np.zeros((*p_WO.shape[:-2], 1, 3))), axis=-2)
-    rise = (sides.normals * p[..., sides.wall_order, :]).sum(axis=-1)
-    return sides._replace(
-        fixed=sides.fixed + p[..., sides.fixed_order, None, :],
-        centers=sides.centers + p[..., sides.box_order, :],
-        levels=sides.levels + rise,
-    )
 
 
 def _off_axis(points: Array, axis: Array) -> float:

@@ -53,6 +53,11 @@ class LinkPoses:
         joints = np.arange(len(self.slides))
         return joints + np.searchsorted(self.begins, joints, side="right")
 
+    @cached_property
+    def any_slides(self) -> bool:
+        """Whether any joint is prismatic."""
+        return any(self.slides)
+
     @property
     def count(self) -> int:
         """Number of links, bases included."""
@@ -65,15 +70,18 @@ class LinkPoses:
             q: Joint positions, shape (..., n) [rad, or m of a joint that slides].
         """
         turns, turned, slid, fixed = self._parts
-        s, c = np.sin(q)[..., None, None], np.cos(q)[..., None, None]
-        each = fixed + s * turns + (1.0 - c) * turned + q[..., None, None] * slid
-        motions = np.empty((*q.shape[:-1], self.count, 4, 4))
+        # Link by link in memory, as products are fastest.
+        p = q.reshape(-1, len(self.slides)).T[:, :, None, None]
+        each = fixed + np.sin(p) * turns + (1.0 - np.cos(p)) * turned
+        if self.any_slides:
+            each += p * slid
+        motions = np.empty((self.count, each.shape[1], 4, 4))
         for a, begin in enumerate(self.begins):
-            motions[..., begin + a, :, :] = np.eye(4)
-        for k, link in enumerate(self._moved_first):
-            before, after = motions[..., link - 1, :, :], motions[..., link, :, :]
-            np.matmul(before, each[..., k, :, :], out=after)
-        return motions
+            motions[begin + a] = fixed[0]
+            motions[begin + a + 1] = each[begin]
+        for k, link in self._after_another:
+            np.matmul(motions[link - 1], each[k], out=motions[link])
+        return motions.transpose(1, 0, 2, 3).reshape(*q.shape[:-1], self.count, 4, 4)
 
     def axes_at(self, X: Array) -> tuple[Array, Array]:
         """Return unit axes and a point on each in a posture, both of shape (..., n, 3).
@@ -87,21 +95,23 @@ class LinkPoses:
         return (R @ self.axes[..., None])[..., 0], points
 
     @cached_property
-    def _moved_first(self) -> list[int]:
-        return [int(link) for link in self.moved_by]
+    def _after_another(self) -> list[tuple[int, int]]:
+        """Joints that are not the first of an arm, each with the link that it moves first."""
+        links = enumerate(self.moved_by.tolist())
+        return [(k, link) for k, link in links if k not in self.begins]
 
     @cached_property
     def _parts(self) -> tuple[Array, Array, Array, Array]:
-        """What sine, one less cosine and position of each joint count in its motion."""
+        """What sine, one less cosine, position and 1 count in each motion, shape (n, 1, 4, 4)."""
         n = len(self.slides)
-        turns, turned, slid = (np.zeros((n, 4, 4)) for _ in range(3))
+        turns, turned, slid = (np.zeros((n, 1, 4, 4)) for _ in range(3))
         for k, (axis, point) in enumerate(zip(self.axes, self.points, strict=True)):
             if self.slides[k]:
-                slid[k, :3, 3] = axis
+                slid[k, 0, :3, 3] = axis
                 continue
             K = np.cross(np.eye(3), axis)
             for part, matrix in ((turns, K), (turned, K @ K)):
-                part[k, :3, :3] = matrix
+                part[k, 0, :3, :3] = matrix
                 # A rotation about an axis through the point: it stays where it is.
-                part[k, :3, 3] = -matrix @ point
-        return turns, turned, slid, np.broadcast_to(np.eye(4), (n, 4, 4))
+                part[k, 0, :3, 3] = -matrix @ point
+        return turns, turned, slid, np.broadcast_to(np.eye(4), (n, 1, 4, 4))

@@ -175,7 +175,7 @@ class Zeroing(LearningProgramLaw):
     def _damping(self) -> float:
         if self.damping is not None:
             return self.damping
-        return _DAMPING_OF_BOUNDS if self._variables.inequalities else _DAMPING
+        return _DAMPING if self.prescribed or self.scheme.bounds is None else _DAMPING_OF_BOUNDS
 
     @cached_property
     def gain_over_time(self) -> GrowingGain:

@@ -10,6 +10,7 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from pydrake.solvers import ClarabelSolver, MathematicalProgram, SolverOptions
 
 from ...experiment import load_experiment
 from ...inputs.fields import Array
@@ -223,8 +224,6 @@ def _start(program: _Program, seed: int) -> Array:
 
 def _by_clarabel(program: _Program) -> Array:
     """Return U of the optimum of a program, with the multipliers of its equations."""
-    from pydrake.solvers import ClarabelSolver, MathematicalProgram, SolverOptions
-
     n = int(np.count_nonzero(program.upper < _FREE))
     J, c, b = program.M[n:, :n], program.p[:n], -program.p[n:]
     made = MathematicalProgram()

@@ -1,19 +1,27 @@
 """Run every law on every shipped arm at both levels and print a page with the table as Markdown.
 
-`make cross` writes it to docs/cross.md. The exit status is 1 if the arm with full dynamics of any
-cell is more than 2 mm off where the ideal one is within 1 mm.
+`make cross` writes it to docs/cross.md. What was found of each cell is kept in a file, from which
+the page is made, so that some rows alone can be made anew, or those that are missing::
+
+    python benchmarks/cross.py --laws zeroing --arms panda > docs/cross.md
+    python benchmarks/cross.py --missing > docs/cross.md
+
+The exit status is 1 if the arm with full dynamics of any cell is more than 2 mm off where the ideal
+one is within 1 mm.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import sys
-from collections.abc import Iterable
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass, field
 from itertools import product
 from multiprocessing import get_context
+from pathlib import Path
 from textwrap import wrap
 
 from cross_cells import LEVELS, VARIANTS, document
@@ -26,6 +34,17 @@ from markdown_table import head, row
 _GOOD, _HELD = 1e-3, 2e-3
 
 _COMMAND = "python benchmarks/cross.py"
+# What was found of each cell, beside the page.
+_KEPT = Path(__file__).parents[1] / "docs/cross.json"
+# Metrics that the page shows.
+_SHOWN = (
+    *("position_error_max_m", "end_effector_drift_max_m"),
+    *("joint_drift_max_rad", "joint_error_max_rad"),
+    *("force_error_rms_N", "force_error_max_N"),
+    *map(violation_metric, LIMIT_UNITS),
+)
+
+Place = tuple[str, str, str]
 _HEAD = """\
 # Every law on every arm
 
@@ -48,6 +67,9 @@ or, if a filter follows the law, an ideal arm.
   not part of the law's command.
 - *x real time*: simulated time over wall time at both levels, on the machine at hand with several
   runs at a time and other work; [cost](cost.md) has undisturbed figures.
+
+What was found of each cell is kept in `docs/cross.json`; `python benchmarks/cross.py --laws
+zeroing` makes some rows anew, `--missing` those that are not there.
 """
 _PRESSING = """\
 
@@ -101,7 +123,7 @@ class Cell:
         return ", ".join(broken) or "kept"
 
 
-def run(place: tuple[str, str, str]) -> Cell:
+def run(place: Place) -> Cell:
     """Run the cell at a place: variant, arm and level."""
     try:
         experiment = make_experiment(document(*place))
@@ -111,20 +133,39 @@ def run(place: tuple[str, str, str]) -> Cell:
     return Cell(
         *place,
         (*experiment.kept_limits, *experiment.commanded_limits),
-        result.metrics,
+        {name: result.metrics[name] for name in _SHOWN if name in result.metrics},
         tuple(result.warnings),
         pace=result.timings["real_time_factor"],
     )
 
 
-def run_all(places: list[tuple[str, str, str]], jobs: int) -> dict[tuple[str, str, str], Cell]:
-    """Return the cells by their places, run in several processes."""
-    cells = {}
+def run_all(places: list[Place], jobs: int, known: dict[Place, Cell], kept: Path) -> None:
+    """Run the cells at places in several processes; each is known, and kept, once it has ended."""
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        for place, cell in zip(places, pool.map(run, places), strict=True):
-            cells[place] = cell
+        for ended in as_completed([pool.submit(run, place) for place in places]):
+            cell = ended.result()
+            place = cell.variant, cell.arm, cell.level
+            known[place] = cell
+            keep(known, kept)
             print(", ".join(place), cell.reason, file=sys.stderr, flush=True)
-    return cells
+
+
+def keep(cells: Mapping[Place, Cell], kept: Path) -> None:
+    """Write cells to a file, one a line, in order of the page."""
+    order = {place: k for k, place in enumerate(product(VARIANTS, shipped_arms(), LEVELS))}
+    found = sorted((place for place in cells if place in order), key=lambda place: order[place])
+    lines = ",\n".join(json.dumps(asdict(cells[place])) for place in found)
+    kept.write_text(f"[\n{lines}\n]\n")
+
+
+def kept_cells(kept: Path) -> dict[Place, Cell]:
+    """Return the cells of a file, by place; none if there is no such file."""
+    if not kept.exists():
+        return {}
+    rows = json.loads(kept.read_text())
+    lists = ("keeps", "warnings")
+    cells = [Cell(**{**row, **{name: tuple(row[name]) for name in lists}}) for row in rows]
+    return {(cell.variant, cell.arm, cell.level): cell for cell in cells}
 
 
 def misses(cells: Iterable[Cell]) -> list[str]:
@@ -193,20 +234,46 @@ def summary(cells: list[Cell]) -> str:
     )
 
 
+def not_run(found: Mapping[Place, Cell]) -> str:
+    """Return what to say of pairs of law and arm that were not run; empty if there are none."""
+    pairs = list(product(VARIANTS, shipped_arms()))
+    left = [pair for pair in pairs if any((*pair, level) not in found for level in LEVELS)]
+    if not left:
+        return ""
+    arms = ", ".join(dict.fromkeys(arm for _, arm in left))
+    return (
+        f" {len(left)} of {len(pairs)} pairs of law and arm have not been run, which are the rows "
+        f"that tables lack ({arms})."
+    )
+
+
 def main() -> int:
     """Print the page; return 1 if a cell misses."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--laws", nargs="*", default=VARIANTS, choices=VARIANTS)
     parser.add_argument("--arms", nargs="*", default=shipped_arms(), choices=shipped_arms())
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
+    parser.add_argument("--missing", action="store_true", help="leave out cells that are kept")
+    parser.add_argument("--kept", type=Path, default=_KEPT, help="file of cells that were run")
     given = parser.parse_args()
-    found = run_all(list(product(given.laws, given.arms, LEVELS)), given.jobs)
+    known = kept_cells(given.kept)
+    places = list(product(given.laws, given.arms, LEVELS))
+    run_all(
+        [place for place in places if not (given.missing and place in known)],
+        given.jobs,
+        known,
+        given.kept,
+    )
+    found = {
+        place: known[place] for place in product(VARIANTS, shipped_arms(), LEVELS) if place in known
+    }
     cells = list(found.values())
     print(_HEAD)
-    print("\n".join(wrap(summary(cells), 100)))
-    for arm in given.arms:
-        pairs = {law: [found[law, arm, level] for level in LEVELS] for law in given.laws}
-        arm_table(arm, pairs)
+    print("\n".join(wrap(f"{summary(cells)}{not_run(found)}", 100)))
+    for arm in shipped_arms():
+        ran = [law for law in VARIANTS if all((law, arm, level) in found for level in LEVELS)]
+        if ran:
+            arm_table(arm, {law: [found[law, arm, level] for level in LEVELS] for law in ran})
     force_table(cells)
     for missed in misses(cells):
         print(missed, file=sys.stderr)

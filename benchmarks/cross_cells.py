@@ -34,6 +34,14 @@ def _jdf(scheme: str) -> dict[str, Any]:
     return {"kind": "joint_drift_free", "scheme": scheme}
 
 
+def _zeroing(**changes: Any) -> dict[str, Any]:
+    return {"law": {"kind": "zeroing", "gain": 200.0, **changes}}
+
+
+def _projection(**changes: Any) -> dict[str, Any]:
+    return {"law": {"kind": "projection", **changes}}
+
+
 # What a document has of its own, by variant.
 _ALONG: dict[str, dict[str, Any]] = {
     "slc, known J": {"law": _slc(jacobian="known")},
@@ -73,6 +81,15 @@ _ALONG: dict[str, dict[str, Any]] = {
         "feedback": "unfiltered",
     },
     "receding horizon": {"law": {"kind": "receding_horizon"}, "limits": _HIGHER, "period": 1e-2},
+    "zeroing": _zeroing(),
+    "zeroing, noise-tolerant": _zeroing(integral_gain=50.0),
+    "zeroing, four step": _zeroing(discretization="four_step"),
+    "zeroing, prescribed": _zeroing(prescribed={}),
+    "zeroing, learned": _zeroing(jacobian="learned"),
+    "projection, lvi": _projection(),
+    "projection, dual": _projection(network="dual"),
+    "projection, simplified": _projection(network="simplified_lvi", bounds="velocity"),
+    "projection, iterated": _projection(discretization="iterated", bounds="velocity"),
 }
 _SEEKING: dict[str, dict[str, Any]] = {
     "null-space adjustment": {"law": {"kind": "null_space_adjustment"}},

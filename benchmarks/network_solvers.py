@@ -18,7 +18,7 @@ import numpy as np
 
 from drake_rnn import Array, load_experiment
 from drake_rnn.laws.networks.optimality import Optimality
-from drake_rnn.laws.networks.projection_networks import Network, iterated, projected
+from drake_rnn.laws.networks.projected_program import Network, iterated, projected
 from drake_rnn.laws.program.quadratic_program import Program
 from markdown_table import head, row
 from networks_in_the_box import seen

@@ -1,7 +1,14 @@
-"""Judge the papers' claims, and write their page and its data: make claims."""
+"""Judge the papers' claims, and write their page and its data: make claims.
 
+Of some papers alone, while what the page has of the others stays as it is::
+
+    python docs/make_claims.py docs --only recursive state_adjustment
+"""
+
+import argparse
 import json
 import os
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -15,8 +22,9 @@ _HEAD = """\
 
 <!-- Made by `make claims`, with claims.json; nightly tests compare the verdicts. -->
 
-This page lists every numbered table, figure, theorem and remark of the five papers, and what their
-text states in numbers, row by row. The rows are data, a file for each paper in
+This page lists every numbered table, figure, theorem and remark of the papers, and what their text
+states in numbers, row by row; of *prescribed performance*, whose text was not read, what its
+authors' public code and its page say. The rows are data, a file for each paper in
 `drake_rnn/claims/papers/`. Numbers and verdicts are computed from the rows:
 `drake-rnn claims ID --judge` does so for one claim, and [`drake-rnn report`](report.md) for all
 claims, with figures and playbacks of the runs.
@@ -41,14 +49,39 @@ check.
 """
 
 
-def page(contents: dict[str, Any]) -> str:
-    """Return the page from the data of a report."""
-    parts = [_HEAD, counts_table(contents)]
-    for paper in contents["papers"]:
-        name = paper["page"].removeprefix("docs/")
-        parts.append(f"\n## {title_of(paper)}\n")
-        parts.append(f"{paper['citation']}. More in [{name}]({name}).\n\n{claims_table(paper)}")
-    return "\n".join(parts) + "\n"
+def page(contents: dict[str, Any], before: str = "") -> str:
+    """Return the page from the data of a report.
+
+    Args:
+        contents: The data.
+        before: The page as it was; what it has of papers that the report leaves out is taken over.
+    """
+    head, *rows = counts_table(contents).splitlines()
+    rule, *rows = rows
+    counts = {_first_cell(row): row for row in rows}
+    sections = {title_of(paper): _section(paper) for paper in contents["papers"]}
+    of_before = _HEADING.split(before)[1:]
+    kept = {
+        title: text.strip() for title, text in zip(of_before[::2], of_before[1::2], strict=True)
+    }
+    sections = kept | sections
+    known = [row for row in before.split("## ")[0].splitlines() if row.startswith("| ")][1:]
+    counts = {_first_cell(row): row for row in known} | counts
+    table = "\n".join([head, rule, *(counts[name] for name in sorted(counts))])
+    parts = [f"\n## {title}\n\n{sections[title]}" for title in sorted(sections)]
+    return "\n".join([_HEAD, table, *parts]) + "\n"
+
+
+_HEADING = re.compile(r"^## (.+)\n", re.MULTILINE)
+
+
+def _section(paper: dict[str, Any]) -> str:
+    name = paper["page"].removeprefix("docs/")
+    return f"{paper['citation']}. More in [{name}]({name}).\n\n{claims_table(paper)}".strip()
+
+
+def _first_cell(row: str) -> str:
+    return row.split("|")[1].strip()
 
 
 def measured(contents: dict[str, Any]) -> dict[str, Any]:
@@ -70,19 +103,27 @@ def _told(what: str, ended: int, total: int) -> None:
     print(f"{ended} of {total} {what}", file=sys.stderr)
 
 
-def main(place: Path, folder: str = "out/report") -> None:
+def main() -> None:
     """Write page and data; runs that a report has made in its folder are not made again."""
-    chosen = [(claims, claims.claims) for claims in map(read_claims, schemes_in())]
+    parser = argparse.ArgumentParser(description="Judge the papers' claims, and write their page.")
+    parser.add_argument("place", type=Path, help="folder of claims.md and claims.json")
+    parser.add_argument("folder", nargs="?", default="out/report", help="folder of the report")
+    parser.add_argument("--only", nargs="+", choices=schemes_in(), help="papers to judge anew")
+    given = parser.parse_args()
+    place, folder = given.place, given.folder
+    chosen = [(claims, claims.claims) for claims in map(read_claims, given.only or schemes_in())]
     settings = ReportSettings(jobs=os.cpu_count() or 1, pictures=False)
     made = make_report(chosen, folder, settings, _told)
     if made.failures or not made.complete:
         sys.exit("\n".join(f"{name}: {error}" for name, error in made.failures) or "interrupted")
-    rows = (
-        f"{json.dumps(name)}: {json.dumps(row)}" for name, row in measured(made.contents).items()
-    )
-    (place / "claims.json").write_text("{\n" + ",\n".join(rows) + "\n}\n")
-    (place / "claims.md").write_text(page(made.contents))
+    data, text = place / "claims.json", place / "claims.md"
+    known = json.loads(data.read_text()) if given.only else {}
+    found = known | measured(made.contents)
+    order = [claim.id for scheme in schemes_in() for claim in read_claims(scheme).claims]
+    rows = (f"{json.dumps(name)}: {json.dumps(found[name])}" for name in order if name in found)
+    data.write_text("{\n" + ",\n".join(rows) + "\n}\n")
+    text.write_text(page(made.contents, text.read_text() if given.only else ""))
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), *sys.argv[2:])
+    main()

@@ -329,10 +329,11 @@ def _circumstances(
 ) -> Circumstances:
     """Return what a law may have doubts about."""
     desired, contact = experiment.desired, experiment.contact
-    offset = J = None
+    offset = velocity = J = None
     if experiment.target is None:
         position = experiment.task.position
-        offset = position(desired.position(0.0)[0] - experiment.p_WE_start)
+        p_start, v_start, _ = desired.position(0.0)
+        offset, velocity = position(p_start - experiment.p_WE_start), position(v_start)
         J = position(kinematics.J(experiment.start))
     return Circumstances(
         loop_delay=delay.loop,
@@ -340,6 +341,7 @@ def _circumstances(
         pressing_force=None if contact is None else contact.force.value,
         path_turns=desired.turns,
         start_offset=offset,
+        start_velocity=velocity,
         J=J,
         task_J=lambda q: experiment.task.J(kinematics, q),
         period=experiment.document.period,

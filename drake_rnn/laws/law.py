@@ -175,6 +175,7 @@ class Circumstances(NamedTuple):
         path_turns: Whether the desired orientation changes along the path.
         start_offset: Way from the end effector to the path at the start, in the task's axes,
             shape (m,) [m]; None without a path.
+        start_velocity: Desired velocity of the path at the start, likewise [m/s].
         J: Jacobian of the arm in these axes at the start, shape (m, n), for an estimate of what it
             can do; None without a path.
         task_J: Function of a posture, shape (n,) [rad], that returns the Jacobian of the whole
@@ -188,6 +189,7 @@ class Circumstances(NamedTuple):
     pressing_force: float | None = None
     path_turns: bool = False
     start_offset: Array | None = None
+    start_velocity: Array | None = None
     J: Array | None = None
     task_J: Callable[[Array], Array] | None = None
     period: float | None = None

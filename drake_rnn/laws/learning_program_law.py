@@ -1,6 +1,7 @@
 """The base class of laws of programs whose Jacobian may be learned."""
 
 # No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
+from abc import abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, Self
@@ -44,9 +45,9 @@ class LearningProgramLaw(ProgramLaw):
             raise ValueError("manipulability: needs jacobian: known; leave it out")
 
     @property
+    @abstractmethod
     def dynamics(self) -> FollowingNetwork:
         """The network that the law runs."""
-        raise NotImplementedError
 
     @property
     def _learns(self) -> bool:

@@ -50,9 +50,9 @@ class ProgramLaw(Law):
     def __post_init__(self) -> None:
         self.limits.require_size("home", self.home)
         unbounded = ~np.isfinite(self.limits.velocity)
-        if self.bounds == "velocity" and unbounded.any():
+        if self._bounded and unbounded.any():
             raise ValueError(
-                "bounds: velocity needs a velocity limit for every joint, but joint "
+                f"{self._bounding} needs a velocity limit for every joint, but joint "
                 f"{int(np.argmax(unbounded)) + 1} has none; give limits.velocity"
             )
 
@@ -60,6 +60,15 @@ class ProgramLaw(Law):
             raise ValueError(
                 "manipulability: needs cost: velocity and task: xyz or pose; leave it out"
             )
+
+    @property
+    def _bounding(self) -> str:
+        """What has bounds in the program, as a document says it; empty without bounds."""
+        return "" if self.bounds == "none" else f"bounds: {self.bounds}"
+
+    @property
+    def _bounded(self) -> bool:
+        return bool(self._bounding)
 
     @property
     def _cost(self) -> Cost:
@@ -74,7 +83,7 @@ class ProgramLaw(Law):
         return QPScheme(
             self._cost,
             EndEffectorVelocity(self.limits.size, self.task_size, self.feedback),
-            VelocityBox(self.limits, self.limit_stiffness) if self.bounds == "velocity" else None,
+            VelocityBox(self.limits, self.limit_stiffness) if self._bounded else None,
         )
 
     @property
@@ -83,7 +92,7 @@ class ProgramLaw(Law):
 
     @property
     def sampled_gains(self) -> Mapping[str, float]:
-        stiffness = {"limit_stiffness": self.limit_stiffness} if self.bounds == "velocity" else {}
+        stiffness = {"limit_stiffness": self.limit_stiffness} if self._bounded else {}
         return {"feedback": self.feedback, "return_gain": self.return_gain, **stiffness}
 
     @property

@@ -17,6 +17,9 @@ from .parts.signal_rates import SignalRates
 from .program.quadratic_program import Program, Rates
 from .program.scheme import QPScheme
 
+# Parts of a network's state that are recorded, by the names of observables.
+_TOLD = {"residual": "residual_largest", "funnel_share": "funnel_used"}
+
 
 class FollowingNetwork(Protocol):
     """A network that follows the optimum of a program.
@@ -86,7 +89,8 @@ class ProgramReading(SampledReading):
 
     @cached_property
     def observables(self) -> Layout:
-        return Layout(residual=(1,))
+        parts = self.state.parts
+        return Layout(**{name: (1,) for name, part in _TOLD.items() if part in parts})
 
     @property
     def learned(self) -> LearnedJacobian | None:
@@ -120,4 +124,4 @@ class ProgramReading(SampledReading):
         return self.state.joined({"v": v, **found, **held, "samples": count + 1.0})
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
-        return {"residual": self.state.part(x, "residual_largest")}
+        return {name: self.state.part(x, _TOLD[name]) for name in self.observables.parts}

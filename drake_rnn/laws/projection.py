@@ -8,7 +8,7 @@ Sources:
     Conference (2005), and its simplified form, in which public code integrates them. The
     projection network: Xia, Leung, Wang, "A projection neural network and its application to
     constrained optimization problems", IEEE Transactions on Circuits and Systems I 49 (2002).
-    Equations were read in public code, see `drake_rnn.laws.networks.projection_networks`; the
+    Equations were read in public code, see `drake_rnn.laws.networks.projected_program`; the
     papers themselves were not read.
 
 The optimum of the program of a scheme (`drake_rnn.laws.program`) is where a projection leaves the
@@ -56,8 +56,8 @@ from ..inputs.fields import Array, Gain, Weight, validated
 from .law import Circumstances, ContinuousReading, SampledReading
 from .layout import Layout, Signals
 from .learning_program_law import LearningProgramLaw, LearningReading
-from .networks.projection_network import ProjectionNetwork, Steps
-from .networks.projection_networks import PRIMAL, Network, projected
+from .networks.projected_program import PRIMAL, Network, projected
+from .networks.sampled_projection import ProjectionNetwork, Steps
 from .program.quadratic_program import Program
 
 # Gain where steps are implicit, and where they are explicit or Drake's [1/s].

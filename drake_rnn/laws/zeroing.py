@@ -1,11 +1,13 @@
 r"""Zeroing networks: the optimum of a time-varying program by an error that is driven to zero.
 
 Sources:
-    Read in public code: the network with fixed and varying gains for equations (``vp-rnn``, which
-    names Zhang et al., IEEE 8589008 and 8463509); the noise-tolerant one with inequalities (code
-    that names Jin et al., IEEE Transactions on Industrial Electronics 63 (2016)); activations and
-    the four-step formula (``ZNN_Optimal_Control``, of Singh and Keshavan, IEEE Access 10 (2022)).
-    The papers themselves were not read.
+    Zhang, Kong, Zheng, "Power-type varying-parameter RNN for solving TVQP problems: design,
+    analysis, and applications", IEEE Transactions on Neural Networks and Learning Systems 30
+    (2019). Read in public code: the network with fixed and varying gains for equations (``vp-rnn``,
+    of these authors); the noise-tolerant one with inequalities (code that names Jin et al., IEEE
+    Transactions on Industrial Electronics 63 (2016)); barriers, activations and the four-step
+    formula (``ZNN_Optimal_Control``, of Singh and Keshavan, IEEE Access 10 (2022)). The papers of
+    the last two were not read.
 
 With the program of the scheme (`drake_rnn.laws.program`) and the error E of its optimality
 conditions (`drake_rnn.laws.networks.optimality`), the network
@@ -20,6 +22,9 @@ makes E vanish as dE/dt = -gamma Phi(E) does. Without inequalities it is the net
     Q = \begin{pmatrix} I & J^T \\ J & 0 \end{pmatrix}, \quad
     u = \begin{pmatrix} -k (q - q_0) \\ b \end{pmatrix} .
 
+With ``prescribed`` the bounds and the task are held by log barriers, as Singh and Keshavan do:
+`drake_rnn.laws.networks.barriers` has E, whose variables are then the barriers' logits.
+
 =========  =====================  =====================================================
 paper      here                   meaning
 =========  =====================  =====================================================
@@ -28,6 +33,7 @@ x          optimum                joint velocities of the network (state)
 lambda     multipliers            multipliers of the task (state)
 mu         bound_multipliers      multipliers of the bounds (state)
 z          integral               integral of E (state)
+chi        logits                 logits of the velocities within their bounds (state)
 gamma      gain                   gain of the design formula [1/s]
 eta        integral_gain          gain of the noise-tolerant formula [1/s]
 Phi        activation             activation function
@@ -38,7 +44,10 @@ K          feedback               gain of the position feedback [1/s]
 Not in the papers:
     What is commanded is held for a sample, see `drake_rnn.laws.program_reading`.
     ``discretization: implicit`` steps are stable at any gain, where the papers integrate in
-    continuous time. A damping keeps the equations regular in a singular posture.
+    continuous time. A damping keeps the equations regular in a singular posture. In the code of
+    Singh and Keshavan the network's variables are velocities, which a step may take out of their
+    bounds, and the constraint is chi^2/2 = 0, whose slope vanishes where it holds; here they are
+    logits, and chi = 0. Position limits are folded into the bounds, and there is a way back.
 """
 
 from __future__ import annotations
@@ -54,10 +63,12 @@ from .learning_program_law import LearningProgramLaw, LearningReading
 from .networks.activations import Activation, Shape, activation
 from .networks.design import Design
 from .networks.discretization import FORMULAS, Discretization
+from .networks.funnel import Funnel
 from .networks.growth import GrowingGain, Growth
 from .networks.optimality import Variables
 from .networks.zeroing_network import ZeroingNetwork
 from .parts.network_noise import NetworkNoise
+from .program.costs import BarrierOfVelocity, Cost
 
 # Damping [m]: of equations alone, whose optimum changes smoothly up to singular postures; and with
 # bounds, which can leave none, so that multipliers grow as the inverse of its square.
@@ -73,7 +84,8 @@ class Zeroing(LearningProgramLaw):
         feedback, bounds, limit_stiffness: See `ProgramLaw`.
         jacobian, J_hat_initial, variance, wander, measurement: See `LearningProgramLaw`.
         gain: Gain gamma of the design formula at the start [1/s].
-        growth: How the gain grows: ``none``, ``exponential`` or ``power``.
+        growth: How the gain grows: ``none``, ``exponential``, ``power`` or
+            ``power_of_gain``.
         growth_rate: The rate a of its growth [1/s].
         activation: Activation function Phi, see `drake_rnn.laws.networks.activations`.
         exponent: The number p of the activation; by default the one of the public code.
@@ -83,6 +95,8 @@ class Zeroing(LearningProgramLaw):
         damping: Damping of the optimum where J loses rank, or where bounds leave no velocity that
             does the task [m]; 1e-4 by default, with ``bounds`` 1e-3.
         noise: What disturbs the network; None for nothing.
+        prescribed: Funnel of the task's residual J v - b, with which velocities are held within
+            their bounds, and the residual within the funnel, by log barriers; None without it.
     """
 
     kind: Literal["zeroing"] = "zeroing"
@@ -96,12 +110,42 @@ class Zeroing(LearningProgramLaw):
     discretization: Discretization = "implicit"
     damping: Weight | None = None
     noise: NetworkNoise | None = None
+    prescribed: Funnel | None = None
 
     takes_many = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
         activation(self.activation, self.exponent, self.steepness)
+        if self.prescribed is not None:
+            self._check_prescribed()
+
+    def _check_prescribed(self) -> None:
+        if self.bounds != "none":
+            raise ValueError("bounds: prescribed has bounds of its own; leave one of them out")
+        if self.cost != "velocity" or self.manipulability:
+            name = "cost" if self.cost != "velocity" else "manipulability"
+            raise ValueError(f"{name}: prescribed has a cost of its own; leave one of them out")
+        if self._learns:
+            raise ValueError(
+                "jacobian: prescribed needs jacobian: known, for a residual of a J that is not "
+                "learned yet is outside of any funnel"
+            )
+
+    @property
+    def _bounding(self) -> str:
+        return super()._bounding if self.prescribed is None else "prescribed:"
+
+    @property
+    def _cost(self) -> Cost:
+        if self.prescribed is None:
+            return super()._cost
+        return BarrierOfVelocity(self.home, self.return_gain, self.limits.velocity)
+
+    @property
+    def keeps(self) -> tuple[str, ...]:
+        """See `Law.keeps`; the logits are of velocities within their limits, whatever they are."""
+        return () if self.prescribed is None else ("velocity",)
 
     @cached_property
     def phi(self) -> Activation:
@@ -112,19 +156,26 @@ class Zeroing(LearningProgramLaw):
     def dynamics(self) -> ZeroingNetwork:
         """The network that the law runs."""
         return ZeroingNetwork(
-            Variables(*self.scheme.sizes(self.limits.size)),
+            self._variables,
             Design(self.phi, self.integral_gain),
             self.gain_over_time,
             FORMULAS.get(self.discretization),
             self._damping**2,
             self.noise,
+            self.prescribed,
         )
+
+    @property
+    def _variables(self) -> Variables:
+        sizes = self.scheme.sizes(self.limits.size)
+        # Barriers have no multipliers.
+        return Variables(*sizes) if self.prescribed is None else Variables(*sizes[:2], 0)
 
     @property
     def _damping(self) -> float:
         if self.damping is not None:
             return self.damping
-        return _DAMPING if self.scheme.bounds is None else _DAMPING_OF_BOUNDS
+        return _DAMPING if self.prescribed or self.scheme.bounds is None else _DAMPING_OF_BOUNDS
 
     @cached_property
     def gain_over_time(self) -> GrowingGain:
@@ -156,7 +207,21 @@ class Zeroing(LearningProgramLaw):
 
     def doubts(self, circumstances: Circumstances) -> list[str]:
         """See `Law.doubts`; a gain that grows may leave what can be sampled, or computed."""
+        self._require_start(circumstances)
         return [*self._learning_doubts, *self._growth_doubts(circumstances)]
+
+    def _require_start(self, circumstances: Circumstances) -> None:
+        offset, velocity = circumstances.start_offset, circumstances.start_velocity
+        if self.prescribed is None or offset is None or velocity is None:
+            return
+        half = self.prescribed.width(0.0)[0]
+        wanted = float(abs(velocity + self.feedback * offset).max())
+        if wanted >= half:
+            raise InvalidInputError(
+                f"law.prescribed: the start is outside of the funnel: at rest the residual J v - b "
+                f"is {wanted:.4g} m/s along an axis, and start + end = {half:.4g} m/s; give a "
+                "larger start, a smaller law.feedback or a path that begins nearer to the arm"
+            )
 
     def _growth_doubts(self, circumstances: Circumstances) -> list[str]:
         lasts, until = self.gain_over_time.lasts, circumstances.duration

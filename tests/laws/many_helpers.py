@@ -159,6 +159,7 @@ LAWS = {
     "zeroing_largest": zeroing(cost="largest_velocity", bounds="velocity"),
     "zeroing_energy": zeroing(cost="kinetic_energy"),
     "zeroing_manipulability": zeroing(manipulability=0.5, task_size=6),
+    "zeroing_prescribed": zeroing(prescribed={"start": 20.0, "end": 5.0}),
     "zeroing_explicit": zeroing(
         task_size=6,
         discretization="four_step",
@@ -219,6 +220,7 @@ GAINS = {
     "zeroing_largest": ("gain", "return_gain", "blend"),
     "zeroing_energy": ("gain", "return_gain"),
     "zeroing_manipulability": ("gain", "return_gain", "manipulability"),
+    "zeroing_prescribed": ("gain", "return_gain", "prescribed.end", "limits.velocity"),
     "zeroing_explicit": ("gain", "growth_rate", "feedback"),
     "nsa_pose": ("ramp_time", "damping", "limits.position_upper"),
     "motion_force": ("gain", "stiffness", "orientation_gain", "time_constant", "multiplier_limit"),

@@ -93,7 +93,9 @@ def test_a_linear_error_does_not_vanish_in_that_time():
 
 
 def test_gains_grow_as_they_say_and_reach_what_they_say():
-    for growth, factor in (("none", 1.0), ("exponential", np.exp(1.2)), ("power", 2.2**3)):
+    factors = {"none": 1.0, "exponential": np.exp(1.2), "power": 2.2**3}
+    factors["power_of_gain"] = 1.0 + 1.2**50 / 50.0
+    for growth, factor in factors.items():
         gain = GrowingGain(50.0, growth, 0.6)
         assert gain.at(2.0) == pytest.approx(50.0 * factor)
         assert gain.reaches(40.0) == 0.0

@@ -16,6 +16,7 @@ from drake_rnn import (
     SimultaneousLearning,
     StateAdjustment,
     WarmUp,
+    Zeroing,
 )
 from drake_rnn.laws.parts.kept_limits import kept_with_lag
 from drake_rnn.robot.limits import DERIVATIVE_UNITS, LIMIT_UNITS
@@ -66,6 +67,7 @@ LAWS = {
         ),
         1e-3,
     ),
+    "zeroing_prescribed": (Zeroing(limits=LIMITS, home=np.zeros(N), prescribed={}), 1e-3),
     "slow_filter": (
         Recursive(limits=LIMITS, gains=[100.0], reading="filters", time_constants=[0.9]),
         1e-3,

@@ -1,8 +1,12 @@
 """Cells of the cross table, with shorter laps: mass changes little, and what is kept is kept."""
 
-import pytest
+import re
 
-from cross import Cell, misses, run
+import pytest
+from doc_pages import ROOT
+
+import cross
+from cross import Cell, keep, kept_cells, misses, not_run, run
 from cross_cells import LEVELS, document
 from drake_rnn import make_experiment, simulate
 from drake_rnn.measures import violation_metric
@@ -17,6 +21,8 @@ THINNED = {
     "pseudoinverse": "planar6",
     "pseudoinverse, filtered": "ur5",
     "receding horizon": "panda",
+    "zeroing, prescribed": "iiwa14",
+    "projection, lvi": "ur5",
     "null-space adjustment": "planar6",
     "modified state adjustment": "ur5",
     "motion-force, known J": "ur5",
@@ -76,3 +82,27 @@ def test_only_limits_that_a_law_keeps_are_counted():
     assert told() == "none"
     assert told("position") == "kept"
     assert told("velocity", "acceleration") == "velocity by 0.25 rad/s"
+
+
+def test_cells_that_are_kept_are_read_again_in_order_of_the_page(tmp_path):
+    late = Cell("pseudoinverse", "ur5", "dynamic", (), {"position_error_max_m": 0.1}, ("told",))
+    early = Cell("adaptive, known J", "ur5", "kinematic", ("velocity",), {}, reason="refused")
+    cells = {(cell.variant, cell.arm, cell.level): cell for cell in (late, early)}
+    keep(cells, tmp_path / "cells.json")
+    found = kept_cells(tmp_path / "cells.json")
+    assert found == cells
+    assert list(found.values()) == [early, late]
+    assert kept_cells(tmp_path / "none.json") == {}
+
+
+def test_pairs_that_were_not_run_are_counted():
+    assert re.search(r"^ \d+ of (\d+) pairs .* \(fr3, .*ur5\)\.$", not_run({}))
+    every = {place: None for place in cross.product(cross.VARIANTS, cross.shipped_arms(), LEVELS)}
+    assert not_run(every) == ""
+
+
+def test_the_page_is_made_of_the_cells_that_are_kept(monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["cross.py", "--laws"])
+    cross.main()
+    made, page = capsys.readouterr().out, (ROOT / "docs/cross.md").read_text()
+    assert re.sub(r"of \w+ -->", "", made) == re.sub(r"of \w+ -->", "", page)

@@ -14,7 +14,8 @@ name                   phi(x) for x >= 0                               p, z by d
 =====================  ==============================================  =====================
 
 All but the last were read in public code (``vp-rnn`` and ``ZNN_Optimal_Control``), with these
-defaults; the last is from memory.
+defaults; the last is the tunable one of Zhang, Kong, Zheng, IEEE Transactions on Neural Networks
+and Learning Systems 30 (2019), whose p is not given.
 
 With dE/dt = -gamma phi(E), an error of any size is zero within a fixed time under those of the last
 two, for x^p takes less than 1/(1 - p) to go from 1 to 0, and x^(1/p) less than p/(1 - p) to come

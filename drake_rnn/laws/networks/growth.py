@@ -5,7 +5,10 @@ r"""Gains of zeroing networks as functions of time: fixed, or growing.
 =================  ===========================  ===================================================
 ``none``           gamma                        fixed-parameter networks
 ``exponential``    gamma e^(a t)                varying-parameter networks; read in public code
-``power``          gamma (1 + a t)^3            ours; the power that papers take was not read
+``power``          gamma (1 + a t)^3            ours, of any gain
+``power_of_gain``  gamma + (a t)^gamma          power-type varying-parameter networks: Zhang, Kong,
+                                                Zheng, IEEE Transactions on Neural Networks and
+                                                Learning Systems 30 (2019), (21)
 =================  ===========================  ===================================================
 """
 
@@ -16,7 +19,7 @@ from typing import Any, Literal, NamedTuple
 
 from ...arrays.algebra import functions_of
 
-Growth = Literal["none", "exponential", "power"]
+Growth = Literal["none", "exponential", "power", "power_of_gain"]
 
 _POWER = 3.0
 # Growth beyond which a gain is no number that a computer can hold.
@@ -42,6 +45,8 @@ class GrowingGain(NamedTuple):
             return self.first
         if self.growth == "power":
             return self.first * (1.0 + self.rate * t) ** _POWER
+        if self.growth == "power_of_gain":
+            return self.first + functions_of(t, self.first).power(self.rate * t, self.first)
         return self.first * functions_of(t, self.rate).exp(self.rate * t)
 
     def reaches(self, gain: float) -> float:
@@ -53,6 +58,8 @@ class GrowingGain(NamedTuple):
             return inf
         if self.growth == "power":
             return float((ratio ** (1.0 / _POWER) - 1.0) / self.rate)
+        if self.growth == "power_of_gain":
+            return float((gain - self.first) ** (1.0 / self.first) / self.rate)
         return float(log(ratio) / self.rate)
 
     @property

@@ -54,6 +54,9 @@ class Optimality:
         damping: The small number epsilon.
     """
 
+    #: Newton steps to an error that is wanted: without inequalities the first one is exact.
+    newton_steps = 1
+
     def __init__(self, program: Program, damping: Any) -> None:
         self.program, self.damping = program, damping
         self._k, self._m = program.c.shape[-1], program.b.shape[-1]
@@ -61,6 +64,10 @@ class Optimality:
     @cached_property
     def _inequalities(self) -> tuple[Array, Array] | None:
         return self.program.inequalities()
+
+    def optimum(self, y: Array) -> Array:
+        """Return the program's variables x, shape (..., k)."""
+        return y[..., : self._k]
 
     def error(self, y: Array) -> Array:
         """Return E, of the shape of y: x, lambda and mu, shape (..., k + m + l)."""
@@ -109,6 +116,10 @@ class Optimality:
         slack = d - matvec(C, x)
         opening = (0.0 * slack if d_dot is None else d_dot) - _moved(C_dot, x)
         return joined((stationary, equal, (1.0 - slack / _radius(slack, mu)) * opening))
+
+    def shortened(self, step: Array) -> Array:
+        """Return a Newton step as it is."""
+        return step
 
     def _parts(self, y: Array) -> tuple[Array, Array, Array]:
         k, m = self._k, self._m

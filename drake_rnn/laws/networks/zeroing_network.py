@@ -15,6 +15,9 @@ step to it,
     \text{ of the program as it will be, by its rates.}
 
 Without inequalities E is linear in y, and the step is exact.
+
+With a funnel its bounds and its task are held by barriers, and E and y are those of
+`drake_rnn.laws.networks.barriers`.
 """
 
 from __future__ import annotations
@@ -30,8 +33,10 @@ from ..layout import Signals
 from ..parts.late import pushed
 from ..parts.network_noise import NetworkNoise
 from ..program.quadratic_program import Program, Rates
+from .barriers import Barriers
 from .design import Design
 from .discretization import ExplicitFormula
+from .funnel import Funnel
 from .growth import GrowingGain
 from .optimality import Optimality, Variables
 
@@ -49,6 +54,7 @@ class ZeroingNetwork:
         formula: How its state is carried on; None for implicit steps.
         damping: The small number epsilon of `Optimality`.
         noise: What disturbs it; None for nothing.
+        funnel: What its residual should stay in, with barriers; None without them.
     """
 
     variables: Variables
@@ -57,6 +63,7 @@ class ZeroingNetwork:
     formula: ExplicitFormula | None
     damping: Any
     noise: NetworkNoise | None = None
+    funnel: Funnel | None = None
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
@@ -68,6 +75,8 @@ class ZeroingNetwork:
         }
         if variables.inequalities:
             parts["bound_multipliers"] = (variables.inequalities,)
+        if self.funnel is not None:
+            parts |= {"logits": (variables.x,), "funnel_used": (1,)}
         if acts(self.design.integral):
             parts["integral"] = (size,)
         if self.formula is not None:
@@ -96,14 +105,20 @@ class ZeroingNetwork:
             count: Number of samples before this one, shape (..., 1).
             period: Time until the next sample [s].
         """
-        y, z = self._y(kept), kept.get("integral")
-        conditions = Optimality(program, self.damping)
+        conditions = self._conditions(program, t)
+        y, z = self._y(kept, conditions, count), kept.get("integral")
         E = conditions.error(y)
         noise, held = self._noise(kept, t)
+        later = conditions
+        if self.formula is None or self.funnel is not None:
+            later = self._conditions(program.ahead(rates, period), t + period)
         if self.formula is None:
             e = self.design.after(E, z, self.gain.at(t + period), noise, period)
-            later = Optimality(program.ahead(rates, period), self.damping)
-            found = y + solved_for(later.slope(y), e - later.error(y))
+            found = y
+            for _ in range(later.newton_steps):
+                found = found + later.shortened(
+                    solved_for(later.slope(found), e - later.error(found))
+                )
             risen = e
         else:
             # A network that has left its program grows without bound: its controller says so.
@@ -117,15 +132,27 @@ class ZeroingNetwork:
         if z is not None:
             held["integral"] = z + period * risen
         held["residual_largest"] = functions_of(E).abs(E).max(axis=-1, keepdims=True)
-        return {**self._named(found), **held}
+        if isinstance(conditions, Barriers):
+            held |= {"logits": found[..., : self.variables.x], "funnel_used": conditions.used(y)}
+        return {**self._named(found, later), **held}
 
-    def _y(self, kept: Signals) -> Array:
+    def _conditions(self, program: Program, t: float) -> Optimality | Barriers:
+        if self.funnel is None:
+            return Optimality(program, self.damping)
+        return Barriers(program, self.damping, self.funnel, t)
+
+    def _y(self, kept: Signals, conditions: Optimality | Barriers, count: Array) -> Array:
+        if isinstance(conditions, Barriers):
+            # No arm moves before the first sample.
+            where = functions_of(count, kept["logits"]).where
+            logits = where(count == 0.0, conditions.start(), kept["logits"])
+            return joined((logits, kept["multipliers"]))
         names = ["optimum", "multipliers", "bound_multipliers"]
         return joined([kept[name] for name in names if name in kept])
 
-    def _named(self, y: Array) -> _Parts:
+    def _named(self, y: Array, conditions: Optimality | Barriers) -> _Parts:
         k, m, _ = self.variables
-        parts = {"optimum": y[..., :k], "multipliers": y[..., k : k + m]}
+        parts = {"optimum": conditions.optimum(y), "multipliers": y[..., k : k + m]}
         if self.variables.inequalities:
             parts["bound_multipliers"] = y[..., k + m :]
         return parts

@@ -11,8 +11,7 @@ free joints and v_0 has g for these and the bounds for the others. Each joint th
 and who wants beyond the box is at its bound in the next round, while who is at a bound and wants
 away from it is free.
 
-All joints change sides at once as long as fewer are wrong each time, or once more; then only the
-last one that is wrong does, as Murty's rule has it, which ends (Kim and Park, "Fast nonnegative
+Who changes sides when is said in `drake_rnn.arrays.pivoting` (Kim and Park, "Fast nonnegative
 matrix factorization: an active-set-like method and comparisons", SIAM Journal on Scientific
 Computing 33, 2011, describe the same for one-sided bounds). Mostly there is one round or two.
 """
@@ -23,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from ...arrays import pivoting
 from ...arrays.algebra import (
     clipped,
     functions_of,
@@ -41,9 +41,6 @@ from ...inputs.fields import Array
 _ROUNDS = 200
 # What is compiled makes all of its rounds, each time.
 _ROUNDS_COMPILED = 60
-# Further rounds in which all joints may change sides though not fewer are wrong. With 3, five times
-# as many of those programs need more than 60.
-_PATIENCE = 1.0
 
 
 def wanted(J: Array, b: Array, g: Array, softness: Array) -> Array:
@@ -80,36 +77,38 @@ def within_box(J: Array, b: Array, g: Array, softness: Array, lower: Array, uppe
     found = repeated(
         lambda parts: _round(xp, program, parts), _start(xp, v, lower, upper), _ROUNDS_COMPILED
     )
-    return clipped(found[4], lower, upper)
+    return clipped(found[3], lower, upper)
 
 
 def _start(xp: Any, v: Array, lower: Array, upper: Array) -> Parts:
     """Return sides, fewest wrong so far, patience, what is wanted, and who is done, at first."""
     shape = np.broadcast_shapes(v.shape, lower.shape)
     v = xp.broadcast_to(v, shape)
-    none = xp.zeros((*shape[:-1], 1))
-    low, high = 1.0 * (v < lower), 1.0 * (v > upper)
-    done = (low + high).max(axis=-1, keepdims=True) == 0.0
-    return low, high, none + shape[-1] + 1.0, none + _PATIENCE, v, done
+    sides = 1.0 * (v > upper) - 1.0 * (v < lower)
+    return sides, *pivoting.first(sides), v, xp.abs(sides).max(axis=-1, keepdims=True) == 0.0
 
 
 def _round(xp: Any, program: Parts, parts: Parts) -> Parts:
     """Return the parts of `_start` one round later."""
     J, b, g, softness, lower, upper = program
-    low, high, fewest, patience, _, _ = parts
-    base = xp.where(low > 0.0, lower, xp.where(high > 0.0, upper, g))
-    free = 1.0 - low - high
+    sides, fewest, patience, _, _ = parts
+    base = xp.where(sides < 0.0, lower, xp.where(sides > 0.0, upper, g))
+    free = 1.0 * (sides == 0.0)
     system = matmul(J * free[..., None, :], transposed(J)) + softness
     v = g + vecmat(solved_regular(system, b - matvec(J, base)), J)
-    return _turned(xp, (low, high, fewest, patience), v, lower, upper)
+    # A joint at a bound that wants away from it is free in the next round, wherever it wants to.
+    at_bound = xp.where(sides < 0.0, -1.0 * (v <= lower), 1.0 * (v >= upper))
+    ought = xp.where(sides == 0.0, 1.0 * (v > upper) - 1.0 * (v < lower), at_bound)
+    *next_ones, done = pivoting.turned(sides, ought, fewest, patience)
+    return *next_ones, v, done
 
 
 def _of_many(v: Array, program: Parts) -> Array:
     """Return the velocities of many robots in NumPy, of which few need many rounds."""
     lower, upper = program[4], program[5]
     parts = _start(np, v, lower, upper)
-    found = parts[4].reshape(-1, v.shape[-1]).copy()
-    lead = parts[4].shape[:-1]
+    found = parts[3].reshape(-1, v.shape[-1]).copy()
+    lead = parts[3].shape[:-1]
     rows = [
         np.broadcast_to(given, lead + given.shape[given.ndim - axes :]).reshape(
             -1, *given.shape[given.ndim - axes :]
@@ -119,34 +118,15 @@ def _of_many(v: Array, program: Parts) -> Array:
     parts = tuple(part.reshape(-1, part.shape[-1]) for part in parts)
     numbers = np.arange(len(found))
     for _ in range(_ROUNDS):
-        going = ~parts[5][:, 0]
+        going = ~parts[4][:, 0]
         if not going.all():
             numbers, rows = numbers[going], [given[going] for given in rows]
             parts = tuple(part[going] for part in parts)
         if not numbers.size:
             break
         parts = _round(np, tuple(rows), parts)
-        found[numbers] = parts[4]
+        found[numbers] = parts[3]
     return clipped(found.reshape(*lead, -1), lower, upper)
-
-
-def _turned(xp: Any, sides: Parts, v: Array, lower: Array, upper: Array) -> Parts:
-    """Return the sides after a round in which the joints want ``v``, ``v``, and who is done."""
-    low, high, fewest, patience = sides
-    # A joint at a bound that wants away from it is free in the next round, wherever it wants to.
-    free = 1.0 - low - high
-    new_low = xp.where(free > 0.0, 1.0 * (v < lower), low * (v <= lower))
-    new_high = xp.where(free > 0.0, 1.0 * (v > upper), high * (v >= upper))
-    wrong = xp.abs(new_low - low) + xp.abs(new_high - high)
-    count = wrong.sum(axis=-1, keepdims=True)
-    fewer = count < fewest
-    all_at_once = fewer | (patience > 0.0)
-    places = xp.arange(1.0, v.shape[-1] + 1.0)
-    last = places == (places * wrong).max(axis=-1, keepdims=True)
-    change = (wrong > 0.0) & (all_at_once | last)
-    low, high = xp.where(change, new_low, low), xp.where(change, new_high, high)
-    patience = xp.where(fewer, _PATIENCE, xp.maximum(patience - 1.0, 0.0))
-    return low, high, xp.where(fewer, count, fewest), patience, v, count == 0.0
 
 
 def _of_one(
@@ -154,14 +134,14 @@ def _of_one(
 ) -> Array:
     """Return the velocity of one robot in NumPy, from the one without a box.
 
-    Its joints change sides as in `_turned`, in plain numbers, which take a third of the time.
+    Its joints change sides as in `pivoting.turned`, in plain numbers: a third of the time.
     """
     ends = list(zip(lower.tolist(), upper.tolist(), strict=True))
     none = [0] * len(ends)
     sides = _sides(none, v, ends)
     if sides == none:
         return v
-    preferred, fewest, patience = g.tolist(), len(ends) + 1, _PATIENCE
+    preferred, fewest, patience = g.tolist(), len(ends) + 1, pivoting.PATIENCE
     for _ in range(_ROUNDS):
         free = np.array([side == 0 for side in sides], dtype=float)
         held = zip(sides, ends, preferred, strict=True)
@@ -173,7 +153,7 @@ def _of_one(
         if not wrong:
             break
         if len(wrong) < fewest:
-            sides, fewest, patience = new, len(wrong), _PATIENCE
+            sides, fewest, patience = new, len(wrong), pivoting.PATIENCE
         elif patience > 0.0:
             sides, patience = new, patience - 1.0
         else:

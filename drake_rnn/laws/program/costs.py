@@ -15,7 +15,8 @@ r"""Costs of a scheme at the velocity level: what is minimised of the joint velo
 
 q_0 is the posture at the start: a closed path then ends near it, as in the null space of the task
 the joints move towards q_0 at the rate k. w is the logarithm of the manipulability,
-w = ln sqrt(det J J^T), M the joints' inertia. s is a variable of its own.
+w = ln sqrt(det J J^T), M the joints' inertia. s is a variable of its own. `BarrierOfVelocity` is
+the cost of a zeroing network with ``prescribed``.
 
 Sources:
     Least velocity and repetitive motion are standard; the latter was read in the public code of a
@@ -152,6 +153,43 @@ class KineticEnergy:
         """See `Cost.rates`."""
         away = u["position"] - self.home
         return u_dot["M"], self.return_gain * (matvec(u_dot["M"], away) + matvec(u["M"], x))
+
+
+@dataclass(frozen=True, eq=False)
+class BarrierOfVelocity:
+    """The barrier of `drake_rnn.laws.networks.barriers`, and a way back of that rate near rest.
+
+    Near rest it weighs each velocity by 4 over the square of its limit, which is W.
+
+    Attributes:
+        home: Posture q_0, shape (n,) [rad].
+        return_gain: Gain k of the way back [1/s].
+        fastest: Limits of the joint velocities, shape (n,) [rad/s].
+    """
+
+    home: Array
+    return_gain: Any
+    fastest: Array
+
+    slacks = 0
+
+    @property
+    def inputs(self) -> Shapes:
+        """See `Cost.inputs`."""
+        return {"position": (self.home.shape[-1],)}
+
+    def rows(self) -> None:
+        """See `Cost.rows`."""
+
+    def terms(self, u: Signals) -> tuple[Array, Array]:
+        """See `Cost.terms`."""
+        weights = 4.0 / (self.fastest * self.fastest)
+        pull = self.return_gain * weights * (u["position"] - self.home)
+        return weights[..., None] * np.eye(self.home.shape[-1]), pull
+
+    def rates(self, u: Signals, u_dot: Signals, x: Array) -> tuple[Array | None, Array | None]:
+        """See `Cost.rates`."""
+        return None, self.return_gain * 4.0 / (self.fastest * self.fastest) * x
 
 
 @dataclass(frozen=True, eq=False)

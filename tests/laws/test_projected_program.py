@@ -5,7 +5,7 @@ import pytest
 from program_helpers import optimum, random_program
 
 from drake_rnn import JointLimits, Projection, SimultaneousLearning
-from drake_rnn.laws.networks.projection_networks import (
+from drake_rnn.laws.networks.projected_program import (
     PRIMAL,
     inequality,
     iterated,

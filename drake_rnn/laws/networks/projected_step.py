@@ -5,20 +5,19 @@ With P, which clips each entry to its bounds, and matrices that a program gives,
 .. math::
     \dot y = \gamma K \left( P(B y + g) - D y - f \right), \qquad x = R y + r .
 
-The networks of `drake_rnn.laws.networks.projection_networks` have this form. They are stiff: the
+The networks of `drake_rnn.laws.networks.projected_program` have this form. They are stiff: the
 larger the gain gamma, the nearer x is to the optimum of a program that changes. So a step is
 Euler's implicit one,
 
 .. math::
     y = y_0 + \gamma h K \left( P(B y + g) - D y - f \right),
 
-whose solution is found by block principal pivoting: which entries are clipped, and to which bound,
-is guessed, which leaves a linear system; its solution corrects the guess, all entries at once as
-long as fewer are wrong each time, or else the last one that is wrong alone, as Murty's rule has it.
-That ends, as it does in `drake_rnn.laws.parts.box_program`, because the guess is the solution of a
-complementarity problem whose matrix is positive definite, or a product of such with positive
-principal minors. Once the guess is right, the solution is exact. From sample to sample few entries
-change sides, so mostly there is one round.
+whose solution is found by block principal pivoting (`drake_rnn.arrays.pivoting`): which entries are
+clipped, and to which bound, is guessed, which leaves a linear system; its solution corrects the
+guess. That ends, as it does in `drake_rnn.laws.parts.box_program`, because the guess is the
+solution of a complementarity problem whose matrix is positive definite, or a product of such with
+positive principal minors. Once the guess is right, the solution is exact. From sample to sample few
+entries change sides, so mostly there is one round.
 """
 
 from __future__ import annotations
@@ -27,6 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...arrays import pivoting
 from ...arrays.algebra import clipped, functions_of, matmul, matvec, scaled, solved_for
 from ...arrays.substeps import Parts, repeated
 from ...inputs.fields import Array
@@ -34,8 +34,6 @@ from ...inputs.fields import Array
 # Rounds of pivoting, and of what is compiled, which makes all of them each time. Random programs
 # need 5 on average from random starts; of 3200, none needed more than 44.
 _ROUNDS, _ROUNDS_COMPILED = 200, 60
-# Further rounds in which all entries may change sides though not fewer are wrong.
-_PATIENCE = 1.0
 # How far an entry may be on the wrong side, as a share of its size: rounding.
 _NARROW = 1e-12
 
@@ -108,26 +106,21 @@ class Projected(NamedTuple):
             y: State, shape (..., N).
             turns: Gain times period, a number or of shape (..., 1).
         """
-        xp, N = functions_of(y, self.B), y.shape[-1]
+        xp = functions_of(y, self.B)
 
         def advance(parts: Parts) -> Parts:
             y, sides, fewest, patience, done = parts
             found = self._solution(start, sides, turns)
             ought = self._corrected(found, sides)
-            wrong = ought != sides
-            count = 1.0 * wrong.sum(axis=-1, keepdims=True)
-            fewer = count < fewest
-            last = wrong & (xp.where(wrong, order, -1).max(axis=-1, keepdims=True) == order)
-            ought = xp.where(fewer | (patience > 0.0) | last, ought, sides)
-            patience = xp.where(fewer, _PATIENCE, patience - 1.0)
+            ought, fewest, patience, ended = pivoting.turned(sides, ought, fewest, patience)
             # What is done stays as it is, whatever other robots need.
             y, sides = xp.where(done, y, found), xp.where(done, sides, ought)
-            return y, sides, xp.minimum(fewest, count), patience, done | (count == 0.0)
+            return y, sides, fewest, patience, done | ended
 
-        start, order, sides = y, np.arange(N), self._sides(y)
+        start, sides = y, self._sides(y)
         rounds = _ROUNDS if isinstance(sides, np.ndarray) else _ROUNDS_COMPILED
-        each = 0.0 * sides[..., :1]
-        parts = (y + 0.0 * sides, sides, each + N + 1.0, each + _PATIENCE, each > 0.0)
+        fewest, patience = pivoting.first(sides)
+        parts = (y + 0.0 * sides, sides, fewest, patience, fewest < 0.0)
         return repeated(advance, parts, rounds)[0]
 
     def _solution(self, start: Array, sides: Array, turns: Any) -> Array:

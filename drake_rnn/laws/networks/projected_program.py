@@ -57,7 +57,7 @@ from ...arrays.algebra import (
 )
 from ...inputs.fields import Array
 from ..program.quadratic_program import Program, block_matrix, stacked_rows
-from .projection import Projected
+from .projected_step import Projected
 
 Network = Literal["lvi", "simplified_lvi", "dual", "simplified_dual"]
 

@@ -16,7 +16,7 @@ from ...arrays.algebra import functions_of, joined
 from ...inputs.fields import Array
 from ..layout import Signals
 from ..program.quadratic_program import Program, Rates
-from .projection_networks import PRIMAL, Network, iterated, neurons, projected
+from .projected_program import PRIMAL, Network, iterated, neurons, projected
 
 Steps = Literal["implicit", "euler", "iterated"]
 

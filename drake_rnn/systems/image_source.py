@@ -7,10 +7,12 @@ from typing import Any
 
 from pydrake.systems.framework import Context, LeafSystem
 
+from ..errors import InvalidInputError
 from ..inputs.complaints import require_type
 from ..inputs.fields import Array
 from ..paths import PlacedPath
 from ..robot.tool_camera import ToolCamera
+from .path_source import require_time
 
 
 class ImageSource(LeafSystem):
@@ -24,6 +26,10 @@ class ImageSource(LeafSystem):
         camera: The camera, and those that come in its place.
         preview: The time ahead [s].
         delay: Time by which pictures are late [s].
+
+    Raises:
+        InvalidInputError: If an argument has the wrong type, a time is negative, infinite or not a
+            number, or the path has no orientation.
     """
 
     def __init__(
@@ -32,8 +38,13 @@ class ImageSource(LeafSystem):
         super().__init__()
         require_type("path", path, PlacedPath)
         require_type("camera", camera, ToolCamera)
+        require_time("preview", preview)
+        require_time("delay", delay)
+        if not path.oriented:
+            raise InvalidInputError(
+                "path: must be placed with R_WE, the orientation in which the points are seen"
+            )
         self.preview = preview
-        self._camera, self._delay = camera, delay
 
         # What was ahead at a sample is now at the next one, but where the times differ by rounding.
         @lru_cache(maxsize=2)

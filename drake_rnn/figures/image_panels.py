@@ -40,8 +40,7 @@ def plot_image(ax: Axes, result: Result, number: int = -1) -> None:
 
 def plot_pixel_error(ax: Axes, result: Result) -> None:
     """Plot how far the point that is farthest off is from where it is to be seen."""
-    away = _points(result, "pixels") - _points(result, "pixels_desired")
-    error = np.linalg.norm(away, axis=-1).max(axis=-1)
+    error = result.pixel_error
     ax.plot(result.time, error, color=INK)
     ax.axhline(NEAR_PX, label=f"{NEAR_PX:g} px", **BOUND)
     swaps = () if (camera := result.experiment.document.camera) is None else camera.swaps

@@ -119,9 +119,8 @@ def _target(motion: ReplayedMotion) -> Iterator[Curve]:
 
 
 def _image(motion: ReplayedMotion) -> Iterator[Curve]:
-    if (series := _series(motion, "pixels", "pixels_desired")) is not None:
-        away = (series[0] - series[1]).reshape(len(motion.time), -1, 2)
-        error = np.linalg.norm(away, axis=-1).max(axis=-1)
+    if _series(motion, "pixels", "pixels_desired") is not None:
+        error = motion.result.pixel_error[: len(motion.time)]
         yield Curve("pixel_error", "error in the image", "px", motion.time, error, "log")
 
 

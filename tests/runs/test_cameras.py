@@ -1,5 +1,6 @@
 """Runs in which a camera of which nothing is known sees the tool."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from drake_rnn import (
 from drake_rnn.batch.why_not import why_not
 from drake_rnn.drive import ROBOTS
 from drake_rnn.drive.robots import driven_experiment
+from drake_rnn.film.numbers import live_numbers
 from drake_rnn.live.variants import Variants
 from drake_rnn.runs.caveats import image_caveats
 
@@ -52,6 +54,10 @@ def test_the_metrics_are_those_of_the_pixels(plain):
     assert plain.metrics["pixel_error_rms_px"] == pytest.approx(rms)
     edge = np.minimum(plain.series["pixels"], [640, 480] - plain.series["pixels"])
     assert plain.metrics["image_margin_min_px"] == pytest.approx(edge.min())
+
+
+def test_a_film_tells_the_error_in_the_image(plain):
+    assert re.fullmatch(r"error [\d.e-]+ px", live_numbers(plain).at(4.0)[-1])
 
 
 def test_what_it_follows_is_the_path_as_the_camera_sees_it(plain):

@@ -62,7 +62,7 @@ def make_law(
         _require_seeing(document, kind)
         known |= {"points": len(camera.points), "pixel_size": camera.pixel_size}
     filled = {name: value for name, value in known.items() if name in field_names(kind)}
-    if camera is None:
+    if camera is None and _sees_pixels(kind):
         _refuse_pixels(document)
     for name in filled.keys() & document.law.keys():
         raise InvalidInputError(f"law.{name}: follows from {ORIGINS[name]}; leave it out")
@@ -84,9 +84,13 @@ def make_law(
     return law
 
 
+def _sees_pixels(kind: type[Law]) -> bool:
+    return {"points", "pixel_size"} <= set(field_names(kind))
+
+
 def _require_seeing(document: ExperimentDocument, kind: type[Law]) -> None:
     """Raise an InvalidInputError if no camera can see for such a document."""
-    if "points" not in field_names(kind):
+    if not _sees_pixels(kind):
         raise InvalidInputError(
             f"camera: {kind.__name__} sees no pixels; leave the camera out, or give a law that "
             "does: adaptive, with jacobian: learned"

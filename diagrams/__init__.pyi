@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from .checks import (
+    check_camera as check_camera,
     check_filter as check_filter,
     check_locks as check_locks,
     check_sensing as check_sensing,

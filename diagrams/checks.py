@@ -13,8 +13,10 @@ from ..inputs.dataclass_fields import field_names
 from ..laws import Law
 from ..robot.joint_locks import JointLocks
 from ..robot.task import TASKS, tasks_suiting
+from ..robot.tool_camera import ToolCamera
 from ..systems.body import Body, Feedback
 from ..systems.controllers import Controller
+from ..systems.image_source import ImageSource
 from ..systems.joint_noise import JointNoise
 from ..systems.joint_reference import JointReference
 from ..systems.kinematics import Kinematics
@@ -61,6 +63,7 @@ def check_parts(
     filter: MovingAverage | None,
     feedback: Feedback,
     sensing: SensingSettings | None,
+    camera: ToolCamera | None,
 ) -> None:
     """Raise an InvalidInputError if the parts of a loop do not fit together."""
     require_type("controller", controller, Controller)
@@ -70,6 +73,7 @@ def check_parts(
     _require_joints(controller, body)
     body.check_loop(controller.period, feedback, sensed=sensing is not None)
     check_sensing(sensing, controller.law)
+    check_camera(camera, controller.law, feedback, body.contact is not None)
     body.check_task(task)
     body.check_plant(body.settings, controller.period)
     check_filter(filter is not None, feedback, dither)
@@ -169,11 +173,42 @@ def check_locks(
         )
 
 
+def check_camera(camera: ToolCamera | None, law: Law, feedback: Feedback, in_contact: bool) -> None:
+    """Raise an InvalidInputError if a camera cannot see for such a loop.
+
+    Args:
+        camera: The camera; None without one.
+        law: The law.
+        feedback: Arm that the law sees.
+        in_contact: Whether the tool may touch something.
+    """
+    require_type("camera", camera, ToolCamera, NoneType)
+    if camera is None:
+        return
+    if "pixels" not in law.inputs:
+        raise InvalidInputError(
+            f"camera: {type(law).__name__} sees no pixels; leave the camera out, or give a law "
+            "that does: adaptive, with jacobian: learned"
+        )
+    if law.inputs.parts["pixels"][1] != (camera.size,):
+        raise InvalidInputError(
+            f"camera.points: must be as many as the law's, not {len(camera.points)}"
+        )
+    if feedback == "unfiltered":
+        raise InvalidInputError(
+            "feedback: must not be unfiltered with a camera, which sees the arm itself"
+        )
+    if in_contact:
+        raise InvalidInputError("environment: must be left out with a camera")
+
+
 _HINTS = {
     "R_WE_desired": "; give the PathSource R_WE",
     "normal_WE": "; give the body a contact",
     "position_preview": "; give a JointReference",
     "p_preview": "; give the PathSource a preview of one period",
+    "pixels": "; give the loop a camera",
+    "pixels_desired": "; give an ImageSource as the reference",
 }
 
 
@@ -210,9 +245,12 @@ def _require_joints(controller: Controller, body: Body) -> None:
 def _require_ahead(controller: Controller, offered: Mapping[str, OutputPort]) -> None:
     """Raise an InvalidInputError if a preview shows another time than the law plans for."""
     period = controller.period
-    if "p_preview" in controller.reading.inputs and "p_preview" in offered:
-        source = offered["p_preview"].get_system()
-        if isinstance(source, PathSource) and period is not None and source.preview != period:
+    for name in ("p_preview", "pixels_preview"):
+        if name not in controller.reading.inputs or name not in offered:
+            continue
+        source = offered[name].get_system()
+        kinds = (PathSource, ImageSource)
+        if isinstance(source, kinds) and period is not None and source.preview != period:
             raise InvalidInputError(
                 f"preview: must be the controller's period, {period}, not {source.preview}"
             )

@@ -18,11 +18,13 @@ from pydrake.systems.primitives import Adder, Integrator, VectorLogSink
 from .. import colours
 from ..systems import (
     Body,
+    Camera,
     ContactReference,
     Controller,
     Dynamics,
     ForceSensor,
     ForceWatch,
+    ImageSource,
     JointReference,
     JointSensor,
     Kinematics,
@@ -59,11 +61,11 @@ _OTHER = _Kind("other", "box", "#FFFFFF", "#5F666E")
 _KINDS: tuple[tuple[tuple[type, ...], _Kind], ...] = (
     ((Controller,), _LAW),
     ((Body,), _BODY),
-    ((PathSource, JointReference), _REFERENCE),
+    ((PathSource, ImageSource, JointReference), _REFERENCE),
     ((ContactReference, NormalForce, ForceSensor, ForceWatch), _FORCE),
     ((Kinematics, Dynamics), _MODEL),
     ((MovingAverage, Adder, Integrator), _COMMAND),
-    ((JointSensor, PoseSensor), _SENSOR),
+    ((JointSensor, PoseSensor, Camera), _SENSOR),
     ((HeldNoise,), _NOISE),
 )
 # Of Drake's blocks some do different things: these are told by their names.

@@ -12,7 +12,9 @@ from pydrake.systems.primitives import Adder, Integrator, MatrixGain
 
 from ..inputs.complaints import require_type
 from ..robot.joint_locks import JointLocks
+from ..robot.tool_camera import ToolCamera
 from ..systems.body import Body, Feedback
+from ..systems.camera import Camera
 from ..systems.contact import Contact
 from ..systems.contact_reference import ContactReference
 from ..systems.controllers import Controller
@@ -49,8 +51,8 @@ class Loop:
         arm: The body.
         filter: Filter between the command and the arm, or None.
         virtual_arm: Arm that the law sees with ``feedback: unfiltered``; None otherwise.
-        measured: Output ports of what sensors say of joints and end effector, by name; empty
-            without ``sensing``.
+        measured: Output ports of what sensors say of joints, end effector and pixels, by name; of
+            these only without ``sensing``.
         forces: Output ports of the forces on the tool, by name: ``contact_force``, ``tool_force``
             and ``normal_force``; empty without a contact.
         systems: All added systems, by name without the prefix.
@@ -80,6 +82,7 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
     sensing: SensingSettings | None = None,
     signals: Mapping[str, OutputPort] | None = None,
     locks: JointLocks | None = None,
+    camera: ToolCamera | None = None,
     seed: int = 0,
     prefix: str = "",
 ) -> Loop:
@@ -109,19 +112,21 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
         signals: Output ports in ``builder`` that replace, by name, those offered here.
         locks: When joints lock, whatever is commanded; None for sound joints. A law is told of it
             by the same argument of its `SampledController`.
+        camera: Camera that sees points on the tool, for a law with the input ``pixels``; its
+            reference is an `ImageSource`.
         seed: Seed of dither and sensors.
         prefix: Prefix of the systems' names, for several loops in one diagram.
 
     Raises:
         InvalidInputError: If the law needs an input that nothing offers, or of another size; if
             the filter does not fit controller, feedback or dither; if the body cannot run in this
-            loop; if ``sensing`` or ``locks`` do not fit controller, feedback, dither or arm; or if
-            an argument has the wrong type.
+            loop; if ``sensing``, ``locks`` or ``camera`` do not fit controller, feedback, dither or
+            arm; or if an argument has the wrong type.
     """
     check_arguments(builder, reference, signals, seed, prefix)
     require_type("body", body, Body)
     feedback = body.chosen_feedback(feedback, sensed=sensing is not None)
-    check_parts(body, controller, task, dither, filter, feedback, sensing)
+    check_parts(body, controller, task, dither, filter, feedback, sensing, camera)
     check_locks(locks, controller.period, feedback, dither)
     given = given_signals(signals, controller)
     wiring = Wiring(builder, prefix)
@@ -140,10 +145,10 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
     velocity = _add_dither(wiring, dither, command, seed)
     velocity = _add_brakes(wiring, body, locks, velocity, controller.period)
     _move(wiring, seen, velocity.moved)
-    joints, pose = _add_sensors(wiring, body, task, sensing, controller.period, seed)
+    joints, outside = _add_sensors(wiring, body, task, sensing, camera, controller.period, seed)
     position, measured, shown = _joints_seen(seen, velocity, feedback, joints)
     offered = {"position": position, "velocity": shown}
-    offered |= _evaluate(wiring, seen.kinematics, position, measured) | pose
+    offered |= _evaluate(wiring, seen.kinematics, position, measured) | outside
     if reference is not None:
         offered |= ports_of(reference)
     if controller.reading.inputs.parts.keys() & set(DYNAMICS_SIGNALS):
@@ -162,7 +167,7 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
     check_offers(controller, offered, seen.kinematics, task)
     for name in controller.reading.inputs.parts:
         wiring.connect(offered[name], controller.GetInputPort(name))
-    return Loop(controller, *moved, filter, virtual, joints | pose, forces, wiring.systems)
+    return Loop(controller, *moved, filter, virtual, joints | outside, forces, wiring.systems)
 
 
 class _Moved(NamedTuple):
@@ -260,21 +265,41 @@ def _add_sensors(
     body: Body,
     task: str,
     sensing: SensingSettings | None,
+    camera: ToolCamera | None,
     period: float | None,
     seed: int,
 ) -> tuple[Ports, Ports]:
-    """Return what sensors say of the body's joints and of its pose; nothing without them."""
+    """Return what sensors say of the body's joints, and from outside of its tool."""
+    pixels = _add_camera(wiring, body, camera, sensing, period, seed)
     if sensing is None or period is None:
-        return {}, {}
+        return {}, pixels
     joints = wiring.add("joint_sensor", JointSensor(sensing, body.arm, body.start, period, seed))
     for name in ("position", "velocity"):
         wiring.connect(body.GetOutputPort(name), joints.GetInputPort(f"{name}_true"))
     if not sensing.from_outside:
-        return ports_of(joints), {}
+        return ports_of(joints), pixels
     sensor = PoseSensor(sensing, body.kinematics, task, body.start, period, seed)
     pose = wiring.add("pose_sensor", sensor)
     wiring.connect(body.GetOutputPort("position"), pose.GetInputPort("position_true"))
-    return ports_of(joints), ports_of(pose)
+    return ports_of(joints), ports_of(pose) | pixels
+
+
+def _add_camera(
+    wiring: Wiring,
+    body: Body,
+    camera: ToolCamera | None,
+    sensing: SensingSettings | None,
+    period: float | None,
+    seed: int,
+) -> Ports:
+    """Return what a camera says of the true body; nothing without one."""
+    if camera is None or period is None:
+        return {}
+    settings = SensingSettings() if sensing is None else sensing
+    seeing = Camera(camera, settings, body.kinematics, body.start, period, seed)
+    wiring.add("camera", seeing)
+    wiring.connect(body.GetOutputPort("position"), seeing.GetInputPort("position_true"))
+    return ports_of(seeing)
 
 
 def _joints_seen(

@@ -154,11 +154,13 @@ from .robot.link_errors import (
     with_link_errors as with_link_errors,
 )
 from .robot.load_arm import load_arm as load_arm, shipped_arms as shipped_arms
+from .robot.pinhole import Pinhole as Pinhole
 from .robot.postures import proposed_home as proposed_home
 from .robot.report import ArmReport as ArmReport, arm_report as arm_report
 from .robot.screws import Screws as Screws, side_by_side as side_by_side
 from .robot.self_motion import SelfMotion as SelfMotion
 from .robot.task import TASKS as TASKS
+from .robot.tool_camera import CameraSwap as CameraSwap, ToolCamera as ToolCamera
 from .robot.tool_description import ToolDescription as ToolDescription
 from .runs import (
     Result as Result,
@@ -182,6 +184,7 @@ from .systems import (
     FilterSettings as FilterSettings,
     ForceProfile as ForceProfile,
     IdealArm as IdealArm,
+    ImageSource as ImageSource,
     JointReference as JointReference,
     Kinematics as Kinematics,
     MovingAverage as MovingAverage,

@@ -79,6 +79,7 @@ def able_reading(document: ExperimentDocument, law: Law) -> SampledReading:
     for section, why in (
         (document.sensor, "sensor: a batch has none; simulate has"),
         (document.faults or None, "faults: a batch has none; simulate has"),
+        (document.camera, "camera: a batch has none; simulate has"),
         (document.obstacles, "obstacles: a batch does not look at distances; simulate does"),
         (document.safety, "safety: a batch takes commands as they are; simulate has it"),
     ):

@@ -133,10 +133,13 @@ def driven_experiment(
     if found.limits.violation(found.start).any():
         why = found.limits.complaint(found.start, 0.0, found.arm.joints, found.arm.units)
         raise InvalidInputError(f"start: {why}")
-    if found.second is not None:
-        raise InvalidInputError("second: must be left out; one robot is driven at a time")
-    if found.locks is not None:
-        raise InvalidInputError("faults: must be left out; the joints of a robot are not locked")
+    for section, why in (
+        (found.second, "second: must be left out; one robot is driven at a time"),
+        (found.document.camera, "camera: must be left out; a driven robot is seen by none"),
+        (found.locks, "faults: must be left out; the joints of a robot are not locked"),
+    ):
+        if section is not None:
+            raise InvalidInputError(why)
     return found
 
 

@@ -18,6 +18,7 @@ from ..measures import METRIC_NAMES
 from ..paths import RecordedTargets
 from ..robot.joint_locks import JointLock
 from ..robot.task import TASKS
+from ..robot.tool_camera import ToolCamera
 from ..systems import BODIES
 from ..systems.body import Feedback
 from ..systems.contact_reference import ForceProfile
@@ -130,6 +131,8 @@ class ExperimentDocument:
         force: Desired pressing force.
         sensor: Force sensor; by default an ideal one.
         sensing: Measurement of the joints that the law sees; by default an ideal one.
+        camera: Camera that sees points on the tool, for a law that sees their pixels in place of
+            the end effector's position; the path is then what these points are to be seen on.
         faults: Joints that lock during the run.
         period: Sampling period of the controller [s]; give either this or ``integrator``.
         integrator: Integrator of the law's continuous reading; give either this or ``period``.
@@ -175,6 +178,7 @@ class ExperimentDocument:
     force: ForceProfile | None = None
     sensor: SensorSettings | None = None
     sensing: SensingSettings | None = None
+    camera: ToolCamera | None = None
     faults: list[JointLock] | None = None
     period: _Period | None = None
     integrator: IntegratorSettings | None = None
@@ -252,10 +256,8 @@ class ExperimentDocument:
                 continue
             if name == "accept":
                 value = {key: _given(bound) for key, bound in value.items()}
-            elif is_dataclass(value):
-                value = _given(value)
-            elif name == "faults":
-                value = [_given(lock) for lock in value]
+            else:
+                value = _told(value)
             contents[name] = plain(value)
         return contents
 
@@ -266,4 +268,10 @@ class ExperimentDocument:
 
 def _given(value: Any) -> dict[str, Any]:
     given = {name: entry for name, entry in fields_of(value).items() if entry is not None}
-    return {name: _given(e) if is_dataclass(e) else e for name, e in given.items()}
+    return {name: _told(entry) for name, entry in given.items()}
+
+
+def _told(entry: Any) -> Any:
+    if isinstance(entry, list):
+        return [_told(each) for each in entry]
+    return _given(entry) if is_dataclass(entry) else entry

@@ -27,6 +27,7 @@ from ..robot.task import Task, named_task
 from ..systems import BODIES, Body, Contact, Feedback, ObstacleMotions
 from ..systems.moving_average import averaged_limits
 from .arms import Arms
+from .camera import check_seen
 from .contact import contact_doubts
 from .document import ExperimentDocument
 from .faults import kept_through_locks, lock_doubts
@@ -212,6 +213,7 @@ def make_experiment(
     unsafe, unsure = _unsafe(parts), lock_doubts(parts)
     start, kinematics = parts.start, arms.shared("kinematics", document.arm, parts.arm.kinematics)
     desired = _placed(parts.path.placed_by(kinematics, start), law)
+    check_seen(parts, desired, kinematics)
     doubts = contact_doubts(parts, desired)
     found = Experiment(
         document=document,
@@ -242,7 +244,8 @@ def make_experiment(
 
 def _placed(desired: PlacedPath, law: Law) -> PlacedPath:
     """Return the path, which must not turn if its law cannot see that."""
-    if desired.turns and "R_WE_desired" not in law.inputs:
+    sees_turning = {"R_WE_desired", "pixels_desired"} & law.inputs.parts.keys()
+    if desired.turns and not sees_turning:
         raise InvalidInputError(
             "path: carries an orientation, which this law does not see; give task: pose, or a law "
             "with the input R_WE_desired, or leave the orientation out"
@@ -328,7 +331,7 @@ def _circumstances(
     experiment: Experiment, delay: FilterDelay, kinematics: ArmKinematics
 ) -> Circumstances:
     """Return what a law may have doubts about."""
-    desired, contact = experiment.desired, experiment.contact
+    desired, contact, document = experiment.desired, experiment.contact, experiment.document
     offset = velocity = J = None
     if experiment.target is None:
         position = experiment.task.position
@@ -343,7 +346,7 @@ def _circumstances(
         start_offset=offset,
         start_velocity=velocity,
         J=J,
-        task_J=lambda q: experiment.task.J(kinematics, q),
-        period=experiment.document.period,
-        duration=experiment.document.duration,
+        task_J=None if document.camera else lambda q: experiment.task.J(kinematics, q),
+        period=document.period,
+        duration=document.duration,
     )

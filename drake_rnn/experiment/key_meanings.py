@@ -23,7 +23,7 @@ from .document import ExperimentDocument
 
 _KINDS: dict[str, Kinds[Any]] = {"law": LAWS, "path": PATHS, "environment": ENVIRONMENTS}
 #: A unit in brackets, and not a range or a list; a shape stands in parentheses.
-_UNIT = re.compile(r"\[((?:(?:rad|kg|Nm?|mm?|s|Hz|W|1)(?:\^\d)?|[ /()])+)\]")
+_UNIT = re.compile(r"\[((?:(?:rad|kg|Nm?|mm?|s|Hz|W|px|1)(?:\^\d)?|[ /()])+)\]")
 
 
 def key_meanings() -> dict[str, str]:

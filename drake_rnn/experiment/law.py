@@ -27,6 +27,8 @@ ORIGINS = {
     "measurement": "sensing",
     "clearance": "arm and obstacles",
     "other": "second",
+    "points": "camera",
+    "pixel_size": "camera",
 }
 
 
@@ -51,11 +53,17 @@ def make_law(
             if the law does not fit the task or the dither; or if it cannot be sampled at this
             period, or not be integrated.
     """
-    task = document.task
-    known = {"limits": limits, "home": start, "task_size": TASKS[task].size}
+    task, camera = document.task, document.camera
+    size = TASKS[task].size if camera is None else camera.size
+    known = {"limits": limits, "home": start, "task_size": size}
     known |= {"measurement": _measurement(document), "clearance": clearance}
     known |= {"other": None}
+    if camera is not None:
+        _require_seeing(document, kind)
+        known |= {"points": len(camera.points), "pixel_size": camera.pixel_size}
     filled = {name: value for name, value in known.items() if name in field_names(kind)}
+    if camera is None and _sees_pixels(kind):
+        _refuse_pixels(document)
     for name in filled.keys() & document.law.keys():
         raise InvalidInputError(f"law.{name}: follows from {ORIGINS[name]}; leave it out")
     _require_size(task, kind)
@@ -63,7 +71,7 @@ def make_law(
     check_declared(law)
     parts = {**law.state.parts, **law.inputs.parts}
     able = tasks_suiting({name: shape for name, (_, shape) in parts.items()})
-    if task not in able:
+    if task not in able and camera is None:
         raise InvalidInputError(f"task: may be {', '.join(able)} for this law, not {task}")
     if document.period is not None:
         sampled_reading(law, document.period)
@@ -76,18 +84,54 @@ def make_law(
     return law
 
 
+def _sees_pixels(kind: type[Law]) -> bool:
+    return {"points", "pixel_size"} <= set(field_names(kind))
+
+
+def _require_seeing(document: ExperimentDocument, kind: type[Law]) -> None:
+    """Raise an InvalidInputError if no camera can see for such a document."""
+    if not _sees_pixels(kind):
+        raise InvalidInputError(
+            f"camera: {kind.__name__} sees no pixels; leave the camera out, or give a law that "
+            "does: adaptive, with jacobian: learned"
+        )
+    if document.law.get("jacobian") != "learned":
+        raise InvalidInputError(
+            "law.jacobian: must be learned with a camera, whose image Jacobian nothing knows"
+        )
+    if document.task != "xyz":
+        raise InvalidInputError(
+            f"task: must be xyz, or be left out, with a camera, not {document.task}; the task is "
+            "the pixels of camera.points"
+        )
+    sensing = document.sensing
+    if sensing is not None and sensing.from_outside:
+        name = "p_WE_noise" if sensing.p_WE_noise is not None else "R_WE_noise"
+        raise InvalidInputError(
+            f"sensing.{name}: must be left out with a camera, whose errors are camera.noise"
+        )
+
+
+def _refuse_pixels(document: ExperimentDocument) -> None:
+    """Raise an InvalidInputError if a law is to see pixels, and there is no camera."""
+    for name in ("points", "pixel_size"):
+        if name in document.law:
+            raise InvalidInputError(f"law.{name}: follows from camera; leave it out")
+
+
 def _measurement(document: ExperimentDocument) -> Measurement:
     """Return the quality of the measurements that the law sees."""
-    sensing = document.sensing
+    sensing, camera = document.sensing, document.camera
+    seen = 0.0 if camera is None else camera.noise * camera.pixel_size
     if sensing is None:
-        return Measurement()
+        return Measurement(error=seen)
     steps = 0.0 if sensing.resolution is None else float(np.max(sensing.resolution))
     if sensing.encoder_bits is not None:
         steps = 2.0 * math.pi / 2.0**sensing.encoder_bits
     # The mean square error of rounding to steps is a twelfth of the step squared.
     joints = math.hypot(float(np.max(sensing.position_noise)), steps / math.sqrt(12.0))
     turned = LEVER * (sensing.R_WE_noise or 0.0) if document.task == "pose" else 0.0
-    error = math.hypot(sensing.p_WE_noise or 0.0, REACH * joints, turned)
+    error = math.hypot(sensing.p_WE_noise or 0.0, seen, REACH * joints, turned)
     samples = sensing.secant_samples or None
     return Measurement(error=error, delay=sensing.delay, secant_samples=samples)
 

@@ -27,7 +27,7 @@ from .document import ExperimentDocument
 SHARED = (
     *("second", "obstacles", "period", "integrator", "duration", "log_period", "seed", "name"),
     *("over", "environment", "force", "sensor", "level", "plant", "safety", "filter", "dither"),
-    "disturbance",
+    *("disturbance", "camera"),
 )
 _NEEDS = (
     "second: needs laws that keep clear of what is beside their arms: adaptive, with a period and "

@@ -15,6 +15,7 @@ from ..runs.result import Result
 from ..runs.told_metrics import told_bound, told_value, words_of
 from ..runs.verdict import Verdict
 from .force_panels import plot_force, plot_force_error
+from .image_panels import plot_image, plot_pixel_error
 from .jacobian_panels import plot_jacobian, plot_jacobian_error, plot_singular_value
 from .joint_panels import (
     plot_acceleration_norm,
@@ -59,6 +60,15 @@ _PANELS: _Panels = [
     ({"p_WE", "p_WE_desired"}, plot_position_error),
     ({"orientation_error"}, plot_orientation_error),
     ({"distance"}, plot_distance),
+    ({"position"}, plot_angles),
+    ({"velocity"}, plot_velocities),
+    ({"acceleration_peak"}, plot_acceleration_norm),
+    ({"J", "network_velocity"}, plot_jacobian),
+]
+#: Panels of a run in which a camera sees points on the tool.
+_IMAGE_PANELS: _Panels = [
+    ({"pixels", "pixels_desired"}, plot_image),
+    ({"pixels", "pixels_desired"}, plot_pixel_error),
     ({"position"}, plot_angles),
     ({"velocity"}, plot_velocities),
     ({"acceleration_peak"}, plot_acceleration_norm),
@@ -156,6 +166,8 @@ def _contents(result: Result) -> tuple[_Panels, tuple[str, ...]]:
         return _TARGET_PANELS, shown_in("posture")
     if presses(result):
         return _PRESSING_PANELS, shown_in("force")
+    if "pixels" in result.series:
+        return _IMAGE_PANELS, shown_in("path")
     if commands_acceleration(result):
         return _RETURN_PANELS, shown_in("return")
     return _PANELS, shown_in("path")

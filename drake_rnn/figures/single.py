@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 from ..inputs.fields import Array
 from ..runs.result import Result
 from .ends import mark_ends
+from .image_panels import cameras_that_saw, plot_image, plot_pixel_error
 from .jacobian_panels import plot_jacobian_error
 from .joint_panels import (
     plot_acceleration_norm,
@@ -94,6 +95,7 @@ _alone("path_plane", plot_path, *_PATHS, applies=_has_free_path, height=3.0)
 _alone("position_error", plot_position_error, *_PATHS)
 _alone("position_error_axes", plot_position_error_axes, *_PATHS, applies=has_path)
 _alone("velocity_error", plot_velocity_error, *_VELOCITIES, applies=has_path)
+_alone("pixel_error", plot_pixel_error, "pixels", "pixels_desired")
 _alone("acceleration_norm", plot_acceleration_norm, "acceleration_peak")
 _alone("joint_torques", plot_torques, "torque")
 _alone("angles_to_target", plot_angles, "position", applies=has_target)
@@ -105,6 +107,16 @@ _alone(
     *("velocity", "velocity_lower", "velocity_upper"),
     applies=moving_bounds_matter,
 )
+
+
+@draws("pixels", "pixels_desired")
+def image(result: Result) -> Figure:
+    """Draw what each camera sees of the points and of where they are to be, one below another."""
+    cameras = cameras_that_saw(result)
+    figure, axes = stacked(len(cameras), 0.3 + 2.7 * len(cameras))
+    for number, ax in enumerate(axes):
+        plot_image(ax, result, number)
+    return figure
 
 
 @draws("p_WE", "p_WE_desired", applies=lambda r: has_path(r) and r.series["p_WE"].shape[1] == 3)
@@ -264,9 +276,11 @@ def end_effector(result: Result) -> Figure:
 def jacobian(result: Result) -> Figure:
     """Draw every entry of J and of J_hat: a column of panels for each, a row for each axis."""
     J, J_hat = result.series["J"], result.series["J_hat"]
-    m = J.shape[1]
-    turns, moves = m - min(m, 3), min(m, 3)
+    m, camera = J.shape[1], result.experiment.document.camera
+    turns, moves = (0, m) if camera is not None else (m - min(m, 3), min(m, 3))
     rows = [f"$\\omega_{axis}$" for axis in "xyz"[:turns]] + list("xyz"[:moves])
+    if camera is not None:
+        rows = [f"${axis}_{k}$" for k in range(1, m // 2 + 1) for axis in "uv"]
     units = ["1"] * turns + [unit("J")] * moves
     figure = Figure(figsize=(wide(PAGE), 0.7 + 1.35 * m), layout="constrained")
     axes: Any = figure.subplots(m, 2, sharex=True, sharey=True, squeeze=False)

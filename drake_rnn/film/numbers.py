@@ -35,7 +35,7 @@ class Numbers:
 
 
 def live_numbers(result: Result) -> Numbers:
-    """Return the numbers that a film shows: force, Jacobian error, joint error, position error."""
+    """Return the numbers that a film shows: force, errors of Jacobian, joints, tool."""
     written = []
     series = result.series
     if result.experiment.contact is not None:
@@ -46,5 +46,8 @@ def live_numbers(result: Result) -> Numbers:
         written.append([f"Jacobian off by {each:.0f} %" for each in share])
     if "joint_error" in series:
         written.append([f"{each:.2f} rad to go" for each in np.abs(series["joint_error"]).max(1)])
-    written.append([f"error {told(float(each), 'm', 2)}" for each in result.position_error])
+    if "pixels" in series:
+        written.append([f"error {told(float(each), 'px', 2)}" for each in result.pixel_error])
+    else:
+        written.append([f"error {told(float(each), 'm', 2)}" for each in result.position_error])
     return Numbers(result.time - result.time[0], written)

@@ -87,8 +87,9 @@ from .parts.late import Late, samples_late
 from .parts.learned_jacobian import LearnedJacobian
 from .parts.led_away import LedAway
 from .parts.measurement import EXACT, LEVER, REACH, Measurement, feedback_gain, suited
-from .parts.near_singular import row_softness, softened
+from .parts.near_singular import OF_PIXELS, row_softness, softened
 from .parts.path_task import PathTask
+from .parts.pixels import FIRMER, PIXELS, in_metres
 from .parts.reached_limits import reached_limits
 from .parts.secondary import Secondary, posture_doubts
 from .parts.surface_task import SurfaceTask
@@ -117,7 +118,7 @@ class Adaptive(Law):
             The jerk is bounded if its limits are given and can be reached within a period. An
             envelope of the velocity is kept with and without them.
         home: Posture at the start, shape (n,) [rad].
-        task_size: Number of rows of J; of 6 rows the first three are rotation.
+        task_size: Number of rows of J; of 6 rows the first three are rotation, but of pixels.
         jacobian: ``known`` reads J; ``learned`` learns it from ``position`` and ``p_WE``.
         kappa: Gain of the feedback, at most one over the period [1/s]; 100 by default, or that
             one, and less where measurements have errors or the jerk is bounded low.
@@ -137,12 +138,16 @@ class Adaptive(Law):
         clearance: What the arm is to stay clear of; None for nothing.
         avoidance: How near it may come; ``none`` not to avoid anything.
         other: Another arm beside it, which ``clearance`` counts; None without one.
+        points: Number of points of the tool whose pixels it sees in place of ``p_WE``; None where
+            it sees ``p_WE``.
+        pixel_size: What a pixel is taken to be at the tool [m]: the way between two points that a
+            camera sees a pixel apart. It makes pixels lengths, for which all gains are.
     """
 
     kind: Literal["adaptive"] = "adaptive"
     limits: JointLimits
     home: Vector
-    task_size: Literal[2, 3, 6] = 3
+    task_size: Literal[2, 3, 4, 6] = 3
     jacobian: Literal["known", "learned"] = "known"
     kappa: Gain | None = None
     braking: Gain = 0.05
@@ -160,6 +165,8 @@ class Adaptive(Law):
     clearance: Clearance | None = None
     avoidance: Avoidance | Literal["none"] = Field(default_factory=Avoidance)
     other: Neighbour | None = None
+    points: Literal[1, 2, 3] | None = None
+    pixel_size: Length = 1e-3
 
     def __post_init__(self) -> None:
         self.limits.require_size("home", self.home)
@@ -172,6 +179,7 @@ class Adaptive(Law):
             raise ValueError(
                 f"secondary: target must have {n} entries, one per joint, not {target.size}"
             )
+        self._check_points()
         if self.force_control is not None and self.task_size == 2:
             raise ValueError("force_control: needs task: xyz or pose; leave it out")
         if self.secondary.seeks_manipulability and (
@@ -181,6 +189,24 @@ class Adaptive(Law):
                 "secondary: manipulability needs jacobian: known and task: xyz or pose; leave it "
                 "out"
             )
+
+    def _check_points(self) -> None:
+        if self.points is None:
+            if self.task_size == 4:
+                raise ValueError("task_size: 4 is that of two points; give points")
+            return
+        if self.task_size != 2 * self.points:
+            raise ValueError(
+                f"task_size: must be {2 * self.points}, two for each point, not {self.task_size}"
+            )
+        if self.jacobian == "known":
+            raise ValueError("jacobian: must be learned with pixels; no J of them is known")
+        if self.J_hat_initial == "exact":
+            raise InvalidInputError(
+                "law.J_hat_initial: may be uniform or zero with pixels, not exact"
+            )
+        if self.force_control is not None:
+            raise ValueError("force_control: must be left out with pixels")
 
     @property
     def avoids(self) -> tuple[Clearance, Avoidance] | None:
@@ -250,6 +276,8 @@ class Adaptive(Law):
         """
         learned = self.jacobian == "learned"
         suits = suited(self.measurement, period) if learned else EXACT
+        if self.points is not None:
+            suits = suits._replace(softness=max(EXACT.softness, FIRMER * suits.softness))
         # One that is not given takes back at most the whole error.
         kappa = min(self._gain, 1.0 / period) if self.kappa is None else self.kappa
         if kappa * period > 1.0 + _ROUNDING:
@@ -276,6 +304,9 @@ class Adaptive(Law):
     @cached_property
     def inputs(self) -> Layout:
         m, n = self.task_size, self.limits.size
+        if self.points is not None:
+            around = seen_signals(None if self.avoids is None else self.avoids[0], self.other)
+            return Layout(position=(n,), **around, **dict.fromkeys(PIXELS, (m,)))
         shapes: dict[str, tuple[int, ...]] = {"p": (min(m, 3),)}
         if self.turns:
             shapes["R"] = (3, 3)
@@ -296,7 +327,7 @@ class Adaptive(Law):
     @property
     def turns(self) -> bool:
         """Whether the task includes the orientation."""
-        return self.task_size == 6
+        return self.task_size == 6 and self.points is None
 
     def doubts(self, circumstances: Circumstances) -> list[str]:
         """See `Law.doubts`; of the first J_hat, and of the posture that joints are pulled to.
@@ -372,7 +403,8 @@ class AdaptiveReading(SampledReading):
         if law.jacobian == "known":
             return MiddleJacobian(m, n, self.late)
         trust = (law.wander, law.variance, self.still)
-        return LearnedJacobian(m, n, self.samples, *trust, law.J_hat_initial)
+        seen = (law.turns, law.points is not None, law.measurement.error)
+        return LearnedJacobian(m, n, self.samples, *trust, law.J_hat_initial, *seen)
 
     @cached_property
     def _within(self) -> Within:
@@ -395,16 +427,21 @@ class AdaptiveReading(SampledReading):
     def _softness(self) -> Array:
         """Softness of the rows, shape (..., m, m)."""
         law, softness = self.law, self.law.softness
-        return row_softness(softness, law.lever, law.task_size)
+        return row_softness(softness, law.lever, law.task_size, law.turns)
+
+    def _seen(self, u: Signals) -> Signals:
+        """Return the signals, in which pixels, if it sees any, are positions [m]."""
+        return u if self.law.points is None else in_metres(u, self.law.pixel_size)
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
+        u = self._seen(u)
         start = self._within.start(u["position"], u)
         start |= {"v": np.zeros(self.law.limits.size), "commanded": u["position"]}
         start |= self._source.start(rng, u) | self._late.start(u) | self._task.start()
         return self.state.joined(start)
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
-        kept = self.state.named(x)
+        kept, u = self.state.named(x), self._seen(u)
         v, q = kept["v"], kept["commanded"]
         J, learned = self._source.advanced(kept, u, period)
         moved, late = self._late.moved(kept, q)
@@ -413,7 +450,8 @@ class AdaptiveReading(SampledReading):
         along, feedback = self._task.asked({**kept, **felt}, u, since, period)
         law = self.law
         g = law.secondary.preferred(law.limits, law.home, q, v, J, u, period)
-        softness = softened(J, self._task.weighed(self._softness, u))
+        share = 1.0 if law.points is None else OF_PIXELS
+        softness = softened(J, self._task.weighed(self._softness, u), share)
         program = Program(J, along + feedback, along, g, softness)
         v, held = self._within.chosen(program, q, v, kept, period, u)
         own = {"v": v, "commanded": q + period * v}

@@ -104,4 +104,4 @@ class LearningReading(ProgramReading):
             return None
         m, n = law.task_size, law.limits.size
         trust = (law.wander, law.variance, self.still)
-        return LearnedJacobian(m, n, self.samples, *trust, law.J_hat_initial)
+        return LearnedJacobian(m, n, self.samples, *trust, law.J_hat_initial, turns=m == 6)

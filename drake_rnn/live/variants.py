@@ -223,6 +223,8 @@ def _require_playable(made: Experiment) -> None:
         raise InvalidInputError("second: a single arm can be played with; leave it out")
     if made.locks is not None:
         raise InvalidInputError("faults: no joint locks while one plays; leave them out")
+    if made.document.camera is not None:
+        raise InvalidInputError("camera: what is played with has none; leave it out")
     if made.law.joint_preview is not None:
         raise InvalidInputError(
             "law: this one follows joint positions that are known ahead, and a hand's are not"

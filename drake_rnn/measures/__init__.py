@@ -1,6 +1,7 @@
 """Recording of a run, and the metrics taken from it."""
 
 from .groups import FollowingMetrics as FollowingMetrics, Found as Found, GapMetrics as GapMetrics
+from .image_motion import ImageMotion as ImageMotion
 from .metric import Metric as Metric, violation_metric as violation_metric
 from .metrics import (
     ARRIVED as ARRIVED,
@@ -22,4 +23,5 @@ from .units import (
     rounded as rounded,
     told as told,
 )
+from .values import NEAR_PX as NEAR_PX
 from .yardsticks import Yardsticks as Yardsticks

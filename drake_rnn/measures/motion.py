@@ -10,6 +10,7 @@ import numpy as np
 
 from ..arrays.namespace import AnyArray
 from ..arrays.series import along, lengths, sizes, transformed
+from .image_motion import ImageMotion
 from .ticks import secant
 
 #: Share of the desired force at which a force has risen.
@@ -95,6 +96,8 @@ class Motion:
         distance_moving: The same where the arm has moved since, infinite elsewhere; None without
             obstacles that move.
         locked: Times at which the first and the last joint lock [s]; None if none does.
+        image: What a camera sees; None without one. ``J`` is then the image Jacobian, of pixels
+            that are taken to be metres.
         virtual: Motion of the virtual arm ahead of a filter, where the law sees that arm and learns
             its Jacobian; None where the law sees this arm.
     """
@@ -124,6 +127,7 @@ class Motion:
     distance: AnyArray | None = None
     distance_moving: AnyArray | None = None
     locked: tuple[float, float] | None = None
+    image: ImageMotion | None = None
     virtual: Motion | None = None
 
     @property

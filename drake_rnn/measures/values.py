@@ -17,6 +17,10 @@ from .yardsticks import Yardsticks
 
 #: Time after the last lock of a joint from which an error counts as lasting [s].
 LASTING = 2.0
+#: Distance below which a point has settled in an image [px].
+NEAR_PX = 0.5
+# Sample times carry rounding errors [s].
+_ROUNDING = 1e-9
 #: Values of a metric at the steps of a motion, shape (k, ...), or of the last k - 1 of them; None
 #: if the motion has none.
 Values = Callable[[Motion, Yardsticks], AnyArray | None]
@@ -135,6 +139,40 @@ def _error_within(motion: Motion, begin: float, end: float) -> AnyArray:
     """Return the position error in an interval of time [m]; less than any error out of it."""
     within = (motion.time >= begin) & (motion.time <= end)
     return np.where(within, motion.error_length, -np.inf)
+
+
+def pixel_error(motion: Motion, against: Yardsticks) -> AnyArray | None:
+    """Return the largest distance of a point from where it is to be seen [px]."""
+    return None if motion.image is None else motion.image.farthest
+
+
+def pixel_error_before_swap(motion: Motion, against: Yardsticks) -> AnyArray | None:
+    """Return the same before the first swap of the camera; None without a swap."""
+    if motion.image is None or motion.image.swapped is None:
+        return None
+    before = motion.time < motion.image.swapped[0] - _ROUNDING
+    return np.where(before, motion.image.farthest, -np.inf)
+
+
+def pixel_error_after_swap(motion: Motion, against: Yardsticks) -> AnyArray | None:
+    """Return the same from the last swap of the camera on; None without a swap."""
+    if motion.image is None or motion.image.swapped is None:
+        return None
+    after = motion.time >= motion.image.swapped[1] - _ROUNDING
+    return np.where(after, motion.image.farthest, -np.inf)
+
+
+def seen_close(motion: Motion, against: Yardsticks) -> AnyArray | None:
+    """Return whether all points are seen near to where they are to be."""
+    return below(pixel_error(motion, against), NEAR_PX)
+
+
+def seen_close_again(motion: Motion, against: Yardsticks) -> AnyArray | None:
+    """Return the same, and that all swaps of the camera are past; None without a swap."""
+    if motion.image is None or motion.image.swapped is None:
+        return None
+    after = motion.time >= motion.image.swapped[1] - _ROUNDING
+    return after & (motion.image.farthest < NEAR_PX)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,8 @@ _METRICS = {metric.name: metric for metric in METRICS}
 _JUDGED = {
     "position_error_max_m": ("position_error", "largest"),
     "position_error_rms_m": ("position_error", "root mean square"),
+    "pixel_error_max_px": ("pixel_error", "largest"),
+    "pixel_error_rms_px": ("pixel_error", "root mean square"),
     "lateral_error_max_m": ("position_error", "largest"),
     "orientation_error_max_rad": ("orientation_error", "largest"),
     "orientation_error_rms_rad": ("orientation_error", "root mean square"),

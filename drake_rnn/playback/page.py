@@ -18,6 +18,7 @@ from .accepted import accepted_bounds
 from .arm_capsules import draw_capsules
 from .boxes import Boxes, boxes_of
 from .camera import some
+from .cameras import Cameras, swaps_of
 from .drawn_arm import DrawnArm
 from .drawn_paths import DrawnPaths
 from .joints import joints_of
@@ -54,6 +55,7 @@ class Scene:
         drawn: Its arm.
         second: Another arm beside it; None without one.
         locked: Marks of its joints that lock.
+        cameras: Cameras that see its tool.
         paths: The paths.
         size: Largest extent [m].
         capsules: Scene paths of the arms' capsules.
@@ -65,6 +67,7 @@ class Scene:
     drawn: DrawnArm
     second: SecondArm | None
     locked: LockedJoints
+    cameras: Cameras
     paths: DrawnPaths
     size: float
     capsules: list[str]
@@ -99,7 +102,7 @@ def make_page(
         "duration": duration,
         "rate": rate,
         "window": _window(motion),
-        "marks": marks_of(motion),
+        "marks": marks_of(motion) + swaps_of(motion),
         "curves": _curves(motion, frames),
         "beside": [
             {"name": name_of(each.result), "curves": _curves(each, frames)} for each in beside
@@ -155,7 +158,8 @@ def make_scene(motion: ReplayedMotion, beside: Sequence[ReplayedMotion] = ()) ->
         capsules += second.draw_capsules()
     paths.draw(floor)
     locked = LockedJoints(meshcat, motion, drawn)
-    return Scene(meshcat, motion, beside, drawn, second, locked, paths, size, capsules)
+    cameras = Cameras(meshcat, motion)
+    return Scene(meshcat, motion, beside, drawn, second, locked, cameras, paths, size, capsules)
 
 
 def _seen(
@@ -184,6 +188,7 @@ def _seen(
             "target": motion.result.experiment.target is not None,
             "force": paths.legend,
             "locked": motion.result.experiment.locks is not None,
+            "seen": motion.result.experiment.document.camera is not None,
             "ring": paths.legend is not None,
         },
     }
@@ -225,6 +230,7 @@ def _record(scene: Scene, time: Array, rate: int) -> None:
     recording = meshcat.get_mutable_recording()
     scene.paths.record(recording, time)
     scene.locked.record(recording, time)
+    scene.cameras.record(recording, time)
     begin = float(motion.result.time[0])
     record_obstacles(recording, motion.result.experiment, begin + time)
     # The page has a clock of its own.

@@ -84,6 +84,7 @@ def curves_of(motion: ReplayedMotion) -> list[Curve]:
     groups = (
         _forces,
         _target,
+        _image,
         _errors,
         _distance,
         _jacobian,
@@ -115,6 +116,12 @@ def _target(motion: ReplayedMotion) -> Iterator[Curve]:
         streams = motion.result.experiment.targets is not None
         name = "to the newest target" if streams else "to the target posture"
         yield Curve("joint_error", name, "rad", motion.time, farthest, "log")
+
+
+def _image(motion: ReplayedMotion) -> Iterator[Curve]:
+    if _series(motion, "pixels", "pixels_desired") is not None:
+        error = motion.result.pixel_error[: len(motion.time)]
+        yield Curve("pixel_error", "error in the image", "px", motion.time, error, "log")
 
 
 def _errors(motion: ReplayedMotion) -> Iterator[Curve]:

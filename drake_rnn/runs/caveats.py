@@ -81,6 +81,17 @@ def distance_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> li
     return []
 
 
+def image_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[str]:
+    """Return a warning if a point left the image, where no camera would see it."""
+    margin = metrics.get("image_margin_min_px", 0.0)
+    if margin >= 0.0:
+        return []
+    return [
+        f"camera: a point leaves the image, by up to {-margin:.3g} px; it was seen as if the image "
+        "were larger"
+    ]
+
+
 def contact_caveats(gap: GapMetrics, metrics: Mapping[str, float]) -> list[str]:
     """Return warnings about a contact that was never made, or lost."""
     caveats = []

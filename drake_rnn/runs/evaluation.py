@@ -17,7 +17,14 @@ from ..laws import Signals
 from ..laws.checks import warnings_of
 from ..measures import Motion, RunMetrics, Steps, Yardsticks, last_end, of_one_run
 from .beside import of_second
-from .caveats import contact_caveats, distance_caveats, limit_caveats, motor_caveats, standing
+from .caveats import (
+    contact_caveats,
+    distance_caveats,
+    image_caveats,
+    limit_caveats,
+    motor_caveats,
+    standing,
+)
 from .motion import (
     measured_signals,
     motion_of,
@@ -109,6 +116,7 @@ class Evaluation:
                 *limit_caveats(self._experiment, metrics),
                 *caveats,
                 *distance_caveats(self._experiment, metrics),
+                *image_caveats(self._experiment, metrics),
                 *contact_caveats(self._metrics.gap, metrics),
                 *motor_caveats(self._loop.arm, self._metrics.following, metrics),
             ],
@@ -192,7 +200,7 @@ class Evaluations:
 
 
 def _further_series(motion: Motion, steps: Steps) -> dict[str, Array]:
-    """Return the series of a target posture, an orientation, a contact and obstacles, if any."""
+    """Return the series of targets, an orientation, a contact, obstacles and pixels, if any."""
     series = {}
     if motion.distance is not None:
         series["distance"] = motion.distance
@@ -203,6 +211,9 @@ def _further_series(motion: Motion, steps: Steps) -> dict[str, Array]:
         series["normal_force_desired"] = motion.pressing.desired
         series["normal_force_measured"] = steps.series("normal_force")[:, 0]
         series["contact_force"] = steps.series("contact_force")
+    if motion.image is not None:
+        series["pixels"] = motion.image.pixels
+        series["pixels_desired"] = motion.image.desired
     if motion.orientation_error is not None:
         series["orientation_error"] = motion.orientation_error
     return series

@@ -13,7 +13,7 @@ from ..inputs.dataclass_fields import fields_of
 from ..inputs.fields import Array
 from ..laws import Reading, Signals
 from ..laws.checks import observables_of
-from ..measures import Motion, Pressing, Steps
+from ..measures import ImageMotion, Motion, Pressing, Steps
 from ..paths import LedPath
 from ..robot.clearance import Clearance
 from ..robot.rotation import rotation_error
@@ -114,7 +114,7 @@ def sensed_motion(
         measured: Measurements of the sensors at every step, by name.
         motion: The motion of the true arm.
     """
-    if not measured:
+    if "position" not in measured:
         return motion
     position, velocity = measured["position"], measured["velocity"]
     p_WE, J, _ = _task_motion(experiment, position, times)
@@ -145,6 +145,8 @@ def motion_of(
     position, velocity = (steps.series(prefix + name) for name in ("position", "velocity"))
     state, layout = steps.series("state"), loop.controller.reading.state
     p_WE, J, turned = _task_motion(experiment, position, steps.time - delay)
+    v_WE = _end_effector_velocity(J, velocity, p_WE)
+    image = _image_motion(experiment, position, J, steps.time)
     p_WE_desired, v_WE_desired = _desired(experiment, steps, delay)
     if until is None and steps.time.size:
         until = float(steps.time[-1])
@@ -159,10 +161,10 @@ def motion_of(
         velocity=velocity,
         network_velocity=layout.part(state, "v"),
         p_WE=p_WE,
-        v_WE=_end_effector_velocity(J, velocity, p_WE),
+        v_WE=v_WE,
         p_WE_desired=p_WE_desired,
         v_WE_desired=v_WE_desired,
-        J=J,
+        J=J if image is None else image.J,
         J_hat=layout.part(state, "J_hat") if "J_hat" in layout else None,
         target=_target(experiment, steps.time),
         orientation_error=turned,
@@ -178,6 +180,7 @@ def motion_of(
         distance=distance,
         distance_moving=moving,
         locked=None if experiment.locks is None else experiment.locks.span,
+        image=image,
     )
 
 
@@ -226,6 +229,33 @@ def _task_motion(
             R_WE_desired = experiment.desired.orientation(float(times[k]))[0]
             turned[k] = np.linalg.norm(rotation_error(kinematics.R_WE(q), R_WE_desired))
     return p_WE, J, turned
+
+
+def _image_motion(
+    experiment: Experiment, position: Array, J: Array, times: Array
+) -> ImageMotion | None:
+    """Return what a camera sees at every step; None without one.
+
+    Args:
+        experiment: Experiment that was run.
+        position: Joint positions at every step, shape (k, n) [rad].
+        J: Jacobian of the end effector's position at every step, shape (k, 3, n) [m].
+        times: Time of every step, shape (k,) [s].
+    """
+    camera = experiment.document.camera
+    if camera is None:
+        return None
+    kinematics, desired = experiment.arm.kinematics(), experiment.desired
+    steps, n = position.shape
+    pixels, wanted = np.empty((steps, camera.size)), np.empty((steps, camera.size))
+    image_J, margin = np.empty((steps, camera.size, n)), np.empty(steps)
+    for k, (t, q) in enumerate(zip(times.tolist(), position, strict=True)):
+        p_WE, R_WE = kinematics.p_WE(q), kinematics.R_WE(q)
+        pixels[k] = camera.pixels(t, p_WE, R_WE)
+        wanted[k] = camera.pixels(t, desired.position(t)[0], desired.orientation(t)[0])
+        image_J[k] = camera.pixel_size * camera.tool_J(t, p_WE, R_WE, kinematics.J_omega(q), J[k])
+        margin[k] = camera.tool_margin(t, pixels[k])
+    return ImageMotion(pixels, wanted, image_J, margin, camera.swapped)
 
 
 def _end_effector_velocity(J: Array, velocity: Array, p_WE: Array) -> Array:

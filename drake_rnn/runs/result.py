@@ -100,6 +100,12 @@ class Result:
             error = error - np.outer(error @ n, n)
         return np.asarray(np.linalg.norm(error, axis=1))
 
+    @property
+    def pixel_error(self) -> Array:
+        """Distance of the point that is farthest off in the image, shape (k,) [px]."""
+        away = self.series["pixels"] - self.series["pixels_desired"]
+        return np.asarray(np.linalg.norm(away.reshape(len(away), -1, 2), axis=-1).max(axis=-1))
+
     def columns(self, names: Iterable[str] | None = None) -> dict[str, Array]:
         """Return series as arrays of shape (k,), one for each number: ``p_WE_x_m``; times first.
 

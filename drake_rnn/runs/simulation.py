@@ -30,6 +30,7 @@ from ..paths import LedPath
 from ..systems import (
     ContinuousController,
     Controller,
+    ImageSource,
     JointReference,
     LeadingController,
     LedSource,
@@ -356,6 +357,7 @@ def _add_experiment(
         sensing=document.sensing,
         signals=signals,
         locks=experiment.locks,
+        camera=document.camera,
         seed=document.seed,
         prefix=prefix,
     )
@@ -363,10 +365,15 @@ def _add_experiment(
 
 def _add_path(
     builder: DiagramBuilder, experiment: Experiment, controller: Controller, prefix: str
-) -> PathSource:
+) -> PathSource | ImageSource:
+    document = experiment.document
+    if document.camera is not None and controller.period is not None:
+        late = 0.0 if document.sensing is None else document.sensing.delay
+        shown = ImageSource(experiment.desired, document.camera, controller.period, late)
+        return builder.AddNamedSystem(f"{prefix}path", shown)
     source = PathSource(
         experiment.desired,
-        task=experiment.document.task,
+        task=document.task,
         preview=controller.period if "p_preview" in controller.reading.inputs else None,
     )
     return builder.AddNamedSystem(f"{prefix}path", source)

@@ -62,10 +62,9 @@ class PathSource(LeafSystem):
         delay: float = 0.0,
     ) -> None:
         super().__init__()
-        if preview is not None and not _is_time(preview):
-            raise InvalidInputError(f"preview: must be a time of 0 or more, not {preview!r}")
-        if not _is_time(delay):
-            raise InvalidInputError(f"delay: must be a time of 0 or more, not {delay!r}")
+        if preview is not None:
+            require_time("preview", preview)
+        require_time("delay", delay)
         self.preview, self.delay = preview, delay
         self.placed = _placed(path, p_WE, R_WE)
         self._axes = list(named_task(task).axes)
@@ -115,8 +114,15 @@ def _port(motion: Callable[[float], list[Array]], ahead: float, order: int) -> P
     return calc
 
 
-def _is_time(value: Any) -> bool:
-    return isinstance(value, Real) and 0.0 <= float(value) < np.inf
+def require_time(name: str, value: Any) -> None:
+    """Raise an InvalidInputError if a value is no time of 0 or more.
+
+    Args:
+        name: What it is, for the message.
+        value: The value.
+    """
+    if not isinstance(value, Real) or not 0.0 <= float(value) < np.inf:
+        raise InvalidInputError(f"{name}: must be a time of 0 or more, not {value!r}")
 
 
 def _placed(path: Any, p_WE: Array | None, R_WE: Array | None) -> PlacedPath:

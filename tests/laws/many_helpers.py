@@ -103,6 +103,9 @@ LAWS = {
         jacobian="learned", measurement={"error": 1e-6, "delay": 2e-3, "secant_samples": 3}
     ),
     "adaptive_pose_late": adaptive(task_size=6, measurement={"delay": 2e-3}),
+    "adaptive_pixels": adaptive(
+        jacobian="learned", points=2, task_size=4, measurement={"error": 1e-4}
+    ),
     "slc_known": slc(jacobian="known"),
     "slc_learned": slc(),
     "slc_warm_up": slc(warm_up=WarmUp()),

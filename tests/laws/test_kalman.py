@@ -106,7 +106,7 @@ def test_an_arm_that_moves_about_teaches_its_jacobian(kinematics, m, samples):
 
     Six rows begin with those of the rotation.
     """
-    source = LearnedJacobian(m, N, samples, 1.0, R, 0.0, "zero")
+    source = LearnedJacobian(m, N, samples, 1.0, R, 0.0, "zero", turns=m == 6)
     rng = np.random.default_rng(6)
     q, h = np.array([0.0, 0.3, 0.1, -1.8, 0.2, 2.0, 0.5]), 1e-3
     kept = source.start(rng, seen(kinematics, q))

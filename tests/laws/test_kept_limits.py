@@ -89,6 +89,18 @@ LAWS = {
         Adaptive(limits=LIMITS, home=np.zeros(N), jacobian="learned"),
         5e-3,
     ),
+    # Each drawn pixel is a leap, so C begins anew again and again.
+    "adaptive_pixels": (
+        Adaptive(
+            limits=LIMITS,
+            home=np.zeros(N),
+            jacobian="learned",
+            points=2,
+            task_size=4,
+            pixel_size=1.0,
+        ),
+        5e-3,
+    ),
     "adaptive_force": (
         Adaptive(limits=LIMITS, home=np.zeros(N), force_control={"stiffness": 1000.0}),
         5e-3,

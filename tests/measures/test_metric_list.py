@@ -10,6 +10,7 @@ import pytest
 from drake_rnn import METRICS, JointLimits
 from drake_rnn.measures import (
     METRIC_NAMES,
+    ImageMotion,
     Motion,
     Pressing,
     RunMetrics,
@@ -31,6 +32,7 @@ ENDINGS = {
     "rad/s^4": "_rad_s4",
     "rad/s^5": "_rad_s5",
     "N": "_N",
+    "px": "_px",
 }
 #: What is said of a Jacobian is in the unit of J, which the names leave out.
 OF_THE_JACOBIAN = {
@@ -129,13 +131,16 @@ def observed(k):
 
 
 def test_every_metric_that_is_taken_is_in_the_list_and_the_other_way_round():
-    """Along a path, to a target at which the arm arrives, to many, and of what a law tells."""
+    """Along a path, to a target at which the arm arrives, to many, in an image, and of a law."""
     along = swing(velocity=4.0 * swing().velocity, tick=1e-3)
     towards = swing(target=np.zeros(2), position=np.zeros((1000, 2)))
     stream = swing(target=np.zeros((1000, 2)))
     locks = swing(locked=(0.1, 0.2))
+    still = np.zeros((1000, 2))
+    image = ImageMotion(still, still, np.zeros((1000, 2, 2)), np.ones(1000), (0.1, 0.2))
+    seen = swing(image=image)
     taken = set()
-    for motion in (along, towards, stream, locks):
+    for motion in (along, towards, stream, locks, seen):
         metrics = RunMetrics(Yardsticks.of(BOUNDED, None, 1e-3))
         metrics.add(replace(motion, observed=observed(motion.time.size)))
         taken |= metrics.found().keys()

@@ -12,6 +12,11 @@ that joint velocities w cause to be measured with the variance R:
 What has not been moved for a while is uncertain, so the first motion along it teaches at once: no
 noise needs to be injected. For the same reason an arm at rest must not learn from measurements that
 err: its covariance would grow, and each error would count as a motion's effect.
+
+Pixels, which a camera measures, may leap when another camera comes in its place. A change from one
+sample to the next that is ten times as far from what J_hat says as C, R and the errors of
+measurement explain is such a leap. Nothing is learned from it; C begins anew, so that the next
+motions teach at once.
 """
 
 from __future__ import annotations
@@ -21,12 +26,16 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...arrays.algebra import dot, functions_of, joined, matvec, outer, scaled
+from ...arrays.algebra import dot, functions_of, joined, matvec, outer, root, scaled
 from ...inputs.fields import Array
 from ...robot.rotation import rotation_error
 from ..layout import Signals
 from .late import pushed
 from .learning import first_J_hat
+from .measurement import EXACT
+
+# Ratio of a leap to what explains a motion.
+_LEAP = 10.0
 
 
 def kalman_update(
@@ -56,13 +65,16 @@ class LearnedJacobian:
     that time, whatever was commanded.
 
     Attributes:
-        task_size: Number m of rows; of 6 rows the first three are rotation.
+        task_size: Number m of rows; of 6 rows the first three are rotation, if the task turns.
         size: Number n of joints.
         samples: Number of samples over which the quotients are taken.
         wander: Growth q_n of the variance of each entry [1/s].
         variance: Variance R of the measured task velocity [m^2/s^2].
         still: Joint speed below which J_hat and its covariance stay as they are [rad/s].
         initial: ``uniform`` in [0, 1], ``zero``, or ``exact``, the arm's own.
+        turns: Whether the first three rows are those of a rotation.
+        leaps: Whether what is measured may leap, because a camera is swapped.
+        error: Standard deviation of a measured position [m], by which a leap is told.
     """
 
     task_size: int
@@ -72,14 +84,17 @@ class LearnedJacobian:
     variance: Any
     still: float
     initial: Literal["uniform", "zero", "exact"]
+    turns: bool = False
+    leaps: bool = False
+    error: float = 0.0
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Shapes of its parts of the state, by name."""
         n, m, k = self.size, self.task_size, self.samples
         parts = {"J_hat": (m, n), "covariance": (n, n), "q_before": (k, n)}
-        parts["p_before"] = (k, min(m, 3))
-        return parts | ({"R_before": (k, 3, 3)} if m == 6 else {})
+        parts["p_before"] = (k, m - 3 * self.turns)
+        return parts | ({"R_before": (k, 3, 3)} if self.turns else {})
 
     def start(self, rng: np.random.Generator, u: Signals) -> dict[str, Array]:
         """Return its parts of the initial state, by name.
@@ -113,7 +128,7 @@ class LearnedJacobian:
             "q_before": pushed(kept["q_before"], q, -2),
             "p_before": pushed(kept["p_before"], p, -2),
         }
-        if self.task_size == 6:
+        if self.turns:
             R = u["R_WE"]
             turned = rotation_error(kept["R_before"][..., -1, :, :], R) / over
             y = joined((turned, y))
@@ -125,4 +140,27 @@ class LearnedJacobian:
             xp = functions_of(w)
             after = tuple(xp.where(moves, new, old) for new, old in zip(after, before, strict=True))
         found["J_hat"], found["covariance"] = after
+        if self.leaps:
+            found = self._unless_leapt(kept, found, q, p, period)
         return found["J_hat"], found
+
+    def _unless_leapt(
+        self, kept: dict[str, Array], found: dict[str, Array], q: Array, p: Array, period: float
+    ) -> dict[str, Array]:
+        """Return the parts of the next state, which after a leap know of no motion before it."""
+        moved = q - kept["q_before"][..., 0, :]
+        way = p - kept["p_before"][..., 0, :] - matvec(kept["J_hat"], moved)
+        doubt = dot(moved, matvec(kept["covariance"], moved)) + (EXACT.variance**0.5 * period) ** 2
+        explained = 2.0**0.5 * self.error + root(doubt)
+        leapt = (abs(way) > _LEAP * explained).any(axis=-1)
+        xp = functions_of(p)
+        if type(leapt) is np.bool_ and not leapt:
+            return found
+        anew = {
+            "J_hat": kept["J_hat"],
+            "covariance": np.eye(self.size),
+            "q_before": q[..., None, :],
+            "p_before": p[..., None, :],
+        }
+        leapt = leapt[..., None, None]
+        return {name: xp.where(leapt, anew[name], part) for name, part in found.items()}

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..inputs.fields import Array
-from ..paths import Drawing, Rest
+from ..paths import Rest
 from ..robot.limits import DERIVATIVE_UNITS
 from ..runs.result import Result
 from .style import largest
@@ -75,16 +75,8 @@ def first_pass(result: Result) -> NDArray[np.bool_]:
 
 
 def pen_down(result: Result) -> NDArray[np.bool_]:
-    """Return which samples have the desired point in the plane that a pen draws in, shape (k,).
-
-    All of them on a path that lifts no pen, or whose plane turns with another frame than the base.
-    """
-    path, desired = result.experiment.path, result.series["p_WE_desired"]
-    return (
-        path.pen_is_down(desired)
-        if isinstance(path, Drawing)
-        else np.ones(len(desired), dtype=bool)
-    )
+    """Return at which samples a pen draws the desired path, see `Path.pen_is_down`; shape (k,)."""
+    return result.experiment.path.pen_is_down(result.series["p_WE_desired"])
 
 
 def returns(result: Result) -> bool:

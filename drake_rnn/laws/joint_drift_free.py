@@ -101,8 +101,10 @@ class JointDriftFree(ContinuousLaw):
             limits as well.
         home: Posture that the joints return to, shape (n,) [rad].
         task_size: Number of rows of J.
-        return_weight: Weight of the drift index.
-        return_beta, return_gamma: Roots of the joints' return [1/s].
+        return_weight: Weight of the drift index. Acts only with
+            ``scheme: galjdf, naljdf, moaljdf or moaljdf_printed``.
+        return_beta, return_gamma: Roots of the joints' return [1/s]. Acts only with
+            ``return_weight``.
         task_beta, task_gamma: Roots of the position feedback [1/s].
         position_gain: Gain of the position feedback.
         velocity_gain: Gain of the gradient of the velocity error [1/(m^2 s)].

@@ -74,7 +74,8 @@ class Zeroing(LearningProgramLaw):
         jacobian, J_hat_initial, variance, wander, measurement: See `LearningProgramLaw`.
         gain: Gain gamma of the design formula at the start [1/s].
         growth: How the gain grows: ``none``, ``exponential`` or ``power``.
-        growth_rate: The rate a of its growth [1/s].
+        growth_rate: The rate a of its growth [1/s]. Acts only with
+            ``growth: exponential or power``.
         activation: Activation function Phi, see `drake_rnn.laws.networks.activations`.
         exponent: The number p of the activation; by default the one of the public code.
         steepness: The number z of the activation; likewise.

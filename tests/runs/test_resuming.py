@@ -20,8 +20,8 @@ from drake_rnn.runs.keeper import Keeper
 QUICK = "slc_nephroid_known"
 #: What varies in them: a learned Jacobian with its covariance and noise of measurement; a learned
 #: Jacobian with dither and sensor; two steps of acceleration; moving averages; a plant in contact
-#: with a force sensor that is noisy and late; a law that Drake integrates; joint targets behind
-#: moving obstacles; two arms.
+#: with a force sensor that is noisy and late; a law that Drake integrates; joint targets
+#: beside an obstacle; two arms.
 RUNS = {
     "adaptive_measured": {},
     "slc_nephroid_warm_up": {"sensing": {"position_noise": 1e-5, "delay": 3e-3}},
@@ -29,6 +29,7 @@ RUNS = {
     "chain_circle": {"limits": {"velocity": 1, "acceleration": 50, "jerk": 5000}},
     "contact_circle": {"sensor": {"noise": 0.1, "delay": 0.004, "low_pass": 50}},
     "modified_state_adjustment": {},
+    "stream_guarded": {},
     "adaptive_two_arms_together": {},
 }
 DURATION, EVERY = 0.65, 0.2

@@ -145,10 +145,11 @@ def _run(
     steps = recorder.steps
     whole = bool(steps.time.size) and bool(steps.time[-1] >= experiment.document.duration)
     told_to_end = whole and isinstance(failure, InterruptedRunError)
+    failure = None if told_to_end else failure
 
     def conclude() -> tuple[Result, InvalidInputError | None]:
         result, fault = evaluation.finish(steps, found, simulator.get_system())
-        if whole and isinstance(loop.controller, SampledController):
+        if failure is None and isinstance(loop.controller, SampledController):
             context = loop.controller.GetMyContextFromRoot(root)
             result.timings["control_step_us"] = _step_cost(loop.controller, context)
         return result, fault
@@ -160,36 +161,36 @@ def _run(
         result.timings["resumed_at_s"] = begin
     if keeper is not None and keeper.trouble:
         result.warnings.append(f"checkpoint: {keeper.trouble}")
-    failure = _failure(None if told_to_end else failure, fault, root.get_time())
+    failure = _failure(failure, fault, root.get_time())
     return _given(result, failure, root.get_time(), told_to_end=told_to_end or told_late)
 
 
 def _failure(
-    failure: SimulationError | None, fault: InvalidInputError | None, time: float
+    failure: SimulationError | None, fault: InvalidInputError | None, t: float
 ) -> SimulationError | None:
     """Return the error that stopped a run, or one for what its law says wrongly of it."""
     if failure is None and fault is not None:
-        failure = SimulationError(str(fault), time)
+        failure = SimulationError(str(fault), t)
         failure.__cause__ = fault
     return failure
 
 
 def _given(
-    result: Result, failure: SimulationError | None, time: float, *, told_to_end: bool
+    result: Result, failure: SimulationError | None, t: float, *, told_to_end: bool
 ) -> Result:
     """Return the result of a run that nothing stopped; else raise an error that has the result.
 
     Args:
         result: The result.
         failure: What stopped the run.
-        time: Time at which it ended [s].
+        t: Time at which it ended [s].
         told_to_end: Whether a signal told it to end after its last step.
     """
     if failure is not None:
         status: Status = "interrupted" if isinstance(failure, InterruptedRunError) else "failed"
         result = failure.result = stopped(result, status, str(failure))
     if told_to_end and result.status != "interrupted":
-        failure = InterruptedRunError("interrupted after its last step", time)
+        failure = InterruptedRunError("interrupted after its last step", t)
         failure.result = result
     if failure is not None:
         raise failure

@@ -32,7 +32,7 @@ from .style import (
     ticks,
     time_axis,
 )
-from .traits import first_pass, pen_down
+from .traits import first_pass, strokes_of
 
 Runs = Mapping[str, Result]
 
@@ -165,7 +165,7 @@ def _plot_path(ax: Axes, runs: Runs) -> None:
     spread = np.ptp(finite(np.concatenate(desired)), axis=0)
     a, b = sorted(np.argsort(spread, kind="stable")[-2:].tolist())
     for k, run in enumerate(runs.values()):
-        ax.plot(*_drawn(run, "p_WE")[:, [a, b]].T, **nth(k))
+        ax.plot(*strokes_of(run, "p_WE")[:, [a, b]].T, **nth(k))
     if _one_path(desired):
         whole = max(desired, key=lambda path: float(np.ptp(finite(path), axis=0).max()))
         ax.plot(*whole[:, [a, b]].T, **DESIRED)
@@ -176,8 +176,8 @@ def _plot_path(ax: Axes, runs: Runs) -> None:
 
 
 def _desired(run: Result) -> Array:
-    """Return points of a run's desired path, passed once, shape (k, 3); NaN as in `_drawn`."""
-    return _drawn(run, "p_WE_desired")[first_pass(run)]
+    """Return points of a run's desired path, passed once, shape (k, 3); NaN as in `strokes_of`."""
+    return strokes_of(run, "p_WE_desired")[first_pass(run)]
 
 
 def _one_path(paths: Sequence[Array]) -> bool:
@@ -205,11 +205,6 @@ def _farthest(points: Array, curve: Array) -> float:
         off = begin + along[:, None] * way - point
         distances.append(np.sqrt((off**2).sum(axis=1).min()))
     return float(max(distances))
-
-
-def _drawn(run: Result, series: str) -> Array:
-    """Return points of a run, shape (k, m); NaN where a pen is lifted."""
-    return np.asarray(np.where(pen_down(run)[:, None], run.series[series], np.nan))
 
 
 def _plot_error(ax: Axes, runs: Runs) -> None:

@@ -74,9 +74,13 @@ def first_pass(result: Result) -> NDArray[np.bool_]:
     return result.time <= passed + experiment.document.log_period
 
 
-def pen_down(result: Result) -> NDArray[np.bool_]:
-    """Return at which samples a pen draws the desired path, see `Path.pen_is_down`; shape (k,)."""
-    return result.experiment.path.pen_is_down(result.series["p_WE_desired"])
+def strokes_of(result: Result, series: str) -> Array:
+    """Return a series of points, shape (k, m), with NaN where a pen is lifted.
+
+    See `drake_rnn.paths.Path.pen_is_down`; on most paths none is.
+    """
+    down = result.experiment.path.pen_is_down(result.series["p_WE_desired"])
+    return np.asarray(np.where(down[:, None], result.series[series], np.nan))
 
 
 def returns(result: Result) -> bool:

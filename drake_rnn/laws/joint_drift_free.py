@@ -111,7 +111,8 @@ class JointDriftFree(ContinuousLaw):
         composite_gain: Gain of the position error added to the velocity error [1/s].
         rate: Rate of omega [1/(m^2 s)].
         alpha: Weight of the kinematics in MOALJDF, 0.995 by default; the torque's is 1 - alpha.
-        damping: Damping mu of the pseudoinverse [m].
+        damping: Damping mu of the pseudoinverse [m]. Acts only with
+            ``scheme: man, galjdf, naljdf or moaljdf``.
         bounds: ``acceleration``, clipped as in the paper; or ``all``, which a sampled law
             keeps by braking in time.
         velocity: Joint velocity in the equations: the law's ``own``, which it commands; or the

@@ -29,7 +29,7 @@ from .timing import TimeLaw, time_law
 # Largest distance from a slight corner at which its rounding begins, as a share of the drawing.
 _SLIGHT = 0.01
 # Height, as a share of that to which a pen is lifted, above which it does not draw.
-_LIFTED = 0.01
+_LIFTED = 1e-3
 
 
 @validated

@@ -9,7 +9,7 @@ as it is on the page.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, get_args
@@ -17,6 +17,7 @@ from typing import Any, get_args
 from drake_rnn import LAWS, Experiment, Law, load_experiment
 from drake_rnn.cli.schemas import DOCUMENTS, schema_text
 from drake_rnn.experiment import read_document
+from drake_rnn.experiment.idle_keys import Condition, conditions
 from drake_rnn.experiment.law import ORIGINS
 from drake_rnn.inputs.explained import keys_of
 from drake_rnn.robot.limits import LIMIT_UNITS
@@ -151,17 +152,28 @@ def _gain_rows(kind: str, above: str, rows: list[str]) -> Iterator[str]:
     written = {row.split("`")[1]: [cell.strip() for cell in split_row(row)] for row in rows}
     keys: dict[str, tuple[str | None, str]] = {}
     sections = sections_of(LAWS[kind])
+    acts_with = {**conditions(LAWS[kind])}
     for key in keys_of(LAWS[kind], ("kind", *(set(ORIGINS) - {"measurement"}))):
         keys[key.name] = (_ELSEWHERE.get(key.name, key.default), key.meaning)
         for part in keys_of(sections[key.name]) if key.name in sections else ():
             keys[f"{key.name}.{part.name}"] = part.default, part.meaning
+            acts_with[f"{key.name}.{part.name}"] = conditions(sections[key.name]).get(part.name, ())
     for name in sorted(keys, key=lambda name: [*written, name].index(name)):
         default, meaning = keys[name]
         cell, default = f"`{name}`", "must be given" if default is None else default
         if name in written:
             cell, before, meaning = written[name]
             default = before if _number(before) == _number(default) else default
-        yield f"| {cell} | {default} | {meaning} |"
+        yield f"| {cell} | {default} | {_with_conditions(meaning, acts_with.get(name, ()))} |"
+
+
+def _with_conditions(meaning: str, conditions: Sequence[Condition]) -> str:
+    """Return a meaning that ends in what its key acts with, as its class says."""
+    if not conditions:
+        return meaning
+    told = (f"`{each.key}: {each}`" if each.values else f"`{each.key}`" for each in conditions)
+    bare = re.sub(r"\.?( Acts only with .*)?$", "", meaning)
+    return f"{bare}. Acts only with {' and '.join(told)}"
 
 
 def split_row(row: str) -> list[str]:

@@ -2,8 +2,9 @@
 
     python docs/make_tutorial.py
 
-needs pdflatex (texlive-latex-extra) and pdftoppm (poppler-utils) for the picture; without them only
-the table is made. A test carries out the same commands.
+needs pdflatex (texlive-latex-recommended) and pdftoppm (poppler-utils) for the picture; without
+them only the table is made. It prints how long each command takes. A test carries out the same
+commands.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from time import perf_counter
 
 from PIL import Image, ImageChops
 
@@ -67,10 +69,13 @@ def main() -> None:
     """Carry out the tutorial, and write what came out into its page."""
     with TemporaryDirectory() as name:
         folder = Path(name)
+        began = before = perf_counter()
         for command, done in carry_out(folder):
-            print(command, file=sys.stderr)
+            print(f"{perf_counter() - before:6.1f} s  {command}", file=sys.stderr)
             if done.returncode:
                 sys.exit(f"{done.stdout}{done.stderr}")
+            before = perf_counter()
+        print(f"{before - began:6.1f} s  in all", file=sys.stderr)
         (printed,) = (each for each in commands() if "--table" in each)
         again = printed.replace("table.tex", "table.md")
         subprocess.run(

@@ -30,7 +30,10 @@ class SimulationError(DrakeRnnError, RuntimeError):
 
 
 class InterruptedRunError(SimulationError):
-    """A run that was interrupted from the keyboard."""
+    """A run that was interrupted, from the keyboard or by SIGTERM.
+
+    If that was after its last step, its ``result`` is complete.
+    """
 
 
 class RobotError(DrakeRnnError, RuntimeError):

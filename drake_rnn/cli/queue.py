@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,13 +19,13 @@ from rich.markup import escape
 from ..campaigns.workers import Processes
 from ..errors import DrakeRnnError
 from ..experiment import Experiment, load_experiment
-from ..runs.checkpoint import Checkpoint
+from ..runs.checkpoint import Checkpoint, can_go_on
 from ..runs.result import Result
 from ..runs.stored import Series
 from .changing import tell_of_window
 from .console import err, errors, out
-from .saving import Pictures, write_result
-from .simulating import resumed, simulated
+from .saving import Pictures, going_on, kept_without_pictures, write_result
+from .simulating import InterruptedAfterItsLastStep, resumed, simulated
 
 
 @dataclass(frozen=True)
@@ -111,8 +111,8 @@ def run_in_turn(
 def go_on(folder: Path, pictures: Pictures) -> Outcome:
     """Go on with the run of a folder that was stopped."""
     with errors():
-        result = resumed(Checkpoint.load(folder))
-        write_result(result, folder, pictures)
+        since = Checkpoint.load(folder)
+        result = _written(lambda: resumed(since), folder, pictures)
     return Outcome(result.experiment.name, folder, result.record, result.metrics)
 
 
@@ -224,6 +224,33 @@ def _perform(
     task: Task, experiment: Experiment, beside: Sequence[Result], bar: bool = True
 ) -> Result:
     tell_of_window(task.experiment, task.changes)
-    result = simulated(experiment, bar, anyway=task.anyway, series=task.series, keep=task.folder)
-    write_result(result, task.folder, task.pictures, beside)
+    return _written(
+        lambda: simulated(
+            experiment, bar, anyway=task.anyway, series=task.series, keep=task.folder
+        ),
+        task.folder,
+        task.pictures,
+        beside,
+    )
+
+
+def _written(
+    run: Callable[[], Result], folder: Path, pictures: Pictures, beside: Sequence[Result] = ()
+) -> Result:
+    """Make a run and write its result.
+
+    Raises:
+        KeyboardInterrupt: If it is interrupted after the last step; it says where the result is, or
+            how to go on to it.
+    """
+    try:
+        result = run()
+        write_result(result, folder, pictures, beside)
+    except InterruptedAfterItsLastStep as interrupt:
+        write_result(interrupt.result, folder, Pictures(figures=False, playback=False))
+        raise KeyboardInterrupt(kept_without_pictures(folder)) from None
+    except KeyboardInterrupt as interrupt:
+        if str(interrupt) or not can_go_on(folder):
+            raise
+        raise KeyboardInterrupt(f"interrupted; {going_on(folder)}") from None
     return result

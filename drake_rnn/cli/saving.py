@@ -70,9 +70,7 @@ def write_result(
         try:
             _make(pictures, result, folder, beside)
         except KeyboardInterrupt:
-            interrupted = KeyboardInterrupt(
-                f"interrupted: {folder} has the result; {_again(folder)}"
-            )
+            interrupted = KeyboardInterrupt(kept_without_pictures(folder))
     if interrupted is not None:
         raise interrupted
 
@@ -83,7 +81,7 @@ def _make(pictures: Pictures, result: Result, folder: Path, beside: Sequence[Res
     out.print(escape(f"results   {folder}"), soft_wrap=True)
     if result.status == "interrupted":
         if can_go_on(folder):
-            out.print(escape(f"go on     drake-rnn run --resume {folder}"), soft_wrap=True)
+            out.print(escape(f"go on     {_resuming(folder)}"), soft_wrap=True)
         if pictures.figures or pictures.playback:
             out.print(escape(f"pictures  none: {_again(folder)}"), soft_wrap=True)
         return
@@ -96,6 +94,20 @@ def _make(pictures: Pictures, result: Result, folder: Path, beside: Sequence[Res
         out.print(escape(f"figures   {drawn}"), soft_wrap=True)
     if pictures.playback and result.time.size > 1:
         write_page(result, folder, beside)
+
+
+def going_on(folder: Path) -> str:
+    """Return how a run that was stopped can be brought to its end."""
+    return f"`{_resuming(folder)}` goes on with it"
+
+
+def kept_without_pictures(folder: Path) -> str:
+    """Return what there is of a run that was interrupted when it was complete."""
+    return f"interrupted: {folder} has the result; {_again(folder)}"
+
+
+def _resuming(folder: Path) -> str:
+    return f"drake-rnn run --resume {folder}"
 
 
 def _again(folder: Path) -> str:

@@ -10,7 +10,7 @@ from time import perf_counter
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from ..errors import SimulationError
+from ..errors import InterruptedRunError, SimulationError
 from ..experiment import Experiment
 from ..runs.checkpoint import Checkpoint
 from ..runs.result import Result
@@ -18,6 +18,18 @@ from ..runs.simulation import Progress as ProgressCallback
 from ..runs.simulation import resume, simulate
 from ..runs.stored import Series
 from .console import err, out
+
+
+class InterruptedAfterItsLastStep(KeyboardInterrupt):
+    """A run that was told to end when nothing was left to simulate.
+
+    Attributes:
+        result: The result of the whole run.
+    """
+
+    def __init__(self, result: Result) -> None:
+        super().__init__("interrupted")
+        self.result = result
 
 
 def simulated(
@@ -28,7 +40,11 @@ def simulated(
     series: Series = "full",
     keep: Path | None = None,
 ) -> Result:
-    """Return the result of an experiment; up to its failure, which is printed, if it fails."""
+    """Return the result of an experiment; up to its failure, which is printed, if it fails.
+
+    Raises:
+        InterruptedAfterItsLastStep: If that is when it is interrupted.
+    """
     return _shown(
         experiment,
         lambda progress: simulate(experiment, progress, anyway=anyway, series=series, keep=keep),
@@ -48,8 +64,10 @@ def _shown(
         with _progress_bar(experiment, bar) as progress:
             return make(progress)
     except SimulationError as error:
-        err.print(f"[red]failed[/] {escape(f'{experiment.name}: {error}')}")
         failed: Result = error.result
+        if isinstance(error, InterruptedRunError) and failed.status != "interrupted":
+            raise InterruptedAfterItsLastStep(failed) from None
+        err.print(f"[red]failed[/] {escape(f'{experiment.name}: {error}')}")
         return failed
 
 

@@ -15,9 +15,9 @@ from ..inputs.fields import Array
 from ..laws.law import SampledReading
 from ..laws.layout import Signals
 from ..measures import Steps
+from ..runs.diagram import recorded_simulator, start_laws
 from ..runs.evaluation import Evaluations
 from ..runs.result import Result, Status, stopped
-from ..runs.simulation import recorded_simulator, start_laws
 from ..systems import RobotArm
 from .connection import Motion
 from .robot_task import RobotTask

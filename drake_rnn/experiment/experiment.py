@@ -32,6 +32,7 @@ from .contact import contact_doubts
 from .document import ExperimentDocument
 from .faults import kept_through_locks, lock_doubts
 from .filter import FilterDelay, filter_delay
+from .idle_keys import idle_keys
 from .judged import judged_doubts
 from .path import GIVEN
 from .safety import kept_by
@@ -237,7 +238,8 @@ def make_experiment(
     circumstances = _circumstances(found, delay, kinematics)
     unsure += warnings_of(law, "doubts", lambda: law.doubts(circumstances))
     judged = judged_doubts(found.limits, found.keeps, document.period)
-    warnings = (*parts.warnings, *late, *moved, *unsafe, *unsure, *judged, *doubts)
+    idle = idle_keys(document, law=law, path=parts.path, arm=parts.arm.description)
+    warnings = (*parts.warnings, *idle, *late, *moved, *unsafe, *unsure, *judged, *doubts)
     found = replace(found, warnings=warnings)
     return found if document.second is None else _beside(found, modules, arms)
 

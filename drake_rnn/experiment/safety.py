@@ -20,7 +20,7 @@ class SafetySettings:
         bounds: Whether the limits of the joints are kept: of position and velocity, and those of
             acceleration and jerk that are given.
         collisions: Whether the arm is kept clear of itself and of ``obstacles``.
-        avoidance: How near it may come.
+        avoidance: How near it may come. Acts only with ``collisions``.
     """
 
     bounds: bool = True

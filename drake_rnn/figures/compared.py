@@ -19,7 +19,7 @@ from ..measures import prefixed
 from ..robot.limits import DERIVATIVE_UNITS
 from ..runs.result import Result
 from .comparison import bounded_orders, plot_errors, plot_shares, shares_of_bounds
-from .looks import DESIRED, nth
+from .looks import DESIRED, Style, nth
 from .paper import Paper, drawn_for, wide
 from .style import (
     COLUMN,
@@ -32,7 +32,7 @@ from .style import (
     ticks,
     time_axis,
 )
-from .traits import first_pass, pen_down
+from .traits import first_pass, strokes_of
 
 Runs = Mapping[str, Result]
 
@@ -42,6 +42,13 @@ _ORDERS = ("angle", *DERIVATIVE_UNITS)
 _TIME, _PATH, _ABOVE = 1.25, 2.3, 0.3
 #: Width from which on panels are beside one another [inch].
 _BESIDE = 5.0
+#: How far two desired paths may be apart to be one, as a share of their size.
+_SAME = 1e-3
+#: Number of points by which they are compared.
+_FEW = 200
+#: How desired paths are drawn behind those traced where runs have paths of their own.
+_PALE: Style = {"linewidth": 4.0, "alpha": 0.3, "zorder": 1.2}
+_EACH: Style = {**_PALE, "color": "0.3", "label": "desired of each"}
 
 
 @dataclass(frozen=True)
@@ -120,7 +127,8 @@ def _legend(figure: Figure, ax: Axes, runs: Runs, with_path: bool) -> None:
     for k, name in enumerate(runs):
         ax.plot([], [], label=name, **nth(k))
     if with_path:
-        ax.plot([], [], label="desired", **DESIRED)
+        one = _one_path([_desired(run) for run in runs.values()])
+        ax.plot([], [], **({"label": "desired", **DESIRED} if one else _EACH))
     room = 110 if figure.get_figwidth() >= _BESIDE else 50
     legend_above(figure, ax, room=room, beside=4)
 
@@ -149,19 +157,54 @@ def _share_time(axes: Sequence[Axes], panels: Sequence[str], shape: tuple[int, i
 
 
 def _plot_path(ax: Axes, runs: Runs) -> None:
-    """Plot what each run traced, in the plane in which the desired path varies most."""
-    first = next(iter(runs.values()))
-    desired = first.series["p_WE_desired"][first_pass(first)]
-    a, b = sorted(np.argsort(np.ptp(finite(desired), axis=0), kind="stable")[-2:].tolist())
+    """Plot what each run traced, in the plane in which the desired paths vary most.
+
+    Where runs have paths of their own, each desired path is pale and wide, in its run's colour.
+    """
+    desired = [_desired(run) for run in runs.values()]
+    spread = np.ptp(finite(np.concatenate(desired)), axis=0)
+    a, b = sorted(np.argsort(spread, kind="stable")[-2:].tolist())
     for k, run in enumerate(runs.values()):
-        ax.plot(*_drawn(run, "p_WE")[:, [a, b]].T, **nth(k))
-    ax.plot(*_drawn(first, "p_WE_desired")[first_pass(first)][:, [a, b]].T, **DESIRED)
+        ax.plot(*strokes_of(run, "p_WE")[:, [a, b]].T, **nth(k))
+    if _one_path(desired):
+        whole = max(desired, key=lambda path: float(np.ptp(finite(path), axis=0).max()))
+        ax.plot(*whole[:, [a, b]].T, **DESIRED)
+    else:
+        for k, path in enumerate(desired):
+            ax.plot(*path[:, [a, b]].T, color=nth(k)["color"], **_PALE)
     plane_axes(ax, f"{'xyz'[a]} [m]", f"{'xyz'[b]} [m]")
 
 
-def _drawn(run: Result, series: str) -> Array:
-    """Return points of a run, shape (k, m); NaN where a pen is lifted."""
-    return np.asarray(np.where(pen_down(run)[:, None], run.series[series], np.nan))
+def _desired(run: Result) -> Array:
+    """Return points of a run's desired path, passed once, shape (k, 3); NaN as in `strokes_of`."""
+    return strokes_of(run, "p_WE_desired")[first_pass(run)]
+
+
+def _one_path(paths: Sequence[Array]) -> bool:
+    """Return whether paths are the same curve, at whatever times and however far it is passed.
+
+    Args:
+        paths: Points of each, shape (k, 3), NaN between strokes.
+    """
+    curves = [finite(path) for path in paths]
+    if min(map(len, curves)) < 2:
+        return len(curves) == 1
+    whole = max(curves, key=lambda curve: float(np.ptp(curve, axis=0).max()))
+    size = float(np.ptp(whole, axis=0).max())
+    return all(_farthest(curve, whole) <= _SAME * size for curve in curves)
+
+
+def _farthest(points: Array, curve: Array) -> float:
+    """Return how far a point of the first curve is from the second, at most."""
+    few = points[:: max(1, len(points) // _FEW)]
+    begin, way = curve[:-1], np.diff(curve, axis=0)
+    length = np.maximum((way**2).sum(axis=1), np.finfo(float).tiny)
+    distances = []
+    for point in few:
+        along = np.clip(((point - begin) * way).sum(axis=1) / length, 0.0, 1.0)
+        off = begin + along[:, None] * way - point
+        distances.append(np.sqrt((off**2).sum(axis=1).min()))
+    return float(max(distances))
 
 
 def _plot_error(ax: Axes, runs: Runs) -> None:

@@ -26,18 +26,18 @@ from .style import (
     time_axis,
 )
 from .surface import surface_axes
-from .traits import first_pass, has_path, presses
+from .traits import first_pass, has_path, presses, strokes_of
 from .transients import in_view, keep_in_view
 
 
 def plot_path(ax: Axes, result: Result) -> None:
     """Plot the desired and the traced path in the plane in which the former varies most."""
-    p_WE, desired = result.series["p_WE"], result.series["p_WE_desired"]
+    p_WE, desired = (strokes_of(result, name) for name in ("p_WE", "p_WE_desired"))
     a, b = sorted(np.argsort(np.ptp(finite(desired), axis=0), kind="stable")[-2:].tolist())
     ax.plot(p_WE[:, a], p_WE[:, b], label="traced", **TRACED)
     once = first_pass(result)
     ax.plot(desired[once, a], desired[once, b], label="desired", **DESIRED)
-    mark_ends(ax, result, p_WE[:, [a, b]], desired[:, [a, b]])
+    mark_ends(ax, result, *(result.series[name][:, [a, b]] for name in ("p_WE", "p_WE_desired")))
     plane_axes(ax, f"{'xyz'[a]} [m]", f"{'xyz'[b]} [m]")
     legend(ax)
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..inputs.fields import Array
-from ..paths import Drawing, Rest
+from ..paths import Rest
 from ..robot.limits import DERIVATIVE_UNITS
 from ..runs.result import Result
 from .style import largest
@@ -74,17 +74,13 @@ def first_pass(result: Result) -> NDArray[np.bool_]:
     return result.time <= passed + experiment.document.log_period
 
 
-def pen_down(result: Result) -> NDArray[np.bool_]:
-    """Return which samples have the desired point in the plane that a pen draws in, shape (k,).
+def strokes_of(result: Result, series: str) -> Array:
+    """Return a series of points, shape (k, m), with NaN where a pen is lifted.
 
-    All of them on a path that lifts no pen, or whose plane turns with another frame than the base.
+    See `drake_rnn.paths.Path.pen_is_down`; on most paths none is.
     """
-    path, desired = result.experiment.path, result.series["p_WE_desired"]
-    return (
-        path.pen_is_down(desired)
-        if isinstance(path, Drawing)
-        else np.ones(len(desired), dtype=bool)
-    )
+    down = result.experiment.path.pen_is_down(result.series["p_WE_desired"])
+    return np.asarray(np.where(down[:, None], result.series[series], np.nan))
 
 
 def returns(result: Result) -> bool:

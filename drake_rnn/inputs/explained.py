@@ -72,16 +72,17 @@ def default_of(field: Any) -> Any:
 
 def _default(field: Any) -> str | None:
     value = default_of(field)
-    return None if value is MISSING else _written(plain(value))
+    return None if value is MISSING else written(plain(value))
 
 
-def _written(value: Any) -> str:
+def written(value: Any) -> str:
+    """Return a value of a key as a document could write it, in one line."""
     if value is None or value in ("", {}, []):
         return "none"
     if isinstance(value, bool):
         return str(value).lower()
     if parts := fields_of(value):
-        return "{" + ", ".join(f"{name}: {_written(part)}" for name, part in parts.items()) + "}"
+        return "{" + ", ".join(f"{name}: {written(part)}" for name, part in parts.items()) + "}"
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TypeVar
+
+_T = TypeVar("_T")
 
 
 @contextmanager
@@ -34,3 +37,20 @@ def signals_held() -> Iterator[None]:
             signal.signal(number, handler)
         if came:
             signal.raise_signal(came[0])
+
+
+def uninterrupted(work: Callable[[], _T]) -> tuple[_T, bool]:
+    """Do work that Ctrl-C does not interrupt.
+
+    Returns:
+        What the work returns, and whether a signal came meanwhile that would have interrupted it.
+    """
+    done: list[_T] = []
+    try:
+        with signals_held():
+            done.append(work())
+    except KeyboardInterrupt:
+        if not done:
+            raise
+        return done[0], True
+    return done[0], False

@@ -124,19 +124,25 @@ class Adaptive(Law):
             one, and less where measurements have errors or the jerk is bounded low.
         braking: Deceleration of the feedback [m/s^2].
         feedback_limit: Largest speed of the feedback [m/s].
-        turn_braking: Deceleration of the feedback of the orientation [rad/s^2].
-        turn_limit: Largest speed of that feedback [rad/s].
+        turn_braking: Deceleration of the feedback of the orientation [rad/s^2]. Acts only with
+            ``task: pose``.
+        turn_limit: Largest speed of that feedback [rad/s]. Acts only with ``task: pose``.
         lever: Length that makes an error of the orientation count like one of the position [m].
+            Acts only with ``task: pose``.
         softness: Price mu of the task's error; 1e-6 by default, more where measurements have
             errors.
         secondary: What the joints do besides.
         force_control: How it keeps a force along the normal of a surface; None to press on nothing.
         J_hat_initial: Initial J_hat: ``uniform`` in [0, 1], ``zero``, or ``exact``, the arm's own.
-        variance: Variance R of the measured velocity; by default as suits the measurement.
-        wander: Growth q_n of the variance of J_hat's entries [1/s]; likewise.
+            Acts only with ``jacobian: learned``.
+        variance: Variance R of the measured velocity; by default as suits the measurement. Acts
+            only with ``jacobian: learned``.
+        wander: Growth q_n of the variance of J_hat's entries [1/s]; likewise. Acts only with
+            ``jacobian: learned``.
         measurement: Quality of what the law sees.
         clearance: What the arm is to stay clear of; None for nothing.
-        avoidance: How near it may come; ``none`` not to avoid anything.
+        avoidance: How near it may come; ``none`` not to avoid anything. Acts only with
+            ``obstacles``.
         other: Another arm beside it, which ``clearance`` counts; None without one.
         points: Number of points of the tool whose pixels it sees in place of ``p_WE``; None where
             it sees ``p_WE``.

@@ -101,15 +101,18 @@ class JointDriftFree(ContinuousLaw):
             limits as well.
         home: Posture that the joints return to, shape (n,) [rad].
         task_size: Number of rows of J.
-        return_weight: Weight of the drift index.
-        return_beta, return_gamma: Roots of the joints' return [1/s].
+        return_weight: Weight of the drift index. Acts only with
+            ``scheme: galjdf, naljdf, moaljdf or moaljdf_printed``.
+        return_beta, return_gamma: Roots of the joints' return [1/s]. Acts only with
+            ``return_weight``.
         task_beta, task_gamma: Roots of the position feedback [1/s].
         position_gain: Gain of the position feedback.
         velocity_gain: Gain of the gradient of the velocity error [1/(m^2 s)].
         composite_gain: Gain of the position error added to the velocity error [1/s].
         rate: Rate of omega [1/(m^2 s)].
         alpha: Weight of the kinematics in MOALJDF, 0.995 by default; the torque's is 1 - alpha.
-        damping: Damping mu of the pseudoinverse [m].
+        damping: Damping mu of the pseudoinverse [m]. Acts only with
+            ``scheme: man, galjdf, naljdf or moaljdf``.
         bounds: ``acceleration``, clipped as in the paper; or ``all``, which a sampled law
             keeps by braking in time.
         velocity: Joint velocity in the equations: the law's ``own``, which it commands; or the

@@ -46,7 +46,7 @@ class JointStream(Law):
         timeout: Time without a target after which the joints come to rest, wherever they are [s];
             a source repeats a target until it is reached.
         clearance: What the arm is to stay clear of; None for nothing.
-        avoidance: How near it may come.
+        avoidance: How near it may come. Acts only with ``obstacles``.
     """
 
     limits: JointLimits

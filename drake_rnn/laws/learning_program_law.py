@@ -28,8 +28,11 @@ class LearningProgramLaw(ProgramLaw):
     Args:
         jacobian: ``known`` reads J; ``learned`` learns it from ``position`` and ``p_WE``.
         J_hat_initial: Initial J_hat: ``uniform`` in [0, 1], ``zero``, or ``exact``, the arm's own.
-        variance: Variance R of the measured velocity; by default as suits the measurement.
-        wander: Growth q_n of the variance of J_hat's entries [1/s]; likewise.
+            Acts only with ``jacobian: learned``.
+        variance: Variance R of the measured velocity; by default as suits the measurement. Acts
+            only with ``jacobian: learned``.
+        wander: Growth q_n of the variance of J_hat's entries [1/s]; likewise. Acts only with
+            ``jacobian: learned``.
         measurement: Quality of what the law sees, if it learns.
     """
 

@@ -119,12 +119,15 @@ class MotionForce(SampledLaw, ContinuousLaw):
         stiffness: Stiffness of the surface [N/m], or an `OnlineStiffness` that learns it.
         jacobian: ``known``; ``learned``; or ``printed``, learned except for J^T in (22a).
         J_hat_initial: Initial value of a learned Jacobian: ``zero``, or ``exact``, the true one.
+            Acts only with ``jacobian: learned or printed``.
         multipliers_initial: Upper end of the uniform draw, from zero, of all initial multipliers;
             the paper's is 0.1.
-        rho: Time constant of the learning [rad^2/s].
+        rho: Time constant of the learning [rad^2/s]. Acts only with
+            ``jacobian: learned or printed``.
         gain: Gain of the position and force feedback [1/s].
         orientation: ``rotation``, or the paper's ``printed``.
-        orientation_gain: Gain of the rotation error [1/s]; not used by ``printed``.
+        orientation_gain: Gain of the rotation error [1/s]. Acts only with
+            ``orientation: rotation``.
         form: ``normalised``, or the paper's ``literal``.
         force_feedback: ``measured``, or the paper's ``assumed``.
         approach_speed: Largest commanded speed along the normal [m/s]; None for no bound.

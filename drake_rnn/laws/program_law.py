@@ -28,12 +28,13 @@ class ProgramLaw(Law):
             `drake_rnn.laws.program.costs`.
         return_gain: Gain k of the way back to that posture [1/s]; 0 for the least velocity alone.
         manipulability: Gain of the gradient of the manipulability [rad/s], with ``cost: velocity``.
-        blend: Weight of the velocity's square beside the largest velocity, with
-            ``cost: largest_velocity`` [1]; nearly 1 has the square alone.
+        blend: Weight of the velocity's square beside the largest velocity [1]; nearly 1 has the
+            square alone. Acts only with ``cost: largest_velocity``.
         feedback: Gain K of the feedback of position and orientation [1/s].
         bounds: ``velocity`` has the limits of position and velocity as inequalities of the
             program, which the network fulfils as well as it follows its optimum; ``none`` has none.
-        limit_stiffness: Velocity allowed per radian left to a position limit [1/s].
+        limit_stiffness: Velocity allowed per radian left to a position limit [1/s]. Acts only with
+            ``bounds: velocity``.
     """
 
     limits: JointLimits

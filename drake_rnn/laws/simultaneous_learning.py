@@ -115,15 +115,18 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
             bound, as in the paper. On a path that an arm can follow they reach 1 to 4, and more
             close to a singular posture.
         position_bound: ``braking`` keeps each joint slow enough to stop within its position limits
-            at its largest acceleration; ``printed`` has the paper's box alone.
+            at its largest acceleration; ``printed`` has the paper's box alone. Acts only with
+            ``acceleration_bound: scalar or per_joint``.
         acceleration_bound: ``scalar`` limits all joints to the smallest of their bounds, as in
             the paper; ``per_joint`` limits each joint to its own; ``none`` is RNN (16).
         jacobian: ``known`` reads J; ``learned`` reads ``velocity`` and ``v_WE`` instead.
-        rho: Time constant of the learning [rad^2/s].
+        rho: Time constant of the learning [rad^2/s]. Acts only with ``jacobian: learned``.
         J_hat_initial: Initial J_hat: ``uniform`` in [0, 1], ``zero``, or ``exact``, the arm's own.
+            Acts only with ``jacobian: learned``.
         warm_up: Small motion of every joint before the task begins, in place of noise.
         substeps: Euler steps of the network per sample; by default as many as keep it stable:
-            rate times step is at most 1, and at most ``1 / |J|^2`` where ``|J|`` exceeds 1.
+            rate times step is at most 1, and at most ``1 / |J|^2`` where ``|J|`` exceeds 1. Acts
+            only with ``period``.
     """
 
     kind: Literal["simultaneous_learning"] = "simultaneous_learning"

@@ -86,7 +86,8 @@ class Zeroing(LearningProgramLaw):
         gain: Gain gamma of the design formula at the start [1/s].
         growth: How the gain grows: ``none``, ``exponential``, ``power`` or
             ``power_of_gain``.
-        growth_rate: The rate a of its growth [1/s].
+        growth_rate: The rate a of its growth [1/s]. Acts only with
+            ``growth: exponential, power or power_of_gain``.
         activation: Activation function Phi, see `drake_rnn.laws.networks.activations`.
         exponent: The number p of the activation; by default the one of the public code.
         steepness: The number z of the activation; likewise.

@@ -13,7 +13,7 @@ from ..experiment import Experiment
 from ..inputs.fields import Array
 from ..laws import Law
 from ..measures import Recorder
-from ..runs.simulation import recorded_simulator, start_laws
+from ..runs.diagram import recorded_simulator, start_laws
 from ..systems import TunableController
 from .carried import Carried
 

@@ -29,7 +29,7 @@ from .timing import TimeLaw, time_law
 # Largest distance from a slight corner at which its rounding begins, as a share of the drawing.
 _SLIGHT = 0.01
 # Height, as a share of that to which a pen is lifted, above which it does not draw.
-_LIFTED = 0.01
+_LIFTED = 1e-3
 
 
 @validated
@@ -76,13 +76,9 @@ class Drawing(InPlane):
         self._ends  # noqa: B018
 
     def pen_is_down(self, points: Array) -> NDArray[np.bool_]:
-        """Return which desired points are in the plane that a pen draws in, shape (k,).
+        """See `Path.pen_is_down`; it draws in the plane, all of it without a ``lift``.
 
-        All of them on a path that lifts no pen, or whose plane turns with another frame than the
-        base.
-
-        Args:
-            points: Points of the path from its start on, shape (k, 3) [m].
+        Likewise where the plane turns with another frame than the base.
         """
         if self.lift == 0.0 or self.frame != "base":
             return np.ones(len(points), dtype=bool)

@@ -5,6 +5,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 
 from ..errors import InvalidInputError
@@ -203,6 +204,14 @@ class Path(ABC):
             InvalidInputError: If a pose that the path depends on is missing, or the path is not a
                 motion that a point can follow.
         """
+
+    def pen_is_down(self, points: Array) -> NDArray[np.bool_]:
+        """Return which desired points a pen draws, shape (k,); all of them unless it is lifted.
+
+        Args:
+            points: Points of the path from its start on, shape (k, 3) [m].
+        """
+        return np.ones(len(points), dtype=bool)
 
     def placed_on(self, arm: Arm, q: Array) -> PlacedPath:
         """Return the path in the world frame, for an arm that starts in posture ``q``.

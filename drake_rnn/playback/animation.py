@@ -9,7 +9,7 @@ from pydrake.geometry import Meshcat, MeshcatAnimation, Rgba
 
 from .. import colours
 from ..inputs.fields import Array
-from .lines import LineMesh
+from .lines import LineMesh, merged
 from .packing import packed
 
 
@@ -51,12 +51,8 @@ class Trace:
         """Draw all lines; none, if none was added."""
         if not self._lines:
             return
-        vertices = [line.vertices for line, _ in self._lines]
-        first = np.cumsum([0, *(each.shape[1] for each in vertices[:-1])], dtype=np.int32)
-        faces = [line.faces + k for (line, _), k in zip(self._lines, first, strict=True)]
-        corners = np.asfortranarray(np.concatenate(vertices, axis=1))
-        triangles = np.asfortranarray(np.concatenate(faces, axis=1))
-        draw_smooth(self._meshcat, self._place, corners, triangles, colours.TRACED)
+        mesh = merged([line for line, _ in self._lines])
+        draw_smooth(self._meshcat, self._place, *mesh, colours.TRACED)
 
     def as_data(self) -> list[dict[str, Any]]:
         """Return how the mesh grows: the number of faces that are visible at each time."""

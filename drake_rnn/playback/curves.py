@@ -13,8 +13,8 @@ from pydrake.math import RigidTransform
 from .. import colours
 from ..inputs.fields import Array
 from .animation import Trace, draw_smooth, move
-from .lines import simplified, tube
-from .replay import ReplayedMotion
+from .lines import merged, simplified, tube
+from .replay import ReplayedMotion, stretches
 
 # Radius of the ball at the start of an open path and edge of the box at its end, relative to that
 # of the traced path.
@@ -52,11 +52,13 @@ class Curves:
         return Trace(self.meshcat, f"{self.place}/traced/path")
 
     def draw(self) -> None:
-        """Draw both paths, and a ball on each."""
+        """Draw both paths, without the moves of a lifted pen, and a ball on each."""
         motion, radius = self.motion, self.radius
         self._draw_desired()
-        kept = simplified(motion.traced, _DEVIATION * radius, motion.time)
-        self._trace.add(tube(motion.traced[kept] + self.aside, radius), motion.time[kept])
+        for stroke in stretches(motion.pen_is_down(motion.desired)):
+            traced, time = motion.traced[stroke], motion.time[stroke]
+            kept = simplified(traced, _DEVIATION * radius, time)
+            self._trace.add(tube(traced[kept] + self.aside, radius), time[kept])
         self._trace.draw()
         self._set_object("traced/point", Sphere(_TRACED_POINT * radius), colours.TRACED)
 
@@ -92,13 +94,14 @@ class Curves:
         motion, radius = self.motion, self.radius
         course = motion.course + self.aside
         if not motion.rests:
-            kept = simplified(course, _DEVIATION * radius)
-            vertices, faces, _ = tube(course[kept], _PATH * radius)
+            strokes = [course[each] for each in stretches(motion.pen_is_down(motion.course))]
+            kept = [each[simplified(each, _DEVIATION * radius)] for each in strokes]
+            mesh = merged([tube(each, _PATH * radius) for each in kept])
             # Only the inside of the wider tube is drawn, where it faces the camera: a rim round the
             # traced path that never hides it.
             rim = Meshcat.SideOfFaceToRender.kBackSide
             place = f"{self.place}/desired/path"
-            draw_smooth(self.meshcat, place, vertices, faces, colours.DESIRED, rim)
+            draw_smooth(self.meshcat, place, *mesh, colours.DESIRED, rim)
         if motion.ends:
             self._mark("start", Sphere(_START * radius), course[0])
             self._mark("end", Box(*3 * (_END * radius,)), course[-1])

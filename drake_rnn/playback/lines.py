@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -215,6 +216,14 @@ def ribbon(points: Array, normal: Array, width: float) -> LineMesh:
     return _mesh(np.concatenate(vertices).T, np.concatenate(faces).T, reached)
 
 
+def merged(lines: Sequence[LineMesh]) -> tuple[Any, Any]:
+    """Return the vertices and faces of several lines as one mesh, as `LineMesh` has them."""
+    first = np.cumsum([0, *(line.vertices.shape[1] for line in lines[:-1])], dtype=np.int32)
+    faces = [line.faces + k for line, k in zip(lines, first, strict=True)]
+    vertices = [line.vertices for line in lines]
+    return _stored(np.concatenate(vertices, axis=1)), _stored(np.concatenate(faces, axis=1))
+
+
 def _circle(normal: Array) -> Array:
     """Return corners on a unit circle in the plane with this normal, shape (k, 3)."""
     one = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
@@ -225,5 +234,9 @@ def _circle(normal: Array) -> Array:
 
 def _mesh(vertices: Array, faces: NDArray[np.int64], reached: list[int]) -> LineMesh:
     """Return the mesh with its arrays stored as Meshcat takes them."""
-    corners = np.asfortranarray(faces.astype(np.int32))
-    return LineMesh(np.asfortranarray(vertices), corners, np.array(reached))
+    return LineMesh(_stored(vertices), _stored(faces.astype(np.int32)), np.array(reached))
+
+
+def _stored(values: Any) -> Any:
+    """Return values stored as Meshcat takes them."""
+    return np.asfortranarray(values)

@@ -6,7 +6,6 @@ import numpy as np
 from pydrake.geometry import Meshcat, MeshcatAnimation
 
 from ..inputs.fields import Array
-from ..paths import Drawing
 from .axes import Axes
 from .boxes import Boxes
 from .camera import view_of_paths
@@ -82,9 +81,7 @@ class PathsInAir(DrawnCurves):
             return {"arm": arm, "close": near, "path": near}
         edge = _EDGE * float(np.ptp(path, axis=0).max())
         near = View(box_round(path, edge + _BESIDE * self._size), middle, direction)
-        given, course = motion.result.experiment.path, motion.course
+        course = motion.course
         # Moves with a lifted pen leave the plane that a drawing is seen in.
-        face = facing(
-            course[given.pen_is_down(course)] if isinstance(given, Drawing) else course, direction
-        )
+        face = facing(course[motion.pen_is_down(course)], direction)
         return {"arm": arm, "close": near, "path": View(box_round(path, edge), middle, face)}

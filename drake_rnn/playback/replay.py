@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.math import RotationMatrix
 
 from ..environments import Surface
@@ -59,6 +60,10 @@ class ReplayedMotion:
         """Whether the desired path turns the end effector."""
         return self.result.experiment.desired.turns
 
+    def pen_is_down(self, points: Array) -> NDArray[np.bool_]:
+        """Return which points of the desired path a pen draws, see `Path.pen_is_down`."""
+        return self.result.experiment.path.pen_is_down(points)
+
     def path_time(self, time: float) -> float:
         """Return the time along the path, ``time`` [s] after the first sample [s]."""
         return float(self.result.time[0]) + time - self.result.experiment.path_delay
@@ -104,10 +109,14 @@ class ReplayedContact:
 
     def strokes(self) -> Iterator[slice]:
         """Yield each interval of samples in which the surface pushes against the tool."""
-        touches = (self.force @ self.normal > 0.0).astype(int)
-        changes = np.diff(touches, prepend=0, append=0)
-        begins, ends = np.flatnonzero(changes > 0), np.flatnonzero(changes < 0)
-        yield from map(slice, begins.tolist(), ends.tolist())
+        yield from stretches(self.force @ self.normal > 0.0)
+
+
+def stretches(where: NDArray[np.bool_]) -> Iterator[slice]:
+    """Yield each interval of samples at which something holds."""
+    changes = np.diff(where.astype(int), prepend=0, append=0)
+    begins, ends = np.flatnonzero(changes > 0), np.flatnonzero(changes < 0)
+    yield from map(slice, begins.tolist(), ends.tolist())
 
 
 def name_of(result: Result) -> str:

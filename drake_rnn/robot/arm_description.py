@@ -52,7 +52,8 @@ class ArmDescription:
         looks: URDF file of the same arm, whose meshes are drawn in place of this model's shapes in
             playbacks; ``example-robot-data`` for that of the package of this name, of a shipped
             arm. Nothing but the looks depends on it.
-        triangles: Number of triangles to which these meshes are simplified, in all.
+        triangles: Number of triangles to which these meshes are simplified, in all. Acts only with
+            ``looks``.
         link_errors: Errors in the dimensions of the model, a URDF file.
     """
 

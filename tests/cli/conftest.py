@@ -5,7 +5,7 @@ import math
 import pytest
 
 from drake_rnn import SimultaneousLearning
-from drake_rnn.runs import simulation
+from drake_rnn.runs import diagram
 
 
 @pytest.fixture
@@ -40,11 +40,11 @@ def breaks(monkeypatch):
 def simulated(monkeypatch):
     """Whether anything has been simulated."""
     times = []
-    simulator = simulation.Simulator
+    simulator = diagram.Simulator
 
-    def watched(diagram):
+    def watched(each):
         times.append(1)
-        return simulator(diagram)
+        return simulator(each)
 
-    monkeypatch.setattr(simulation, "Simulator", watched)
+    monkeypatch.setattr(diagram, "Simulator", watched)
     return times

@@ -7,14 +7,14 @@ from cli_helpers import KNOWN, assert_same_series, call, run, sentence
 
 from drake_rnn import load_experiment, simulate
 from drake_rnn.errors import InterruptedRunError
-from drake_rnn.runs import checkpoint
+from drake_rnn.runs import keeper
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """A run that was interrupted."""
-    monkeypatch.setattr(checkpoint, "_EVERY", 0.2)
-    monkeypatch.setattr(checkpoint, "_PAUSE", 0.0)
+    monkeypatch.setattr(keeper, "_EVERY", 0.2)
+    monkeypatch.setattr(keeper, "_PAUSE", 0.0)
 
     def progress(t):
         raise KeyboardInterrupt

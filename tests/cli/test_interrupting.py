@@ -13,6 +13,7 @@ from cli_helpers import call, statuses
 from drake_rnn import Result
 from drake_rnn.cli import interrupting, saving
 from drake_rnn.cli.interrupting import begun, interruptible
+from drake_rnn.runs import evaluation, keeper
 
 LAW = """
 import time
@@ -28,6 +29,7 @@ class Endless(Pseudoinverse):
 #: A command without Drake, whose work never ends.
 WORK = """
 from drake_rnn.cli.interrupting import begun, interruptible
+from drake_rnn.runs import evaluation, keeper
 with interruptible():
     begun()
     print("begun", flush=True)
@@ -190,3 +192,45 @@ def test_a_run_that_is_interrupted_while_it_is_drawn_is_kept(tmp_path, monkeypat
     )
     assert Result.load(folder).status == "complete"
     assert list(statuses(tmp_path)) == ["pinv_line"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_run_that_is_interrupted_while_metrics_are_taken_is_kept(
+    tmp_path, monkeypatch, calls, number
+):
+    calls.hear()
+    calls.begin()
+    finish = evaluation.Evaluations.finish
+
+    def told(self, *args):
+        signal.raise_signal(number)
+        return finish(self, *args)
+
+    monkeypatch.setattr(evaluation.Evaluations, "finish", told)
+    result = call("run", "pinv_line", "pinv_csv", "--duration", "0.05", "--out", tmp_path)
+    folder = tmp_path / "pinv_line"
+    assert result.exit_code == 130
+    assert result.stderr == (
+        f"interrupted: {folder} has the result; `drake-rnn plot {folder}` and `drake-rnn replay "
+        f"{folder}` draw it; not run: pinv_csv\n"
+    )
+    assert Result.load(folder).status == "complete"
+    assert list(statuses(tmp_path)) == ["pinv_line"]
+    assert not (folder / "playback.html").exists()
+
+
+def test_a_run_whose_result_is_lost_says_how_to_go_on(tmp_path, monkeypatch):
+    """As when a second Ctrl-C comes before anything is written."""
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(keeper, "_EVERY", 0.02)
+    monkeypatch.setattr(keeper, "_PAUSE", 0.0)
+    monkeypatch.setattr(saving, "metrics_table", interrupted)
+    result = call("run", "pinv_line", "--duration", "0.05", "--out", tmp_path)
+    folder = tmp_path / "pinv_line"
+    assert result.exit_code == 130
+    assert result.stderr == f"interrupted; `drake-rnn run --resume {folder}` goes on with it\n"
+    monkeypatch.undo()
+    assert call("run", "--resume", folder, "--no-playback", "--no-figures").exit_code == 0

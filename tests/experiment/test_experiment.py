@@ -17,7 +17,7 @@ from drake_rnn import (
 )
 from drake_rnn.experiment import parse_change, read_document
 from drake_rnn.inputs.documents import parse_yaml, to_yaml
-from drake_rnn.runs import simulation
+from drake_rnn.runs import diagram
 
 KNOWN, LEARNED = "slc_nephroid_known", "slc_nephroid"
 HOME = load_experiment(KNOWN).start
@@ -57,6 +57,7 @@ def test_shipped_experiments_load_and_say_what_they_are(name):
     assert experiment.document.paper
     assert experiment.document.expect
     assert experiment.law.inputs.parts
+    assert not any("does nothing here" in text for text in experiment.warnings)
 
 
 @pytest.mark.parametrize("name", RUNNABLE)
@@ -311,7 +312,7 @@ def test_a_path_out_of_reach_is_refused_before_anything_is_simulated(monkeypatch
     def simulator(diagram):
         raise AssertionError("simulated")
 
-    monkeypatch.setattr(simulation, "Simulator", simulator)
+    monkeypatch.setattr(diagram, "Simulator", simulator)
     with pytest.raises(InvalidInputError, match=r"^path: out of reach: panda misses the point \("):
         simulate(load_experiment(KNOWN, {"path.size": 2}))
 

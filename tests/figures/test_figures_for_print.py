@@ -21,7 +21,7 @@ from drake_rnn.figures import (
 from drake_rnn.figures import figure as figure_of
 from drake_rnn.figures.compared import PANELS, compared_figure
 from drake_rnn.figures.grid import filled_page
-from drake_rnn.figures.looks import SERIES
+from drake_rnn.figures.looks import DESIRED, SERIES
 from drake_rnn.figures.style import save
 from drake_rnn.runs.simulation import simulate
 from figure_helpers import assert_no_text_is_cut_off
@@ -142,6 +142,30 @@ def test_a_figure_of_several_runs_has_their_curves(runs):
     assert named == [*runs, "desired"]
     assert len({line.get_color() for line in drawn.legends[0].get_lines()}) == 3
     assert_no_text_is_cut_off(drawn)
+
+
+def test_runs_with_paths_of_their_own_are_drawn_beside_these(runs):
+    changes = {**SHORT, "path.size": 0.02, "path.period": 6.0}
+    other = simulate(load_experiment("slc_nephroid_known", changes))
+    given = {**runs, "small": other}
+    path, _ = compared_figure(given, ["path", "error"], Paper("pdf", COLUMN)).get_axes()
+    traced, desired = path.lines[:3], path.lines[3:6]
+    for one, run, its in zip(traced, given.values(), desired, strict=True):
+        np.testing.assert_array_equal(its.get_xydata(), run.series["p_WE_desired"][:, [1, 2]])
+        assert its.get_color() == one.get_color()
+        assert its.get_alpha() < 1.0
+    drawn = compared_figure(given, ["path"], Paper("pdf", COLUMN))
+    assert [text.get_text() for text in drawn.legends[0].get_texts()][-1] == "desired of each"
+    assert_no_text_is_cut_off(drawn)
+
+
+def test_a_path_that_another_run_passes_at_other_times_is_one(runs):
+    changes = {**SHORT, "path.period": 4.0, "duration": 0.2}
+    faster = simulate(load_experiment("slc_nephroid_known", changes))
+    path, _ = compared_figure({**runs, "faster": faster}, ["path", "error"], Paper()).get_axes()
+    # Those of the legend have no points.
+    drawn = [line for line in path.lines if line.get_xydata().size]
+    assert [line.get_color() == DESIRED["color"] for line in drawn] == [False] * 3 + [True]
 
 
 def test_panels_are_beside_one_another_on_a_page_and_below_in_a_column(runs):

@@ -8,6 +8,7 @@ import trimesh
 from pydrake.geometry import Meshcat, MeshcatParams
 
 from drake_rnn import InvalidInputError, load_arm, load_experiment, simulate
+from drake_rnn.playback import write_playback
 from drake_rnn.playback.drawn_arm import DrawnArm
 from drake_rnn.playback.maker_looks import meshes_of
 from drake_rnn.robot import looks_file
@@ -163,6 +164,17 @@ def test_the_makers_meshes_lie_about_the_capsules_of_the_arm(name):
         away = np.min([outside(points.T, each) for each in own], axis=0)
         assert away.max() < 0.055
         assert away.min() < 0.0
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["panda", "ur5"])
+def test_a_page_with_the_makers_meshes_stays_small(tmp_path, name):
+    if load_arm(name, looks="example-robot-data").looks is None:
+        pytest.skip("needs example-robot-data")
+    document = {"arm": {"model": name, "looks": "example-robot-data"}, "duration": 20.0}
+    result = simulate(load_experiment("pinv_letter", document | {"window": None, "accept": None}))
+    page = write_playback(result, tmp_path / "playback.html")
+    assert page.stat().st_size < 6e6
 
 
 def outside(points, capsule):

@@ -213,6 +213,28 @@ def test_the_trace_lies_on_the_traced_path(run: Result, page: Page) -> None:
     assert distance.max() < 6e-3
 
 
+def test_no_stroke_is_drawn_where_the_pen_is_lifted(tmp_path: Path) -> None:
+    changes = {"path.period": 1.2, "duration": 1.2, "window": None, "accept": None}
+    letter = simulate(load_experiment("pinv_letter", changes))
+    page = Page(write_playback(letter, tmp_path / "playback.html"))
+    heights = letter.series["p_WE_desired"][:, 2]
+    plane, lifted = heights[0], heights.max() - heights[0]
+    assert lifted == pytest.approx(0.02, abs=1e-4)
+    for place in ("/desired/path", "/traced/path"):
+        data = page.objects[place]["geometries"][0]["data"]["attributes"]["position"]["array"]
+        points = np.frombuffer(data.data, dtype=np.float32).reshape(-1, 3)
+        assert points[:, 2].max() - plane < 0.4 * lifted
+        # All three strokes are there, as wide as the letter is.
+        assert np.ptp(points[:, 0]) > 0.05
+        assert np.ptp(points[:, 1]) > 0.05
+    time, faces = page.grows("/traced/path")
+    # Nothing grows during the two moves.
+    assert (np.diff(faces) >= 0).all()
+    assert np.diff(time).max() > 0.05
+    corners = page.objects["/traced/path"]["geometries"][0]["data"]["index"]["array"]
+    assert faces[-1] == len(corners.data) / 4 / 3
+
+
 def test_the_page_has_a_clock_of_its_own(page: Page) -> None:
     """Meshcat's would run beside it. All tracks are as long as the run."""
     assert page.options["play"] is False

@@ -158,6 +158,35 @@ def test_ctrl_c_while_a_part_is_evaluated_takes_its_steps_once(in_parts, monkeyp
     assert 2 * FEW * 0.9e-3 < result.time[-1] < 3 * FEW * 1e-3
 
 
+@pytest.mark.parametrize("moment", ["_add", "finish"])
+def test_ctrl_c_after_the_last_step_waits_for_the_result(monkeypatch, moment):
+    experiment = load_experiment("slc_nephroid_known", {**FREE, "duration": 0.05})
+    whole = simulate(experiment)
+    work = getattr(evaluation.Evaluation, moment)
+
+    def told(self, *args, **options):
+        os.kill(os.getpid(), signal.SIGINT)
+        return work(self, *args, **options)
+
+    monkeypatch.setattr(evaluation.Evaluation, moment, told)
+    with pytest.raises(InterruptedRunError, match="after its last step") as caught:
+        simulate(experiment)
+    result = caught.value.result
+    assert result.status == "complete"
+    assert "control_step_us" in result.timings
+    same(result, whole)
+
+
+def test_ctrl_c_at_the_last_step_keeps_the_whole_run(interrupts):
+    experiment = load_experiment("slc_nephroid_known", {**FREE, "duration": 0.05})
+    whole = simulate(experiment)
+    interrupts(0.0495)
+    with pytest.raises(InterruptedRunError, match="after its last step") as caught:
+        simulate(experiment)
+    assert caught.value.result.status == "complete"
+    same(caught.value.result, whole)
+
+
 def test_of_a_law_whose_observables_fail_on_the_way_the_rest_is_kept(in_parts, monkeypatch):
     experiment = load_experiment("slc_nephroid_known", {**FREE, "duration": 0.2})
     whole = in_one(experiment, monkeypatch)

@@ -14,14 +14,14 @@ from drake_rnn import InvalidInputError, Result, load_experiment, simulate
 from drake_rnn.errors import InterruptedRunError
 from drake_rnn.experiment import read_document
 from drake_rnn.inputs.documents import to_yaml
-from drake_rnn.runs import checkpoint, resume, simulation
-from drake_rnn.runs.checkpoint import Keeper
+from drake_rnn.runs import checkpoint, keeper, resume, simulation
+from drake_rnn.runs.keeper import Keeper
 
 QUICK = "slc_nephroid_known"
 #: What varies in them: a learned Jacobian with its covariance and noise of measurement; a learned
 #: Jacobian with dither and sensor; two steps of acceleration; moving averages; a plant in contact
-#: with a force sensor that is noisy and late; a law that Drake integrates; joint targets behind
-#: moving obstacles; two arms.
+#: with a force sensor that is noisy and late; a law that Drake integrates; joint targets
+#: beside an obstacle; two arms.
 RUNS = {
     "adaptive_measured": {},
     "slc_nephroid_warm_up": {"sensing": {"position_noise": 1e-5, "delay": 3e-3}},
@@ -29,6 +29,7 @@ RUNS = {
     "chain_circle": {"limits": {"velocity": 1, "acceleration": 50, "jerk": 5000}},
     "contact_circle": {"sensor": {"noise": 0.1, "delay": 0.004, "low_pass": 50}},
     "modified_state_adjustment": {},
+    "stream_guarded": {},
     "adaptive_two_arms_together": {},
 }
 DURATION, EVERY = 0.65, 0.2
@@ -37,8 +38,8 @@ DURATION, EVERY = 0.65, 0.2
 @pytest.fixture(autouse=True)
 def often(monkeypatch):
     """A checkpoint at each fifth of a second."""
-    monkeypatch.setattr(checkpoint, "_EVERY", EVERY)
-    monkeypatch.setattr(checkpoint, "_PAUSE", 0.0)
+    monkeypatch.setattr(keeper, "_EVERY", EVERY)
+    monkeypatch.setattr(keeper, "_PAUSE", 0.0)
 
 
 def same(one, other):
@@ -105,7 +106,7 @@ def test_between_steps_of_a_plant_its_state_is_not_enough(tmp_path, monkeypatch)
     assert result.timings["resumed_at_s"] == pytest.approx(0.2)
     assert same(result, whole)
 
-    monkeypatch.setattr(checkpoint, "_EVERY", 0.201)
+    monkeypatch.setattr(keeper, "_EVERY", 0.201)
     begin = Keeper.__init__
 
     def without_tick(self, *arguments):
@@ -162,7 +163,7 @@ def test_the_folder_of_a_finished_run_has_no_checkpoint(tmp_path):
 
 
 def test_a_run_is_kept_even_if_its_checkpoint_cannot_be(tmp_path, monkeypatch):
-    monkeypatch.setattr(checkpoint, "_MOST_BYTES", 100_000)
+    monkeypatch.setattr(keeper, "_MOST_BYTES", 100_000)
     result = simulate(changed(QUICK), keep=tmp_path)
     (warning,) = [text for text in result.warnings if text.startswith("checkpoint: ")]
     assert warning.startswith("checkpoint: none after t = 0.")

@@ -26,8 +26,9 @@ class ContactLoss:
         floor: Force below which there is no contact, whatever force is desired [N]; above the
             noise of the sensor.
         patience: Time without contact after which it counts as lost [s].
-        retreat_speed: Speed of the retreat along the normal [m/s].
-        retreat_distance: Length of the retreat [m].
+        retreat_speed: Speed of the retreat along the normal [m/s]. Acts only with
+            ``reaction: retreat``.
+        retreat_distance: Length of the retreat [m]. Acts only with ``reaction: retreat``.
     """
 
     reaction: Literal["hold", "retreat"] = "hold"

@@ -49,15 +49,18 @@ class Secondary:
 
     Args:
         posture: Pull towards the posture [1/s].
-        target: The posture, shape (n,) [rad]; by default that of the start.
+        target: The posture, shape (n,) [rad]; by default that of the start. Acts only with
+            ``posture``.
         limits: Speed with which a joint at a position limit prefers to leave [rad/s].
-        limits_zone: Way before a position limit in which a joint is pushed back [rad].
+        limits_zone: Way before a position limit in which a joint is pushed back [rad]. Acts only
+            with ``limits``.
         manipulability: Weight of the manipulability's gradient [rad^2/s]; needs a known Jacobian
             and ``task`` xyz or pose.
         low_acceleration: Time constant of what is preferred [s].
         obstacles: Weight of the slope of the distance to an obstacle that is touched
-            [rad^2/(m s)].
-        obstacles_zone: Distance below which the joints make way for an obstacle [m].
+            [rad^2/(m s)]. Acts only with ``avoidance``.
+        obstacles_zone: Distance below which the joints make way for an obstacle [m]. Acts only
+            with ``obstacles``.
     """
 
     posture: GainOrZero = 1.0

@@ -22,7 +22,8 @@ class WarmUp:
         pulse: Duration of each joint's pulse [s].
         acceleration: Acceleration of the moving joint: positive for the first quarter of its
             pulse, negative for the next half, positive for the last quarter [rad/s^2].
-        rho: Time constant of the learning during the warm-up [rad^2/s].
+        rho: Time constant of the learning during the warm-up [rad^2/s]. Acts only with
+            ``jacobian: learned``.
     """
 
     pulse: Time = 0.2

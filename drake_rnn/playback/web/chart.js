@@ -128,7 +128,7 @@ function drawCurves(context, lines, frame, paint) {
   const toX = (t) => chart.placeOf(t, frame);
   context.font = FONT;
   shadeTimes(context, frame, toX, paint);
-  drawMarks(context, frame, { toX, paint });
+  drawMarks(context, frame, toX, paint);
   axes.slice(0, 2).forEach((axis, k) => drawAxis(context, axis, frame, paint, k === 1));
   drawTimes(context, frame, toX, paint);
   context.save();
@@ -144,6 +144,7 @@ function drawCurves(context, lines, frame, paint) {
     else drawLine(context, curve.time, curve.values, toX, toY, colour, dashOf(line));
   }
   context.restore();
+  nameMarks(context, frame, toX, paint);
   return { lines, axes: byUnit };
 }
 
@@ -189,25 +190,43 @@ function drawTimes(context, { top, width, height }, toX, paint) {
   }
 }
 
-/** Moments of the run, such as that at which a joint locks, with their names. */
-function drawMarks(context, { left, top, width, height }, { toX, paint }) {
-  context.lineWidth = 1.5;
-  context.fillStyle = context.strokeStyle = paint("bound");
-  context.textBaseline = "top";
-  context.setLineDash([1, 3]);
-  (data.marks || []).forEach(({ time, name }, k) => {
+/** Moments of the run that lie in the plot, such as that at which a joint locks. */
+function* marksWithin({ left, width }, toX) {
+  for (const [k, { time, name }] of (data.marks || []).entries()) {
     const x = toX(clamp(time, 0, data.duration));
-    if (x < left || x > left + width) return;
+    if (x >= left && x <= left + width) yield { x, name, row: k };
+  }
+}
+
+/** Draws a line at each of these moments, behind the curves. */
+function drawMarks(context, frame, toX, paint) {
+  context.lineWidth = 1.5;
+  context.strokeStyle = paint("bound");
+  context.setLineDash([1, 3]);
+  for (const { x } of marksWithin(frame, toX)) {
     context.beginPath();
-    context.moveTo(x, top);
-    context.lineTo(x, top + height);
+    context.moveTo(x, frame.top);
+    context.lineTo(x, frame.top + frame.height);
     context.stroke();
-    // To the left where there is no room to the right.
-    const fits = x + 6 + context.measureText(name).width < left + width;
-    context.textAlign = fits ? "left" : "right";
-    context.fillText(name, x + (fits ? 6 : -6), top + 2 + 15 * k);
-  });
+  }
   context.setLineDash([]);
+}
+
+/** Writes their names over the curves, which leave some room round the letters. */
+function nameMarks(context, frame, toX, paint) {
+  context.textBaseline = "top";
+  context.lineJoin = "round";
+  context.lineWidth = 5;
+  context.strokeStyle = paint("panel");
+  context.fillStyle = paint("bound");
+  for (const { x, name, row } of marksWithin(frame, toX)) {
+    // To the left where there is no room to the right.
+    const fits = x + 6 + context.measureText(name).width < frame.left + frame.width;
+    const place = [x + (fits ? 6 : -6), frame.top + 2 + 15 * row];
+    context.textAlign = fits ? "left" : "right";
+    context.strokeText(name, ...place);
+    context.fillText(name, ...place);
+  }
 }
 
 /** Draws what a curve must not pass, and, in the time that counts, what is accepted of it. */

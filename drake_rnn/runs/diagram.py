@@ -1,0 +1,296 @@
+"""The diagram of an experiment: the loop of each arm, what it follows, and what is recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.primitives import MatrixGain
+
+from ..diagrams import AddLoop, Loop
+from ..diagrams.wiring import ports_of
+from ..experiment import OUTSIDE, Experiment
+from ..inputs.complaints import require_type
+from ..laws import Law
+from ..measures import Recorder
+from ..paths import LedPath
+from ..systems import (
+    ContinuousController,
+    Controller,
+    ImageSource,
+    JointReference,
+    LeadingController,
+    LedSource,
+    MovingAverage,
+    NeighbourSource,
+    ObstacleSource,
+    PathSource,
+    SampledController,
+    TargetSource,
+    followed_path,
+)
+from .beside import PREFIX
+
+_LONGEST_STEP = 0.01
+
+# Recorded forces on the tool: the true one, and the one that the law sees.
+_FORCES = ("contact_force", "normal_force")
+
+
+def build_diagram(experiment: Experiment, law: Law | None = None) -> tuple[Diagram, Loop]:
+    """Return the diagram of an experiment, not yet simulated, and the systems of its loop.
+
+    Args:
+        experiment: The experiment.
+        law: Law to run instead of the experiment's own.
+
+    Raises:
+        InvalidInputError: If the parts of the diagram do not fit together.
+    """
+    diagram, (loop, *_) = build_loops(experiment, law)
+    return diagram, loop
+
+
+def build_loops(experiment: Experiment, law: Law | None = None) -> tuple[Diagram, tuple[Loop, ...]]:
+    """Return what `build_diagram` does, with the loop of each arm."""
+    builder = DiagramBuilder()
+    loops = _add_loops(builder, experiment, law)
+    return _built(builder, experiment), loops
+
+
+def _built(builder: DiagramBuilder, experiment: Experiment) -> Diagram:
+    diagram = builder.Build()
+    diagram.set_name(experiment.name or "experiment")
+    return diagram
+
+
+def _add_loops(
+    builder: DiagramBuilder, experiment: Experiment, law: Law | None
+) -> tuple[Loop, ...]:
+    """Add the loop of an experiment and, beside it, that of its second arm, if there is one."""
+    require_type("experiment", experiment, Experiment)
+    document, second = experiment.document, experiment.second
+    law = experiment.law if law is None else law
+    if document.period is None:
+        return (_add_experiment(builder, experiment, ContinuousController(law, document.seed)),)
+    settings = (document.period, document.seed)
+    if second is None:
+        controller = SampledController(law, *settings, experiment.safety, experiment.locks)
+        return (_add_experiment(builder, experiment, controller),)
+    leader = LeadingController(law, *settings)
+    follower = SampledController(second.law, *settings)
+    seen = [
+        _add_neighbour(builder, one, other, controller)
+        for one, other, controller in ((experiment, second, follower), (second, experiment, leader))
+    ]
+    first = _add_experiment(builder, experiment, leader, ports_of(seen[0]))
+    led = _add_led(builder, experiment, second, leader)
+    loops = (first, _add_experiment(builder, second, follower, ports_of(seen[1]) | led, PREFIX))
+    for source, port in (
+        (seen[0], follower.GetOutputPort("state")),
+        (seen[1], leader.GetOutputPort("next_state")),
+    ):
+        builder.Connect(port, source.get_input_port())
+    return loops
+
+
+def _add_neighbour(
+    builder: DiagramBuilder, one: Experiment, other: Experiment, controller: SampledController
+) -> NeighbourSource:
+    """Add what the law of one arm sees of the other arm, whose controller is not connected yet."""
+    neighbour = one.law.neighbour
+    assert neighbour is not None
+    source = NeighbourSource(neighbour, controller.reading.state, other.start)
+    name = f"{'second_' if neighbour.has_chosen else ''}neighbour"
+    return builder.AddNamedSystem(name, source)
+
+
+def _add_led(
+    builder: DiagramBuilder, first: Experiment, second: Experiment, leader: LeadingController
+) -> dict[str, OutputPort]:
+    """Add and return the desired positions of a second arm that goes along with the first one."""
+    if not isinstance(second.desired, LedPath):
+        return {}
+    kinematics = first.arm.kinematics()
+    axes = second.task.axes
+    source = LedSource(second.desired, kinematics, first.start, leader.period, axes)
+    builder.AddNamedSystem("led", source)
+    at, _ = leader.reading.state.parts["commanded"]
+    for state, joints in (("state", "now"), ("next_state", "next")):
+        port = leader.GetOutputPort(state)
+        part = np.eye(port.size())[at]
+        taken = builder.AddNamedSystem(f"led_{joints}", MatrixGain(part))
+        builder.Connect(port, taken.get_input_port())
+        builder.Connect(taken.get_output_port(), source.GetInputPort(joints))
+    return ports_of(source)
+
+
+def _add_experiment(
+    builder: DiagramBuilder,
+    experiment: Experiment,
+    controller: Controller,
+    beside: Mapping[str, OutputPort] | None = None,
+    prefix: str = "",
+) -> Loop:
+    """Add the loop of one arm; ``beside`` is what its law sees of another one, by name."""
+    document = experiment.document
+    source = _add_path(builder, experiment, controller, prefix)
+    signals = _add_previews(builder, experiment, controller, prefix)
+    signals |= beside or {}
+    arm, start, contact = experiment.arm, experiment.start, experiment.contact
+    # Whether the start may lie outside the limits was checked when the experiment was made.
+    body = experiment.level(arm, start, contact, document.plant, outside=OUTSIDE)
+    return AddLoop(
+        builder,
+        body,
+        controller,
+        source,
+        task=document.task,
+        dither=document.joint_noise,
+        filter=_filter(experiment),
+        feedback=experiment.feedback,
+        sensing=document.sensing,
+        signals=signals,
+        locks=experiment.locks,
+        camera=document.camera,
+        seed=document.seed,
+        prefix=prefix,
+    )
+
+
+def _add_path(
+    builder: DiagramBuilder, experiment: Experiment, controller: Controller, prefix: str
+) -> PathSource | ImageSource:
+    document = experiment.document
+    if document.camera is not None and controller.period is not None:
+        late = 0.0 if document.sensing is None else document.sensing.delay
+        shown = ImageSource(experiment.desired, document.camera, controller.period, late)
+        return builder.AddNamedSystem(f"{prefix}path", shown)
+    source = PathSource(
+        experiment.desired,
+        task=document.task,
+        preview=controller.period if "p_preview" in controller.reading.inputs else None,
+    )
+    return builder.AddNamedSystem(f"{prefix}path", source)
+
+
+def _filter(experiment: Experiment) -> MovingAverage | None:
+    settings, period = experiment.document.filter, experiment.document.period
+    if settings is None or period is None:
+        return None
+    return MovingAverage(
+        experiment.limits, period, precompensate=settings.precompensate, above=settings.above
+    )
+
+
+def _add_previews(
+    builder: DiagramBuilder, experiment: Experiment, controller: Controller, prefix: str
+) -> dict[str, OutputPort]:
+    """Add and return previews, a delayed path, joint targets and what obstacles do, by name."""
+    document, desired, start = experiment.document, experiment.desired, experiment.start
+    signals: dict[str, OutputPort] = {}
+    if (preview := controller.law.joint_preview) is not None:
+        until = document.duration + preview.count * preview.interval
+        positions_at = followed_path(desired, experiment.arm, start, until, document.task)
+        ahead = JointReference(positions_at, experiment.arm.n, preview.interval, preview.count)
+        builder.AddNamedSystem(f"{prefix}joint_reference", ahead)
+        signals["position_preview"] = ahead.GetOutputPort("position_preview")
+    delayed = document.filter is not None and document.filter.delay_desired
+    if delayed and "p_WE_desired" in controller.reading.inputs:
+        past = PathSource(desired, task=document.task, delay=experiment.path_delay)
+        builder.AddNamedSystem(f"{prefix}delayed_path", past)
+        for name in ("p_WE_desired", "R_WE_desired"):
+            if name in controller.reading.inputs:
+                signals[name] = past.GetOutputPort(name)
+    if experiment.targets is not None and document.period is not None:
+        came = TargetSource(experiment.targets, document.period)
+        signals["target"] = builder.AddNamedSystem(f"{prefix}targets", came).get_output_port()
+    motions, sees = experiment.motions, "p_WO" in controller.reading.inputs
+    if sees and motions is not None and document.period is not None:
+        source = ObstacleSource(motions, document.period, document.seed)
+        builder.AddNamedSystem(f"{prefix}obstacles", source)
+        signals["p_WO"] = source.GetOutputPort("p_WO")
+    return signals
+
+
+def build_simulator(experiment: Experiment, law: Law | None = None) -> tuple[Simulator, Loop]:
+    """Return a simulator of the experiment's diagram, not yet initialized, and its loop."""
+    diagram, loop = build_diagram(experiment, law)
+    return _simulator(diagram, experiment, loop), loop
+
+
+def recorded_simulator(
+    experiment: Experiment, law: Law | None = None, controller: Controller | None = None
+) -> tuple[Simulator, tuple[Loop, ...], Recorder]:
+    """Return what `build_simulator` does, with the loop of each arm, and a recorder of the diagram.
+
+    The recorder does not watch yet.
+
+    Args:
+        experiment: The experiment.
+        law: Law to run instead of the experiment's own.
+        controller: Controller to run instead of one of that law, for a single arm.
+    """
+    builder = DiagramBuilder()
+    if controller is None:
+        loops = _add_loops(builder, experiment, law)
+    else:
+        loops = (_add_experiment(builder, experiment, controller),)
+    ports = _recorded(loops[0])
+    if len(loops) > 1:
+        ports |= {PREFIX + name: port for name, port in _recorded(loops[1]).items()}
+    recorder = Recorder(builder, ports)
+    return _simulator(_built(builder, experiment), experiment, loops[0]), loops, recorder
+
+
+def _simulator(diagram: Diagram, experiment: Experiment, loop: Loop) -> Simulator:
+    simulator = Simulator(diagram)
+    ApplySimulatorConfig(simulator_config(experiment, loop), simulator)
+    return simulator
+
+
+def _recorded(loop: Loop) -> dict[str, OutputPort]:
+    """Return the output ports that are recorded, by name."""
+    ports = {
+        "position": loop.arm.GetOutputPort("position"),
+        "velocity": loop.arm.GetOutputPort("velocity"),
+        "state": loop.controller.GetOutputPort("state"),
+    }
+    if loop.arm.has_motors:
+        ports["position_commanded"] = loop.joint_command.get_output_port()
+    ports |= {name: loop.forces[name] for name in _FORCES if name in loop.forces}
+    if loop.virtual_arm is not None:
+        for name in ("position", "velocity"):
+            ports[f"virtual_{name}"] = loop.virtual_arm.GetOutputPort(name)
+    return ports | {f"measured_{name}": port for name, port in loop.measured.items()}
+
+
+def simulator_config(experiment: Experiment, loop: Loop) -> SimulatorConfig:
+    """Return Drake's settings for an experiment with this loop."""
+    config, document = SimulatorConfig(), experiment.document
+    settings = document.integrator
+    if settings is None:
+        config.integration_scheme = loop.controller.reading.integration_scheme
+        config.max_step_size = document.period
+        config.use_error_control = False
+        return config
+    config.integration_scheme = settings.scheme
+    config.use_error_control = settings.accuracy is not None
+    config.max_step_size = _LONGEST_STEP if settings.step is None else settings.step
+    if settings.accuracy is not None:
+        config.accuracy = settings.accuracy
+    return config
+
+
+def start_laws(loops: Sequence[Loop], root: Context) -> None:
+    """Set the laws' initial states, which may depend on a ``J`` they cannot see, and try them."""
+    for loop in loops:
+        J_port = loop.kinematics.GetOutputPort("J")
+        kinematics_context = loop.kinematics.GetMyContextFromRoot(root)
+        context = loop.controller.GetMyMutableContextFromRoot(root)
+        n = loop.kinematics.arm.n
+        J = J_port.Eval(kinematics_context).reshape(-1, n)
+        loop.controller.set_state(context, loop.controller.initial_state(context, J=J))
+        loop.controller.try_law(context)

@@ -3,25 +3,24 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 WORKERS ?= 2
+# Marks of the tests that `make test` runs.
+TESTS ?= not long and not nightly
 MUTANTS ?= 160
 PYTEST = MPLBACKEND=Agg $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
 # Each process of the tests would compile every file again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test long ci-tests nightly bench mutants tables cross claims docs check clean
+.PHONY: demo test long nightly bench mutants tables cross claims docs check clean
 
 demo: $(VENV)/installed
 	$(BIN)/drake-rnn run slc_nephroid_warm_up --out out
 
 test: $(VENV)/installed-dev
-	$(PYTEST) -m "not long and not nightly"
+	$(PYTEST) -m "$(TESTS)"
 
 long: $(VENV)/installed-dev
 	$(PYTEST) -m "long and not nightly"
-
-ci-tests: $(VENV)/installed-dev
-	$(PYTEST) -m "not nightly"
 
 nightly: $(VENV)/installed-dev
 	$(PYTEST) -m nightly

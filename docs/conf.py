@@ -33,6 +33,7 @@ extensions = [
     "sphinx_copybutton",
     "sphinx_design",
     # In docs/site/:
+    "caption_levels",
     "default_role",
     "plain_types",
     "playback_links",

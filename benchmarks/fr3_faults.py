@@ -178,11 +178,21 @@ def told(name: str, outcomes: list[Outcome]) -> None:
     sys.stdout.flush()
 
 
+def losing(length: int) -> Fault:
+    """Return the fault of a pacer that is stalled for a time [ms], and loses cycles."""
+    return lambda drive, server: stalled(drive.pacer, 1e-3 * length)
+
+
+STALLS = {f"pacer stalled for {length} ms": losing(length) for length in LOST}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     add_judge(parser, required=True)
     parser.add_argument("--repeats", type=int, default=10, help="of each fault")
     parser.add_argument("--losses", type=int, default=1, help="repeats of each number lost")
+    faults = FAULTS | STALLS
+    parser.add_argument("--only", nargs="+", choices=faults, metavar="FAULT", help="faults to try")
     asked = parser.parse_args()
     head(
         *("fault", "runs", "exit status", "ended by", "reflexes", "at rest after [s]"),
@@ -190,19 +200,13 @@ def main() -> None:
         made_by=f"{_COMMAND} --judge PYTHON",
     )
     with served(asked.judge) as server:
-        for name, fault in FAULTS.items():
+        for name in asked.only or faults:
             found = []
-            for _ in range(asked.repeats):
-                found.append(outcome(fault, server))
+            for _ in range(asked.losses if name in STALLS else asked.repeats):
+                found.append(outcome(faults[name], server))
                 if name == "robot killed":
                     server.start()
             told(name, found)
-        for count in LOST:
-            lose: Fault = lambda drive, server, k=count: stalled(drive.pacer, 1e-3 * k)  # noqa: E731
-            told(
-                f"pacer stalled for {count} ms",
-                [outcome(lose, server) for _ in range(asked.losses)],
-            )
 
 
 if __name__ == "__main__":

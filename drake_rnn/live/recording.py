@@ -10,6 +10,7 @@ from pydrake.math import RotationMatrix
 
 from ..errors import InvalidInputError
 from ..experiment import Experiment, make_experiment
+from ..experiment.law import ORIGINS
 from ..inputs.dataclass_fields import fields_of
 from ..inputs.fields import Array
 from ..laws import Law
@@ -169,5 +170,5 @@ def _displaced(obstacle: dict[str, Any], by: Array) -> dict[str, Any]:
 def _described(section: dict[str, Any], law: Law) -> dict[str, Any]:
     """Return the section of a law with the gains that it had."""
     known = fields_of(law)
-    numbers = [name for name, value in known.items() if type(value) is float]
+    numbers = [k for k, value in known.items() if type(value) is float and k not in ORIGINS]
     return section | {name: known[name] for name in numbers}

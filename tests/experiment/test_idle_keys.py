@@ -86,7 +86,7 @@ TOLD = {
     "law.growth_rate": (
         "zeroing_clover",
         {"law.growth_rate": 2},
-        "law.growth: exponential or power, which is none",
+        "law.growth: exponential, power or power_of_gain, which is none",
     ),
     "law.return_beta": (
         "galjdf_clover",

@@ -98,7 +98,7 @@ def test_a_law_that_lacks_what_makes_it_one_cannot_be_made(base):
 
 
 def test_in_no_special_circumstances_nothing_delays_the_loop_presses_or_turns():
-    assert Circumstances() == (0.0, False, None, False, *[None] * 5)
+    assert Circumstances() == (0.0, False, None, False, *[None] * 6)
 
 
 def test_laws_that_run_along_their_path_at_any_speed():

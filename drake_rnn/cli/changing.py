@@ -52,11 +52,11 @@ def tell_of_window(name: Described, changes: Mapping[str, Any]) -> None:
     )
 
 
-def require_writable(folder: Path) -> None:
-    """Make a folder, or say why nothing can be written to it."""
+def require_writable(folder: Path, option: str = "--out") -> None:
+    """Make a folder, or say of an option why nothing can be written to it."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InvalidInputError(f"--out: {folder}: {error.strerror}") from None
+        raise InvalidInputError(f"{option}: {folder}: {error.strerror}") from None
     if not os.access(folder, os.W_OK | os.X_OK):
-        raise InvalidInputError(f"--out: {folder}: not writable")
+        raise InvalidInputError(f"{option}: {folder}: not writable")

@@ -131,7 +131,7 @@ def _results(loaded: Mapping[str, Experiment | Result]) -> dict[str, Result]:
     results: dict[str, Result] = {}
     for name, each in loaded.items():
         results[name] = each if isinstance(each, Result) else simulated(each)
-        if results[name].status == "interrupted":
+        if each is not results[name] and results[name].status == "interrupted":
             if left := list(loaded)[len(results) :]:
                 err.print(f"[red]not run[/] {escape(', '.join(left))}")
             raise typer.Exit(INTERRUPTED)

@@ -7,6 +7,7 @@ from rich.markup import escape
 from ..exports import export
 from ..runs.result import Result
 from .asked import Export
+from .changing import require_writable
 from .console import errors, out, status
 
 
@@ -14,6 +15,8 @@ def export_result(asked: Export) -> None:
     """Write the series of a saved result for other tools."""
     with errors():
         result = Result.load(asked.folder, modules=True)
+        if asked.file is not None:
+            require_writable(asked.file.parent, "--to")
         with status("writing"):
             file = export(result, asked.file or asked.folder, asked.form, asked.series)
         out.print(escape(f"series    {file}"), soft_wrap=True)

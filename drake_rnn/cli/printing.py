@@ -32,7 +32,7 @@ def figure(asked: Figure) -> None:
             raise InvalidInputError(f"--to: {file}: must end in one of {known}")
         runs = relabelled(loaded, asked.labels)
         drawn = compared_figure(runs, listed(asked.panels), paper)
-        require_writable(file.parent)
+        require_writable(file.parent, "--to")
         with drawn_for(paper):
             save(drawn, file)
         out.print(escape(f"figure    {file}"), soft_wrap=True)

@@ -63,6 +63,9 @@ def export(
     writer, file = _WRITERS[form], Path(place)
     if file.is_dir():
         file = file / writer.file
+    for other, one in _WRITERS.items():
+        if file.suffix == Path(one.file).suffix and one is not writer:
+            raise InvalidInputError(f"form: {file.name} is named as {other}, not as {form}")
     with replacing(file) as new:
         writer.write(result, new, series)
     return file

@@ -33,8 +33,8 @@ class ProgramLaw(Law):
         feedback: Gain K of the feedback of position and orientation [1/s].
         bounds: ``velocity`` has the limits of position and velocity as inequalities of the
             program, which the network fulfils as well as it follows its optimum; ``none`` has none.
-        limit_stiffness: Velocity allowed per radian left to a position limit [1/s]. Acts only with
-            ``bounds: velocity``.
+        limit_stiffness: Velocity allowed per radian left to a position limit [1/s], where the
+            program has bounds.
     """
 
     limits: JointLimits

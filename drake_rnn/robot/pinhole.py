@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import InvalidInputError
-from ..inputs.fields import Angle, Array, Point, Positive, between, validated, zeros
+from ..inputs.fields import Angle, Array, Finite, Point, Positive, between, validated, zeros
 
 # Depth from which on a point is in front of a camera [m].
 _NEAR = 0.01
@@ -45,7 +45,7 @@ class Pinhole:
     roll: Angle = 0.0
     focal_length: _Focal = 600.0
     image_size: tuple[_Pixels, _Pixels] = (640, 480)
-    principal_point: tuple[float, float] | None = None
+    principal_point: tuple[Finite, Finite] | None = None
 
     def __post_init__(self) -> None:
         if np.linalg.norm(self.look_at - self.position) < _NEAR:

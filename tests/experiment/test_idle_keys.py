@@ -123,7 +123,6 @@ IDLE = {
     "law.lever": ("adaptive_nephroid_known", {"law.lever": 0.5}, "adaptive_pose", {}),
     "law.wander": ("adaptive_nephroid_known", {"law.wander": 5.0}, "adaptive_nephroid", {}),
     "law.blend": ("zeroing_clover", {"law.blend": 0.5}, "zeroing_largest", {}),
-    "law.limit_stiffness": ("zeroing_clover", {"law.limit_stiffness": 0.1}, "zeroing_bounds", {}),
     "law.growth_rate": ("zeroing_clover", {"law.growth_rate": 9}, "zeroing_growing", {}),
     "law.return_weight": ("man_clover", {"law.return_weight": 50}, "galjdf_clover", {}),
     "law.rho": ("slc_nephroid_known", {"law.rho": 1e-2}, "slc_nephroid", {}),

@@ -14,7 +14,7 @@ r"""Gains of zeroing networks as functions of time: fixed, or growing.
 
 from __future__ import annotations
 
-from math import inf, log
+from math import exp, inf, log
 from typing import Any, Literal, NamedTuple
 
 from ...arrays.algebra import functions_of
@@ -24,6 +24,8 @@ Growth = Literal["none", "exponential", "power", "power_of_gain"]
 _POWER = 3.0
 # Growth beyond which a gain is no number that a computer can hold.
 _LARGEST = 1e250
+# Power of e from which on a time is none that a run could last.
+_LARGEST_POWER = 500.0
 
 
 class GrowingGain(NamedTuple):
@@ -59,7 +61,8 @@ class GrowingGain(NamedTuple):
         if self.growth == "power":
             return float((ratio ** (1.0 / _POWER) - 1.0) / self.rate)
         if self.growth == "power_of_gain":
-            return float((gain - self.first) ** (1.0 / self.first) / self.rate)
+            power = log(gain - self.first) / self.first
+            return exp(power) / self.rate if power < _LARGEST_POWER else inf
         return float(log(ratio) / self.rate)
 
     @property

@@ -9,6 +9,7 @@ from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..paths import PlacedPath
 from ..robot.kinematics import ArmKinematics
+from ..robot.pinhole import NEAR
 from ..robot.tool_camera import ToolCamera
 from .sections import Sections
 
@@ -48,6 +49,13 @@ def check_seen(parts: Sections, desired: PlacedPath, kinematics: ArmKinematics) 
 
 def _require_in_image(camera: ToolCamera, t: float, p_WE: Array, R_WE: Array, said: str) -> None:
     seeing = camera.at(t)
+    depths = seeing.depth(camera.placed(p_WE, R_WE))
+    if not (nearest := depths.min()) >= NEAR:
+        raise InvalidInputError(
+            f"camera.points.{depths.argmin()}: {said} {nearest:.3g} m in front of the camera at "
+            f"{seeing.position.tolist()}, and is seen from {NEAR:g} m on; move the camera, or turn "
+            "it by look_at"
+        )
     pixels = camera.pixels(t, p_WE, R_WE).reshape(-1, 2)
     for number, (point, margin) in enumerate(zip(pixels, seeing.margin(pixels), strict=True)):
         if margin < 0.0:

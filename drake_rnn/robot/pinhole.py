@@ -19,8 +19,8 @@ from pydantic import Field
 from ..errors import InvalidInputError
 from ..inputs.fields import Angle, Array, Finite, Point, Positive, between, validated, zeros
 
-# Depth from which on a point is in front of a camera [m].
-_NEAR = 0.01
+#: Depth from which on a point is in front of a camera [m].
+NEAR = 0.01
 # Of cameras with wide and with long lenses [px].
 _Focal = Annotated[Positive, between(1.0, 1e5)]
 _Pixels = Annotated[int, Field(strict=True, ge=1, le=100_000)]
@@ -48,9 +48,9 @@ class Pinhole:
     principal_point: tuple[Finite, Finite] | None = None
 
     def __post_init__(self) -> None:
-        if np.linalg.norm(self.look_at - self.position) < _NEAR:
+        if np.linalg.norm(self.look_at - self.position) < NEAR:
             raise ValueError(
-                f"look_at: must be {_NEAR:g} m or more from position, not {self.look_at.tolist()}"
+                f"look_at: must be {NEAR:g} m or more from position, not {self.look_at.tolist()}"
             )
 
     @cached_property
@@ -72,6 +72,14 @@ class Pinhole:
         if self.principal_point is not None:
             return np.array(self.principal_point)
         return 0.5 * np.array(self.image_size)
+
+    def depth(self, p_WP: Array) -> Array:
+        """Return how far points are in front of the lens, shape (...) [m].
+
+        Args:
+            p_WP: Positions of the points in W, shape (..., 3) [m].
+        """
+        return np.asarray((p_WP - self.position) @ self.R_WC[:, 2])
 
     def seen(self, p_WP: Array) -> Array:
         """Return where points are in the image, shape (..., 2) [px].
@@ -111,9 +119,9 @@ class Pinhole:
 
     def _in_camera(self, p_WP: Array) -> Array:
         p_CP = (p_WP - self.position) @ self.R_WC
-        if not (nearest := p_CP[..., 2].min()) >= _NEAR:
+        if not (nearest := p_CP[..., 2].min()) >= NEAR:
             raise InvalidInputError(
                 f"camera: a point is {nearest:.3g} m in front of the camera at "
-                f"{self.position.tolist()}, and is seen from {_NEAR:g} m on"
+                f"{self.position.tolist()}, and is seen from {NEAR:g} m on"
             )
         return np.asarray(p_CP)

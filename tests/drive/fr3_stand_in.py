@@ -1,7 +1,7 @@
 """An FR3 that follows its commands exactly and judges them, for a pacer's process; no NumPy.
 
 Its address says what goes wrong, e.g. ``lose=500:7``: from its 500th cycle on it takes no command
-for 7 of them, and goes on with its last acceleration.
+for 7 of them, and goes on with its last acceleration, as in a cycle that is not answered.
 """
 
 from math import pi
@@ -32,6 +32,7 @@ class StandIn:
             self.lost = range(at, at + count)
         self.q, self.v, self.a = list(START), [0.0] * 7, [0.0] * 7
         self.cycle, self.moved, self.due = 0, 0, monotonic()
+        self.answered = True
 
     def look(self):
         self.cycle += 1
@@ -40,19 +41,25 @@ class StandIn:
         return State(self.cycle * H, self.q, self.v, self.q, 1.0)
 
     def begin(self):
-        self.moved = 0
+        self.moved, self.answered = 0, True
 
     def read(self):
+        if not self.answered:
+            self._go_on()
         self.moved += 1
-        lost = 0
+        self.answered, lost = False, 0
         while self.moved in self.lost:
             lost += 1
             self.moved += 1
             self.cycle += 1
             if lost == PATIENCE:
                 raise RefusedError("communication_constraints_violation")
-            self._move([v + H * a for v, a in zip(self.v, self.a, strict=True)])
+            self._go_on()
         return self.look()
+
+    def _go_on(self):
+        """Hold the acceleration for a cycle."""
+        self._move([v + H * a for v, a in zip(self.v, self.a, strict=True)])
 
     def answer(self, position, is_last):
         v = [(new - old) / H for new, old in zip(position, self.q, strict=True)]
@@ -66,7 +73,7 @@ class StandIn:
         if is_last and any(v):
             raise RefusedError("it moves at the end")
         self._move(v)
-        self.q = list(position)
+        self.q, self.answered = list(position), True
 
     def _move(self, v):
         self.a = [(new - old) / H for new, old in zip(v, self.v, strict=True)]

@@ -87,6 +87,10 @@ def test_what_cannot_be_written_is_refused_and_leaves_nothing(result, tmp_path):
         export(result, tmp_path, "trajectory", ["position"])
     with pytest.raises(InvalidInputError, match="form: no format 'xls'; it may be csv"):
         export(result, tmp_path, "xls")
+    with pytest.raises(
+        InvalidInputError, match=r"form: x\.parquet is named as parquet, not as csv"
+    ):
+        export(result, tmp_path / "x.parquet")
     assert list(tmp_path.iterdir()) == []
 
 

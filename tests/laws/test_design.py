@@ -118,3 +118,11 @@ def test_gains_grow_as_they_say_and_reach_what_they_say():
 def test_numbers_that_an_activation_does_not_have_are_refused(fields, message):
     with pytest.raises(InvalidInputError, match=message):
         Zeroing(limits=JointLimits.unlimited(2), home=np.zeros(2), **fields)
+
+
+@pytest.mark.parametrize("first", [0.01, 0.5, 3.0])
+def test_a_gain_that_grows_by_its_own_power_says_when_it_is_reached(first):
+    gain = GrowingGain(first, "power_of_gain", 2.0)
+    # A gain this small grows for longer than any run lasts.
+    assert gain.lasts > 1e50
+    assert gain.at(gain.reaches(10.0)) == pytest.approx(10.0)

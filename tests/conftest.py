@@ -10,7 +10,7 @@ from hypothesis import settings
 
 import shared_runs
 from browsing import chromium
-from drake_rnn import load_arm
+from drake_rnn import LAWS, load_arm
 from drake_rnn.campaigns import perform
 from drake_rnn.experiment import arms
 from drake_rnn.inputs import documents
@@ -72,6 +72,15 @@ def a_shipped_arm_is_loaded_once():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(arms, "load_arm", known)
         yield
+
+
+@pytest.fixture(scope="module")
+def laws_as_before():
+    """Laws that a module's tests add are taken away again: others look at every law there is."""
+    before = dict(LAWS)
+    yield
+    for added in LAWS.keys() - before:
+        del LAWS[added]
 
 
 @pytest.fixture

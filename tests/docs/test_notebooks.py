@@ -4,20 +4,11 @@ import matplotlib as mpl
 import pytest
 from doc_pages import PAGES, ROOT, assert_public, cells
 
-from drake_rnn import LAWS, Result
+from drake_rnn import Result
 
 NOTEBOOKS = [page for page in PAGES if page.startswith("docs/notebooks/")]
 #: What else a notebook may import.
 OTHERS = {"IPython", "matplotlib", "numpy", "pydrake", "subprocess"}
-
-
-@pytest.fixture
-def laws():
-    """What a notebook adds to the laws is taken away again."""
-    known = set(LAWS)
-    yield
-    for added in set(LAWS) - known:
-        del LAWS[added]
 
 
 def test_there_are_notebooks_of_tracking_contact_and_a_law():
@@ -33,7 +24,7 @@ def test_a_notebook_imports_only_what_is_public(page):
 
 # `make docs` runs them as well, which CI does for every commit.
 @pytest.mark.nightly
-@pytest.mark.usefixtures("laws")
+@pytest.mark.usefixtures("laws_as_before")
 @pytest.mark.parametrize("page", NOTEBOOKS)
 def test_a_notebook_runs_and_its_runs_keep_their_bounds(page, monkeypatch):
     pytest.importorskip("IPython", reason="needs the extra `docs`")

@@ -90,7 +90,7 @@ def test_a_module_that_is_missing_is_one_sentence(folder):
 
 
 @pytest.fixture(scope="module")
-def saved(tmp_path_factory):
+def saved(tmp_path_factory, laws_as_before):
     """The folder of a saved run, of a law that this process knows."""
     folder = tmp_path_factory.mktemp("saved")
     sys.path.insert(0, str(EXAMPLES))
@@ -99,7 +99,9 @@ def saved(tmp_path_factory):
         simulate(experiment).save(folder)
     finally:
         sys.path.remove(str(EXAMPLES))
-    return folder
+    yield folder
+    # What is imported again registers its law again.
+    del sys.modules["own_law"]
 
 
 LOAD = "import sys; from drake_rnn import Result; print(type(Result.load(sys.argv[1]{}).experiment"

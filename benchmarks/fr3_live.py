@@ -141,7 +141,8 @@ def told(name: str, found: Found) -> None:
     """Print the row of motions of one kind."""
     microseconds = 1e6 * np.concatenate(found.answers)
     median, rare, worst = np.quantile(microseconds, [0.5, 0.999, 1.0])
-    without_loss = sum(not lost for _, lost in found.reflexes)
+    # Cycles that are lost at the end of a motion have no answer that would tell.
+    without_loss = sum(not lost and "communication" not in why for why, lost in found.reflexes)
     row(
         name,
         len(found.late),
@@ -154,7 +155,8 @@ def told(name: str, found: Found) -> None:
         f"{max(found.following):.2f}",
         f"{min(found.loads):.1f} to {max(found.loads):.1f}",
     )
-    for why in [*(why for why, _ in found.reflexes), *found.stopped]:
+    reflexes = (f"{why}, after {lost} lost cycles" for why, lost in found.reflexes)
+    for why in [*reflexes, *found.stopped]:
         print(f"{name}: {why}", file=sys.stderr)
     sys.stdout.flush()
 

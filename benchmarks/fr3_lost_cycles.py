@@ -156,8 +156,8 @@ class Robot:
         self.q, self.v, self.a, self._taken = self._taken, v, a, None
 
 
-def moved(at: int, lost: int, place: Place, pace: float = H) -> Robot:
-    """Return a robot after a motion in which the pacer has stood still."""
+def moved(at: int, lost: float, place: Place, pace: float = H) -> Robot:
+    """Return a robot after a motion in which the pacer has stood still for some cycles."""
     law = DrivenLaw(driven_experiment(DOCUMENT, FR3))
     robot = Robot(law.start.tolist(), at, lost * H, place, pace)
     shared = SharedCycles(anonymous_file())

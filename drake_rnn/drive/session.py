@@ -216,9 +216,9 @@ class Session:
             # What is sent goes on from this cycle, in which the robot has been answered.
             sent, passed = self._sent, self._connection.period
         if phase != "stop":
-            motion = self._moved.motion()
-            self._watches.may_be_sent(command, self._sent, passed)
-            self._motion, self._held = motion, self._moved.held
+            self._watches.may_be_sent(command, self._sent, passed, self._motion)
+            self._motion, self._held = self._moved.motion(), self._moved.held
+            motion = self._motion
         then = self._moved.then()
         self._connection.send(Command(cycle.time, motion, self._moved.limits, then))
         self._cycles.answered()

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..inputs.fields import Array
 from ..robot.limits import JointLimits
-from .connection import RobotStatus
+from .connection import Motion, RobotStatus
 
 # Share by which rounding may take a command beyond a speed.
 _ROUNDING = 1e-6
@@ -92,21 +92,28 @@ class Watches:
                 f"{self._names[joint]} has moved by {moved[joint]:.4g} rad in {time:.4g} s",
             )
 
-    def may_be_sent(self, position: Array, before: Array, time: float) -> None:
+    def may_be_sent(self, position: Array, before: Array, time: float, motion: Motion) -> None:
         """Raise a StopError for a command beyond the limits, which is then not sent.
+
+        A robot that has lost cycles has held its acceleration in them, and may have become faster
+        than its limits: it is slowed down then, which is no reason to stop.
 
         Args:
             position: The command, shape (n,) [rad].
             before: The command before, shape (n,) [rad].
             time: Time from that to this one [s].
+            motion: What was commanded until then.
         """
         if not np.isfinite(position).all():
             raise StopError("command", f"the law commands {position.tolist()} rad")
         limits = self._commanded
         if (limits.violation(position) > _ROUNDING).any():
             raise StopError("command", limits.complaint(position, 0.0, self._names))
-        joint = int(np.argmax(np.abs(position - before) / limits.velocity))
-        step, most = abs(position[joint] - before[joint]), time * limits.velocity[joint]
+        # As it goes on, and as it would with its acceleration held once more.
+        speeds = np.abs([motion.velocity, motion.velocity + time * motion.acceleration])
+        fastest = np.maximum(limits.velocity, speeds.max(axis=0))
+        joint = int(np.argmax(np.abs(position - before) / fastest))
+        step, most = abs(position[joint] - before[joint]), time * fastest[joint]
         if step > most * (1.0 + _ROUNDING) + 1e-9:
             raise StopError(
                 "command",

@@ -61,11 +61,11 @@ def make_law(
     if camera is not None:
         _require_seeing(document, kind)
         known |= {"points": len(camera.points), "pixel_size": camera.pixel_size}
-    filled = {name: value for name, value in known.items() if name in field_names(kind)}
-    if camera is None and _sees_pixels(kind):
-        _refuse_pixels(document)
-    for name in filled.keys() & document.law.keys():
-        raise InvalidInputError(f"law.{name}: follows from {ORIGINS[name]}; leave it out")
+    fields = field_names(kind)
+    filled = {name: value for name, value in known.items() if name in fields}
+    for name in ORIGINS:
+        if name in fields and name in document.law:
+            raise InvalidInputError(f"law.{name}: follows from {ORIGINS[name]}; leave it out")
     _require_size(task, kind)
     law: Law = construct(kind, {**filled, **without_kind(document.law)}, "law")
     check_declared(law)
@@ -110,13 +110,6 @@ def _require_seeing(document: ExperimentDocument, kind: type[Law]) -> None:
         raise InvalidInputError(
             f"sensing.{name}: must be left out with a camera, whose errors are camera.noise"
         )
-
-
-def _refuse_pixels(document: ExperimentDocument) -> None:
-    """Raise an InvalidInputError if a law is to see pixels, and there is no camera."""
-    for name in ("points", "pixel_size"):
-        if name in document.law:
-            raise InvalidInputError(f"law.{name}: follows from camera; leave it out")
 
 
 def _measurement(document: ExperimentDocument) -> Measurement:

@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 from drake_rnn import Result, simulate
 from drake_rnn.cli.commands import app
 from drake_rnn.experiment import load_experiment
+from drake_rnn.runs.result import stopped
 
 SHORT = {"duration": 0.05, "window": [0, 0.05], "accept": None}
 KNOWN, LINE = "slc_nephroid_known", "pinv_line"
@@ -94,6 +95,17 @@ def test_check_looks_at_all_that_are_compared(folders, tmp_path, bound, code):
     assert result.exit_code == code
     assert ("(not <= 1e-15)" in result.stdout) is (code == 3)
     assert call(*arguments).exit_code == 0
+
+
+def test_what_was_interrupted_is_compared_as_far_as_it_came(folders, tmp_path):
+    part = stopped(Result.load(folders / LINE), "interrupted", "interrupted at 0.05 s")
+    part.save(tmp_path / "part")
+    result = call("compare", tmp_path / "part", folders / KNOWN, "--out", tmp_path / "out")
+    assert result.exit_code == 1, (result.stderr, result.exception)
+    with (tmp_path / "out" / f"compare_{LINE}_{KNOWN}" / "comparison.csv").open() as stream:
+        rows = {row["run"]: row for row in csv.DictReader(stream)}
+    assert (rows[LINE]["failure"], rows[KNOWN]["failure"]) == ("interrupted at 0.05 s", "")
+    assert rows[LINE]["position_error_max_m"]
 
 
 def test_what_cannot_be_compared_is_one_sentence(folders, tmp_path):

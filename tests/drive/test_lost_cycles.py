@@ -24,6 +24,17 @@ def test_a_robot_that_drops_what_is_late_is_commanded_within_its_bounds(place, l
     assert jerk <= JERK
 
 
+@pytest.mark.parametrize("place", ["waiting", "answering"])
+@pytest.mark.parametrize("lost", [1.6, 1.85, 1.95, 4.9, 17.9])
+def test_the_newest_state_is_not_answered_either_when_it_is_nearly_a_cycle_old(place, lost):
+    """The answer would come a moment after the next state, and be dropped."""
+    robot = moved(AT, lost, place)
+    acceleration, jerk = robot.worst
+    assert lost - 1 <= robot.lost <= lost + 1
+    assert acceleration <= ACCELERATION
+    assert jerk <= JERK
+
+
 def test_a_robot_at_half_its_pace_is_answered_in_every_other_cycle():
     """As a simulated one on a busy machine: its states seem to have waited."""
     robot = moved(AT, 0, "waiting", pace=2e-3)

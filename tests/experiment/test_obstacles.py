@@ -130,7 +130,7 @@ def test_the_law_is_told_where_an_obstacle_is_with_its_error():
         ),
         (
             {"obstacles": [{**BALL, "center": [0.3, 0.0, 0.6]}]},
-            r"clearance: at the start .* and ball 1 are -?\S+ m apart",
+            r"start: .* and ball 1 are -?\S+ m apart there",
         ),
         (
             {
@@ -228,7 +228,7 @@ def test_the_guarded_run_comes_to_what_it_expects_and_collides_without():
         (
             "slc_nephroid_known",
             {"safety": {**SAFE, "avoidance": {"floor": 0.5, "distance": 0.6}}},
-            r"clearance: at the start .* apart, where 0.5 m are kept",
+            r"start: .* apart there, where 0.5 m are kept",
         ),
     ],
 )
@@ -256,7 +256,7 @@ def test_what_is_pressed_on_is_in_the_way_of_all_bodies_but_the_tool():
 def test_an_arm_that_starts_with_another_body_at_what_it_presses_on_is_refused():
     """A plate as thick as the arm is high has its first bodies inside, were it wide enough."""
     plate = {"kind": "plate", "size": 2.0}
-    with pytest.raises(InvalidInputError, match="at the start iiwa_link_1 and environment are -"):
+    with pytest.raises(InvalidInputError, match="start: iiwa_link_1 and environment are -"):
         pressing(environment=plate)
 
 

@@ -111,7 +111,7 @@ def test_far_from_each_other_each_moves_as_it_would_alone():
         ({"second": {"base": {"place": 1}}}, "second.base.place: no such key"),
         ({"second": {"base": FACING, "follows": 1}}, "second.follows: must be true or false"),
         ({"second": {"base": FACING, "path": {"kind": "lime"}}}, "second: path.kind: no path"),
-        ({"second": {"base": {"translation": [0.2, 0, 0]}}}, "clearance: at the start .* apart"),
+        ({"second": {"base": {"translation": [0.2, 0, 0]}}}, "start: .* apart there"),
         ({"second": {"base": FACING, "law": {"kind": "simultaneous_learning"}}}, "second: "),
         ({"law.avoidance": "none"}, "second: needs laws that keep clear of what is beside"),
         ({"law.other": 1}, "law.other: follows from second; leave it out"),

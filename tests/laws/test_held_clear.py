@@ -214,7 +214,7 @@ def test_a_task_that_rows_keep_from_being_done_has_a_price_that_is_bounded():
 
 
 def test_what_a_law_with_obstacles_cannot_do_is_refused():
-    with pytest.raises(InvalidInputError, match=r"at the start tool and ball 1 are .* apart"):
+    with pytest.raises(InvalidInputError, match=r"start: tool and ball 1 are .* apart"):
         adaptive(clearance=clearance_of(ball(P_START)))
     with pytest.raises(InvalidInputError, match="distance: must be greater than floor"):
         Avoidance(floor=0.01, distance=0.01)

@@ -123,7 +123,7 @@ def test_what_cannot_be_kept_is_refused():
         Safety(LIMITS).around(Small(), 1e-3)
     with pytest.raises(InvalidInputError, match="safety: Ramp varies its command between samples"):
         Safety(LIMITS).around(Ramp(), 1e-3)
-    with pytest.raises(InvalidInputError, match=r"at the start tool and ball 1 are .* apart"):
+    with pytest.raises(InvalidInputError, match=r"start: tool and ball 1 are .* apart"):
         moved(Safely(Wild(), Safety(LIMITS, clearance_of(PANDA.p_WE(HOME)))), still, 0.1)
     with pytest.raises(InvalidInputError, match="clearance: is of an arm of 7 joints; the limits"):
         Safety(LIMITS.select([0, 1]), clearance_of())

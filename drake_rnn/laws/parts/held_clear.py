@@ -110,7 +110,7 @@ def require_free(clearance: Clearance, floor: float, q: Array, p_WO: Array | Non
     if gaps.min(initial=np.inf) < floor:
         one, other = clearance.names[int(gaps.argmin())]
         raise InvalidInputError(
-            f"clearance: at the start {one} and {other} are {gaps.min():.3g} m apart, where "
+            f"start: {one} and {other} are {gaps.min():.3g} m apart there, where "
             f"{floor:g} m are kept, avoidance.floor; clear the way or start elsewhere"
         )
 

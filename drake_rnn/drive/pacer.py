@@ -52,7 +52,7 @@ PERIOD = 1e-3
 STILL = 25
 #: Age of a state from which on it is not answered, and at which an answer has come too late [s].
 LATE, DROPPED = 7e-4, PERIOD
-#: Time of a read from which on it has waited for its state [s].
+#: Time of a read from which on it is this process that has waited [s].
 _WAITED = 1e-4
 # Of what the law is told, by rounding: shares of the bounds, and of a position [rad].
 _ROUNDING, _SAME = 1e-6, 1e-9
@@ -201,18 +201,16 @@ class Pacing:
         pacer, shared, robot = Pacer(state.held), self._shared, self._robot
         robot.begin()
         last, since, answered, rested = state, inf, -inf, -STILL
-        unanswered: float | None = None
+        unanswered = inf
         while True:
             state = robot.read()
             heard = self._now()
-            # It may have waited for this process: it was sent by the robot's clock.
+            # It may have waited for this process: it was sent by the robot's clock. But if this
+            # process has waited for it, after one without an answer, the robot's clock is slow.
             sent = min(heard, since + state.time - last.time)
-            # After one without an answer it is the newest. If it seems older than a cycle, or has
-            # been waited for, the robot's clock is slow; else such a robot would have no answers.
-            if unanswered is not None:
-                was_waited_for = heard - unanswered > _WAITED
-                sent = heard if was_waited_for or heard - sent > PERIOD else sent
-            last, since, unanswered = state, heard, None
+            if heard - unanswered > _WAITED:
+                sent = heard
+            last, since, unanswered = state, heard, inf
             passed = 1 if answered < 0.0 else round((state.time - answered) / PERIOD)
             before = pacer.motion
             source = self._advance(pacer, max(passed, 1), rested < 0)

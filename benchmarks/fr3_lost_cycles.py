@@ -41,7 +41,7 @@ TRAVEL = 5e-5
 #: Cycles of a motion, and those in which the pacer stands still, one in each motion.
 CYCLES, MOMENTS = 320, (60, 90, 130, 180, 260)
 #: Cycles for which it stands still.
-LOST = (1, 2, 3, 5, 10, 15, 18)
+LOST = (1.0, 1.9, 3.0, 4.9, 10.0, 14.9, 17.9)
 #: Shares by which rounding may exceed a bound.
 ROUNDING = 1e-6
 DOCUMENT = {

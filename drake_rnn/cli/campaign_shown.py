@@ -71,6 +71,8 @@ class _Lines:
         now, before, known = perf_counter(), self._last, self._ended
         self._last, self._ended = now, ended
         if outcome is None:
+            # What came before, such as planning, says nothing of how long rows take.
+            self._began = self._told = now
             self._kept = ended
             return
         # Rows of a batch end at once: its first row says nothing of how quick the others are.

@@ -1,0 +1,27 @@
+"""Lines about the progress of a campaign, where there is no terminal."""
+
+import re
+
+import pytest
+
+from drake_rnn.campaigns import Outcome
+from drake_rnn.cli import campaign_shown
+
+
+@pytest.mark.parametrize("kept", [0, 400])
+def test_the_time_left_is_by_what_rows_take_and_not_by_what_comes_before(kept, monkeypatch, capsys):
+    now, rows, pace = 0.0, 1000, 2.0
+    monkeypatch.setattr(campaign_shown, "perf_counter", lambda: now)
+    lines = campaign_shown._Lines("starts")
+    now += 500.0
+    lines.tell(kept, rows, None)
+    for ended in range(kept + 1, kept + 101):
+        now += pace
+        lines.tell(ended, rows, Outcome("complete"))
+    told = capsys.readouterr().err.splitlines()
+    assert len(told) >= 5
+    for line in told:
+        ended, left = map(
+            int, re.fullmatch(r"starts: (\d+) of 1000 .* about (\d+) s left", line).groups()
+        )
+        assert left == pytest.approx(pace * (rows - ended))

@@ -211,12 +211,12 @@ class Session:
 
     def _send(self, phase: Phase, cycle: Cycle, command: Array) -> None:
         motion = self._motion._replace(position=command)
-        sent, passed = command, cycle.passed
+        sent, passed, until = command, cycle.passed, None
         if self._connection.paced:
             # What is sent goes on from this cycle, in which the robot has been answered.
-            sent, passed = self._sent, self._connection.period
+            sent, passed, until = self._sent, self._connection.period, self._motion
         if phase != "stop":
-            self._watches.may_be_sent(command, self._sent, passed, self._motion)
+            self._watches.may_be_sent(command, self._sent, passed, until)
             self._motion, self._held = self._moved.motion(), self._moved.held
             motion = self._motion
         then = self._moved.then()

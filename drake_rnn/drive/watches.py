@@ -92,7 +92,9 @@ class Watches:
                 f"{self._names[joint]} has moved by {moved[joint]:.4g} rad in {time:.4g} s",
             )
 
-    def may_be_sent(self, position: Array, before: Array, time: float, motion: Motion) -> None:
+    def may_be_sent(
+        self, position: Array, before: Array, time: float, motion: Motion | None = None
+    ) -> None:
         """Raise a StopError for a command beyond the limits, which is then not sent.
 
         A robot that has lost cycles has held its acceleration in them, and may have become faster
@@ -102,16 +104,18 @@ class Watches:
             position: The command, shape (n,) [rad].
             before: The command before, shape (n,) [rad].
             time: Time from that to this one [s].
-            motion: What was commanded until then.
+            motion: What a robot that loses cycles has been commanded until then; None for another.
         """
         if not np.isfinite(position).all():
             raise StopError("command", f"the law commands {position.tolist()} rad")
         limits = self._commanded
         if (limits.violation(position) > _ROUNDING).any():
             raise StopError("command", limits.complaint(position, 0.0, self._names))
-        # As it goes on, and as it would with its acceleration held once more.
-        speeds = np.abs([motion.velocity, motion.velocity + time * motion.acceleration])
-        fastest = np.maximum(limits.velocity, speeds.max(axis=0))
+        fastest = limits.velocity
+        if motion is not None:
+            # As it goes on, and as it would with its acceleration held once more.
+            speeds = np.abs([motion.velocity, motion.velocity + time * motion.acceleration])
+            fastest = np.maximum(fastest, speeds.max(axis=0))
         joint = int(np.argmax(np.abs(position - before) / fastest))
         step, most = abs(position[joint] - before[joint]), time * fastest[joint]
         if step > most * (1.0 + _ROUNDING) + 1e-9:

@@ -37,3 +37,9 @@ def test_a_joint_is_never_made_too_fast(after):
     sent(fastest, after=after)
     with pytest.raises(StopError, match=r"command: elbow is to move by .* rad in 0.001 s; it may"):
         sent(fastest + 1e-4, after=after)
+
+
+def test_a_robot_that_waits_for_its_commands_is_never_let_beyond():
+    """It holds its place where none comes, so nothing but the command could make it too fast."""
+    with pytest.raises(StopError, match="command: elbow is to move"):
+        WATCHES.may_be_sent(np.array([H * (FASTEST + 1e-4)]), np.zeros(1), H)

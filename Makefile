@@ -6,12 +6,15 @@ WORKERS ?= 2
 # Marks of the tests that `make test` runs.
 TESTS ?= not long and not nightly
 MUTANTS ?= 160
+# Versions that every environment gets, on any Python; LOCK= takes the newest that there are.
+LOCK ?= requirements.lock
+INSTALL = $(BIN)/pip install --quiet --disable-pip-version-check $(LOCK:%=--constraint %) --editable
 PYTEST = MPLBACKEND=Agg $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
 # Each process of the tests would compile every file again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test long nightly bench mutants tables cross claims docs check clean
+.PHONY: demo test long nightly bench mutants tables cross claims docs check lock clean
 
 demo: $(VENV)/installed
 	$(BIN)/drake-rnn run slc_nephroid_warm_up --out out
@@ -69,21 +72,39 @@ $(VENV)/bin/python:
 	  || { echo "drake_rnn needs Python 3.11 or newer; give one with make PYTHON=..."; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 
-$(VENV)/installed: $(VENV)/bin/python pyproject.toml
-	$(BIN)/pip install --quiet --disable-pip-version-check --editable .
+$(VENV)/installed: $(VENV)/bin/python pyproject.toml $(LOCK)
+	$(INSTALL) .
 	touch $@
 
-$(VENV)/installed-dev: $(VENV)/bin/python pyproject.toml
-	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev]'
+$(VENV)/installed-dev: $(VENV)/bin/python pyproject.toml $(LOCK)
+	$(INSTALL) '.[dev]'
 	touch $@ $(VENV)/installed
 
-$(VENV)/installed-docs: $(VENV)/bin/python pyproject.toml
-	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[docs]'
+$(VENV)/installed-docs: $(VENV)/bin/python pyproject.toml $(LOCK)
+	$(INSTALL) '.[docs]'
 	touch $@ $(VENV)/installed
 
-$(VENV)/installed-mutants: $(VENV)/installed-dev
-	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[mutants]'
+$(VENV)/installed-mutants: $(VENV)/installed-dev $(LOCK)
+	$(INSTALL) '.[mutants]'
 	touch $@
+
+# Extras of the environments that the targets above make; peers of others need other versions.
+LOCKED = dev docs jax looks mutants
+COMPILE = $(VENV)/lock/bin/uv pip compile pyproject.toml --quiet --no-header --no-annotate
+
+# The newest versions, for every Python and platform at once.
+lock: $(VENV)/lock/bin/uv
+	$(COMPILE) --upgrade --universal --python-version 3.11 $(LOCKED:%=--extra %) \
+	  --output-file requirements.lock
+
+# The oldest versions that pyproject.toml admits: make test LOCK=build/oldest.lock VENV=build/oldest
+build/oldest.lock: $(VENV)/lock/bin/uv pyproject.toml
+	mkdir -p build
+	$(COMPILE) --resolution lowest-direct --python-version 3.11 --extra dev --output-file $@
+
+$(VENV)/lock/bin/uv: $(VENV)/bin/python
+	$(BIN)/python -m venv $(VENV)/lock
+	$(VENV)/lock/bin/pip install --quiet --disable-pip-version-check uv
 
 clean:
 	rm -rf out build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis

@@ -2,7 +2,7 @@
 
 Prints the tables of `docs/peers.md` as Markdown, and draws its picture::
 
-    pip install 'drake-rnn[peers]'
+    pip install -e '.[peers]'
     python benchmarks/peers.py [--task TASK ...] [--rounds ROUNDS] [--figure docs/peers.png]
         [--elsewhere PYTHON]
 

@@ -2,7 +2,7 @@
 
 Prints the tables of `docs/peers.md` of arms among obstacles, as Markdown::
 
-    pip install 'drake-rnn[peers]'
+    pip install -e '.[peers]'
     python benchmarks/peers_among_obstacles.py --scenes 10 [--elsewhere PYTHON] [--kept FOLDER]
     python benchmarks/peers_among_obstacles.py --choose pink    # tries its grid, on other scenes
 

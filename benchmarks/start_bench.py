@@ -1,4 +1,4 @@
-"""Measure how long commands take that start no run, in units of a bare ``import typer``.
+"""Measure how long commands take that start no run, in units of a bare ``import typer, rich``.
 
 Each is a process of its own, as from a prompt. A round measures the unit and then each start, so
 that all meet the same machine; of several rounds the smallest counts, as the least disturbed. Times
@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 from rich.console import Console
 from rich.table import Table
 
-UNIT = ("-c", "import typer")
+UNIT = ("-c", "import typer, rich")
 COMMAND = ("-m", "drake_rnn")
 STARTS = {
     "drake-rnn --version": (*COMMAND, "--version"),
@@ -65,7 +65,7 @@ def main() -> None:
         # A first round writes the bytecode.
         _, *rounds = [measured(bytecode) for _ in range(arguments.rounds + 1)]
     table = Table(title="processor time of a start")
-    for column in ("start", "time [s]", "of import typer"):
+    for column in ("start", "time [s]", "of import typer, rich"):
         table.add_column(column, justify="left" if column == "start" else "right")
     for name in STARTS:
         time, ratio = (min(column) for column in zip(*(each[name] for each in rounds), strict=True))

@@ -15,6 +15,6 @@ def require_jax() -> Any:
     Raises:
         InvalidInputError: If JAX is not installed.
     """
-    (jax,) = needed("compilation", "'drake-rnn[jax]'", "jax")
+    (jax,) = needed("compilation", "jax", "jax")
     jax.config.update("jax_enable_x64", True)
     return jax

@@ -123,5 +123,5 @@ def workers_of(executor: Any) -> Workers:
 
 def _dask() -> Any:
     """Return Dask's package ``distributed``, an optional dependency."""
-    (distributed,) = needed("--scheduler", "'drake-rnn[cluster]'", "distributed")
+    (distributed,) = needed("--scheduler", "cluster", "distributed")
     return distributed

@@ -14,8 +14,7 @@ from .usage import Commands
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        versions = lent("drake_rnn.inputs.versions:versions")()
-        typer.echo("".join(f"{name} {number}\n" for name, number in versions.items()), nl=False)
+        typer.echo(lent("drake_rnn.inputs.versions:versions_text")(), nl=False)
         raise typer.Exit
 
 
@@ -39,7 +38,7 @@ app = typer.Typer(
 )
 app.callback()(common)
 for _name, _place, _options in (
-    ("list", "catalogue:list_experiments", asked.List),
+    ("list", "listing:list_experiments", asked.List),
     ("show", "showing:show", asked.Show),
     ("arms", "catalogue:list_arms", asked.Arms),
     ("laws", "catalogue:list_laws", asked.Laws),

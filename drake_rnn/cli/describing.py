@@ -8,7 +8,7 @@ from rich.markup import escape
 
 from ..errors import InvalidInputError
 from ..experiment.changes import checked_changes, set_key
-from ..figures.arm_picture import write_arm_picture
+from ..figures.arm_picture import rendering_fault, write_arm_picture
 from ..inputs.documents import parse_yaml
 from ..robot.load_arm import load_arm
 from ..robot.report import arm_report
@@ -29,7 +29,9 @@ def describe_arm(asked: Arm) -> None:
         print_table(arm_table(report))
         for warning in report.warnings:
             err.print(f"[yellow]warning[/] {escape(warning)}")
-        if asked.picture:
+        if asked.picture and (why := rendering_fault()):
+            err.print(f"[yellow]warning[/] no picture: {escape(why)}")
+        elif asked.picture:
             file = asked.out_folder / f"{report.arm.name}.png"
             require_writable(asked.out_folder)
             out.print(f"picture  {write_arm_picture(report.arm, report.home, file)}", markup=False)

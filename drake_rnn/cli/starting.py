@@ -10,6 +10,9 @@ from pathlib import Path
 from ..inputs.lending import lent
 from .interrupting import interruptible
 
+#: What the loader says of a library that it does not find.
+MISSING = "cannot open shared object file"
+
 
 def main() -> None:
     """Run the command line ``drake-rnn``.
@@ -18,6 +21,10 @@ def main() -> None:
     comes last, so that no file in it stands in for an installed module.
     """
     with interruptible():
+        if sys.argv[1:] == ["--version"]:
+            # The options of two dozen commands are not needed for that.
+            sys.stdout.write(lent("drake_rnn.inputs.versions:versions_text")())
+            return
         if not sys.flags.safe_path:
             sys.path.append(str(Path.cwd()))
         # Figures are written to files, whatever windows the environment asks for.
@@ -25,4 +32,13 @@ def main() -> None:
         # Where its cache cannot be written to, it works nevertheless, and says so at length.
         logging.getLogger("matplotlib").setLevel(logging.ERROR)
         # Importing it takes long enough to be interrupted.
-        lent(f"{__package__}.commands:app")()
+        try:
+            lent(f"{__package__}.commands:app")()
+        except ImportError as error:
+            if MISSING not in str(error):
+                raise
+            library = str(error).partition(":")[0]
+            sys.exit(
+                f"error {library}: this library of the system, which Drake needs, is missing; on "
+                "Debian and Ubuntu: apt-get install libglib2.0-0 libegl1 libgl1-mesa-dri"
+            )

@@ -37,7 +37,7 @@ def _iiwa(url: str, record: Path | None) -> Connection:
 
 def _fr3(url: str, record: Path | None) -> Connection:
     if find_spec("pylibfranka") is None:
-        raise RobotError(not_installed("--robot fr3", "'drake-rnn[franka]'", "pylibfranka"))
+        raise RobotError(not_installed("--robot fr3", "franka", "pylibfranka"))
     return Paced(url, record=record)
 
 

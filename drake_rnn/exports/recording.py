@@ -70,7 +70,7 @@ class _Topic(NamedTuple):
 def write_mcap(result: Result, file: Path, series: Iterable[str] | None) -> None:
     """Write the messages; of series that are asked for, if they are, and the joints' state."""
     chosen = require_series(result.series, series)
-    (module,) = needed("mcap", "'drake-rnn[mcap]'", "mcap_ros2.writer")
+    (module,) = needed("mcap", "mcap", "mcap_ros2.writer")
     topics = list(_topics(result, chosen))
     with file.open("wb") as stream, module.Writer(stream) as writer:
         schemas = {

@@ -24,7 +24,7 @@ def write_csv(result: Result, file: Path, series: Iterable[str] | None) -> None:
 def write_parquet(result: Result, file: Path, series: Iterable[str] | None) -> None:
     """Write columns as Parquet; the document of the run is among the file's own data."""
     columns = result.columns(series)
-    pyarrow, parquet = needed("parquet", "'drake-rnn[parquet]'", "pyarrow", "pyarrow.parquet")
+    pyarrow, parquet = needed("parquet", "parquet", "pyarrow", "pyarrow.parquet")
     told = {"experiment": result.experiment.document.to_yaml()}
     table = pyarrow.table({name: np.ascontiguousarray(x) for name, x in columns.items()})
     parquet.write_table(table.replace_schema_metadata(told), file)

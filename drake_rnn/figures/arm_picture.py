@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 import logging
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +38,8 @@ _LIGHTS = (((-0.4, 0.6, -1.0), 1.9), ((-1.0, 0.2, -0.2), 1.2), ((0.6, 1.0, 0.2),
 # Length of the axes of E as a share of the size of the arm, and their radius over their length.
 _AXES, _THICKNESS = 0.12, 0.04
 _RENDERER = "picture"
+# Of EGL: a display of a device, and how many devices are looked at.
+_EGL_PLATFORM_DEVICE_EXT, _MOST_DEVICES = 0x313F, 16
 
 
 def write_arm_picture(arm: Arm, q: Array, file: str | Path) -> Path:
@@ -50,8 +54,10 @@ def write_arm_picture(arm: Arm, q: Array, file: str | Path) -> Path:
         The file.
 
     Raises:
-        InvalidInputError: If the file cannot be written.
+        InvalidInputError: If the file cannot be written, or nothing here can draw.
     """
+    if why := rendering_fault():
+        raise InvalidInputError(f"picture {file}: {why}")
     file = Path(file)
     skeleton = arm.kinematics().skeleton(q)
     size = max(float(np.ptp(skeleton, axis=0).max()), 0.1)
@@ -80,6 +86,40 @@ def write_arm_picture(arm: Arm, q: Array, file: str | Path) -> Path:
     except OSError as error:
         raise InvalidInputError(f"picture {file}: {error.strerror}") from None
     return file
+
+
+def rendering_fault() -> str:
+    """Return why Drake cannot draw on this machine; empty if it can.
+
+    On Linux it draws with EGL. Without a driver, as in a slim container, it would end the process.
+    """
+    if sys.platform != "linux" or _egl_starts():
+        return ""
+    return (
+        "Drake finds no EGL to draw with; on Debian and Ubuntu: "
+        "apt-get install libegl1 libgl1-mesa-dri"
+    )
+
+
+def _egl_starts() -> bool:
+    """Return whether EGL is installed, and starts on a device."""
+    pointer = ctypes.c_void_p
+    try:
+        egl = ctypes.CDLL("libEGL.so.1")
+    except OSError:
+        return False
+    address = ctypes.CFUNCTYPE(pointer, ctypes.c_char_p)(("eglGetProcAddress", egl))
+    query, display = address(b"eglQueryDevicesEXT"), address(b"eglGetPlatformDisplayEXT")
+    if not (query and display):
+        return False
+    devices, count = (pointer * _MOST_DEVICES)(), ctypes.c_int()
+    query_devices = ctypes.CFUNCTYPE(ctypes.c_uint, ctypes.c_int, pointer, pointer)(query)
+    display_of = ctypes.CFUNCTYPE(pointer, ctypes.c_uint, pointer, pointer)(display)
+    initialize = ctypes.CFUNCTYPE(ctypes.c_uint, pointer, pointer, pointer)(("eglInitialize", egl))
+    if not query_devices(_MOST_DEVICES, devices, ctypes.byref(count)):
+        return False
+    displays = (display_of(_EGL_PLATFORM_DEVICE_EXT, each, None) for each in devices[: count.value])
+    return any(display and initialize(display, None, None) for display in displays)
 
 
 def _parameters() -> RenderEngineVtkParams:

@@ -105,7 +105,7 @@ def complaints(driver: Any) -> list[str]:
 
 
 def _webdriver() -> Any:
-    (webdriver,) = needed("film", "'drake-rnn[film]'", "selenium.webdriver")
+    (webdriver,) = needed("film", "film", "selenium.webdriver")
     return webdriver
 
 

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from importlib import import_module
+from importlib.metadata import PackageNotFoundError, requires
 from typing import Any
 
 from ..errors import InvalidInputError
 
+_DISTRIBUTION = "drake-rnn"
 
-def needed(what: str, install: str, *modules: str) -> list[Any]:
+
+def needed(what: str, extra: str, *modules: str) -> list[Any]:
     """Return modules of packages that need not be installed.
 
     Args:
         what: What needs them, for messages.
-        install: What pip is to install where they are missing.
+        extra: The optional dependencies of this package that they belong to.
         modules: Names of the modules.
 
     Raises:
@@ -23,15 +26,33 @@ def needed(what: str, install: str, *modules: str) -> list[Any]:
         return [import_module(module) for module in modules]
     except ImportError:
         package = modules[0].partition(".")[0]
-        raise InvalidInputError(not_installed(what, install, package)) from None
+        raise InvalidInputError(not_installed(what, extra, package)) from None
 
 
-def not_installed(what: str, install: str, package: str) -> str:
+def not_installed(what: str, extra: str, package: str) -> str:
     """Return what is said where a package is missing.
 
     Args:
         what: What needs it.
-        install: What pip is to install.
+        extra: The optional dependencies of this package that it belongs to.
         package: Its name.
     """
-    return f"{what}: needs {package}, which is not installed: pip install {install}"
+    return f"{what}: needs {package}, which is not installed: {install_command(extra)}"
+
+
+def install_command(extra: str) -> str:
+    """Return the command that installs the packages of an extra.
+
+    It names the packages themselves, not ``drake-rnn[extra]``: pip would look for that name on
+    PyPI, where others could have taken it.
+    """
+    try:
+        stated = requires(_DISTRIBUTION) or []
+    except PackageNotFoundError:
+        stated = []
+    packages = [
+        f"'{requirement.partition(';')[0].strip()}'"
+        for requirement in stated
+        if requirement.replace("'", '"').endswith(f'extra == "{extra}"')
+    ]
+    return " ".join(["pip install", *(packages or [extra])])

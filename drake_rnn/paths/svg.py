@@ -79,7 +79,7 @@ def _shapes(text: str, element: str | None) -> list[Any]:
         ValueError: If the file is no SVG, has no such element or no shapes, or has a path that
             cannot be read.
     """
-    (svg,) = needed("path.kind: svg", "drake-rnn[svg]", "svgelements")
+    (svg,) = needed("path.kind: svg", "svg", "svgelements")
     drawing = svg.SVG.parse(StringIO(text), reify=True)
     if not isinstance(drawing, svg.SVG):
         raise ValueError("is no SVG: its outermost element must be svg")

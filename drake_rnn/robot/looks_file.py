@@ -54,7 +54,7 @@ def looks_file(looks: str | None, model: Path) -> tuple[Path | None, str]:
     missing = PACKAGE if found is None else _SIMPLIFIER if find_spec(_SIMPLIFIER) is None else ""
     if missing:
         return None, (
-            not_installed("arm.looks", "'drake-rnn[looks]'", missing)
+            not_installed("arm.looks", "looks", missing)
             + "; the arm is drawn as its own model says"
         )
     return found, ""

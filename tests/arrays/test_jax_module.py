@@ -12,5 +12,5 @@ def test_without_jax_one_sentence_says_what_to_install(monkeypatch):
     with pytest.raises(InvalidInputError) as caught:
         require_jax()
     assert str(caught.value) == (
-        "compilation: needs jax, which is not installed: pip install 'drake-rnn[jax]'"
+        "compilation: needs jax, which is not installed: pip install 'jax>=0.4.30'"
     )

@@ -256,7 +256,7 @@ def test_without_dask_its_option_says_what_to_install(tmp_path, monkeypatch):
     result = call("campaign", "line_starts", "--scheduler", "tcp://x:1", "--out", tmp_path)
     assert result.stderr == (
         "error --scheduler: needs distributed, which is not installed: "
-        "pip install 'drake-rnn[cluster]'\n"
+        "pip install 'distributed>=2024.8'\n"
     )
 
 

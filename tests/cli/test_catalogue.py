@@ -1,17 +1,19 @@
 """What the command line says there is."""
 
+from pathlib import Path
+
 import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
 from drake_rnn import LAWS, PATHS, load_arm, shipped_arms, shipped_experiments
-from drake_rnn.cli.catalogue import experiments_sheet, experiments_table, shipped_documents
 from drake_rnn.cli.commands import app
+from drake_rnn.cli.listing import listings_table, shipped_listings
 from drake_rnn.cli.showing import commented
-from drake_rnn.experiment import load_experiment, read_document
+from drake_rnn.experiment import ExperimentDocument, load_experiment, read_document
 from drake_rnn.experiment.law import ORIGINS
 from drake_rnn.inputs.dataclass_fields import field_names
-from drake_rnn.inputs.documents import parse_yaml
+from drake_rnn.inputs.documents import construct, parse_yaml
 from drake_rnn.inputs.explained import keys_of
 
 
@@ -46,17 +48,29 @@ def test_a_shell_is_offered_the_shipped_experiments():
 
 def test_the_list_fits_80_columns_and_breaks_no_name():
     console = Console(width=80, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
-    console.print(experiments_table(experiments_sheet(shipped_documents()), 80))
+    console.print(listings_table(shipped_listings(), 80))
     lines = console.export_text().splitlines()
     assert max(map(len, lines)) <= 80
     assert set(shipped_experiments()) <= {word for line in lines for word in line.split()[:1]}
 
 
+def test_the_list_says_what_a_run_reads():
+    """The list reads documents by itself, which is faster."""
+    listings = {each.name: each for each in shipped_listings()}
+    assert sorted(listings) == shipped_experiments()
+    for name, listing in listings.items():
+        document = construct(ExperimentDocument, read_document(name), name)
+        arm = document.arm if isinstance(document.arm, str) else document.arm["model"]
+        read = (document.law["kind"], name, document.level, document.paper, document.expect)
+        assert read == (listing.law, name, listing.level, listing.paper, listing.expect)
+        assert Path(arm).name == Path(listing.arm).name
+
+
 def test_a_list_can_be_narrowed():
-    documents = {document.name: document for document in shipped_documents()}
+    documents = {each.name: each for each in shipped_listings()}
     for option, of in (
         (("--arm", "ur5"), lambda document: document.arm == "ur5"),
-        (("--law", "motion_force"), lambda document: document.law["kind"] == "motion_force"),
+        (("--law", "motion_force"), lambda document: document.law == "motion_force"),
         (("--level", "dynamic"), lambda document: document.level == "dynamic"),
         (("NEPHROID",), lambda document: "nephroid" in f"{document.name} {document.expect}"),
     ):

@@ -19,6 +19,15 @@ def test_arm_shows_what_a_shipped_arm_is(tmp_path):
     assert (tmp_path / "planar6.png").stat().st_size > 5000
 
 
+def test_arm_is_described_where_nothing_can_draw(tmp_path, monkeypatch):
+    monkeypatch.setattr("drake_rnn.cli.describing.rendering_fault", lambda: "no EGL here")
+    result = call("arm", "planar6", "--out", tmp_path)
+    assert result.exit_code == 0
+    assert "warning no picture: no EGL here\n" in result.stderr
+    assert "joint6" in result.stdout
+    assert not list(tmp_path.iterdir())
+
+
 def test_arm_proposes_a_home_that_runs(tmp_path):
     """What it prints is pasted into an experiment; there is a tool, and a joint is locked."""
     model = MODELS / "ur5" / "ur5.urdf"

@@ -10,6 +10,7 @@ import pytest
 import drake_rnn
 from drake_rnn import shipped_experiments
 from drake_rnn.campaigns import shipped_campaigns
+from drake_rnn.cli import starting
 from drake_rnn.cli.completing import complete_arms, complete_campaigns, complete_experiments
 
 #: What is large, and not needed to answer; pydantic is not among it, as typer imports it for words.
@@ -62,7 +63,12 @@ def test_a_shell_completes_names_of_files_without_reading_them():
     assert complete_arms("") == drake_rnn.shipped_arms()
 
 
-@pytest.mark.parametrize("arguments", [["list"], ["show", "pinv_line"], ["arms"]], ids=" ".join)
+def test_a_list_is_made_without_what_a_run_needs():
+    assert not imported(CALL, "list") & (LARGE - {"rich"})
+    assert not imported(CALL, "list", "--arm", "ur5", "nephroid") & (LARGE - {"rich"})
+
+
+@pytest.mark.parametrize("arguments", [["show", "pinv_line"], ["arms"]], ids=" ".join)
 def test_what_draws_nothing_imports_no_pictures(arguments):
     """Nor does it mind a setting of Matplotlib that is wrong."""
     found = imported(CALL, *arguments, MPLBACKEND="nope")
@@ -106,3 +112,15 @@ def test_a_name_that_is_not_lent_is_named():
             check=True,
         ).stdout
     )
+
+
+def test_a_missing_library_of_the_system_is_named(monkeypatch):
+    """As a slim container lacks it; what Drake prints about it comes before."""
+
+    def without_glib(place):
+        raise ImportError(f"libglib-2.0.so.0: {starting.MISSING}: No such file or directory")
+
+    monkeypatch.setattr(starting, "lent", without_glib)
+    monkeypatch.setattr(sys, "argv", ["drake-rnn", "run", "pinv_line"])
+    with pytest.raises(SystemExit, match=r"error libglib-2\.0\.so\.0: .* apt-get install libglib2"):
+        starting.main()

@@ -5,7 +5,8 @@ import pytest
 from PIL import Image
 
 from drake_rnn import InvalidInputError, load_arm
-from drake_rnn.figures.arm_picture import write_arm_picture
+from drake_rnn.figures import arm_picture
+from drake_rnn.figures.arm_picture import rendering_fault, write_arm_picture
 from drake_rnn.models import MODELS
 
 
@@ -18,6 +19,17 @@ def share(image, channel):
     """Share of pixels that are mainly of one colour."""
     others = [other for other in range(3) if other != channel]
     return (image[..., channel] - image[..., others].max(axis=-1) > 60).mean()
+
+
+def test_a_machine_without_egl_is_named_before_drake_ends_the_process(tmp_path, monkeypatch):
+    def none_installed(name):
+        raise OSError(name)
+
+    assert not rendering_fault()
+    monkeypatch.setattr(arm_picture.ctypes, "CDLL", none_installed)
+    with pytest.raises(InvalidInputError, match="apt-get install libegl1 libgl1-mesa-dri"):
+        write_arm_picture(load_arm("planar6"), np.zeros(6), tmp_path / "arm.png")
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_arm_fills_the_picture_and_its_task_frame_has_three_colours(tmp_path):

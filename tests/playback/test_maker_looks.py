@@ -137,7 +137,7 @@ def test_without_the_package_the_arm_is_drawn_as_its_model_says(monkeypatch):
     arm = load_arm("panda", looks="example-robot-data")
     (warning,) = arm.warnings
     assert "needs example-robot-data, which is not installed" in warning
-    assert "pip install 'drake-rnn[looks]'" in warning
+    assert "pip install 'example-robot-data>=6' 'fast-simplification>=0.1'" in warning
     assert arm.looks is None
 
 

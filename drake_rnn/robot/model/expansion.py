@@ -9,6 +9,7 @@ from typing import Any
 from xml.etree.ElementTree import Element
 
 from ...errors import InvalidInputError
+from ...inputs.extras import install_command
 from .late_import import late_import
 from .packages import Packages
 
@@ -35,7 +36,7 @@ def expand_xacro(file: Path, packages: Packages) -> bytes:
     by_hand = f"expand it with `xacro {file.name} > {stem}.urdf`"
     if xacro is None:
         raise InvalidInputError(
-            f"arm.model: {file} is a xacro file; {by_hand}, or install drake-rnn[xacro]"
+            f"arm.model: {file} is a xacro file; {by_hand}, or {install_command('xacro')}"
         )
     with _finding(packages) as lost:
         try:

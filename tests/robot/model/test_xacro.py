@@ -52,5 +52,5 @@ def test_what_cannot_be_expanded_is_refused_with_what_to_do(tmp_path, monkeypatc
     monkeypatch.setattr(expansion, "xacro", None)
     assert refusal(file, frame="tip") == (
         f"arm.model: {file} is a xacro file; expand it with `xacro needy.urdf.xacro > needy.urdf`, "
-        "or install drake-rnn[xacro]"
+        "or pip install 'xacro>=2.0'"
     )

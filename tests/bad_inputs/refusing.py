@@ -1,14 +1,13 @@
 """Tables of bad inputs, and what all that is refused has in common."""
 
-import signal
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from drake_rnn import InvalidInputError
+from process_helpers import within
 
-#: Time within which a bad input must be refused [s].
+#: Time of the processor within which a bad input must be refused [s].
 AT_ONCE = 20
 
 _BETWEEN = "  =>  "
@@ -24,25 +23,14 @@ def table(name):
     return [tuple(row.split(_BETWEEN)) if _BETWEEN in row else (row, "") for row in rows]
 
 
-@contextmanager
-def within(seconds=AT_ONCE):
-    """Fail if what is done within takes longer than this."""
-
-    def stop(number, frame):
-        raise TimeoutError(f"it still has not been refused after {seconds} s")
-
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.alarm(seconds)
-    try:
-        yield
-    finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
+def at_once():
+    """Fail if what is done within still has not been refused."""
+    return within(AT_ONCE, f"it still has not been refused after {AT_ONCE} s")
 
 
 def refusal(call):
     """What is said of a call, in one line and at once."""
-    with within(), pytest.raises(InvalidInputError) as caught:
+    with at_once(), pytest.raises(InvalidInputError) as caught:
         call()
     assert "\n" not in str(caught.value)
     return str(caught.value)

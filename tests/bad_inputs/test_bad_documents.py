@@ -1,7 +1,7 @@
 """Documents of experiments that mean nothing, cannot be run or would never end."""
 
 import pytest
-from refusing import refusal, table, within
+from refusing import at_once, refusal, table
 
 from drake_rnn import check_experiment, load_experiment, simulate
 from drake_rnn.inputs.documents import parse_yaml
@@ -54,7 +54,7 @@ def test_it_is_refused_or_warned_of(name, change, said):
         return check_experiment(load_experiment(name, parse_yaml(change, "change")))
 
     if said.startswith("warns: "):
-        with within():
+        with at_once():
             warnings = checked()
         assert any(text.startswith(said.removeprefix("warns: ")) for text in warnings)
     else:
@@ -68,7 +68,7 @@ def test_a_sequence_of_three_thousand_parts_is_read_at_once():
         for sign in (1, -1) * 1500
     ]
     path = {"kind": "sequence", "parts": parts}
-    with within():
+    with at_once():
         experiment = load_experiment("pinv_line", {"path": path})
     assert experiment.desired.duration == pytest.approx(1500.0)
 

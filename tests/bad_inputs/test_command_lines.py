@@ -4,7 +4,7 @@ import os
 import shlex
 
 import pytest
-from refusing import table, within
+from refusing import at_once, table
 from typer.testing import CliRunner
 
 from drake_rnn.cli.commands import app
@@ -46,7 +46,7 @@ def folder(tmp_path, monkeypatch):
 @pytest.mark.parametrize(("arguments", "said"), ROWS)
 def test_it_is_one_sentence_and_nothing_is_written(folder, arguments, said):
     before = _files(folder)
-    with within():
+    with at_once():
         result = CliRunner().invoke(app, shlex.split(arguments))
     assert isinstance(result.exception, SystemExit), result.exception
     assert result.exit_code == 2, (result.stdout, result.stderr)

@@ -2,13 +2,13 @@
 
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
 from cli_helpers import KNOWN, SHORT, call, run, sentence, statuses
 
 from drake_rnn import Result
+from process_helpers import wait_until_kept
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -102,10 +102,7 @@ def test_a_terminated_run_keeps_what_it_had(tmp_path):
     process = subprocess.Popen(
         [*command, "--duration", "3000", "--out", tmp_path], stderr=subprocess.PIPE, text=True
     )
-    # Its folder is made just before it runs.
-    while not (tmp_path / KNOWN).exists() and process.poll() is None:
-        time.sleep(0.1)
-    time.sleep(2.0)
+    wait_until_kept(process, tmp_path / KNOWN)
     process.terminate()
     _, said = process.communicate(timeout=120)
     assert process.returncode == 130

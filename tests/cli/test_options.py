@@ -4,7 +4,6 @@ import json
 import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -13,6 +12,7 @@ from typer.testing import CliRunner
 from drake_rnn import Result
 from drake_rnn.cli.commands import app
 from drake_rnn.runs import simulation
+from process_helpers import wait_until_kept
 
 LINE, OTHER = "pinv_line", "pinv_line_ur5"
 BARE = ("--no-figures", "--no-playback")
@@ -104,10 +104,7 @@ def test_several_at_a_time_that_are_terminated_keep_what_they_had(tmp_path):
     process = subprocess.Popen(
         [*command, "--duration", "3000", "--out", tmp_path], stderr=subprocess.PIPE, text=True
     )
-    # Folders are made just before the first run; then processes have to start.
-    while not (tmp_path / "pinv_csv").exists() and process.poll() is None:
-        time.sleep(0.1)
-    time.sleep(8.0)
+    wait_until_kept(process, tmp_path / LINE, tmp_path / OTHER)
     process.send_signal(signal.SIGTERM)
     _, said = process.communicate(timeout=120)
     assert process.returncode == 130

@@ -1,6 +1,5 @@
 """Laws that declare or return what is wrong: refused by name, in an experiment and in a Diagram."""
 
-import signal
 from types import SimpleNamespace
 
 import numpy as np
@@ -28,6 +27,7 @@ from drake_rnn import (
     simulate,
     validated,
 )
+from process_helpers import within
 from seeing_law import SeesTask
 
 ARM = load_arm("panda")
@@ -40,15 +40,8 @@ LATE, END = 0.0195, 0.04
 @pytest.fixture(autouse=True)
 def no_hanging():
     """A run that never ends is a failure: Drake's error control can shorten its steps for ever."""
-
-    def stop(number, frame):
-        raise TimeoutError("still running")
-
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.alarm(60)
-    yield
-    signal.alarm(0)
-    signal.signal(signal.SIGALRM, before)
+    with within(60.0, "still running"):
+        yield
 
 
 class Good(SeesTask, SampledLaw, ContinuousLaw):

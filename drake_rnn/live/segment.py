@@ -15,6 +15,7 @@ from ..laws import Law
 from ..measures import Recorder
 from ..runs.diagram import recorded_simulator, start_laws
 from ..systems import TunableController
+from ..systems.block import release
 from .carried import Carried
 
 
@@ -47,6 +48,10 @@ class Segment:
     def x(self) -> Array:
         """State of the law, shape (size,)."""
         return self.controller.state(self.controller.GetMyContextFromRoot(self.root))
+
+    def release(self) -> None:
+        """Let the simulation be freed; it cannot go on afterwards, see `drake_rnn.systems.block`."""
+        release(self.simulator.get_system())
 
     def carried(self, law: Law) -> Carried:
         """Return what is handed on by a law, which may have other gains than at the beginning."""
@@ -102,13 +107,18 @@ def begun(experiment: Experiment, begin: float, carried: Carried | None = None) 
     )
     simulator, loops, recorder = recorded_simulator(experiment, controller=controller)
     root, (loop,) = simulator.get_mutable_context(), loops
-    start_laws(loops, root)
-    if carried is not None:
-        context = controller.GetMyMutableContextFromRoot(root)
-        layout, kind = controller.reading.state, type(experiment.law)
-        controller.set_state(context, carried.into(layout, controller.state(context), kind))
-        moved = loop.arm.GetMyMutableContextFromRoot(root)
-        loop.arm.set_motion(moved, carried.position, carried.velocity)
-    recorder.watch(simulator)
-    simulator.Initialize()
-    return Segment(experiment, begin, simulator, loop, controller, recorder)
+    segment = Segment(experiment, begin, simulator, loop, controller, recorder)
+    try:
+        start_laws(loops, root)
+        if carried is not None:
+            context = controller.GetMyMutableContextFromRoot(root)
+            layout, kind = controller.reading.state, type(experiment.law)
+            controller.set_state(context, carried.into(layout, controller.state(context), kind))
+            moved = loop.arm.GetMyMutableContextFromRoot(root)
+            loop.arm.set_motion(moved, carried.position, carried.velocity)
+        recorder.watch(simulator)
+        simulator.Initialize()
+    except BaseException:
+        segment.release()
+        raise
+    return segment

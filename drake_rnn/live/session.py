@@ -66,6 +66,8 @@ class Session:
         self._count, self._samples = 0, 0
         self._law: Law = experiment.law
         self._paused, self._failure = False, ""
+        # Simulations that have not been released.
+        self._segments: list[Segment] = []
         self._restart(self.variants.base)
 
     # What runs.
@@ -263,11 +265,24 @@ class Session:
     def _begin(self, experiment: Experiment, setup: Setup, begin: float, carried: Any) -> None:
         segment = begun(experiment, begin, carried)
         self._end_recording()
+        self._segments.append(segment)
         self._segment, self._setup = segment, setup
+        self._release()
         self._law = experiment.law
         self._samples, self._count = 0, self._count + 1
         self._peaks = Peaks(experiment)
         self._controls = self._made_controls()
+
+    def _release(self) -> None:
+        """Release the simulations that neither run nor belong to what was recorded last."""
+        recording = self._recording
+        recorded = None if recording is None else recording.segment
+        for segment in self._segments:
+            if segment is not self._segment and segment is not recorded:
+                segment.release()
+        self._segments = [self._segment]
+        if recorded is not None and recorded is not self._segment:
+            self._segments.append(recorded)
 
     @property
     def _period(self) -> float:
@@ -280,6 +295,7 @@ class Session:
             self._end_recording()
             return ""
         self._recording = Recording(self._segment, self._law, self.time)
+        self._release()
         return "recording"
 
     def _end_recording(self) -> None:

@@ -81,7 +81,7 @@ class Variants:
             level=document.level,
             noisy=document.sensing is not None,
         )
-        self._known: dict[Setup, Experiment | InvalidInputError] = {}
+        self._known: dict[Setup, Experiment | str] = {}
         self.kept = True
         first = self.experiment(self.base)
         self.kept = first.safety is not None or _is_certain(first)
@@ -96,10 +96,11 @@ class Variants:
             try:
                 self._known[setup] = self._made(setup)
             except InvalidInputError as error:
-                self._known[setup] = error
+                # The sentence alone: an error holds all that was at work where it was raised.
+                self._known[setup] = str(error)
         found = self._known[setup]
-        if isinstance(found, InvalidInputError):
-            raise found
+        if isinstance(found, str):
+            raise InvalidInputError(found)
         return found
 
     def offers(self, setup: Setup) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from ..inputs.signals_held import uninterrupted
 from ..laws.called import unchecked
 from ..measures import PART, Recorder
 from ..systems import SampledController
+from ..systems.block import release, released
 from .checkpoint import Checkpoint
 from .diagram import build_loops, recorded_simulator, start_laws
 from .effort import check_effort
@@ -55,7 +57,8 @@ def check_experiment(
         check_effort(experiment, stored_period(experiment, series))
     warnings = list(experiment.warnings) if in_reach else check_reach(experiment)
     diagram, loops = build_loops(experiment)
-    start_laws(loops, diagram.CreateDefaultContext())
+    with released(diagram):
+        start_laws(loops, diagram.CreateDefaultContext())
     return warnings
 
 
@@ -95,7 +98,8 @@ def simulate(
         experiment = load_experiment(experiment)
     if not anyway:
         check_effort(experiment, stored_period(experiment, series))
-    return _run(experiment, progress, series, keep)
+    with ExitStack() as ended:
+        return _run(ended, experiment, progress, series, keep)
 
 
 def resume(kept: str | Path | Checkpoint, progress: Progress | None = None) -> Result:
@@ -115,17 +119,22 @@ def resume(kept: str | Path | Checkpoint, progress: Progress | None = None) -> R
         SimulationError: As `simulate` does.
     """
     since = kept if isinstance(kept, Checkpoint) else Checkpoint.load(kept)
-    return _run(since.experiment, progress, since.series, since.folder, since)
+    with ExitStack() as ended:
+        return _run(ended, since.experiment, progress, since.series, since.folder, since)
 
 
 def _run(
+    ended: ExitStack,
     experiment: Experiment,
     progress: Progress | None,
     series: Series,
     keep: str | Path | None = None,
     since: Checkpoint | None = None,
 ) -> Result:
-    """Run an experiment, or go on with it since a checkpoint, and return its result."""
+    """Run an experiment, or go on with it since a checkpoint, and return its result.
+
+    Its diagram is released when ``ended`` is left.
+    """
     if progress is not None and not callable(progress):
         raise InvalidInputError(f"progress: must be a function of time, not {short(progress)}")
     period, given = stored_period(experiment, series), experiment
@@ -133,6 +142,7 @@ def _run(
     started = time.perf_counter()
     found = [forecasts(each) for each in (experiment, experiment.second) if each is not None]
     simulator, loops, recorder = recorded_simulator(experiment)
+    ended.callback(release, simulator.get_system())
     root, loop = simulator.get_mutable_context(), loops[0]
     start_laws(loops, root)
     evaluation = Evaluations(experiment, loops, period)

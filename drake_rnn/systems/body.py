@@ -16,6 +16,7 @@ from ..inputs.fields import Array
 from ..robot.arm import Arm
 from ..robot.resting import require_resting
 from ..robot.task import TASKS, named_task
+from .block import Collectable
 from .contact import Contact
 from .plant_settings import PlantSettings
 
@@ -24,7 +25,7 @@ from .plant_settings import PlantSettings
 Feedback = Literal["commanded", "measured", "unfiltered"]
 
 
-class Body(Diagram):
+class Body(Diagram, metaclass=Collectable):
     """An arm that follows a joint command; each subclass is one level of simulation detail.
 
     Inputs are ``position_commanded`` and ``velocity_commanded``, outputs ``position`` and

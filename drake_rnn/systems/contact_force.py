@@ -10,10 +10,12 @@ from pydrake.common.value import Value
 from pydrake.geometry import GeometryId
 from pydrake.multibody.plant import ContactResults
 from pydrake.multibody.tree import BodyIndex
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
+
+from .block import Block
 
 
-class ContactForce(LeafSystem):
+class ContactForce(Block):
     """Sum of all contact forces on a tool: the true force, to compare sensor readings with.
 
     The input is ``contact_results`` of a plant, the output ``contact_force``, shape (3,) [N], in

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
 
 from ..inputs.fields import Array, NonNegative, Positive, Time, between, validated
 from ..laws.parts.rise import smooth_rise
+from .block import Block
 
 
 @validated
@@ -36,7 +37,7 @@ class ForceProfile:
         return self.initial + (self.value - self.initial) * float(smooth_rise(t, self.rise_time))
 
 
-class ContactReference(LeafSystem):
+class ContactReference(Block):
     """Source of ``normal_WE``, shape (3,), and ``normal_force_desired``, shape (1,) [N].
 
     Args:

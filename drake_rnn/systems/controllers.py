@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from pydrake.systems.analysis import GetIntegrationSchemes
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, State
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, State
 
 from ..errors import InvalidInputError, SimulationError
 from ..inputs.complaints import nearest, require_type, short
@@ -29,10 +29,11 @@ from ..laws.safety import Safety
 from ..laws.told_of_locks import ToldOfLocks
 from ..laws.trial import started, try_reading
 from ..robot.joint_locks import JointLocks
+from .block import Block
 from .white_noise import require_seed
 
 
-class Controller(LeafSystem):
+class Controller(Block):
     """Base class of the systems that run a law.
 
     Input ports are the law's inputs, by name. Outputs are ``commanded_velocity``, ``state``

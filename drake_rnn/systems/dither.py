@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import Context, DiscreteValues
 
 from ..inputs.fields import Array, Positive, between, validated
+from .block import Block
 from .joint_noise import JointNoise, Samples
 from .white_noise import WhiteNoise
 
@@ -46,7 +47,7 @@ class DitherSettings(JointNoise):
         return WhiteNoise(size, seed, stream=1, clip=3.0)
 
 
-class HeldNoise(LeafSystem):
+class HeldNoise(Block):
     """What is added to the joint velocities, with a new value every ``hold``.
 
     The output, shape (n,) [rad/s], is named after the settings' section. It depends on seed and

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
 
 from ..inputs.complaints import require_type
 from ..robot.arm import Arm
+from .block import Block
 
 #: Outputs of `Dynamics`, which is added only for a law that needs one of them.
 DYNAMICS_SIGNALS = ("M", "bias", "gravity")
 
 
-class Dynamics(LeafSystem):
+class Dynamics(Block):
     """Inertia, Coriolis terms and gravity of the arm: torque = M v_dot + bias - gravity.
 
     If the arm's description gives a ``believed_mass_scale``, masses are scaled by it.

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal
 
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import Context, DiscreteValues
 
 from ..errors import SimulationError
 from ..inputs.fields import Delay, NonNegative, Positive, between, validated
+from .block import Block
 from .lateness import late_samples
 from .white_noise import WhiteNoise
 
@@ -38,7 +39,7 @@ class SensorSettings:
             raise ValueError("failure: must be given together with fails_at; give both or neither")
 
 
-class ForceSensor(LeafSystem):
+class ForceSensor(Block):
     """Sampled force sensor: from ``normal_force_true`` to ``normal_force``, shape (1,) [N].
 
     Args:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import Context, DiscreteValues
 
 from ..errors import SimulationError
+from .block import Block
 
 # Joint motion below which a working sensor may read the same force [rad].
 _AT_REST = 1e-9
 
 
-class ForceWatch(LeafSystem):
+class ForceWatch(Block):
     """Watchdog that stops a run if the force sensor is stuck.
 
     Inputs are ``normal_force``, shape (1,) [N], and ``position`` of the joints, shape (n,) [rad];

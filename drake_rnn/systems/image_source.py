@@ -5,17 +5,18 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any
 
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
 
 from ..errors import InvalidInputError
 from ..inputs.complaints import require_type
 from ..inputs.fields import Array
 from ..paths import PlacedPath
 from ..robot.tool_camera import ToolCamera
+from .block import Block
 from .path_source import require_time
 
 
-class ImageSource(LeafSystem):
+class ImageSource(Block):
     """Source of a path as pixels of points on the tool, one after the other, shape (2 k,) [px].
 
     Outputs are ``pixels_desired``, now, and ``pixels_preview``, a time ahead. Both are as the

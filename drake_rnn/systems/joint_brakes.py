@@ -6,19 +6,20 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import Context, DiscreteValues
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..robot.joint_locks import JointLocks
 from ..robot.limits import JointLimits
 from ..robot.stop_step import stop_step
+from .block import Block
 
 # Acceleration with which a joint stops from one sample to the next [rad/s^2].
 _AT_ONCE = 1e12
 
 
-class JointBrakes(LeafSystem):
+class JointBrakes(Block):
     """Joint velocities as commanded, but for joints whose brakes are closed.
 
     From the sample at which a brake closes, its joint comes to rest in the fastest way that its

@@ -7,7 +7,7 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
 
 from ..errors import InvalidInputError
 from ..inputs.complaints import short
@@ -16,6 +16,7 @@ from ..laws.parts.damped_inverse import damped_joint_velocity
 from ..paths import Path, PlacedPath
 from ..robot.arm import Arm
 from ..robot.task import named_task
+from .block import Block
 
 # Gain of the position error [1/s] and damping of the pseudoinverse [m].
 _FEEDBACK, _DAMPING = 10.0, 1e-6
@@ -24,7 +25,7 @@ _FEEDBACK, _DAMPING = 10.0, 1e-6
 PositionsAt = Callable[[Array], Array]
 
 
-class JointReference(LeafSystem):
+class JointReference(Block):
     """Source of ``position_preview``, the future desired joint positions, shape (count, n) [rad].
 
     At time t its rows are the positions at t + interval, t + 2 interval, ... t + count interval.

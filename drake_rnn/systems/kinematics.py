@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
 
 from ..inputs.complaints import require_type
 from ..robot.arm import Arm
 from ..robot.kinematics import ArmKinematics
 from ..robot.task import named_task
+from .block import Block
 
 
-class Kinematics(LeafSystem):
+class Kinematics(Block):
     """Pose, velocity and Jacobians of E, the arm's task frame, in the world frame W.
 
     Inputs are ``position`` and ``velocity`` of the joints, shape (n,) [rad, rad/s]. Outputs along

@@ -7,10 +7,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import Context, DiscreteValues
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
+from .block import Block
 from .sensing_settings import SensingSettings
 from .white_noise import WhiteNoise
 
@@ -47,7 +48,7 @@ def sample_number(time: float, period: float) -> int:
     return math.ceil(time / period - 1e-6)
 
 
-class LateSensor(LeafSystem):
+class LateSensor(Block):
     """Base class of sensors that measure once every period, with a delay of whole samples.
 
     At the time of a sample the outputs are the measurements of that sample, or of the sample that

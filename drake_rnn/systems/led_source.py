@@ -6,14 +6,15 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
 
 from ..inputs.fields import Array
 from ..paths.led import LedPath
 from ..robot.kinematics import ArmKinematics
+from .block import Block
 
 
-class LedSource(LeafSystem):
+class LedSource(Block):
     """Source of ``p_WE_desired`` and ``p_preview`` by what the leading arm commands.
 
     Its inputs are ``now`` and ``next``, the joint positions of the leading arm at a sample and at

@@ -32,13 +32,14 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import Context, DiscreteValues
 
 from ..errors import InvalidInputError, SimulationError
 from ..inputs.complaints import require_type
 from ..inputs.fields import Flag, validated
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
 from .averages import Averages
+from .block import Block
 
 # Filling longer windows would take longer than any run.
 _MOST_SAMPLES = 1e6
@@ -138,7 +139,7 @@ def averaging_delay(windows: NDArray[np.intp], period: float) -> float:
     return period * (1.0 + float((windows - 1).sum(axis=0).max()) / 2.0)
 
 
-class MovingAverage(LeafSystem):
+class MovingAverage(Block):
     """Chain of moving averages with one window per joint and level, initially at rest.
 
     The input ``commanded_velocity`` and the output ``filtered_velocity`` have shape (n,) [rad/s].

@@ -5,14 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
 
 from ..inputs.fields import Array
 from ..laws.layout import Layout
 from ..robot.clearance.neighbour import Neighbour
+from .block import Block
 
 
-class NeighbourSource(LeafSystem):
+class NeighbourSource(Block):
     """Source of the signals by which a law sees another arm, from the state of that arm's law.
 
     Its input ``state`` is the other controller's ``state``, or its ``next_state`` if that arm

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
+
+from .block import Block
 
 
-class NormalForce(LeafSystem):
+class NormalForce(Block):
     """Component ``normal_force``, shape (1,) [N], of ``force`` along ``normal_WE``, shape (3,)."""
 
     def __init__(self) -> None:

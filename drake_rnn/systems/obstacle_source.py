@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
 
 from ..inputs.fields import Array
 from ..paths import PlacedPath
+from .block import Block
 from .white_noise import WhiteNoise
 
 
@@ -42,7 +43,7 @@ class ObstacleMotions:
         return np.array([self.at(float(t)) for t in times]).reshape(-1, len(self.paths), 3)
 
 
-class ObstacleSource(LeafSystem):
+class ObstacleSource(Block):
     """Source of where obstacles are measured to be: the output ``p_WO``, shape (m * 3,) [m].
 
     Each one's position has the largest error that it may have, in a direction of its own at each

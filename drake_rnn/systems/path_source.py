@@ -8,7 +8,7 @@ from numbers import Real
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
 from pydrake.trajectories import Trajectory
 
 from ..errors import InvalidInputError
@@ -16,6 +16,7 @@ from ..inputs.complaints import require_type
 from ..inputs.fields import Array
 from ..paths import Path, PlacedPath, as_path
 from ..robot.task import named_task
+from .block import Block
 
 Port = Callable[[Context, Any], None]
 
@@ -25,7 +26,7 @@ _ORIENTATION = ("R_WE_desired", "w_WE_desired", "alpha_WE_desired")
 _ORIENTATION_AHEAD = ("R_preview", "w_preview", "alpha_preview")
 
 
-class PathSource(LeafSystem):
+class PathSource(Block):
     """Source of a path as signals.
 
     Outputs are ``p_WE_desired``, ``v_WE_desired`` and ``a_WE_desired``, shape (m,)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
+from pydrake.systems.framework import Context, DiagramBuilder
 from pydrake.systems.primitives import PassThrough
 
 from ..environments import Surface
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
+from .block import Block
 from .body import Body, Feedback
 from .plant_settings import PlantSettings
 
@@ -99,7 +100,7 @@ class RobotArm(Body):
         return position, velocity
 
 
-class _Told(LeafSystem):
+class _Told(Block):
     """Joint positions and velocities as a state that no event changes."""
 
     def __init__(self, start: Array) -> None:

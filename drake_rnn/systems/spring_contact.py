@@ -5,14 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
 
 from ..environments.elastic_surface import ElasticSurface
 from ..inputs.fields import Array
 from ..robot.kinematics import ArmKinematics
+from .block import Block
 
 
-class SpringContact(LeafSystem):
+class SpringContact(Block):
     """Force on E's origin from a surface that acts as a spring, proportional to the depth.
 
     The input is ``position`` of the joints, shape (n,) [rad], the output ``contact_force``, shape

@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
 
 from ..paths import JointTargets
+from .block import Block
 
 
-class TargetSource(LeafSystem):
+class TargetSource(Block):
     """Source of joint targets: the output ``target``, shape (n,) [rad].
 
     At a sample it is the newest target that has come since the sample before; NaN if none has.

@@ -7,14 +7,15 @@ from typing import Any
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.multibody.math import SpatialForce
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
 
 from ..inputs.fields import Array
 from ..robot.arm import Arm
 from ..robot.kinematics import ArmKinematics
+from .block import Block
 
 
-class ToolForce(LeafSystem):
+class ToolForce(Block):
     """Reading of an ideal force-torque sensor between arm and tool, without the tool's weight.
 
     Inputs are ``reaction_forces`` of a plant's joints, and ``position`` of the arm's joints,

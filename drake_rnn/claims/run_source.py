@@ -70,5 +70,5 @@ class SimulatedRuns(RunSource):
                 self._known[key] = error.with_traceback(None)
         found = self._known[key]
         if isinstance(found, DrakeRnnError):
-            raise found
+            raise found.with_traceback(None)
         return found

@@ -8,7 +8,7 @@ from rich.markup import escape
 
 from ..experiment import load_experiment
 from ..live.play import Play
-from ..live.serving import LOCAL
+from ..live.requests import LOCAL
 from ..live.session import Session
 from ..runs.result import Result
 from .asked import Live

@@ -55,6 +55,11 @@ class Lease:
             if self._fits(key):
                 self._key = ""
 
+    def fits(self, key: str) -> bool:
+        """Return whether this is the key of the page that has the controls."""
+        with self._lock:
+            return self._fits(key)
+
     def take(self, key: str, text: bytes) -> None:
         """Take a message of the page that holds the controls: a list of pairs of name and value.
 

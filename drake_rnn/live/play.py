@@ -146,7 +146,7 @@ class Play:
             result = self._session.recorded()
             timings = {"wall_time_s": self._clock() - began}
             place = self._save(replace(result, timings=timings))
-        except InvalidInputError as error:
+        except (InvalidInputError, RuntimeError, OSError) as error:
             return Reply(str(error), refused=True)
         finally:
             # What took time to evaluate is not made up for.
@@ -155,6 +155,14 @@ class Play:
         return Reply(f"saved: {place}")
 
     def _show(self) -> None:
+        try:
+            self._send()
+        except (InvalidInputError, RuntimeError):
+            # Of a simulation that has failed there may be nothing to show.
+            if not self._session.failure:
+                raise
+
+    def _send(self) -> None:
         session = self._session
         known = session.numbers()
         recording = session.recording

@@ -87,8 +87,7 @@ class LiveScene:
         drawn.set_posture(q)
         for body in self._bodies:
             live.SetTransform(drawn.place(body), drawn.X_WB(body))
-        kinematics = experiment.arm.kinematics()
-        p_WE, R_WE = kinematics.p_WE(q), kinematics.R_WE(q)
+        p_WE, R_WE = session.kinematics.p_WE(q), session.kinematics.R_WE(q)
         desired = experiment.desired.position(t)[0]
         seen, tool = (self._below(p) for p in (desired, p_WE))
         live.SetTransform("/desired/point", RigidTransform(seen))

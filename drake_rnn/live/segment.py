@@ -50,7 +50,7 @@ class Segment:
         return self.controller.state(self.controller.GetMyContextFromRoot(self.root))
 
     def release(self) -> None:
-        """Let the simulation be freed; it cannot go on afterwards, see `drake_rnn.systems.block`."""
+        """Let the simulation be freed, see `drake_rnn.systems.block`; it cannot go on."""
         release(self.simulator.get_system())
 
     def carried(self, law: Law) -> Carried:

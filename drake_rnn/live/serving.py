@@ -2,21 +2,39 @@
 
 from __future__ import annotations
 
+import contextlib
+import functools
+import io
 import json
+import socket
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from http.server import BaseHTTPRequestHandler
+from socketserver import TCPServer, ThreadingMixIn
 from typing import Any
 from urllib.parse import urlsplit
 
 from ..errors import InvalidInputError
 from .lease import MOST_BYTES, Lease
+from .requests import WHOLE, RefusedError, Stream, check_head, host_in, hosts_of, length_of, sole
 
-# A connection from which nothing comes for so long is closed [s].
-_PATIENCE = 30.0
-#: Addresses of this machine that no other one can reach.
-LOCAL = ("localhost", "127.0.0.1", "::1")
+#: Most connections at once; for one more, the one that has been silent for longest is closed.
+MOST_CONNECTIONS = 32
+# Time after which a connection that could not be taken is tried again [s].
+_AGAIN = 0.05
+# How often it is looked whether the server is to end [s].
+_POLL = 0.05
+# What may be asked of each address.
+_METHODS = {
+    "/": ("GET", "HEAD"),
+    "/state": ("GET", "HEAD"),
+    "/controls": ("POST",),
+    "/return": ("POST",),
+    "/set": ("POST",),
+}
+_KNOWN = ("GET", "HEAD", "POST", "PUT", "DELETE", "PATCH", "OPTIONS", "TRACE", "CONNECT")
 
 
 @dataclass(frozen=True)
@@ -37,9 +55,10 @@ class Served:
 class Server:
     """A server of one page, in threads of its own.
 
-    It answers four addresses: ``/`` is the page and ``/state`` what it asks for; ``/controls``
-    grants the controls and gives them back, and ``/set`` takes what is set. Messages must come from
-    the page itself: a page of another site that runs in the same browser is refused by its origin.
+    It answers five addresses: ``/`` is the page and ``/state`` what it asks for; ``/controls``
+    grants the controls, ``/return`` gives them back, and ``/set`` takes what is set. Messages must
+    come from the page itself: a page of another site that runs in the same browser is refused by
+    its origin, and by the host that it asks for. Who may send is looked at before what is sent.
 
     Args:
         host: Address to listen at.
@@ -51,26 +70,81 @@ class Server:
     """
 
     def __init__(self, host: str, port: int, served: Served) -> None:
-        handler = type("Handler", (_Handler,), {"served": served, "host": host})
         try:
-            self._server = _Threads((host, port), handler)
+            self._server = _Threads(host, port, served)
         except (OSError, OverflowError) as error:
             raise InvalidInputError(f"--host {host} --port {port}: {error}") from None
-        self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
+        serve = functools.partial(self._server.serve_forever, _POLL)
+        self._thread = threading.Thread(target=serve, daemon=True)
         self._thread.start()
         name = f"[{host}]" if ":" in host else host
         self.url = f"http://{name}:{self._server.server_address[1]}/"
 
     def close(self) -> None:
-        """Stop listening."""
+        """Stop listening, and close every connection."""
         self._server.shutdown()
         self._server.server_close()
+        self._server.close_connections()
         self._thread.join()
 
 
-class _Threads(ThreadingHTTPServer):
+class _Threads(ThreadingMixIn, TCPServer):
+    """A thread for each connection, of which there are only so many."""
+
     daemon_threads = True
     block_on_close = False
+    allow_reuse_address = True
+    request_queue_size = 64
+
+    def __init__(self, host: str, port: int, served: Served) -> None:
+        self.address_family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        self.served = served
+        self._lock = threading.Lock()
+        # Connections that are open, from the one that has been silent for longest.
+        self._open: dict[socket.socket, _Handler | None] = {}
+        super().__init__((host, port), _Handler)
+        self.is_this = hosts_of(host, str(self.server_address[0]))
+
+    def get_request(self) -> tuple[Any, Any]:
+        """Take a connection; for one too many, close another one."""
+        try:
+            request, address = super().get_request()
+        except OSError:
+            # As when no descriptors are left: it is tried again, but not at once.
+            time.sleep(_AGAIN)
+            raise
+        with self._lock:
+            if len(self._open) >= MOST_CONNECTIONS:
+                _close(self._oldest())
+            self._open[request] = None
+        return request, address
+
+    def _oldest(self) -> socket.socket:
+        """Return the connection that has been silent for longest, rather than one that is busy."""
+        idle = [each for each, by in self._open.items() if by is None or not by.stream.is_busy]
+        oldest = (idle or list(self._open))[0]
+        del self._open[oldest]
+        return oldest
+
+    def heard(self, request: socket.socket, handler: _Handler) -> None:
+        """Note that a request came over a connection, or that it is waited for."""
+        with self._lock:
+            if request in self._open:
+                del self._open[request]
+                self._open[request] = handler
+
+    def shutdown_request(self, request: Any) -> None:
+        """Close a connection that has been served."""
+        with self._lock:
+            self._open.pop(request, None)
+        super().shutdown_request(request)
+
+    def close_connections(self) -> None:
+        """Close all connections."""
+        with self._lock:
+            for each in self._open:
+                _close(each)
+            self._open.clear()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Pass over a connection that breaks off."""
@@ -79,78 +153,152 @@ class _Threads(ThreadingHTTPServer):
 class _Handler(BaseHTTPRequestHandler):
     """Answers one connection."""
 
-    served: Served
-    host: str
+    server: _Threads
     protocol_version = "HTTP/1.1"
-    timeout = _PATIENCE
+    # An answer is sent whole and at once: a part of one is confirmed only after 40 ms.
+    disable_nagle_algorithm = True
+    wbufsize = -1
 
-    def do_GET(self) -> None:
-        """Answer with the page, or with what it asks for."""
-        if not self._is_addressed():
-            self._answer(403, "text/plain", b"another host was asked for")
-        elif self.path == "/":
-            self._answer(200, "text/html; charset=utf-8", self.served.page.encode())
-        elif self.path == "/state":
-            self._tell(self.served.told())
-        else:
-            self._answer(404, "text/plain", b"there is no such page")
+    def setup(self) -> None:
+        """Read within bounds."""
+        super().setup()
+        self.stream = Stream(self.connection)
+        self.server.heard(self.connection, self)
 
-    def do_POST(self) -> None:
-        """Take a message."""
-        text = self._body()
-        if text is None:
-            return
-        if not (self._is_addressed() and self._is_from_page()):
-            self._answer(403, "text/plain", b"messages come from the page alone")
-            return
-        key, lease = self.headers.get("X-Key", ""), self.served.lease
+    def handle_one_request(self) -> None:
+        """Answer the next request of the connection."""
+        self.close_connection = True
+        # What an answer to something that is no request is made with.
+        self.command, self.request_version, self.requestline = "", "HTTP/1.1", ""
         try:
-            if self.path == "/controls":
-                self._tell({"key": lease.ask(key)})
-            elif self.path == "/return":
-                lease.give_back(key)
-                self._tell({})
-            elif self.path == "/set":
-                lease.take(key, text)
-                self._tell({})
-            else:
-                self._answer(404, "text/plain", b"there is no such address")
+            if not (head := self.stream.head()):
+                return
+            self.server.heard(self.connection, self)
+            self._carry_out(head)
+        except RefusedError as error:
+            self.close_connection = True
+            self._answer(error.status, "text/plain", str(error).encode())
         except PermissionError as error:
             self._answer(403, "text/plain", str(error).encode())
         except InvalidInputError as error:
             self._answer(400, "text/plain", str(error).encode())
+        self._send()
+        if self.close_connection:
+            self.stream.discard()
 
-    def _body(self) -> bytes | None:
-        """Return what was sent; None, with an answer, if it is too much."""
-        length = self.headers.get("Content-Length", "0")
-        if not length.isascii() or not length.isdigit() or int(length[:9]) > MOST_BYTES:
+    def _carry_out(self, head: bytes) -> None:
+        """Read a request and answer it.
+
+        Raises:
+            RefusedError: If it is refused.
+        """
+        check_head(head)
+        line, _, rest = head.partition(b"\n")
+        self.raw_requestline, self.rfile = line + b"\n", io.BytesIO(rest)
+        if not self.parse_request():
+            # It has been answered.
             self.close_connection = True
-            self._answer(413, "text/plain", b"the message is too long")
-            return None
-        return self.rfile.read(int(length))
+            return
+        closes, self.close_connection = self.close_connection, True
+        self._check_host()
+        self._check_method()
+        if self.command == "POST":
+            self._check_origin()
+            self._check_key()
+        length = length_of(self.headers, MOST_BYTES)
+        if length and self.headers.get("Expect", "").lower() == "100-continue":
+            self.send_response_only(100)
+            self.end_headers()
+            self.wfile.flush()
+        body = self.stream.body(length)
+        # From here on it is known where the next request begins.
+        self.close_connection = closes
+        self._reply(body)
 
-    def _is_addressed(self) -> bool:
-        """Return whether this host was asked for, and not a name that leads here by deceit."""
-        asked = urlsplit(f"//{self.headers.get('Host', '')}").hostname or ""
-        return self.host not in LOCAL or asked in LOCAL
+    def handle_expect_100(self) -> bool:
+        """Wait with the consent to a message until it is known who sends it."""
+        return True
 
-    def _is_from_page(self) -> bool:
-        """Return whether a message is of the page that was served, by the browser's own account."""
-        origin = self.headers.get("Origin")
-        return origin is None or urlsplit(origin).netloc == self.headers.get("Host")
+    def _reply(self, body: bytes) -> None:
+        key, lease = self.headers.get("X-Key", ""), self.server.served.lease
+        if self.path == "/":
+            page = self.server.served.page.encode()
+            self._answer(200, "text/html; charset=utf-8", page)
+        elif self.path == "/state":
+            self._tell(self.server.served.told())
+        elif self.path == "/controls":
+            self._tell({"key": lease.ask(key)})
+        elif self.path == "/return":
+            lease.give_back(key)
+            self._tell({})
+        else:
+            lease.take(key, body)
+            self._tell({})
+
+    def _check_host(self) -> None:
+        """Refuse a host other than this one: a name that leads here by deceit."""
+        asked = sole(self.headers, "Host")
+        if asked is None and self.request_version == "HTTP/1.1":
+            raise RefusedError(400, "Host must be given")
+        if asked is None or not self.server.is_this(host_in(asked)):
+            raise RefusedError(403, "another host was asked for")
+
+    def _check_method(self) -> None:
+        able = _METHODS.get(self.path)
+        if self.command not in _KNOWN:
+            raise RefusedError(501, "there is no such method")
+        if able is None:
+            raise RefusedError(404, "there is no such page")
+        if self.command not in able:
+            raise RefusedError(405, f"may be {' or '.join(able)}")
+
+    def _check_origin(self) -> None:
+        """Refuse what is not of the page that was served, by the browser's own account."""
+        origin, asked = sole(self.headers, "Origin"), sole(self.headers, "Host")
+        if origin is not None and not _is_of(origin, asked):
+            raise RefusedError(403, "messages come from the page alone")
+
+    def _check_key(self) -> None:
+        """Refuse what is set by another page than the one that has the controls."""
+        key = sole(self.headers, "X-Key") or ""
+        if self.path == "/set" and not self.server.served.lease.fits(key):
+            raise RefusedError(403, "another page has the controls")
 
     def _tell(self, data: Any) -> None:
         self._answer(200, "application/json", json.dumps(data, allow_nan=False).encode())
 
     def _answer(self, status: int, kind: str, body: bytes) -> None:
         self.send_response(status)
+        if status == 405:
+            self.send_header("Allow", ", ".join(_METHODS[self.path]))
         self.send_header("Content-Type", kind)
         self.send_header("Content-Length", str(len(body)))
         self.send_header("Cache-Control", "no-store")
         self.send_header("X-Content-Type-Options", "nosniff")
         self.send_header("X-Frame-Options", "DENY")
+        if self.close_connection:
+            self.send_header("Connection", "close")
         self.end_headers()
-        self.wfile.write(body)
+        if self.command != "HEAD":
+            self.wfile.write(body)
+
+    def _send(self) -> None:
+        """Send the answer; a connection that does not take it is closed."""
+        self.connection.settimeout(WHOLE)
+        self.wfile.flush()
 
     def log_message(self, format: str, *args: Any) -> None:
         """Print nothing."""
+
+
+def _is_of(origin: str, asked: str | None) -> bool:
+    try:
+        return urlsplit(origin).netloc == asked
+    except ValueError:
+        return False
+
+
+def _close(connection: socket.socket) -> None:
+    """End a connection that another thread may be reading."""
+    with contextlib.suppress(OSError):
+        connection.shutdown(socket.SHUT_RDWR)

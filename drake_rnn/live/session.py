@@ -12,6 +12,7 @@ from ..experiment import Experiment
 from ..inputs.fields import Array
 from ..laws import Law
 from ..measures import Steps
+from ..robot.kinematics import ArmKinematics
 from ..runs.result import Result
 from .controls import Button, Choice, Control, Handle, Slider, Switch, read_message
 from .gains import gains_of, with_gain
@@ -68,6 +69,7 @@ class Session:
         self._paused, self._failure = False, ""
         # Simulations that have not been released.
         self._segments: list[Segment] = []
+        self._recording: Recording | None = None
         self._restart(self.variants.base)
 
     # What runs.
@@ -163,6 +165,11 @@ class Session:
         q: Array = loop.arm.GetOutputPort("position").Eval(body)
         return q
 
+    @property
+    def kinematics(self) -> ArmKinematics:
+        """The kinematics of the arm that runs."""
+        return self._segment.loop.arm.kinematics
+
     def contact_force(self) -> Array:
         """Return the force on the tool of an experiment with a contact, shape (3,) [N]."""
         loop = self._segment.loop
@@ -181,7 +188,8 @@ class Session:
         try:
             known = read_message(self._controls, name, value)
             text = self._do(name, known)
-        except (InvalidInputError, SimulationError) as error:
+        except (InvalidInputError, RuntimeError, OSError) as error:
+            # Whatever a page does, and whatever the machine lacks, the session goes on.
             return Reply(str(error), refused=True)
         if name in self._controls:
             self._controls[name] = self._controls[name].set(known)
@@ -255,22 +263,29 @@ class Session:
 
     def _restart(self, setup: Setup) -> str:
         """Begin again, at rest where the experiment begins."""
-        experiment = self.variants.experiment(setup)
-        self.hands = Hands(self.variants.experiment(self.variants.base))
-        self._paused, self._failure, self._count = False, "", 0
-        self._recording: Recording | None = None
-        self._begin(self.hands.led(experiment, 0.0), setup, 0.0, None)
+        hands = Hands(self.variants.experiment(self.variants.base))
+        experiment = hands.led(self.variants.experiment(setup), 0.0)
+        segment = begun(experiment, 0.0, None)
+        self.hands, self._count = hands, 0
+        self._paused, self._failure = False, ""
+        self._end_recording()
+        self._recording = None
+        self._take_over(segment, setup)
         return "reset"
 
     def _begin(self, experiment: Experiment, setup: Setup, begin: float, carried: Any) -> None:
         segment = begun(experiment, begin, carried)
         self._end_recording()
+        self._take_over(segment, setup)
+
+    def _take_over(self, segment: Segment, setup: Setup) -> None:
+        """Go on with a simulation that has begun."""
         self._segments.append(segment)
         self._segment, self._setup = segment, setup
-        self._release()
-        self._law = experiment.law
+        self._law = segment.experiment.law
         self._samples, self._count = 0, self._count + 1
-        self._peaks = Peaks(experiment)
+        self._peaks = Peaks(segment.experiment)
+        self._release()
         self._controls = self._made_controls()
 
     def _release(self) -> None:

@@ -262,13 +262,22 @@ class Arm:
     def kinematics(self) -> ArmKinematics:
         """Return the arm's kinematics and dynamics as functions of the controlled joints."""
         scale = self.description.mass_scale
-        return ArmKinematics(self.plant(), self.frame, self.joints, scale)
+        return ArmKinematics(self._own_plant, self.frame, self.joints, scale)
 
     def believed_dynamics(self) -> ArmKinematics:
         """Return the dynamics that a law is given, whose masses may differ from the arm's."""
         believed = self.description.believed_mass_scale
         scale = self.description.mass_scale if believed is None else believed
-        return ArmKinematics(self.plant(), self.frame, self.joints, scale)
+        return ArmKinematics(self._own_plant, self.frame, self.joints, scale)
+
+    @cached_property
+    def _own_plant(self) -> MultibodyPlant:
+        """A plant of this arm alone, which is not changed: its file is read once."""
+        return self.plant()
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Copies, whose model may differ, and other processes make a plant of their own.
+        return {name: value for name, value in vars(self).items() if name != "_own_plant"}
 
     @cached_property
     def _floating_bases(self) -> list[tuple[int, RigidTransform]]:

@@ -69,7 +69,7 @@ class LateSensor(Block):
         self._period, self._noise = period, noise
         self._late = late_samples("sensing.delay", settings.delay, period)
         self._secant = settings.secant_samples
-        self._kept: list[Measure] = []
+        self._kept = 0  # measurements of which past ones are a state
 
     def _declare(
         self, name: str, measure: Measure, first: Array, inputs: set[Any], rate: str | None = None
@@ -84,13 +84,17 @@ class LateSensor(Block):
             rate: Name of the output of the difference quotient over ``secant_samples``; None for
                 no such output.
         """
-        number, rows = len(self._kept), self._late + (0 if rate is None else self._secant)
+        number, rows = self._kept, self._late + (0 if rate is None else self._secant)
         if rows > 0:
             # Past measurements, newest first.
             self.DeclareDiscreteState(np.tile(first, rows))
-            self._kept.append(measure)
-            if number == 0:
-                self.DeclarePeriodicDiscreteUpdateEvent(self._period, 0.0, self._update)
+            self._kept += 1
+
+            def update(context: Context, state: DiscreteValues) -> None:
+                newest, past = measure(context), context.get_discrete_state(number).value()
+                state.set_value(number, np.concatenate((newest, past[: -newest.size])))
+
+            self.DeclarePeriodicDiscreteUpdateEvent(self._period, 0.0, update)
 
         def past(context: Context) -> Array:
             return context.get_discrete_state(number).value().reshape(rows, -1)
@@ -107,11 +111,6 @@ class LateSensor(Block):
                 self.DeclareVectorOutputPort(
                     output, first.size, lambda c, out, told=told: out.set_value(told(c)), seen
                 )
-
-    def _update(self, context: Context, state: DiscreteValues) -> None:
-        for number, measure in enumerate(self._kept):
-            newest, past = measure(context), context.get_discrete_state(number).value()
-            state.set_value(number, np.concatenate((newest, past[: -newest.size])))
 
     def _sample(self, context: Context) -> Array:
         """Return the noise of the sample of now, or of the next one."""

@@ -167,13 +167,13 @@ def _describe(plan: Plan, folder: Path) -> None:
         name: fields_of(value) or value for name, value in fields_of(plan.campaign).items() if value
     }
     try:
-        (folder / "experiment.yaml").write_text(
-            written_head("experiment") + to_yaml(plan.experiment)
-        )
+        with written_whole(folder / "experiment.yaml") as stream:
+            stream.write(written_head("experiment") + to_yaml(plan.experiment))
         # The experiment's file already includes the changes.
         contents = {**campaign, "experiment": "experiment.yaml"}
         contents.pop("changes", None)
-        (folder / "campaign.yaml").write_text(written_head("campaign") + to_yaml(contents))
+        with written_whole(folder / "campaign.yaml") as stream:
+            stream.write(written_head("campaign") + to_yaml(contents))
     except OSError as error:
         raise InvalidInputError(f"output folder {folder}: {error.strerror}") from None
 

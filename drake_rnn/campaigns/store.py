@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import shutil
 from collections.abc import Iterator
@@ -10,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ..errors import InvalidInputError
+from ..runs.folder import claimed
 from ..runs.whole_file import written_whole
 from .outcome import Order, Outcome
 
@@ -77,14 +77,7 @@ class RowStore:
         Raises:
             InvalidInputError: If another process holds the lock.
         """
-        with (self.folder / ".claim").open("w") as claim:
-            try:
-                fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError:
-                raise InvalidInputError(
-                    f"{self.folder}: another process is working at these rows; wait for it, or "
-                    "give another --out"
-                ) from None
+        with claimed(self.folder):
             yield
 
     def _file(self, key: str) -> Path:

@@ -30,6 +30,7 @@ from ..inputs.documents import parse_yaml
 from ..inputs.fields import Array
 from ..runs.effort import effort_of
 from ..runs.simulation import check_experiment
+from ..runs.whole_file import written_whole
 from .campaign import kept_rows
 from .engine import carry_out
 from .outcome import Order, Outcome
@@ -283,7 +284,7 @@ def write_csv(file: Path, keys: Sequence[str], rows: Sequence[Row]) -> None:
     """
     names = list(dict.fromkeys(name for row in rows for name in row.metrics))
     try:
-        with file.open("w", newline="", encoding="utf-8") as stream:
+        with written_whole(file) as stream:
             writer = csv.writer(stream)
             writer.writerow([*keys, *names, "failure"])
             for row in rows:

@@ -7,7 +7,9 @@ from rich.markup import escape
 from .. import figures
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest
+from ..runs.folder import claimed
 from ..runs.result import Result
+from ..runs.whole_file import require_replaceable
 from .asked import Plot, Replay
 from .console import errors, out, status
 from .drawing import draw_figures
@@ -24,7 +26,7 @@ def plot(asked: Plot) -> None:
         for name in asked.only or []:
             if name not in known:
                 raise InvalidInputError(f"--only: no figure {name!r}; {nearest(name, known)}")
-        with status("drawing figures"):
+        with status("drawing figures"), claimed(asked.folder, shared=True):
             files = draw_figures(result, asked.folder / "figures", asked.only, paper=paper)
         drawn = {file.stem for file in files}
         if left := [name for name in asked.only or known if name not in drawn]:
@@ -39,8 +41,10 @@ def replay(asked: Replay) -> None:
     with errors():
         folders = (asked.folder, *(asked.beside or []))
         result, *others = (Result.load(each, modules=True) for each in folders)
+        require_replaceable(asked.folder / "playback.html")
         if result.time.size < 2:
             raise InvalidInputError(
                 f"{asked.folder}: holds a single instant, which cannot be played"
             )
-        write_page(result, asked.folder, others)
+        with claimed(asked.folder, shared=True):
+            write_page(result, asked.folder, others)

@@ -30,11 +30,13 @@ from .campaign_shown import (
     status_text,
     written_sheet,
 )
-from .changing import changes_of, require_writable, tell_of_window
+from .changing import changes_of, claimed_folder, tell_of_window
 from .console import err, errors, finish, out, print_table, print_whole, silenced, status
 from .printed import paper_of
 from .written_tables import require_tables, shown, write_tables
 
+# Files that a campaign writes, besides rows and figures.
+_WRITTEN = ("experiment.yaml", "campaign.yaml", "table.csv", "campaign.json", "summary.html")
 # Rows that did not finish that are told of one by one.
 _TOLD = 10
 
@@ -57,16 +59,10 @@ def campaign(asked: Campaign) -> None:
         if asked.dry_run:
             _print_plan(plan, folder, asked)
             return
-        require_writable(folder)
-        workers = None if asked.scheduler is None else cluster_at(asked.scheduler)
-        with campaign_progress(plan) as done:
-            result = run_campaign(
-                plan, folder, jobs=asked.jobs, executor=workers, done=done, again=asked.again
-            )
-        with status(f"{asked.campaign}: drawing the summary"):
-            page = write_campaign_page(result, folder / "summary.html")
-        _print(result, page)
-        _print_figures(result, folder, paper)
+        with claimed_folder(folder, *_WRITTEN):
+            result, page = _run(plan, folder, asked)
+            _print(result, page)
+            _print_figures(result, folder, paper)
         write_tables(written_sheet(result.summary), asked.tables)
         if asked.as_json:
             print_data(_contents(result, page))
@@ -80,6 +76,16 @@ def campaign(asked: Campaign) -> None:
         not result.missing and result.summary.complete == len(result.lines),
         not asked.check or not any(line.outcome.not_met for line in result.lines),
     )
+
+
+def _run(plan: Plan, folder: Path, asked: Campaign) -> tuple[CampaignResult, Path]:
+    workers = None if asked.scheduler is None else cluster_at(asked.scheduler)
+    with campaign_progress(plan) as done:
+        result = run_campaign(
+            plan, folder, jobs=asked.jobs, executor=workers, done=done, again=asked.again
+        )
+    with status(f"{asked.campaign}: drawing the summary"):
+        return result, write_campaign_page(result, folder / "summary.html")
 
 
 def _print(result: CampaignResult, page: Path) -> None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ from rich.markup import escape
 
 from ..errors import InvalidInputError
 from ..experiment import Described, parse_change, read_document
+from ..runs.folder import claimed, require_fillable
+from ..runs.whole_file import require_replaceable
 from .console import err, out
 
 
@@ -50,6 +53,27 @@ def tell_of_window(name: Described, changes: Mapping[str, Any]) -> None:
         f"{what} dropped: the run ends at {now['duration']:g} s",
         soft_wrap=True,
     )
+
+
+@contextmanager
+def claimed_folder(folder: Path, *names: str, filled: bool = False) -> Iterator[None]:
+    """Make a folder for a with-block in which no other process writes to it.
+
+    Args:
+        folder: The folder.
+        *names: Names of the files that are to be written to it.
+        filled: Whether it is that of a run, whose result is to take the place of another one.
+
+    Raises:
+        InvalidInputError: If nothing can be written to it, or another process writes to it.
+    """
+    require_writable(folder)
+    for name in names:
+        require_replaceable(folder / name)
+    with claimed(folder):
+        if filled:
+            require_fillable(folder)
+        yield
 
 
 def require_writable(folder: Path, option: str = "--out") -> None:

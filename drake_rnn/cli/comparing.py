@@ -22,7 +22,7 @@ from ..runs.verdict import Verdict
 from ..tables import Cell, Column, Heading, Sheet, metric_heading
 from .announcing import print_data, told_of
 from .asked import Compare
-from .changing import changes_of, require_writable, tell_of_window
+from .changing import changes_of, claimed_folder, tell_of_window
 from .console import err, errors, finish, out, print_whole, silenced
 from .printed import paper_of
 from .simulating import simulated
@@ -51,9 +51,9 @@ def compare(asked: Compare) -> None:
         if asked.dry_run:
             _print_plan(loaded, folder, asked.as_json)
             return
-        require_writable(folder)
-        results = _results(loaded)
-        _print_and_write(results, folder, comparison_sheet(results, metrics), asked)
+        with claimed_folder(folder, "comparison.csv", f"comparison.{asked.form}"):
+            results = _results(loaded)
+            _print_and_write(results, folder, comparison_sheet(results, metrics), asked)
         if asked.as_json:
             print_data({name: {"metrics": r.metrics, **r.record} for name, r in results.items()})
     finish(

@@ -37,8 +37,15 @@ def errors() -> Iterator[None]:
         err.print(f"[red]failed[/] {escape(str(error))}")
         raise typer.Exit(FAILED) from error
     except (DrakeRnnError, OSError) as error:
-        err.print(f"[red]error[/] {escape(str(error))}")
+        err.print(f"[red]error[/] {escape(sentence_of(error))}")
         raise typer.Exit(BAD_INPUT) from error
+
+
+def sentence_of(error: Exception) -> str:
+    """Return the sentence of an error: of one of the system, the file and what is wrong with it."""
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    return str(error)
 
 
 @contextmanager

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -34,8 +34,9 @@ from ..inputs.complaints import nearest
 from ..inputs.dataclass_fields import field_names, fields_of
 from ..inputs.documents import construct
 from ..inputs.fields import Array
+from ..runs.whole_file import replacing, require_replaceable
 from .asked import Drive, ServeRobot
-from .changing import changes_of, require_writable
+from .changing import changes_of, claimed_folder
 from .console import err, errors, finish, out, print_whole, silenced
 from .saving import Pictures, write_result
 from .statuses import INTERRUPTED
@@ -50,7 +51,7 @@ KILLED = "{}.cycles"
 
 def drive_robot(asked: Drive) -> None:
     """Let a robot carry out an experiment, or print what it would be sent."""
-    with silenced(asked.quiet), errors():
+    with silenced(asked.quiet), errors(), ExitStack() as claims:
         robot = _known(asked.robot)
         changes = changes_of(asked.changes, duration=asked.duration)
         experiment = driven_experiment(asked.experiment, robot, changes)
@@ -64,16 +65,19 @@ def drive_robot(asked: Drive) -> None:
             return
         if asked.begin is not None:
             raise InvalidInputError("--from: only with --dry; a robot tells where it stands")
-        require_writable(folder)
+        claims.enter_context(claimed_folder(folder, CYCLES, PACER, filled=True))
         connection = connect(robot, asked.url, _left_where_killed(folder))
         with _stop_asked() as told:
             result, driven = drive_experiment(
                 experiment, robot, connection, settings, say=_say, is_told_to_stop=told
             )
-        write_result(result, folder, Pictures(asked.figures, asked.playback))
-        _save(folder / CYCLES, driven.log.arrays())
-        if isinstance(connection, Paced):
-            _save(folder / PACER, connection.cycles())
+
+        def save_cycles(place: Path) -> None:
+            _save(place / CYCLES, driven.log.arrays())
+            if isinstance(connection, Paced):
+                _save(place / PACER, connection.cycles())
+
+        write_result(result, folder, Pictures(asked.figures, asked.playback), (), save_cycles)
         cycles = (result.timings[name] for name in ("cycles", "cycles_lost", "cycles_late"))
         out.print("cycles    {:g}, of these {:g} lost and {:g} late".format(*cycles))
         if result.failure:
@@ -114,12 +118,14 @@ def _known(name: str) -> Robot:
 
 
 def _left_where_killed(folder: Path) -> Path:
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    return folder.parent.absolute() / KILLED.format(folder.name)
+    file = folder.parent.absolute() / KILLED.format(folder.name)
+    require_replaceable(file)
+    return file
 
 
 def _save(file: Path, arrays: dict[str, Any]) -> None:
-    np.savez_compressed(file, **arrays)
+    with replacing(file) as new, new.open("wb") as stream:
+        np.savez_compressed(stream, **arrays)
 
 
 def _given(**options: Any) -> dict[str, Any]:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
+
 from rich.markup import escape
 
-from ..exports import export
+from ..exports import export, exported_file
+from ..runs.folder import claimed
 from ..runs.result import Result
 from .asked import Export
 from .changing import require_writable
@@ -13,10 +16,13 @@ from .console import errors, out, status
 
 def export_result(asked: Export) -> None:
     """Write the series of a saved result for other tools."""
-    with errors():
+    with errors(), ExitStack() as claims:
+        exported_file(asked.file or asked.folder, asked.form)
         result = Result.load(asked.folder, modules=True)
         if asked.file is not None:
             require_writable(asked.file.parent, "--to")
+        else:
+            claims.enter_context(claimed(asked.folder, shared=True))
         with status("writing"):
             file = export(result, asked.file or asked.folder, asked.form, asked.series)
         out.print(escape(f"series    {file}"), soft_wrap=True)

@@ -13,7 +13,9 @@ from rich.progress import BarColumn, Progress, TextColumn
 
 from ..errors import InvalidInputError
 from ..film import FilmProgress, FilmSettings, write_film
+from ..runs.folder import claimed
 from ..runs.result import Result
+from ..runs.whole_file import require_replaceable
 from .asked import Film
 from .console import err, errors, out
 from .statuses import INTERRUPTED
@@ -46,8 +48,9 @@ def film(asked: Film) -> None:
         folders = (asked.folder, *(asked.beside or []))
         result, *others = (Result.load(each, modules=True) for each in folders)
         file = asked.folder / f"film.{asked.form}"
+        require_replaceable(file)
         try:
-            with _bar() as progress:
+            with claimed(asked.folder, shared=True), _bar() as progress:
                 written = write_film(result, file, settings, others, progress)
         except KeyboardInterrupt:
             err.print("interrupted: no film was written")

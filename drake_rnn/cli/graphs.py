@@ -7,6 +7,8 @@ import subprocess
 from pathlib import Path
 
 from ..errors import InvalidInputError
+from ..runs.folder import require_output
+from ..runs.whole_file import replacing, written_whole
 
 #: What Graphviz can write of what is of use here.
 _FORMATS = (".svg", ".png", ".pdf")
@@ -35,9 +37,11 @@ def write_graph(graph: str, file: Path) -> None:
             f"--diagram: {file.suffix} needs Graphviz, whose program dot is not installed; "
             "install the package graphviz, or write a .dot file"
         )
+    require_output(file, "--diagram")
     try:
         if file.suffix == ".dot" or program is None:
-            file.write_text(graph)
+            with written_whole(file) as stream:
+                stream.write(graph)
             return
         drawn = subprocess.run(
             [program, f"-T{file.suffix[1:]}"],
@@ -45,6 +49,7 @@ def write_graph(graph: str, file: Path) -> None:
             capture_output=True,
             check=True,
         )
-        file.write_bytes(drawn.stdout)
+        with replacing(file) as new:
+            new.write_bytes(drawn.stdout)
     except OSError as error:
         raise InvalidInputError(f"--diagram: {file}: {error.strerror}") from None

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from rich.markup import escape
 
+from ..errors import InvalidInputError
 from ..experiment import load_experiment
 from ..live.play import Play
 from ..live.requests import LOCAL
@@ -55,7 +56,18 @@ class _Saving:
 
     def __call__(self, result: Result) -> str:
         name, number = f"{result.experiment.name}_live", 1
-        while (folder := self._out / f"{name}_{number}").exists():
+        while not _is_made(folder := self._out / f"{name}_{number}"):
             number += 1
         write_result(result, folder, Pictures(figures=False))
         return str(folder)
+
+
+def _is_made(folder: Path) -> bool:
+    """Make a folder, unless something of that name is there, maybe another process's."""
+    try:
+        folder.mkdir()
+    except FileExistsError:
+        return False
+    except OSError as error:
+        raise InvalidInputError(f"--out: {folder}: {error.strerror}") from None
+    return True

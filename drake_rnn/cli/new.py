@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import keyword
+import os
 import re
 from functools import partial
 from importlib.resources import files
@@ -12,6 +13,7 @@ from pathlib import Path
 from rich.markup import escape
 
 from ..errors import InvalidInputError
+from ..runs.whole_file import require_replaceable, written_whole
 from .asked import New
 from .console import errors, out
 from .schemas import schema_text
@@ -45,13 +47,16 @@ def write_start(own: str, name: str, folder: Path) -> list[Path]:
     # A schema is made anew: the language server of an editor finds it beside the document.
     schema = {folder / _SCHEMA: schema_text("experiment")}
     for file in written:
-        if file.exists():
+        if os.path.lexists(file):
             raise InvalidInputError(f"{file}: already exists, and is not overwritten")
+    for file in schema:
+        require_replaceable(file)
     if find_spec(name) is not None:
         raise InvalidInputError(f"name: there is a Python module {name!r} already; take another")
     try:
         for file, text in (written | schema).items():
-            file.write_text(text, encoding="utf-8")
+            with written_whole(file) as stream:
+                stream.write(text)
     except OSError as error:
         raise InvalidInputError(f"{folder}: {error.strerror}") from None
     return [*written, *schema]

@@ -20,10 +20,11 @@ from ..campaigns.workers import Processes
 from ..errors import DrakeRnnError
 from ..experiment import Experiment, load_experiment
 from ..runs.checkpoint import Checkpoint, can_go_on
+from ..runs.folder import claimed, require_fillable
 from ..runs.result import Result
 from ..runs.stored import Series
 from .changing import tell_of_window
-from .console import err, errors, out
+from .console import err, errors, out, sentence_of
 from .saving import Pictures, going_on, kept_without_pictures, write_result
 from .simulating import InterruptedAfterItsLastStep, resumed, simulated
 
@@ -110,8 +111,9 @@ def run_in_turn(
 
 def go_on(folder: Path, pictures: Pictures) -> Outcome:
     """Go on with the run of a folder that was stopped."""
-    with errors():
+    with errors(), claimed(folder):
         since = Checkpoint.load(folder)
+        require_fillable(folder)
         result = _written(lambda: resumed(since), folder, pictures)
     return Outcome(result.experiment.name, folder, result.record, result.metrics)
 
@@ -205,14 +207,17 @@ def _perform_apart(task: Task, width: int, quiet: bool) -> tuple[Outcome, str, s
     outcome = Outcome(task.name, task.folder, {"status": "interrupted", "accept": {}}, {})
     with out.capture() as told, err.capture() as complained:
         try:
-            result = _perform(task, load_experiment(task.experiment, task.changes), (), bar=False)
+            with claimed(task.folder):
+                experiment = load_experiment(task.experiment, task.changes)
+                result = _perform(task, experiment, (), bar=False)
             outcome = Outcome(task.name, task.folder, result.record, result.metrics)
         except KeyboardInterrupt as interrupt:
             said = str(interrupt) or "interrupted"
             err.print(f"[red]failed[/] {escape(f'{task.name}: {said}')}")
         except (DrakeRnnError, OSError) as error:
-            err.print(f"[red]error[/] {escape(f'{task.name}: {error}')}")
-            record = {"status": "failed", "failure": str(error), "accept": {}}
+            failure = sentence_of(error)
+            err.print(f"[red]error[/] {escape(f'{task.name}: {failure}')}")
+            record = {"status": "failed", "failure": failure, "accept": {}}
             outcome = Outcome(task.name, task.folder, record, {})
         finally:
             # A process without a task has nothing to keep.

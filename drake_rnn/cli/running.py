@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from ..runs.fastest import check_stretchable, fastest
 from ..runs.simulation import check_experiment
 from .announcing import print_data, print_plan
 from .asked import Fastest, Run
-from .changing import changes_of, require_writable
+from .changing import changes_of, claimed_folder
 from .console import err, errors, finish, out, silenced
 from .queue import Outcome, Task, go_on, run_at_once, run_in_turn
 from .saving import Pictures, write_result
@@ -70,14 +70,29 @@ def _begun(asked: Run) -> tuple[list[Outcome], list[str]] | None:
         if asked.dry_run:
             print_plan(tasks, loaded, warnings, asked.as_json)
             return None
-        for task in tasks:
-            require_writable(task.folder)
-    if asked.jobs > 1:
-        outcomes = run_at_once(tasks, asked.jobs)
-    else:
-        outcomes = run_in_turn(tasks, loaded, len(first))
+        claims = _claim(tasks, together=asked.jobs == 1)
+    with claims:
+        if asked.jobs > 1:
+            outcomes = run_at_once(tasks, asked.jobs)
+        else:
+            outcomes = run_in_turn(tasks, loaded, len(first))
     ran = {outcome.name for outcome in outcomes}
     return outcomes, [task.name for task in tasks if task.name not in ran]
+
+
+def _claim(tasks: Sequence[Task], together: bool) -> ExitStack:
+    """Claim the folders of tasks before anything runs; return what gives them back.
+
+    Args:
+        tasks: The tasks.
+        together: Whether they are run in this process; other ones claim them anew.
+    """
+    with ExitStack() as claims:
+        for task in tasks:
+            claims.enter_context(claimed_folder(task.folder, filled=True))
+        if together:
+            return claims.pop_all()
+    return claims
 
 
 def _require_alone(asked: Run) -> None:
@@ -127,9 +142,9 @@ def run_fastest(asked: Fastest) -> None:
         loaded = load_experiment(asked.experiment, changes_of(asked.changes))
         check_stretchable(loaded)
         folder = asked.out_folder / f"{loaded.name}_fastest"
-        require_writable(folder)
-        found = fastest(loaded, lambda text: err.print(escape(text)))
-        write_result(found.result, folder, Pictures(asked.figures, asked.playback))
+        with claimed_folder(folder, filled=True):
+            found = fastest(loaded, lambda text: err.print(escape(text)))
+            write_result(found.result, folder, Pictures(asked.figures, asked.playback))
     out.print(
         f"shortest duration {found.result.metrics['shortest_duration_s']:.4g} s, "
         f"{found.stretch:.4g} times the document's; limited by the {found.binding}"

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from rich.markup import escape
 
-from ..inputs.signals_held import signals_held
+from ..errors import DrakeRnnError, InvalidInputError
 from ..playback import write_playback
 from ..runs.beside import SECOND
-from ..runs.checkpoint import can_go_on
+from ..runs.checkpoint import can_go_on, forget
 from ..runs.conclusion import conclusion_of
-from ..runs.folder import filled
+from ..runs.folder import read_record
 from ..runs.result import Result
-from .console import err, out, print_table, status
+from ..runs.whole_file import room_in
+from .console import err, out, print_table, sentence_of, status
 from .drawing import draw_figures
 from .graphs import draw_beside
 from .tables import joints_table, metrics_table
+
+# Room on the disk for pictures, for which a checkpoint that is no longer needed is removed [bytes].
+_ROOM = 32_000_000
 
 
 @dataclass(frozen=True)
@@ -35,13 +40,48 @@ class Pictures:
 
 
 def write_result(
-    result: Result, folder: Path, pictures: Pictures, beside: Sequence[Result] = ()
+    result: Result,
+    folder: Path,
+    pictures: Pictures,
+    beside: Sequence[Result] = (),
+    also: Callable[[Path], None] = lambda folder: None,
 ) -> None:
     """Write a result with its pictures, and print what came out.
 
+    Args:
+        result: The result.
+        folder: Folder to write to.
+        pictures: What is made to look at.
+        beside: Results whose paths the playback shows too.
+        also: Called with the folder when the result is written; writes more numbers, before
+            pictures.
+
     Raises:
+        InvalidInputError: If the result cannot be written, or something beside it; it is kept then.
         KeyboardInterrupt: If it is interrupted while pictures are made; the result is kept.
     """
+    _print_result(result)
+
+    def draw(place: Path) -> None:
+        try:
+            also(place)
+            if room_in(place) < _ROOM and result.status != "interrupted":
+                forget(place)
+            _make(pictures, result, place, beside)
+        except (DrakeRnnError, OSError) as error:
+            raise InvalidInputError(f"{sentence_of(error)}; {_kept(folder)}") from error
+
+    try:
+        result.save(folder, draw)
+    except KeyboardInterrupt:
+        with suppress(InvalidInputError):
+            read_record(folder)
+            raise KeyboardInterrupt(kept_without_pictures(folder)) from None
+        raise
+
+
+def _print_result(result: Result) -> None:
+    """Print warnings, metrics, the verdict and what the run cost."""
     name = result.experiment.name
     for warning in result.warnings:
         err.print(f"[yellow]warning[/] {escape(f'{name}: {warning}')}")
@@ -62,17 +102,6 @@ def write_result(
     since = result.timings.get("resumed_at_s", 0.0)
     again = f", resumed at {since:g} s" if since else ""
     out.print(f"time      {result.record['until_s'] - since:g} s {how} in {cost:.3g} s{again}")
-    interrupted: KeyboardInterrupt | None = None
-    with filled(folder, result.record):
-        # What was computed is kept; pictures can be made again.
-        with signals_held():
-            result.write(folder)
-        try:
-            _make(pictures, result, folder, beside)
-        except KeyboardInterrupt:
-            interrupted = KeyboardInterrupt(kept_without_pictures(folder))
-    if interrupted is not None:
-        raise interrupted
 
 
 def _make(pictures: Pictures, result: Result, folder: Path, beside: Sequence[Result]) -> None:
@@ -103,7 +132,11 @@ def going_on(folder: Path) -> str:
 
 def kept_without_pictures(folder: Path) -> str:
     """Return what there is of a run that was interrupted when it was complete."""
-    return f"interrupted: {folder} has the result; {_again(folder)}"
+    return f"interrupted: {_kept(folder)}"
+
+
+def _kept(folder: Path) -> str:
+    return f"{folder} has the result; {_again(folder)}"
 
 
 def _resuming(folder: Path) -> str:

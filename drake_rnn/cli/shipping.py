@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable
 from importlib.resources import files
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..errors import InvalidInputError
+from ..runs.whole_file import written_whole
 
 _TEMPLATES = files("drake_rnn.cli") / "templates" / "shipped_law"
 #: Files of a law, by template.
@@ -115,7 +117,8 @@ def write_shipped(name: str, root: Path) -> list[Path]:
         written[file] = _entered(text, entry._replace(name=named(entry.name)), named(entry.text))
     for file, text in written.items():
         file.parent.mkdir(exist_ok=True)
-        file.write_text(text, encoding="utf-8")
+        with written_whole(file) as stream:
+            stream.write(text)
     return list(written)
 
 
@@ -123,7 +126,7 @@ def _require_free(files: Iterable[Path]) -> None:
     for file in files:
         # A package hides a module of the same name.
         for taken in (file, file.with_suffix("")) if file.suffix == ".py" else (file,):
-            if taken.exists():
+            if os.path.lexists(taken):
                 raise InvalidInputError(f"{taken}: is there already, and is not overwritten")
 
 

@@ -26,7 +26,7 @@ from ..figures.sweep import learning_figure, sweep_figure
 from ..tables import Sheet
 from .announcing import print_data
 from .asked import Sweep
-from .changing import changes_of, require_writable, tell_of_window
+from .changing import changes_of, claimed_folder, tell_of_window
 from .console import WIDE, err, errors, finish, out, silenced
 from .printed import paper_of
 from .tables import sweep_sheet, sweep_tables, varying_metrics
@@ -54,11 +54,12 @@ def sweep(asked: Sweep) -> None:
         if asked.dry_run:
             _print_plan(orders, folder, asked)
             return
-        require_writable(folder)
-        rows, missing = _rows(keys, orders, asked.jobs, folder)
-        sheet = sweep_sheet(keys, rows, metrics or varying_metrics(rows), units)
-        with drawn_for(paper):
-            _print_and_write(keys, rows, folder, units, sheet)
+        names = ("sweep.csv", f"sweep.{paper.form}", f"learning.{paper.form}")
+        with claimed_folder(folder, *names):
+            rows, missing = _rows(keys, orders, asked.jobs, folder)
+            sheet = sweep_sheet(keys, rows, metrics or varying_metrics(rows), units)
+            with drawn_for(paper):
+                _print_and_write(keys, rows, folder, units, sheet)
         write_tables(sheet, asked.tables)
         if asked.as_json:
             print_data({"folder": str(folder), "runs": [_contents(keys, row) for row in rows]})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from ..runs.whole_file import written_whole
 from ..tuning import Trial, Tuned, Tuning
 from ..tuning.bounds import Between, parse_between
 from .asked import Tune
-from .changing import changes_of, require_writable, tell_of_window
+from .changing import changes_of, claimed_folder, tell_of_window
 from .comparing import comparison_sheet
 from .console import err, errors, finish, out, print_whole, silenced, status
 from .statuses import INTERRUPTED
@@ -30,7 +30,7 @@ from .written_tables import shown
 
 def tune_gains(asked: Tune) -> None:
     """Tune gains of a law, and write the document with them."""
-    with silenced(asked.quiet), errors():
+    with silenced(asked.quiet), errors(), ExitStack() as claims:
         require_jax()
         keys = [key.strip() for text in asked.numbers for key in text.split(",")]
         bounds = _bounds(asked.between)
@@ -40,7 +40,7 @@ def tune_gains(asked: Tune) -> None:
             err.print(f"[yellow]warning[/] {escape(warning)}")
         tuning = Tuning(made, keys, asked.least, between=bounds, duration=asked.duration)
         folder = asked.out_folder / f"tune_{made.name}_{'_'.join(keys)}"
-        require_writable(folder)
+        claims.enter_context(claimed_folder(folder, "tuned.yaml", "tuning.png"))
         if asked.duration is not None:
             tell_of_window(asked.experiment, changed | {"duration": asked.duration})
         # What an earlier call has found must not stand beside the figure of this one.

@@ -13,6 +13,7 @@ from rich.table import Table
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest
 from ..measures import METRIC_NAMES
+from ..runs.folder import require_output
 from ..tables import Cell, Heading, Sheet, require_format, write_sheet
 from .console import out
 
@@ -21,8 +22,7 @@ def require_tables(files: Sequence[Path] | None) -> None:
     """Raise an InvalidInputError unless all files of ``--table`` can be of a known format."""
     for file in files or []:
         require_format(file, "--table")
-        if file.is_dir():
-            raise InvalidInputError(f"--table: {file}: is a folder, not a file")
+        require_output(file, "--table")
 
 
 def write_tables(sheet: Sheet, files: Sequence[Path] | None) -> None:

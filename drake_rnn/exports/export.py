@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple, get_args
 
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest
+from ..runs.folder import require_output
 from ..runs.result import Result
 from ..runs.whole_file import replacing
 from .recording import write_mcap
@@ -55,9 +56,18 @@ def export(
 
     Raises:
         InvalidInputError: If there is no such format or series, a format has no place for what is
-            asked, or the package that writes it is not installed.
+            asked, the package that writes it is not installed, or the file is a link, a pipe, a
+            device or one that a run has written itself.
         OSError: If it cannot be written.
     """
+    file = exported_file(place, form)
+    with replacing(file) as new:
+        _WRITERS[form].write(result, new, series)
+    return file
+
+
+def exported_file(place: str | Path, form: Format) -> Path:
+    """Return the file that `export` writes; place, form and errors are those of `export`."""
     if form not in FORMATS:
         raise InvalidInputError(f"form: no format {form!r}; {nearest(form, list(FORMATS))}")
     writer, file = _WRITERS[form], Path(place)
@@ -66,6 +76,5 @@ def export(
     for other, one in _WRITERS.items():
         if file.suffix == Path(one.file).suffix and one is not writer:
             raise InvalidInputError(f"form: {file.name} is named as {other}, not as {form}")
-    with replacing(file) as new:
-        writer.write(result, new, series)
+    require_output(file, "place")
     return file

@@ -27,6 +27,8 @@ from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..robot.arm import Arm
 from ..robot.drake_log import quiet_drake
+from ..runs.folder import require_output
+from ..runs.whole_file import replacing
 
 # Size of the picture [pixels], vertical field of view [rad], and the room around the arm.
 _WIDTH, _HEIGHT, _FIELD_OF_VIEW, _MARGIN = 900, 900, 0.6, 1.15
@@ -59,6 +61,7 @@ def write_arm_picture(arm: Arm, q: Array, file: str | Path) -> Path:
     if why := rendering_fault():
         raise InvalidInputError(f"picture {file}: {why}")
     file = Path(file)
+    require_output(file, "picture")
     skeleton = arm.kinematics().skeleton(q)
     size = max(float(np.ptp(skeleton, axis=0).max()), 0.1)
     builder = DiagramBuilder()
@@ -82,7 +85,8 @@ def write_arm_picture(arm: Arm, q: Array, file: str | Path) -> Path:
         )
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        Image.fromarray(np.asarray(image.data)[..., :3]).save(file, optimize=True)
+        with replacing(file) as new:
+            Image.fromarray(np.asarray(image.data)[..., :3]).save(new, "PNG", optimize=True)
     except OSError as error:
         raise InvalidInputError(f"picture {file}: {error.strerror}") from None
     return file

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest, require_type
 from ..runs.result import Result
+from ..runs.whole_file import require_replaceable
 from . import (  # noqa: F401  These register figures.
     derivatives,
     overview,
@@ -89,6 +90,8 @@ def write_figures(
     folder = Path(folder)
     names = names or fitting(drawable(result), paper)
     files = [folder / f"{name}.{paper.form}" for name in names]
+    for file in files:
+        require_replaceable(file)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for file in files:

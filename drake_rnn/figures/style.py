@@ -22,6 +22,7 @@ from PIL import Image
 from ..inputs.fields import Array
 from ..measures import UNITS, raised
 from ..runs.result import Result
+from ..runs.whole_file import replacing
 from .looks import MOMENT, NOTE, SHADE, Style, nth
 from .paper import current, wide
 
@@ -55,9 +56,20 @@ def save(figure: Figure, file: Path | BytesIO) -> None:
 
     PNG files are in true colours: a palette of 256 colours would be a third of the size, but where
     curves are smoothed and overlap its colours are up to 50 of 255 off.
+
+    Raises:
+        InvalidInputError: If something else than a regular file has that name.
+        OSError: If it cannot be written.
     """
+    if isinstance(file, BytesIO):
+        _write(figure, file, "png")
+        return
+    with replacing(file) as new:
+        _write(figure, new, file.suffix.removeprefix("."))
+
+
+def _write(figure: Figure, file: Path | BytesIO, form: str) -> None:
     canvas: Any = FigureCanvasAgg(figure)
-    form = file.suffix.removeprefix(".") if isinstance(file, Path) else "png"
     # Matplotlib looks fonts and formats of numbers up only now.
     with styled():
         for child in chain.from_iterable(ax.get_children() for ax in figure.axes):

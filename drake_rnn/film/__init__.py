@@ -13,6 +13,7 @@ from PIL import Image
 from ..errors import InvalidInputError
 from ..inputs.complaints import require_type
 from ..playback import write_playback
+from ..runs.folder import require_output
 from ..runs.result import Result
 from ..runs.whole_file import replacing
 from .browser import open_browser, require_browser
@@ -96,8 +97,8 @@ def write_film(
     if result.time.size < 2:
         raise InvalidInputError("film: the run is a single instant, in which nothing moves")
     times = film_times(float(result.time[-1] - result.time[0]), settings)
-    require_browser()
     _require_writable(file)
+    require_browser()
     pictures = _pictures(result, settings, beside, times, progress)
     film = fitted(pictures, times, kind, settings.most_bytes)
     _write_whole(file, film.contents)
@@ -137,8 +138,9 @@ def _pictures(
 
 def _require_writable(file: Path) -> None:
     """Refuse a file that cannot be written before a minute is spent on its pictures."""
+    require_output(file, "film file", "film.*")
     folder = file.parent
-    if not folder.is_dir() or not os.access(folder, os.W_OK | os.X_OK) or file.is_dir():
+    if not folder.is_dir() or not os.access(folder, os.W_OK | os.X_OK):
         raise InvalidInputError(f"film file {file}: cannot be written")
 
 

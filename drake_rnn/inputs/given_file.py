@@ -3,15 +3,29 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple
+from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile, ZipInfo
+
+import numpy as np
+from numpy.typing import NDArray
 
 _MEGABYTE = 1_000_000
+# Largest size of a file of JSON, and of what the arrays of a file may take [bytes].
+_MOST_JSON, _MOST_ARRAYS = 64 * _MEGABYTE, 4000 * _MEGABYTE
+# Kinds of numbers: logical, signed, unsigned and real ones.
+_NUMBERS = "biuf"
+# Largest size of the head of an array in a file [bytes].
+_MOST_HEAD = 10_000
 
 
-def content_of(file: str | Path, most: int) -> bytes:
-    """Return what a file holds.
+def opened(file: str | Path, most: int) -> BinaryIO:
+    """Open a regular file of at most a size for reading.
 
     Args:
         file: The file.
@@ -22,9 +36,9 @@ def content_of(file: str | Path, most: int) -> bytes:
         ValueError: If it is a folder, a pipe, a device or too large, or its name is none.
     """
     # A pipe would keep its reader waiting until something is written to it.
-    handle = os.open(file, os.O_RDONLY | os.O_NONBLOCK)
-    with os.fdopen(handle, "rb") as stream:
-        found = os.fstat(handle)
+    stream = os.fdopen(os.open(file, os.O_RDONLY | os.O_NONBLOCK), "rb")
+    try:
+        found = os.fstat(stream.fileno())
         if stat.S_ISDIR(found.st_mode):
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
         if not stat.S_ISREG(found.st_mode):
@@ -33,8 +47,123 @@ def content_of(file: str | Path, most: int) -> bytes:
             raise ValueError(
                 f"has {found.st_size / _MEGABYTE:.3g} MB, and may have {most / _MEGABYTE:g} MB"
             )
+    except (OSError, ValueError):
+        stream.close()
+        raise
+    return stream
+
+
+def content_of(file: str | Path, most: int) -> bytes:
+    """Return what a file holds; arguments and errors are those of `opened`."""
+    with opened(file, most) as stream:
         # Some files that the system makes up, and some that grow, are longer than they say.
         content = stream.read(most + 1)
     if len(content) > most:
         raise ValueError(f"has more than {most / _MEGABYTE:g} MB, which it may have")
     return content
+
+
+def json_of(file: str | Path) -> Any:
+    """Return the contents of a file of JSON.
+
+    Raises:
+        OSError: If it cannot be opened or read.
+        ValueError: If it is no regular file, too large, no JSON, or nested too deeply.
+    """
+    try:
+        return json.loads(content_of(file, _MOST_JSON))
+    except RecursionError:
+        raise ValueError("is nested too deeply") from None
+
+
+class ArrayHead(NamedTuple):
+    """What the head of an array in a file says of it."""
+
+    shape: tuple[int, ...]
+    kind: str
+    size: int
+
+
+def arrays_of(file: str | Path) -> dict[str, NDArray[Any]]:
+    """Return the arrays of numbers that `numpy.savez` has written to a file.
+
+    Nothing that is read can run code. An array that the file does not hold is not made room for.
+
+    Raises:
+        OSError: If it cannot be opened or read.
+        ValueError: If it is no such file, is damaged, or holds anything but numbers.
+    """
+    with _archive(file) as archive:
+        _heads_in(archive)
+        return {_name_of(member): _array_of(archive, member) for member in archive.infolist()}
+
+
+def heads_of(file: str | Path) -> dict[str, ArrayHead]:
+    """Return what a file says of its arrays, by name; errors are those of `arrays_of`.
+
+    Arrays that are not wanted can so be refused before they take memory or time.
+    """
+    with _archive(file) as archive:
+        return _heads_in(archive)
+
+
+@contextmanager
+def _archive(file: str | Path) -> Iterator[ZipFile]:
+    """Open a file of arrays; whatever its damage raises within is a ValueError."""
+    with opened(file, _MOST_ARRAYS) as stream:
+        try:
+            with ZipFile(stream) as archive:
+                yield archive
+        except OSError:
+            raise
+        # What a damaged file raises in these libraries is not documented.
+        except Exception as error:
+            told = " ".join(str(error).split()) or type(error).__name__
+            if isinstance(error, ValueError):
+                raise ValueError(told) from None
+            raise ValueError(f"is damaged: {told}") from None
+
+
+def _heads_in(archive: ZipFile) -> dict[str, ArrayHead]:
+    members = archive.infolist()
+    heads = {_name_of(member): _head_of(archive, member) for member in members}
+    if len(heads) != len(members):
+        raise ValueError("an array is there twice")
+    if sum(head.size for head in heads.values()) > _MOST_ARRAYS:
+        raise ValueError(f"its arrays take more than {_MOST_ARRAYS / _MEGABYTE:g} MB")
+    return heads
+
+
+def _name_of(member: ZipInfo) -> str:
+    return member.filename.removesuffix(".npy")
+
+
+def _head_of(archive: ZipFile, member: ZipInfo) -> ArrayHead:
+    """Return what the head of an array says, if the file holds as much as it says."""
+    name = _name_of(member)
+    if member.compress_type not in (ZIP_STORED, ZIP_DEFLATED) or member.flag_bits & 0x1:
+        raise ValueError(f"{name} is not stored as NumPy does")
+    with archive.open(member) as stream:
+        version = np.lib.format.read_magic(stream)
+        read = {
+            (1, 0): np.lib.format.read_array_header_1_0,
+            (2, 0): np.lib.format.read_array_header_2_0,
+        }
+        if version not in read:
+            raise ValueError(f"{name} is of version {version} of NumPy's format")
+        shape, _, kind = read[version](stream, max_header_size=_MOST_HEAD)
+        begin = stream.tell()
+    if kind.kind not in _NUMBERS:
+        raise ValueError(f"{name} must hold numbers, not {kind}")
+    size = kind.itemsize
+    for length in shape:
+        size *= length
+    if size != member.file_size - begin or min(shape, default=0) < 0:
+        raise ValueError(f"{name} of shape {shape} has {member.file_size - begin} bytes")
+    return ArrayHead(shape, kind.kind, size)
+
+
+def _array_of(archive: ZipFile, member: ZipInfo) -> NDArray[Any]:
+    with archive.open(member) as stream:
+        array: NDArray[Any] = np.lib.format.read_array(stream, allow_pickle=False)
+    return array

@@ -1,4 +1,4 @@
-"""Units of the series of a run."""
+"""Units and shapes of the series of a run."""
 
 from __future__ import annotations
 
@@ -37,4 +37,39 @@ UNITS = {
     "normal_force_desired": "N",
     "normal_force_measured": "N",
     "contact_force": "N",
+}
+
+_JOINTS = ("n",)
+#: Shapes of the series at one time, by name: n is the number of joints; other lengths are the same
+#: wherever the same name stands. A series that is not listed may have any shape.
+SHAPES: dict[str, tuple[str, ...]] = {
+    "position": _JOINTS,
+    "velocity": _JOINTS,
+    "position_measured": _JOINTS,
+    "velocity_measured": _JOINTS,
+    "acceleration": _JOINTS,
+    "acceleration_peak": (),
+    "network_velocity": _JOINTS,
+    "network_acceleration": _JOINTS,
+    "network_acceleration_peak": (),
+    "velocity_lower": _JOINTS,
+    "velocity_upper": _JOINTS,
+    "acceleration_demand": _JOINTS,
+    "torque": _JOINTS,
+    "joint_error": _JOINTS,
+    "p_WE": ("axes",),
+    "p_WE_desired": ("axes",),
+    "v_WE": ("axes",),
+    "v_WE_desired": ("axes",),
+    "J": ("rows", "n"),
+    "J_hat": ("rows", "n"),
+    "pixels": ("pixels",),
+    "pixels_desired": ("pixels",),
+    "pixels_measured": ("pixels",),
+    "distance": (),
+    "orientation_error": (),
+    "normal_force": (),
+    "normal_force_desired": (),
+    "normal_force_measured": (),
+    "contact_force": ("xyz",),
 }

@@ -12,7 +12,9 @@ from pathlib import Path
 
 from ..errors import InvalidInputError
 from ..inputs.complaints import require_type
+from ..runs.folder import require_output
 from ..runs.result import Result
+from ..runs.whole_file import written_whole
 from .page import make_page
 from .replay import replayed_motion
 
@@ -51,9 +53,11 @@ def write_playback(
     if not isinstance(rate, int) or isinstance(rate, bool) or rate < 1:
         raise InvalidInputError(f"frames_per_second: must be a positive integer, not {rate!r}")
     file = Path(file)
+    require_output(file, "playback file", "playback.html")
     page = make_page(replayed_motion(result), rate, [replayed_motion(each) for each in beside])
     try:
-        file.write_text(page, encoding="utf-8")
+        with written_whole(file) as stream:
+            stream.write(page)
     except OSError as error:
         raise InvalidInputError(f"playback file {file}: {error.strerror}") from None
     return file

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ..errors import InvalidInputError
+from ..runs.folder import claimed
 from ..runs.whole_file import written_whole
 from .contents import contents_of, failures, main_runs
 from .gathering import Chosen, Done, gather, judged
@@ -87,7 +88,7 @@ def make_report(
     pages = (f"{name}.{settings.format}" for name in ("index", *(c.scheme for c, _ in chosen)))
     _refuse_others(folder, {_DATA, *pages})
     runs = KeptRuns(folder)
-    with runs.rows.claimed():
+    with claimed(folder):
         try:
             return _made(chosen, runs, folder, settings, done)
         except KeyboardInterrupt:

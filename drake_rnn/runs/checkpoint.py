@@ -8,13 +8,15 @@ are kept as they are, and evaluated again from the first.
 
 from __future__ import annotations
 
-import json
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from hashlib import sha256
+from math import prod
 from pathlib import Path
 from shutil import rmtree
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from pydrake.systems.analysis import Simulator
@@ -25,13 +27,20 @@ from ..experiment import Experiment, ExperimentDocument, make_experiment
 from ..experiment.fingerprint import surroundings
 from ..inputs.documents import construct, read_yaml
 from ..inputs.fields import Array
-from .folder import UNREADABLE, read_record
+from ..inputs.given_file import arrays_of, content_of, json_of, opened
+from .folder import read_record
 from .stored import Series
 
 #: Subfolder of a run's folder that holds it while the run has not come to its end.
 FOLDER = "checkpoint"
 #: Its files: what it says of the run, the document, the state and the recorded steps.
 RUN, DOCUMENT, STATE, STEPS = "run.json", "experiment.yaml", "state.npz", "steps.bin"
+#: Largest size of recorded steps, those of half an hour at 1 kHz, and of one number [bytes].
+MOST_BYTES, NUMBER = 1_000_000_000, 8
+# Largest size of the other files, and unit of the sizes that the system tells [bytes].
+_MOST_TEXT, _BLOCK = 64_000_000, 512
+
+_T = TypeVar("_T")
 
 
 class State(NamedTuple):
@@ -98,27 +107,13 @@ class Checkpoint:
             InvalidInputError: If there is none, or the run cannot go on as it would have.
         """
         folder = Path(folder)
-        place = folder / FOLDER
-        told = _told(folder)
-        document = construct(ExperimentDocument, read_yaml(place / DOCUMENT), "")
+        contents = _contents(folder)
+        told, document = contents.told, contents.document
+        if told.get("why_not"):
+            raise InvalidInputError(f"{folder}: cannot go on: {told['why_not']}")
         _require_same(folder, document, told)
-        try:
-            with np.load(place / STATE) as kept:
-                state = State(float(kept["time"]), kept["continuous"], kept["discrete"])
-                count, width = (int(number) for number in kept["shape"])
-            table = np.fromfile(place / STEPS, count=count * width)
-            if table.size != count * width:
-                raise ValueError(f"{STEPS} has {table.size} numbers, not {count * width}")
-            table = table.reshape(count, width)
-        except FileNotFoundError as error:
-            if Path(error.filename).name == STEPS:
-                raise InvalidInputError(f"{place}: is no checkpoint: {STEPS} is missing") from None
-            raise InvalidInputError(
-                f"{folder}: was stopped before the first whole second; run it again"
-            ) from None
-        except UNREADABLE as error:
-            raise InvalidInputError(f"{place}: is no checkpoint of a run: {error}") from None
         experiment = make_experiment(document)
+        state, table = contents.state, contents.table
         return cls(folder, experiment, told["series"], state, table[:, 0], table[:, 1:])
 
     def restore(self, simulator: Simulator) -> None:
@@ -144,22 +139,131 @@ def forget(folder: Path) -> None:
     rmtree(folder / FOLDER, ignore_errors=True)
 
 
-def _told(folder: Path) -> dict[str, Any]:
-    """Return what a checkpoint says of its run, or refuse a folder without one."""
+def size_of(folder: Path) -> int:
+    """Return the size of the checkpoint in a folder [bytes]; 0 without one."""
+    with suppress(OSError):
+        return sum(file.lstat().st_blocks * _BLOCK for file in (folder / FOLDER).iterdir())
+    return 0
+
+
+class Digest:
+    """Digest of all files of a checkpoint, by which a change of any of them is found.
+
+    Args:
+        folder: Folder of the checkpoint, which holds what is said of the run, and its document.
+
+    Raises:
+        OSError: If one of these files cannot be read.
+        ValueError: If one is no regular file, or too large.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._begun = sha256()
+        for name in (RUN, DOCUMENT):
+            content = content_of(folder / name, _MOST_TEXT)
+            self._begun.update(f"{name} {len(content)} ".encode() + content)
+
+    def add(self, table: Array) -> None:
+        """Add recorded steps, shape (k, width), which follow those added before."""
+        self._begun.update(table.tobytes())
+
+    def at(self, state: State, shape: Sequence[int]) -> Array:
+        """Return the digest with a state and the shape of all recorded steps, 32 bytes."""
+        whole = self._begun.copy()
+        for part in (np.array(shape, dtype=float), *map(np.asarray, state)):
+            whole.update(f" {part.shape} ".encode() + part.astype(float).tobytes())
+        return np.frombuffer(whole.digest(), np.uint8)
+
+
+class _Contents(NamedTuple):
+    """What the files of a checkpoint hold: told of the run, document, state and recorded steps."""
+
+    told: dict[str, Any]
+    document: ExperimentDocument
+    state: State
+    table: Array
+
+
+def _contents(folder: Path) -> _Contents:
+    """Return what the files of a checkpoint hold, or refuse what no run has left as it is."""
     if not folder.is_dir():
         what = "is a file, not a folder" if folder.exists() else "there is no such folder"
         raise InvalidInputError(f"{folder}: {what}")
-    try:
-        told: dict[str, Any] = json.loads((folder / FOLDER / RUN).read_text())
-        if not isinstance(told, dict) or not isinstance(told.get("versions"), dict):
-            raise ValueError(f"{RUN} does not say by which versions it was made")
-    except FileNotFoundError:
-        raise InvalidInputError(f"{folder}: {_without(folder)}") from None
-    except (OSError, ValueError) as error:
-        raise InvalidInputError(f"{folder / FOLDER}: is no checkpoint of a run: {error}") from None
+    place = folder / FOLDER
+    if not os.path.lexists(place / RUN):
+        raise InvalidInputError(f"{folder}: {_without(folder)}")
+    told = _read(place, RUN, json_of)
+    if not isinstance(told, dict) or not isinstance(told.get("versions"), dict):
+        raise _damaged(place, RUN, "does not say by which versions it was made")
+    document = _read(place, DOCUMENT, _document_in)
     if told.get("why_not"):
-        raise InvalidInputError(f"{folder}: cannot go on: {told['why_not']}")
-    return told
+        return _Contents(told, document, State(0.0, np.zeros(0), np.zeros(0)), np.zeros((0, 1)))
+    if not os.path.lexists(place / STATE):
+        raise InvalidInputError(
+            f"{folder}: was stopped before the first whole second; run it again"
+        )
+    state, shape, expected = _read(place, STATE, _state_in)
+    table = _read(place, STEPS, lambda file: _table_in(file, shape))
+    digest = Digest(place)
+    digest.add(table)
+    if not np.array_equal(digest.at(state, shape), expected):
+        raise _damaged(place, STATE, "its files are not those that the run has written")
+    if not _is_consistent(state, table[:, 0], document.duration):
+        raise _damaged(place, STATE, "its times are not those of a run")
+    return _Contents(told, document, state, table)
+
+
+def _read(place: Path, name: str, read: Callable[[Path], _T]) -> _T:
+    """Return what a function reads from a file of a checkpoint, or refuse it."""
+    try:
+        return read(place / name)
+    except FileNotFoundError:
+        raise _damaged(place, name, "is missing") from None
+    except OSError as error:
+        raise _damaged(place, name, error.strerror or str(error)) from None
+    except (ValueError, InvalidInputError) as error:
+        raise _damaged(place, name, str(error).removeprefix(f"{place / name}: ")) from None
+
+
+def _damaged(place: Path, name: str, why: str) -> InvalidInputError:
+    return InvalidInputError(
+        f"{place}: is no checkpoint of a run: {name}: {why}; run the experiment again"
+    )
+
+
+def _document_in(file: Path) -> ExperimentDocument:
+    if not os.path.lexists(file):
+        raise FileNotFoundError
+    return construct(ExperimentDocument, read_yaml(file), "")
+
+
+def _state_in(file: Path) -> tuple[State, tuple[int, ...], Array]:
+    """Return the state in a file, the shape of the recorded steps, and the digest of all files."""
+    if file.stat().st_size > _MOST_TEXT:
+        raise ValueError("is too large")
+    kept = arrays_of(file)
+    if missing := {*State._fields, "shape", "digest"} - kept.keys():
+        raise ValueError(f"has no {', '.join(sorted(missing))}")
+    time, shape = kept["time"], kept["shape"]
+    if time.shape or shape.shape != (2,) or shape.dtype.kind != "i" or (shape < 1).any():
+        raise ValueError("has no time and shape of recorded steps")
+    state = State(float(time), kept["continuous"], kept["discrete"])
+    return state, tuple(shape.tolist()), kept["digest"]
+
+
+def _table_in(file: Path, shape: tuple[int, ...]) -> Array:
+    """Return recorded steps of a shape from a file, which may hold more."""
+    with opened(file, 2 * MOST_BYTES) as stream:
+        size = os.fstat(stream.fileno()).st_size
+        if prod(shape) * NUMBER > size:
+            raise ValueError(f"has {size} bytes, not {shape[0]} steps of {shape[1]} numbers")
+        return np.fromfile(stream, count=prod(shape)).reshape(shape)
+
+
+def _is_consistent(state: State, times: Array, duration: float) -> bool:
+    """Return whether steps are in their order, from the start to the time of the state."""
+    ordered = times[0] == 0.0 and bool((np.diff(times) >= 0.0).all())
+    return ordered and bool(times[-1] == state.time) and 0.0 < state.time <= duration
 
 
 def _without(folder: Path) -> str:

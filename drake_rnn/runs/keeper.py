@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import errno
 import json
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from math import floor
 from pathlib import Path
 from shutil import rmtree
@@ -21,14 +23,26 @@ from ..inputs.signals_held import signals_held
 from ..inputs.versions import versions
 from ..measures import Recorder, Steps
 from ..measures.recorder import Take
-from .checkpoint import DOCUMENT, FOLDER, RUN, STATE, STEPS, Checkpoint, State
+from .checkpoint import (
+    DOCUMENT,
+    FOLDER,
+    MOST_BYTES,
+    NUMBER,
+    RUN,
+    STATE,
+    STEPS,
+    Checkpoint,
+    Digest,
+    State,
+)
+from .folder import claimed, require_fillable
 from .stored import Series
-from .whole_file import replacing, written_whole
+from .whole_file import replacing, room_in, written_whole
 
 # Time of the run, and wall time, between two checkpoints [s].
 _EVERY, _PAUSE = 1.0, 1.0
-# Largest size of recorded steps, those of half an hour at 1 kHz [bytes].
-_MOST_BYTES = 1_000_000_000
+# Room that is left on the disk besides that for a result as large as the recorded steps [bytes].
+_ROOM = 16_000_000
 # Rounding of a time that is a sum of steps, relative to the plant's step.
 _ROUNDING = 1e-6
 #: Drake's schemes whose next step depends on the present state alone, if steps have a fixed length.
@@ -72,13 +86,17 @@ class Keeper:
         self._recorder, self._tick = recorder, tick
         # Number of the next whole second to keep what there is at.
         self._whole, self._due = 1, perf_counter() + _PAUSE
-        # Number of recorded steps in the file.
-        self._written = 0
+        # Number of recorded steps in the file, and of those at the time of the state.
+        self._written = self._kept = 0
         self._able = not why_not(experiment.document)
         if since is None:
             self._begin(folder, experiment, series)
-        else:
-            self._written, self._whole = len(since.times), _whole(since.state.time) + 1
+        self._digest = Digest(self._folder)
+        if since is not None:
+            self._written = self._kept = len(since.times)
+            self._width = since.rows.shape[1] + 1
+            self._digest.add(np.column_stack((since.times, since.rows)))
+            self._whole = _whole(since.state.time) + 1
 
     def _begin(self, folder: str | Path, experiment: Experiment, series: Series) -> None:
         contents = experiment.document.contents()
@@ -121,9 +139,12 @@ class Keeper:
 
     def _checkpoint(self, state: State) -> None:
         self._append()
-        kept: dict[str, Any] = {**state._asdict(), "shape": [self._written, self._width]}
+        shape = [self._written, self._width]
+        digest = self._digest.at(state, shape)
+        kept: dict[str, Any] = {**state._asdict(), "shape": shape, "digest": digest}
         with replacing(self._folder / STATE) as new, new.open("wb") as stream:
             np.savez(stream, **kept)
+        self._kept = self._written
 
     def _keep(self, write: Callable[[], None]) -> None:
         # A run does not fail for want of what it needs only if it is stopped.
@@ -134,20 +155,49 @@ class Keeper:
             self._able = False
             until = self._recorder.steps.time[-1]
             self.trouble = f"none after t = {until:.6g} s: {error.strerror}"
+            self._drop_unused()
+
+    def _drop_unused(self) -> None:
+        """Make room: remove the steps since the last checkpoint."""
+        with suppress(OSError):
+            if self._kept:
+                os.truncate(self._folder / STEPS, self._kept * self._width * NUMBER)
+            else:
+                (self._folder / STEPS).unlink()
 
     def _append(self) -> None:
         """Write the steps that have been recorded since the last call."""
         times, rows = self._recorder.since(self._written)
         table = np.column_stack((times, rows))
-        if (self._written + len(table)) * table.shape[1] * table.itemsize > _MOST_BYTES:
-            raise OSError(errno.EFBIG, f"its steps take more than {_MOST_BYTES / 1e9:g} GB")
+        size = (self._written + len(table)) * table.shape[1] * NUMBER
+        if size > MOST_BYTES:
+            raise OSError(errno.EFBIG, f"its steps take more than {MOST_BYTES / 1e9:g} GB")
+        if room_in(self._folder) < table.nbytes + size + _ROOM:
+            raise OSError(errno.ENOSPC, "the disk has too little room beside the result's")
         mode = "r+b" if self._written else "wb"
         with (self._folder / STEPS).open(mode) as stream:
             # Beyond the last checkpoint there may be steps of a run that was stopped.
-            stream.seek(self._written * table.shape[1] * table.itemsize)
+            stream.seek(self._written * table.shape[1] * NUMBER)
             stream.write(table.tobytes())
+        self._digest.add(table)
         self._width = table.shape[1]
         self._written += len(table)
+
+
+@contextmanager
+def begun_in(folder: Path) -> Iterator[None]:
+    """Make the folder of a run that begins, and keep other processes from writing to it.
+
+    Raises:
+        InvalidInputError: If it cannot be written to, or another process writes to it.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InvalidInputError(f"output folder {folder}: {error.strerror}") from None
+    with claimed(folder, within=True):
+        require_fillable(folder)
+        yield
 
 
 def _whole(t: float) -> int:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
+from io import BytesIO
 from pathlib import Path
-from typing import Any, Literal
+from typing import IO, Any
 
 import numpy as np
 from pydrake.trajectories import Trajectory
@@ -15,21 +17,26 @@ from ..errors import InvalidInputError
 from ..experiment import Experiment, make_experiment
 from ..experiment.heads import written_head
 from ..inputs.complaints import require_type
-from ..inputs.documents import parse_yaml
+from ..inputs.documents import read_yaml
 from ..inputs.fields import Array
+from ..inputs.given_file import heads_of
 from ..inputs.html import html_table, html_views
 from ..inputs.modules import Modules
+from ..inputs.signals_held import uninterrupted
 from ..inputs.versions import versions
 from ..measures import METRICS
 from ..paths import Path as MotionPath
 from .beside import SECOND
-from .checkpoint import forget
+from .checkpoint import can_go_on, forget, size_of
 from .columns import columns_of, frame_of
-from .folder import UNREADABLE, filled, read_record
+from .folder import filled, read_record
+from .saved import Status as Status
+from .saved import graph_of, metrics_of, read_file, series_of, told_in
 from .verdict import Verdict, verdicts_of
+from .whole_file import room_in
 
-#: Whether a run came to its end, and if not, what stopped it.
-Status = Literal["complete", "failed", "interrupted"]
+# Largest size of the texts of a result without a diagram [bytes].
+_TEXTS = 64_000
 
 
 @dataclass(frozen=True, repr=False)
@@ -154,39 +161,90 @@ class Result:
             "timings": self.timings,
         }
 
-    def save(self, folder: str | Path) -> Path:
+    def save(self, folder: str | Path, draw: Callable[[Path], None] | None = None) -> Path:
         """Write the result, in place of another run's.
 
         The files are ``experiment.yaml``, ``result.npz``, ``metrics.json``, ``diagram.dot`` and
-        ``run.json``, which says until the others are written that the folder is incomplete.
+        ``run.json``, which says until the others are written that the folder is incomplete. If
+        there is no room for them beside the checkpoint of the run, that is removed.
+
+        Args:
+            folder: The folder, which is created if missing.
+            draw: Called with the folder when the result is written, before the folder is marked as
+                whole; may add pictures. If it raises an error, the result stays.
 
         Returns:
-            The folder, which is created if missing.
+            The folder.
 
         Raises:
-            InvalidInputError: If the folder cannot be written to.
+            InvalidInputError: If the folder cannot be written to, or another process writes to it.
         """
-        with filled(folder, self.record) as place:
-            self.write(place)
-        return place
+        folder = Path(folder)
+        try:
+            try:
+                trouble = self._fill(folder, draw)
+            except OSError as error:
+                if not self._fits_without_checkpoint(folder, error):
+                    raise
+                forget(folder)
+                if self.status == "interrupted":
+                    self.warnings.append("checkpoint: removed, to make room for the result")
+                trouble = self._fill(folder, draw)
+        except OSError as error:
+            raise InvalidInputError(
+                f"output folder {folder}: {error.strerror}{_going_on(folder)}"
+            ) from None
+        if self.status != "interrupted":
+            forget(folder)
+        if trouble is not None:
+            raise trouble
+        return folder
 
-    def write(self, folder: Path) -> None:
-        """Write all files but ``run.json``, for a folder that is `filled` with more.
+    def _fill(
+        self, folder: Path, draw: Callable[[Path], None] | None = None
+    ) -> BaseException | None:
+        """Write all files; return what has stopped the pictures.
 
         Raises:
             OSError: If a file cannot be written.
         """
+        with filled(folder, self.record):
+            _, interrupted = uninterrupted(lambda: self._write(folder))
+            if interrupted:
+                return KeyboardInterrupt()
+            if draw is not None:
+                # What was computed is kept; pictures can be made again.
+                try:
+                    draw(folder)
+                except BaseException as error:
+                    return error
+        return None
+
+    def _write(self, folder: Path) -> None:
         text = written_head("experiment") + self.experiment.document.to_yaml()
         (folder / "experiment.yaml").write_text(text)
-        arrays: dict[str, Any] = {"time": self.time, **self.series}
-        np.savez_compressed(folder / "result.npz", **arrays)
+        with (folder / "result.npz").open("wb") as stream:
+            self._write_arrays(stream)
         (folder / "metrics.json").write_text(json.dumps(self.metrics, indent=2) + "\n")
         if self.graphviz:
             (folder / "diagram.dot").write_text(self.graphviz)
         if self.second is not None:
-            self.second.save(folder / SECOND)
-        if self.status != "interrupted":
-            forget(folder)
+            self.second._fill(folder / SECOND)
+
+    def _write_arrays(self, stream: IO[bytes]) -> None:
+        arrays: dict[str, Any] = {"time": self.time, **self.series}
+        np.savez_compressed(stream, **arrays)
+
+    def _fits_without_checkpoint(self, folder: Path, error: OSError) -> bool:
+        """Return whether the result fits in place of the checkpoint, if an error is of its size."""
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+            return False
+        counter = _Counter()
+        for each in (self, self.second):
+            if each is not None:
+                each._write_arrays(counter)
+                counter.size += len(each.graphviz) + _TEXTS
+        return counter.size <= room_in(folder) + size_of(folder)
 
     @classmethod
     def load(
@@ -213,38 +271,26 @@ class Result:
         folder = Path(folder)
         if folder.is_file():
             raise InvalidInputError(f"{folder}: holds no result: it is a file, not a folder")
-        record = read_record(folder)
-        try:
-            document = parse_yaml((folder / "experiment.yaml").read_text(), str(folder))
-            with np.load(folder / "result.npz") as arrays:
-                series = {name: arrays[name] for name in arrays.files}
-            metrics = json.loads((folder / "metrics.json").read_text())
-            time = series.pop("time")
-            _require_whole(time, series, metrics)
-        except FileNotFoundError as error:
-            lacks = f"{Path(error.filename).name} is missing"
-            why = lacks if folder.is_dir() else "there is no such folder"
-            raise InvalidInputError(f"{folder}: holds no result: {why}") from None
-        except UNREADABLE as error:
-            raise InvalidInputError(f"{folder}: holds no result: {error}") from None
+        told = told_in(read_record(folder), folder)
+        document = read_file(folder, "experiment.yaml", _document_in)
+        read_file(folder, "result.npz", heads_of)
+        metrics = read_file(folder, "metrics.json", metrics_of)
         try:
             experiment = make_experiment(document, path, modules=modules)
         except InvalidInputError as error:
             raise InvalidInputError(f"{folder}: experiment.yaml: {error}") from error
-        graph, second = folder / "diagram.dot", None
+        series = read_file(folder, "result.npz", lambda file: series_of(file, experiment))
+        second = None
         if experiment.second is not None and (folder / SECOND).is_dir():
             second = replace(cls.load(folder / SECOND), experiment=experiment.second)
         return cls(
             experiment=experiment,
-            time=time,
+            time=series.pop("time"),
             series=series,
             metrics=metrics,
-            graphviz=graph.read_text() if graph.is_file() else "",
-            warnings=record.get("warnings", []),
-            status=record.get("status", "complete"),
-            failure=record.get("failure", ""),
-            timings=record.get("timings", {}),
+            graphviz=read_file(folder, "diagram.dot", graph_of),
             second=second,
+            **told,
         )
 
 
@@ -265,22 +311,34 @@ def stopped(result: Result, status: Status, failure: str) -> Result:
     return replace(result, status=status, failure=failure, second=second)
 
 
-def _require_whole(time: Array, series: dict[str, Array], metrics: Any) -> None:
-    """Refuse arrays or metrics that no run has written.
+def _document_in(file: Path) -> Any:
+    try:
+        return read_yaml(file)
+    except InvalidInputError as error:
+        if not file.exists():
+            raise FileNotFoundError from None
+        raise ValueError(str(error).removeprefix(f"{file}: ")) from None
 
-    Raises:
-        ValueError: If an array or a metric is not one of a run.
-    """
-    if not isinstance(metrics, dict) or not all(
-        isinstance(value, (int, float)) for value in metrics.values()
-    ):
-        raise ValueError("metrics.json must hold numbers by name")
-    if "position" not in series:
-        raise ValueError("result.npz: position is missing")
-    if time.ndim != 1 or not np.isfinite(time).all():
-        raise ValueError("result.npz: time must be finite numbers, shape (k,)")
-    for name, values in series.items():
-        if values.shape[:1] != time.shape:
-            raise ValueError(
-                f"result.npz: {name} has shape {values.shape}, but there are {time.size} samples"
-            )
+
+def _going_on(folder: Path) -> str:
+    """Return how a result that could not be written can still be had; empty if it cannot."""
+    if not can_go_on(folder):
+        return ""
+    again = f"`drake-rnn run --resume {folder}` makes it from the checkpoint"
+    return f"; once it can be written, {again}"
+
+
+class _Counter(BytesIO):
+    """A file that keeps its size [bytes] alone."""
+
+    size = 0
+
+    def write(self, data: Any) -> int:
+        """Count what would be written."""
+        count = memoryview(data).nbytes
+        self.size += count
+        return count
+
+    def seekable(self) -> bool:
+        """Nothing can be written again."""
+        return False

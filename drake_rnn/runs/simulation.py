@@ -23,7 +23,8 @@ from .checkpoint import Checkpoint
 from .diagram import build_loops, recorded_simulator, start_laws
 from .effort import check_effort
 from .evaluation import Evaluations
-from .keeper import Keeper
+from .folder import claimed
+from .keeper import Keeper, begun_in
 from .result import Result, Status, stopped
 from .stored import Series, stored_period, thinned
 
@@ -84,11 +85,13 @@ def simulate(
             of these, at most 2000, whose period is then the ``log_period`` of the result; or
             "none", the last step alone. Metrics are the same.
         keep: Folder in which is kept what `resume` needs if the run is stopped: at whole seconds of
-            its time, at most once a second. To save the result there removes it.
+            its time, at most once a second. To save the result there removes it. No other process
+            may write to the folder meanwhile.
 
     Raises:
         InvalidInputError: If the experiment is none, the path is out of reach, the law fails when
-            it is tried at the start, or the run would take very many steps.
+            it is tried at the start, the run would take very many steps, or another process writes
+            to ``keep``.
         SimulationError: If the run stops early; its ``result`` covers the time until then. Also if
             what the law says of a complete run is wrong.
         InterruptedRunError: After Ctrl-C. While metrics are taken Ctrl-C waits; if it comes after
@@ -99,6 +102,8 @@ def simulate(
     if not anyway:
         check_effort(experiment, stored_period(experiment, series))
     with ExitStack() as ended:
+        if keep is not None:
+            ended.enter_context(begun_in(Path(keep)))
         return _run(ended, experiment, progress, series, keep)
 
 
@@ -118,8 +123,10 @@ def resume(kept: str | Path | Checkpoint, progress: Progress | None = None) -> R
             other code or from another document, or that cannot go on.
         SimulationError: As `simulate` does.
     """
-    since = kept if isinstance(kept, Checkpoint) else Checkpoint.load(kept)
     with ExitStack() as ended:
+        folder = kept.folder if isinstance(kept, Checkpoint) else Path(kept)
+        ended.enter_context(claimed(folder, within=True))
+        since = kept if isinstance(kept, Checkpoint) else Checkpoint.load(kept)
         return _run(ended, since.experiment, progress, since.series, since.folder, since)
 
 

@@ -8,6 +8,7 @@ from io import StringIO
 from pathlib import Path
 
 from ..errors import InvalidInputError
+from ..runs.folder import require_output
 from ..runs.whole_file import written_whole
 from .latex import latex
 from .markdown import markdown
@@ -47,6 +48,7 @@ def write_sheet(sheet: Sheet, file: Path) -> None:
         InvalidInputError: If there is no such format, or it cannot be written.
     """
     require_format(file)
+    require_output(file, "table")
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         with written_whole(file) as stream:

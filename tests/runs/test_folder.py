@@ -144,7 +144,7 @@ def test_a_folder_from_before_there_were_records_is_read(result, tmp_path):
         ({"metrics": {"position_error_max_m": "x"}}, "metrics.json must hold numbers by name"),
         ({"position": None}, "result.npz: position is missing"),
         ({"position": np.zeros((3, 7))}, r"result.npz: position has shape \(3, 7\), but there are"),
-        ({"time": np.array([np.nan])}, "result.npz: time must be finite numbers"),
+        ({"time": np.full(11, np.nan)}, "result.npz: time must be finite numbers"),
     ],
 )
 def test_a_folder_that_no_run_has_written_is_refused(result, tmp_path, change, message):

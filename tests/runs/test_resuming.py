@@ -163,7 +163,7 @@ def test_the_folder_of_a_finished_run_has_no_checkpoint(tmp_path):
 
 
 def test_a_run_is_kept_even_if_its_checkpoint_cannot_be(tmp_path, monkeypatch):
-    monkeypatch.setattr(keeper, "_MOST_BYTES", 100_000)
+    monkeypatch.setattr(keeper, "MOST_BYTES", 100_000)
     result = simulate(changed(QUICK), keep=tmp_path)
     (warning,) = [text for text in result.warnings if text.startswith("checkpoint: ")]
     assert warning.startswith("checkpoint: none after t = 0.")

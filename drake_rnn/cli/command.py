@@ -6,12 +6,14 @@ imported, and each command imports what it needs.
 
 from __future__ import annotations
 
+import os
 from dataclasses import MISSING, dataclass, fields
 from inspect import Parameter, Signature, getdoc
 from typing import Any, TypeVar, dataclass_transform, get_type_hints
 
 import typer
 
+from ..errors import InvalidInputError
 from ..inputs.lending import lent
 from .interrupting import begun
 from .usage import Command
@@ -38,11 +40,25 @@ def add_command(app: typer.Typer, name: str, place: str, asked: type) -> None:
 
     def carry_out(**given: Any) -> None:
         function = lent(f"{__package__}.{place}")
+        # Every command imports it, as it prints.
+        errors = lent(f"{__package__}.console:errors")
         begun()
-        function(asked(**given))
+        with errors():
+            _require_current_folder()
+            function(asked(**given))
 
     vars(carry_out)["__signature__"] = Signature(_parameters(asked))
     app.command(name, cls=Command, help=getdoc(asked))(carry_out)
+
+
+def _require_current_folder() -> None:
+    """Refuse to work in a folder that was removed, which Drake and relative names need."""
+    try:
+        os.getcwd()
+    except OSError as error:
+        raise InvalidInputError(
+            f"current folder: {error.strerror}; change to a folder that exists"
+        ) from None
 
 
 def _parameters(asked: type) -> list[Parameter]:

@@ -10,7 +10,6 @@ import pytest
 import drake_rnn
 from drake_rnn import shipped_experiments
 from drake_rnn.campaigns import shipped_campaigns
-from drake_rnn.cli import starting
 from drake_rnn.cli.completing import complete_arms, complete_campaigns, complete_experiments
 
 #: What is large, and not needed to answer; pydantic is not among it, as typer imports it for words.
@@ -114,13 +113,17 @@ def test_a_name_that_is_not_lent_is_named():
     )
 
 
-def test_a_missing_library_of_the_system_is_named(monkeypatch):
+def test_a_missing_library_of_the_system_is_named():
     """As a slim container lacks it; what Drake prints about it comes before."""
-
-    def without_glib(place):
-        raise ImportError(f"libglib-2.0.so.0: {starting.MISSING}: No such file or directory")
-
-    monkeypatch.setattr(starting, "lent", without_glib)
-    monkeypatch.setattr(sys, "argv", ["drake-rnn", "run", "pinv_line"])
-    with pytest.raises(SystemExit, match=r"error libglib-2\.0\.so\.0: .* apt-get install libglib2"):
-        starting.main()
+    code = """
+def without_glib(place):
+    raise ImportError("libglib-2.0.so.0: cannot open shared object file: No such file or directory")
+starting.lent = without_glib
+starting.main()
+"""
+    command = [sys.executable, "-c", code, "run", "pinv_line"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith("error libglib-2.0.so.0: this library of the system, which Drake")
+    assert "apt-get install libglib2.0-0" in done.stderr
+    assert "Traceback" not in done.stderr

@@ -17,7 +17,7 @@ from ..inputs.extensions import without_extensions
 from ..inputs.fields import Count, Seed, validated
 from ..inputs.names import require_folder_name
 from ..measures import METRIC_NAMES
-from .variation import Axis, Distribution, Values, variation_of
+from .variation import Axis, Distribution, variation_of
 
 _Share = Annotated[float, Field(strict=True, gt=0, lt=1)]
 #: Largest number of rows of a campaign; each row is a file while the campaign runs.
@@ -91,8 +91,7 @@ class CampaignDocument:
         self._check_together()
         if self.count > MOST_ROWS:
             raise ValueError(f"vary: makes {self.count} rows; there may be {MOST_ROWS}")
-        if self.samples is None:
-            self._check_steps()
+        self._check_steps()
 
     def _check_samples(self) -> None:
         if self.distributions and self.samples is None:
@@ -121,7 +120,7 @@ class CampaignDocument:
         """Raise an InvalidInputError if a value, or values that advance together, come twice."""
         axes = self.axes
         for group in self.groups:
-            if not all(isinstance(axes[key], Values) for key in group):
+            if any(axes[key].is_distinct for key in group):
                 continue
             listed = [axes[key].listed() for key in group]
             steps = listed[0] if len(group) == 1 else list(zip(*listed, strict=True))

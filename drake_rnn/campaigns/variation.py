@@ -29,6 +29,11 @@ class Axis(ABC):
     def size(self) -> int:
         """Number of values, known without listing them."""
 
+    @property
+    def is_distinct(self) -> bool:
+        """Whether no value can come twice, known without listing them."""
+        return False
+
 
 class Distribution(ABC):
     """Values that are drawn, one for each sample."""
@@ -98,6 +103,10 @@ class Range(Axis):
     @property
     def size(self) -> int:
         return self.count
+
+    @property
+    def is_distinct(self) -> bool:
+        return self.low < self.high
 
 
 @validated

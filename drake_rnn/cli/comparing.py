@@ -14,6 +14,7 @@ from ..errors import InvalidInputError
 from ..experiment import Experiment, load_experiment
 from ..figures import drawn_for
 from ..figures.comparison import comparison_figure
+from ..inputs.complaints import drawn_of
 from ..measures import METRIC_NAMES
 from ..runs.effort import effort_of
 from ..runs.result import Result
@@ -151,7 +152,7 @@ def _print_and_write(
     write_tables(sheet, asked.tables)
     if all(result.time.size > 1 for result in results.values()):
         paper = paper_of(asked)
-        with drawn_for(paper):
+        with drawn_for(paper), drawn_of("comparison"):
             picture = comparison_figure({"": results}, folder / f"comparison.{paper.form}")
         out.print(escape(f"picture  {picture}"), soft_wrap=True)
 

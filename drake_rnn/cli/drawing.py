@@ -12,6 +12,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 from .. import figures
+from ..errors import DrakeRnnError
 from ..runs.result import Result
 
 # Time by which a helper that began with us may be later [s].
@@ -89,4 +90,8 @@ def _draw_for(
     for name in names:
         if os.getppid() != parent:
             return
-        figures.write_figures(result, folder, [name], paper)
+        try:
+            figures.write_figures(result, folder, [name], paper)
+        except DrakeRnnError:
+            # That process will try again, and tell why it fails.
+            sys.exit(1)

@@ -11,6 +11,7 @@ from ..figures import drawn_for
 from ..figures.compared import compared_figure
 from ..figures.paper import FORMS
 from ..figures.style import save
+from ..inputs.complaints import drawn_of
 from ..runs.folder import require_output
 from ..runs.result import Result
 from .asked import Figure
@@ -35,8 +36,9 @@ def figure(asked: Figure) -> None:
             raise InvalidInputError(f"--to: {file}: must end in one of {known}")
         require_output(file, "--to")
         runs = relabelled(loaded, asked.labels)
-        drawn = compared_figure(runs, listed(asked.panels), paper)
+        with drawn_of("figure"):
+            drawn = compared_figure(runs, listed(asked.panels), paper)
         require_writable(file.parent, "--to")
-        with drawn_for(paper):
+        with drawn_for(paper), drawn_of("figure"):
             save(drawn, file)
         out.print(escape(f"figure    {file}"), soft_wrap=True)

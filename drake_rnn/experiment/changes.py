@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 from ..errors import InvalidInputError
@@ -101,9 +102,21 @@ def require_distinct(place: str, values: Sequence[Any]) -> None:
     """
     seen = set()
     for value in values:
-        if (told := repr(plain(value))) in seen:
+        if (told := repr(_same(plain(value)))) in seen:
             raise InvalidInputError(f"{place}: has the value {short(value)} twice")
         seen.add(told)
+
+
+def _same(value: Any) -> Any:
+    """Return plain data in one form: whole numbers as floats, keys in order, no minus zero."""
+    if isinstance(value, dict):
+        return sorted(((str(key), _same(each)) for key, each in value.items()), key=lambda e: e[0])
+    if isinstance(value, list):
+        return [_same(entry) for entry in value]
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        with suppress(OverflowError):
+            return float(value) + 0.0 if float(value) == value else value
+    return value
 
 
 def set_key(document: dict[str, Any], key: str, value: Any) -> None:

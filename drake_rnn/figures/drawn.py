@@ -10,7 +10,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from ..errors import InvalidInputError
-from ..inputs.complaints import nearest, require_type
+from ..inputs.complaints import drawn_of, nearest, require_type
 from ..runs.result import Result
 from ..runs.whole_file import require_replaceable
 from . import (  # noqa: F401  These register figures.
@@ -60,7 +60,7 @@ def figure(result: Result, name: str = "overview", paper: Paper = SCREEN) -> Fig
         raise InvalidInputError(
             f"figure: {name} needs a width of {25.4 * FIGURES[name].least:.0f} mm or more"
         )
-    with drawn_for(paper):
+    with drawn_for(paper), drawn_of(f"figure {name}"):
         return FIGURES[name].draw(result)
 
 
@@ -95,7 +95,7 @@ def write_figures(
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for file in files:
-            with drawn_for(paper):
+            with drawn_for(paper), drawn_of(f"figure {file.stem}"):
                 save(figure(result, file.stem, paper), file)
     except OSError as error:
         raise InvalidInputError(f"figures folder {folder}: {error.strerror}") from None

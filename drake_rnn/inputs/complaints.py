@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import is_dataclass
 from difflib import get_close_matches
 from types import NoneType, UnionType
@@ -177,6 +178,25 @@ def short(value: Any) -> str:
         # A YAML alias may refer to a value that contains it.
         text = f"a {type(value).__name__} that contains itself"
     return text if len(text) <= 60 else text[:57] + "..."
+
+
+@contextmanager
+def drawn_of(what: str) -> Iterator[None]:
+    """Refuse numbers that no picture can be made of, such as those of a run that has diverged.
+
+    Args:
+        what: What is drawn within the block, for messages.
+
+    Raises:
+        InvalidInputError: If a library cannot take the numbers.
+    """
+    try:
+        yield
+    except InvalidInputError:
+        raise
+    except (ValueError, ArithmeticError, LookupError, MemoryError) as error:
+        told = " ".join(f"{type(error).__name__}: {error}".split())
+        raise InvalidInputError(f"{what}: cannot be drawn of these numbers: {told}") from error
 
 
 def require_type(key: str, value: object, *kinds: type) -> None:

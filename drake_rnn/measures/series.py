@@ -39,6 +39,11 @@ UNITS = {
     "contact_force": "N",
 }
 
+#: Series that every run has; a motion has fields of these names.
+OF_EVERY_RUN = (
+    *("position", "velocity", "network_velocity"),
+    *("p_WE", "v_WE", "p_WE_desired", "v_WE_desired", "J"),
+)
 _JOINTS = ("n",)
 #: Shapes of the series at one time, by name: n is the number of joints; other lengths are the same
 #: wherever the same name stands. A series that is not listed may have any shape.

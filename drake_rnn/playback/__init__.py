@@ -11,7 +11,7 @@ from html import escape
 from pathlib import Path
 
 from ..errors import InvalidInputError
-from ..inputs.complaints import require_type
+from ..inputs.complaints import drawn_of, require_type
 from ..runs.folder import require_output
 from ..runs.result import Result
 from ..runs.whole_file import written_whole
@@ -54,7 +54,8 @@ def write_playback(
         raise InvalidInputError(f"frames_per_second: must be a positive integer, not {rate!r}")
     file = Path(file)
     require_output(file, "playback file", "playback.html")
-    page = make_page(replayed_motion(result), rate, [replayed_motion(each) for each in beside])
+    with drawn_of("playback"):
+        page = make_page(replayed_motion(result), rate, [replayed_motion(each) for each in beside])
     try:
         with written_whole(file) as stream:
             stream.write(page)

@@ -52,7 +52,7 @@ def columns_of(
         if parts is arm.joints:
             # A joint that slides has metres for radians.
             units = [unit.replace("rad", own) for own in arm.units]
-        columns = values.reshape(len(values), -1).T
+        columns = values.reshape(len(values), int(np.prod(shape))).T
         for part, own, column in zip(parts, units, columns, strict=True):
             found["_".join(filter(None, (name, part, _spelt(own))))] = column
     return found

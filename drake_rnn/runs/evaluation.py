@@ -16,6 +16,7 @@ from ..inputs.fields import Array
 from ..laws import Signals
 from ..laws.checks import warnings_of
 from ..measures import Motion, RunMetrics, Steps, Yardsticks, last_end, of_one_run
+from ..measures.series import OF_EVERY_RUN
 from .beside import of_second
 from .caveats import (
     contact_caveats,
@@ -35,12 +36,6 @@ from .motion import (
 )
 from .result import Result
 from .stored import StoredSeries
-
-# Series that every run has; a motion has fields of these names.
-_OF_EVERY_RUN = (
-    *("position", "velocity", "network_velocity"),
-    *("p_WE", "v_WE", "p_WE_desired", "v_WE_desired", "J"),
-)
 
 
 class Evaluation:
@@ -135,7 +130,7 @@ class Evaluation:
         motion = replace(motion, observed=observed, virtual=virtual)
         self._metrics.add(motion)
         known = fields_of(motion)
-        series: dict[str, Array] = {name: known[name] for name in _OF_EVERY_RUN}
+        series: dict[str, Array] = {name: known[name] for name in OF_EVERY_RUN}
         series |= _further_series(motion, steps)
         series |= {f"{name}_measured": values for name, values in measured.items()}
         states, state = steps.series("state"), loop.controller.reading.state

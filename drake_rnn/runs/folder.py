@@ -200,7 +200,8 @@ def read_record(folder: Path) -> dict[str, Any]:
     except FileNotFoundError:
         return {}
     except (OSError, ValueError) as error:
-        raise InvalidInputError(f"{folder}: {RECORD} cannot be read: {error}") from None
+        why = error.strerror if isinstance(error, OSError) else error
+        raise InvalidInputError(f"{folder}: {RECORD} cannot be read: {why}") from None
     if record == _INCOMPLETE:
         raise InvalidInputError(
             f"{folder}: is incomplete; the command that wrote it was stopped before it ended"

@@ -173,7 +173,7 @@ class Keeper:
         if size > MOST_BYTES:
             raise OSError(errno.EFBIG, f"its steps take more than {MOST_BYTES / 1e9:g} GB")
         if room_in(self._folder) < table.nbytes + size + _ROOM:
-            raise OSError(errno.ENOSPC, "the disk has too little room beside the result's")
+            raise OSError(errno.ENOSPC, "the disk has too little room for it and the result")
         mode = "r+b" if self._written else "wb"
         with (self._folder / STEPS).open(mode) as stream:
             # Beyond the last checkpoint there may be steps of a run that was stopped.

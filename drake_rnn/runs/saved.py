@@ -12,12 +12,14 @@ from ..errors import InvalidInputError
 from ..experiment import Experiment
 from ..inputs.fields import Array
 from ..inputs.given_file import ArrayHead, arrays_of, content_of, heads_of, json_of
-from ..measures.series import SHAPES
+from ..measures.series import OF_EVERY_RUN, SHAPES
 
 #: Whether a run came to its end, and if not, what stopped it.
 Status = Literal["complete", "failed", "interrupted"]
 
 _T = TypeVar("_T")
+# What is driven or played may take longer than asked for: by this factor and time [s].
+_LONGER, _LATER = 2.0, 60.0
 # Largest number of numbers of a sample, and of samples beyond those that the document asks for.
 _MOST_NUMBERS, _MORE_SAMPLES = 100_000, 1000
 # What is said of a file itself begins with these words.
@@ -104,16 +106,16 @@ def series_of(file: Path, experiment: Experiment) -> dict[str, Array]:
         ValueError: If it holds anything but series of such a run.
     """
     document = experiment.document
-    # What is driven or played may take longer than asked for.
-    most = _MORE_SAMPLES + int(2.0 * document.duration / document.log_period)
+    most = _MORE_SAMPLES + int(_LONGER * document.duration / document.log_period)
     joints = len(experiment.arm.joints)
     _require_series(heads_of(file), joints, most)
     series = {name: np.asarray(each, dtype=float) for name, each in arrays_of(file).items()}
     time = series["time"]
     if not np.isfinite(time).all() or (np.diff(time) < 0.0).any():
         raise ValueError("time must be finite numbers that do not fall")
-    if not np.isfinite(series["position"]).all():
-        raise ValueError("position must be finite numbers")
+    longest = _LONGER * document.duration + _LATER
+    if time.size and not (time[0] >= 0.0 and time[-1] <= longest):
+        raise ValueError(f"time must be from 0 to {longest:g} s, not to {time[-1]:g} s")
     return series
 
 
@@ -125,7 +127,7 @@ def _require_series(heads: Mapping[str, ArrayHead], joints: int, most: int) -> N
         joints: Number of joints of the arm.
         most: Largest number of samples.
     """
-    for name in ("time", "position"):
+    for name in ("time", *OF_EVERY_RUN):
         if name not in heads:
             raise ValueError(f"{name} is missing")
     if len(heads["time"].shape) != 1:

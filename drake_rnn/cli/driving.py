@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -16,24 +16,33 @@ from rich.table import Table
 from ..drive import (
     IIWA,
     ROBOTS,
+    Connection,
     Driven,
+    DrivenLaw,
     DriveSettings,
     Faults,
     FollowingRobot,
     Paced,
     Robot,
     SimulatedIiwa,
+    address_of,
     connect,
     connected,
+    drive_diagram,
     drive_experiment,
     driven_experiment,
+    require_alone,
+    result_of,
+    task_of,
 )
-from ..errors import InvalidInputError
+from ..errors import InvalidInputError, SimulationError
 from ..experiment import Experiment
 from ..inputs.complaints import nearest
 from ..inputs.dataclass_fields import field_names, fields_of
 from ..inputs.documents import construct
 from ..inputs.fields import Array
+from ..inputs.signals_held import signals_held
+from ..runs.result import Result
 from ..runs.whole_file import replacing, require_replaceable
 from .asked import Drive, ServeRobot
 from .changing import changes_of, claimed_folder
@@ -47,37 +56,41 @@ CYCLES = "cycles.npz"
 PACER = "pacer.npz"
 #: File beside a run's folder that the pacer leaves if this process is killed.
 KILLED = "{}.cycles"
+# Signals that end a simulated robot, and those that end a drive: a drive that is suspended, as by
+# Ctrl-Z, commands nothing any more.
+_TERMINATIONS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_ENDINGS = (*_TERMINATIONS, signal.SIGTSTP)
 
 
 def drive_robot(asked: Drive) -> None:
     """Let a robot carry out an experiment, or print what it would be sent."""
     with silenced(asked.quiet), errors(), ExitStack() as claims:
         robot = _known(asked.robot)
+        address = _address(asked, robot)
         changes = changes_of(asked.changes, duration=asked.duration)
         experiment = driven_experiment(asked.experiment, robot, changes)
-        folder = asked.out_folder / experiment.name
         given = {"silence": asked.silence, "late": asked.late, "lag": asked.lag}
         settings = construct(DriveSettings, _given(**given, contact=asked.wait), "")
         if asked.dry:
-            follower = FollowingRobot(_posture(asked.begin, experiment), robot.period)
+            start = experiment.start if asked.begin is None else _posture(asked.begin, robot)
+            follower = FollowingRobot(start, robot.period)
             driven = drive_experiment(experiment, robot, follower, settings, say=_say).driven
             _print_sent(driven, experiment, robot)
             return
-        if asked.begin is not None:
-            raise InvalidInputError("--from: only with --dry; a robot tells where it stands")
+        folder = asked.out_folder / experiment.name
+        claims.enter_context(_removed_if_refused(folder))
         claims.enter_context(claimed_folder(folder, CYCLES, PACER, filled=True))
-        connection = connect(robot, asked.url, _left_where_killed(folder))
-        with _stop_asked() as told:
-            result, driven = drive_experiment(
-                experiment, robot, connection, settings, say=_say, is_told_to_stop=told
-            )
-
-        def save_cycles(place: Path) -> None:
-            _save(place / CYCLES, driven.log.arrays())
-            if isinstance(connection, Paced):
-                _save(place / PACER, connection.cycles())
-
-        write_result(result, folder, Pictures(asked.figures, asked.playback), (), save_cycles)
+        # All that takes time is done before the robot is connected.
+        law = task_of(experiment)
+        connection = connect(robot, address, _left_where_killed(folder))
+        with _stop_asked(_ENDINGS) as told:
+            driven = drive_diagram(law, robot, connection, settings, say=_say, is_told_to_stop=told)
+        _keep_cycles(driven, connection, folder)
+        result = _evaluated(law, driven, folder)
+        # Whatever becomes of tables and pictures, the result is kept.
+        with signals_held():
+            result.save(folder)
+        write_result(result, folder, Pictures(asked.figures, asked.playback))
         cycles = (result.timings[name] for name in ("cycles", "cycles_lost", "cycles_late"))
         out.print("cycles    {:g}, of these {:g} lost and {:g} late".format(*cycles))
         if result.failure:
@@ -98,17 +111,33 @@ def serve_robot(asked: ServeRobot) -> None:
                 f"robot: there is no simulated {robot.name} here; an iiwa is; franka-sim simulates "
                 "an FR3 behind its own messages, see docs/drive.md"
             )
+        url = address_of(robot, asked.url)
         names = [name for name in field_names(Faults) if name != "deaf"]
         wrong = {name: fields_of(asked)[name] for name in names}
         deaf = np.inf if asked.limit_stop else 0.0
         faults = construct(Faults, wrong | {"deaf": deaf}, "")
-        start = None if asked.begin is None else _numbers(asked.begin)
-        url = asked.url or IIWA.url
-        served = SimulatedIiwa(connected(url), start, faults, asked.seed)
-        out.print(escape(f"{asked.robot}: simulated at {url}; Ctrl-C ends it"))
-        with _stop_asked() as told:
+        if asked.seed < 0:
+            raise InvalidInputError(f"--seed: must be at least 0, not {asked.seed}")
+        start = None if asked.begin is None else _posture(asked.begin, robot)
+        lcm = connected(url)
+        require_alone(lcm, url)
+        served = SimulatedIiwa(lcm, start, faults, asked.seed, say=_say)
+        _say(f"{asked.robot}: simulated at {url}; Ctrl-C ends it")
+        with _stop_asked(_TERMINATIONS) as told:
             served.serve(told)
         out.print(f"ended after {served.time:.4g} s")
+
+
+def _address(asked: Drive, robot: Robot) -> str:
+    """Return the address of the robot; options that contradict each other are refused."""
+    if not asked.dry:
+        if asked.begin is not None:
+            raise InvalidInputError("--from: only with --dry; a robot tells where it stands")
+        return address_of(robot, asked.url)
+    for option, value in (("--url", asked.url), ("--wait", asked.wait)):
+        if value is not None:
+            raise InvalidInputError(f"{option}: not with --dry, which needs no robot")
+    return ""
 
 
 def _known(name: str) -> Robot:
@@ -123,21 +152,50 @@ def _left_where_killed(folder: Path) -> Path:
     return file
 
 
-def _save(file: Path, arrays: dict[str, Any]) -> None:
-    with replacing(file) as new, new.open("wb") as stream:
-        np.savez_compressed(stream, **arrays)
+@contextmanager
+def _removed_if_refused(folder: Path) -> Iterator[None]:
+    """Remove the folder of a run that is new and still empty if what is done within fails."""
+    is_new = not folder.exists()
+    try:
+        yield
+    except BaseException:
+        if is_new:
+            with suppress(OSError):
+                folder.rmdir()
+        raise
 
 
-def _given(**options: Any) -> dict[str, Any]:
+def _keep_cycles(driven: Driven, connection: Connection, folder: Path) -> None:
+    """Write every cycle before anything is made of it; the result does without, if it must."""
+    files: dict[str, dict[str, Any]] = {CYCLES: driven.log.arrays()}
+    if isinstance(connection, Paced):
+        files[PACER] = connection.cycles()
+    for name, arrays in files.items():
+        try:
+            with replacing(folder / name) as new, new.open("wb") as stream:
+                np.savez_compressed(stream, **arrays)
+        except OSError as error:
+            err.print(f"[red]error[/] {escape(f'{folder / name}: {error.strerror}; not kept')}")
+
+
+def _evaluated(law: DrivenLaw, driven: Driven, folder: Path) -> Result:
+    try:
+        return result_of(law, driven)
+    except Exception as error:  # the robot has moved: what it did is told all the same
+        why = f" after it was stopped by {driven.stopped}" if driven.stopped else ""
+        raise SimulationError(
+            f"the drive cannot be evaluated{why}: {type(error).__name__}: {error}; "
+            f"{folder / CYCLES} has every cycle",
+            law.time,
+        ) from error
+
+
+def _given(**options: float | None) -> dict[str, float]:
     """Return the options that were given."""
     return {name: value for name, value in options.items() if value is not None}
 
 
-def _posture(text: str | None, experiment: Experiment) -> Array:
-    return experiment.start if text is None else _numbers(text)
-
-
-def _numbers(text: str) -> Array:
+def _posture(text: str, robot: Robot) -> Array:
     """Return the joint positions of a comma-separated text, shape (n,) [rad]."""
     try:
         found = np.array([float(entry) for entry in text.split(",")])
@@ -145,6 +203,14 @@ def _numbers(text: str) -> Array:
         raise InvalidInputError(f"--from: must be numbers with commas, not {text!r}") from None
     if not np.isfinite(found).all():
         raise InvalidInputError(f"--from: must be finite, not {text!r}")
+    limits, names = robot.limits, robot.joints
+    if found.shape != (len(names),):
+        raise InvalidInputError(
+            f"--from: must be {len(names)} numbers, one for each joint of the {robot.name}, not "
+            f"{found.size}"
+        )
+    if limits.violation(found).any():
+        raise InvalidInputError(f"--from: {limits.complaint(found, 0.0, names)}")
     return found
 
 
@@ -189,13 +255,15 @@ def _ratios(time: Array, position: Array, experiment: Experiment) -> tuple[str, 
 
 
 @contextmanager
-def _stop_asked() -> Iterator[Callable[[], bool]]:
-    """Note Ctrl-C and SIGTERM instead of obeying at once: a robot is brought to rest first."""
+def _stop_asked(numbers: Sequence[signal.Signals]) -> Iterator[Callable[[], bool]]:
+    """Note signals instead of obeying them at once: a robot is brought to rest first."""
     came: list[int] = []
-    before = {
-        number: signal.signal(number, lambda number, frame: came.append(number))
-        for number in (signal.SIGINT, signal.SIGTERM)
-    }
+    before = {}
+    for number in numbers:
+        if number == signal.SIGHUP and signal.getsignal(number) is signal.SIG_IGN:
+            # As with nohup: the end of a terminal is not to end this.
+            continue
+        before[number] = signal.signal(number, lambda number, frame: came.append(number))
     try:
         yield lambda: bool(came)
     finally:

@@ -1,16 +1,19 @@
 """Robots behind messages: what drives them, what stops them, and one to try it on."""
 
-from .connecting import connect as connect
+from .connecting import address_of as address_of, connect as connect
 from .connection import (
     Command as Command,
     Connection as Connection,
     Motion as Motion,
     RobotStatus as RobotStatus,
 )
+from .driven_law import DrivenLaw as DrivenLaw
 from .driving import (
     DrivenRun as DrivenRun,
     drive_experiment as drive_experiment,
     drive_diagram as drive_diagram,
+    result_of as result_of,
+    task_of as task_of,
 )
 from .faults import Faults as Faults
 from .following_robot import FollowingRobot as FollowingRobot
@@ -25,6 +28,10 @@ from .robots import (
 )
 from .session import Driven as Driven
 from .settings import DriveSettings as DriveSettings
-from .simulated_iiwa import SimulatedIiwa as SimulatedIiwa, lock_step as lock_step
+from .simulated_iiwa import (
+    SimulatedIiwa as SimulatedIiwa,
+    lock_step as lock_step,
+    require_alone as require_alone,
+)
 from .robot_task import RobotTask as RobotTask
 from .watches import StopError as StopError

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -64,6 +65,7 @@ class RobotStatus:
         commanded: Positions that it holds as its command, shape (n,) [rad].
         motion: What a paced connection has commanded in this cycle; None of any other.
         earlier: Older statuses that have come together with it, the oldest first.
+        fault: Why the message cannot be read; the numbers mean nothing then.
     """
 
     time: float
@@ -72,6 +74,18 @@ class RobotStatus:
     commanded: Array
     motion: Motion | None = None
     earlier: Sequence[RobotStatus] = ()
+    fault: str = ""
+
+    def complaint(self, joints: int) -> str:
+        """Return why it is no status of a robot with so many joints; empty if it is one."""
+        if self.fault:
+            return self.fault
+        if not isfinite(self.time):
+            return f"a status has the time {self.time} s"
+        for values in (self.position, self.velocity, self.commanded):
+            if values.shape != (joints,):
+                return f"a status has {values.size} joints; the arm has {joints}"
+        return ""
 
 
 class Connection(Protocol):
@@ -104,7 +118,7 @@ class Connection(Protocol):
         """Send a command."""
 
     def others(self) -> int:
-        """Return how many commands of other programs have been seen."""
+        """Return how many commands of other programs have been seen since it was made."""
         return 0
 
     def begin(self) -> None:

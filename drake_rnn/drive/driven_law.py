@@ -6,7 +6,7 @@ import time
 from dataclasses import replace
 
 import numpy as np
-from pydrake.systems.analysis import InitializeParams
+from pydrake.systems.analysis import ApplySimulatorConfig, InitializeParams, Simulator
 
 from ..diagrams import Loop
 from ..errors import SimulationError
@@ -15,7 +15,7 @@ from ..inputs.fields import Array
 from ..laws.law import SampledReading
 from ..laws.layout import Signals
 from ..measures import Steps
-from ..runs.diagram import recorded_simulator, start_laws
+from ..runs.diagram import recorded_simulator, simulator_config, start_laws
 from ..runs.evaluation import Evaluations
 from ..runs.result import Result, Status, stopped
 from ..systems import RobotArm
@@ -24,6 +24,10 @@ from .robot_task import RobotTask
 
 # No part of a run is evaluated before its end: that would take longer than a cycle.
 _ALL = 2**62
+# Steps that room is made for at most, before which it is not known how many there will be.
+_ROOM = 2**22
+# Samples that are made on a copy before the first one.
+_TRIED = 3
 
 
 class DrivenLaw(RobotTask):
@@ -49,7 +53,26 @@ class DrivenLaw(RobotTask):
         assert isinstance(arm, RobotArm)
         assert period is not None
         super().__init__(simulator, arm, document.duration, period, experiment.clearance)
+        # Each sample is a step, and each status may end one besides.
+        self._recorder.reserve(min(2 * round(document.duration / period) + 2, _ROOM))
+        self._try_steps()
         self._began = time.perf_counter()
+
+    def _try_steps(self) -> None:
+        """Make the first steps on a copy: what is done for the first time may outlast a cycle."""
+        simulator = self._simulator
+        kept = self._motion, self._advanced
+        trial = Simulator(simulator.get_system(), simulator.get_context().Clone())
+        ApplySimulatorConfig(simulator_config(self.experiment, self._loop), trial)
+        trial.Initialize()
+        self._simulator = trial
+        try:
+            for k in range(1, _TRIED + 1):
+                until = min(k * self.period, self.duration)
+                self.advance(until, self.start, np.zeros_like(self.start))
+        finally:
+            self._simulator = simulator
+            self._motion, self._advanced = kept
 
     def _accelerated(self, velocity: Array, since: float) -> Array:
         """See `RobotTask._accelerated`; the last sample's if the law bounds the jerk."""

@@ -36,7 +36,7 @@ class DrivenRun(NamedTuple):
         result: The run until the robot was stopped, with what it has measured and, in the series
             ``position_commanded``, what it was told. Its ``timings`` have the number of cycles in
             all phases, ``cycles``, ``cycles_lost`` and ``cycles_late``, and the time that
-            the stop took, ``stop_time_s``.
+            the stop took, ``stop_time_s``, if it came to its end.
         driven: Every cycle.
     """
 
@@ -68,13 +68,28 @@ def drive_experiment(
             robot stands where no way to the start begins.
         RobotError: If nothing answers, or the robot is not ready. Nothing was sent then.
     """
-    require_type("experiment", experiment, Experiment)
-    law = DrivenLaw(experiment)
+    law = task_of(experiment)
     driven = drive_diagram(
         law, robot, connection, settings, say=say, is_told_to_stop=is_told_to_stop
     )
+    return DrivenRun(result_of(law, driven), driven)
+
+
+def task_of(experiment: Experiment) -> DrivenLaw:
+    """Return an experiment of `driven_experiment` as a robot's task.
+
+    Raises:
+        InvalidInputError: If the path is out of reach, or the law fails when it is tried.
+    """
+    require_type("experiment", experiment, Experiment)
+    return DrivenLaw(experiment)
+
+
+def result_of(law: DrivenLaw, driven: Driven) -> Result:
+    """Return what `DrivenRun.result` is, of a task that a robot has carried out."""
     run = driven.log.of("run")
     heard = np.isfinite(run["position_measured"]).all(axis=1)
+    heard &= np.isfinite(run["velocity_measured"]).all(axis=1)
     told = {
         "time": run["time"][heard] - driven.origin,
         "position": run["position_measured"][heard],
@@ -90,9 +105,10 @@ def drive_experiment(
         cycles=len(driven.log.times),
         cycles_lost=driven.lost,
         cycles_late=driven.late,
-        stop_time_s=driven.rested,
     )
-    return DrivenRun(result, driven)
+    if np.isfinite(driven.rested):
+        result.timings["stop_time_s"] = driven.rested
+    return result
 
 
 def drive_diagram(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -11,13 +11,22 @@ from .connection import Connection, RobotStatus
 from .cycles import Cycle
 from .log import Log
 from .settings import DriveSettings
+from .watches import StopError
 
 # Share of a cycle by which the cycles that were heard may differ from it.
 _UNEVEN = 0.2
+# Time for which nobody is asked whether the drive is to end [s].
+_DEAF = 0.1
+# Times of listening by this side's clock, after which the robot's clock is too slow.
+_PATIENCE = 10.0
 
 
 def listened(
-    connection: Connection, names: Sequence[str], settings: DriveSettings, log: Log
+    connection: Connection,
+    names: Sequence[str],
+    settings: DriveSettings,
+    log: Log,
+    is_told_to_stop: Callable[[], bool],
 ) -> RobotStatus:
     """Return the last status of a robot that has stood still for a while.
 
@@ -26,22 +35,25 @@ def listened(
         names: Names of its joints.
         settings: How long that is, and what standing still means.
         log: What was heard is added to it.
+        is_told_to_stop: Whether somebody wants the drive to end.
 
     Raises:
         RobotError: If nothing is heard; if the robot has other joints or another cycle, or moves;
-            or if another program commands it.
+            if what it tells cannot be read; or if another program commands it.
+        StopError: If the drive is to end.
     """
+
+    def awaited() -> RobotStatus:
+        return _awaited(connection, len(names), settings.contact, is_told_to_stop)
+
     began = connection.now()
-    heard = [_awaited(connection, len(names), settings.contact)]
+    heard = [awaited()]
     while heard[-1].time - heard[0].time < settings.listen:
-        status = _awaited(connection, len(names), settings.contact)
-        passed = status.time - heard[-1].time
-        if not np.isfinite(status.position).all() or not np.isfinite(status.velocity).all():
-            raise RobotError("robot: a status is not a number")
+        status = awaited()
+        passed, since = status.time - heard[-1].time, connection.now() - began
+        _require_clock(passed, since, settings)
         if abs(passed) > settings.late:
             # As messages do that have waited since the connection was made.
-            if connection.now() - began > settings.contact:
-                raise RobotError(f"robot: its clock went by {passed:.4g} s between two messages")
             heard = [status]
         elif passed > 0.0:
             log.add("listen", Cycle(status.time, passed, status), None, connection.now())
@@ -63,13 +75,37 @@ def listened(
     return heard[-1]
 
 
-def _awaited(connection: Connection, joints: int, timeout: float) -> RobotStatus:
-    status = connection.next(timeout)
-    if status is None:
-        raise RobotError(f"robot: no status within {timeout:g} s; is it on, at this address?")
-    if status.position.shape != (joints,):
-        raise RobotError(f"robot: has {status.position.size} joints; the arm has {joints}")
+def _awaited(
+    connection: Connection, joints: int, timeout: float, is_told_to_stop: Callable[[], bool]
+) -> RobotStatus:
+    until, status = connection.now() + timeout, None
+    while status is None:
+        if is_told_to_stop():
+            raise StopError("interrupted", "told to stop before anything was sent")
+        if failure := connection.failure:
+            raise RobotError(f"robot: {failure}")
+        if (left := until - connection.now()) <= 0.0:
+            raise RobotError(f"robot: no status within {timeout:g} s; is it on, at this address?")
+        status = connection.next(min(left, _DEAF))
+    for told in (*status.earlier, status):
+        if complaint := told.complaint(joints):
+            raise RobotError(f"robot: {complaint}")
+        if not (np.isfinite(told.position).all() and np.isfinite(told.velocity).all()):
+            raise RobotError("robot: a status is not a number")
     return status
+
+
+def _require_clock(passed: float, since: float, settings: DriveSettings) -> None:
+    """Raise a RobotError for a clock that jumps, or hardly goes, after a time of listening [s]."""
+    if abs(passed) > settings.late and since > settings.contact:
+        raise RobotError(
+            f"robot: its clock went by {passed:.4g} s between two messages; do two robots tell "
+            "statuses at this address?"
+        )
+    if since > settings.contact + _PATIENCE * settings.listen:
+        raise RobotError(
+            f"robot: its clock does not go by {settings.listen:g} s in {since:.4g} s of listening"
+        )
 
 
 def _require_still(
@@ -78,7 +114,7 @@ def _require_still(
     """Raise a RobotError if a joint moves, by its speed or by where it is."""
     positions = np.array([status.position for status in heard])
     speeds = np.array([status.velocity for status in heard])
-    drift = np.abs(positions[-1] - positions[0]) / settings.listen
+    drift = np.ptp(positions, axis=0) / settings.listen
     fastest = np.maximum(np.abs(np.mean(speeds, axis=0)), drift)
     joint = int(np.argmax(fastest))
     if fastest[joint] > settings.still:

@@ -20,7 +20,7 @@ import gc
 import os
 import sys
 from collections.abc import Callable, Sequence
-from math import inf
+from math import inf, isfinite, nan
 from pathlib import Path
 from select import select
 from time import monotonic
@@ -54,8 +54,15 @@ STILL = 25
 LATE, DROPPED = 7e-4, PERIOD
 #: Time of a read from which on it is this process that has waited [s].
 _WAITED = 1e-4
+# Time by which more may have passed by the robot's clock than here, as long as a robot waits until
+# it gives up; beyond that, the clock has jumped, and no cycle was lost [s].
+_AHEAD = 0.02
+# Cycles that it is gone on for where they were lost; the robot has given up long before.
+_LOSABLE = 1000
 # Of what the law is told, by rounding: shares of the bounds, and of a position [rad].
 _ROUNDING, _SAME = 1e-6, 1e-9
+# Joint positions and velocities of a state that is none.
+_NONE = (nan,) * JOINTS
 
 
 class State(NamedTuple):
@@ -147,6 +154,8 @@ class Pacer:
                 return False
             if jerk is None:
                 continue
+            if not jerk[i] > 0.0:
+                return False
             if not abs(a - before.acceleration[i]) <= h * jerk[i] * (1.0 + _ROUNDING):
                 return False
             if not abs(v - before.velocity[i] - h * a) <= _SAME:
@@ -188,32 +197,42 @@ class Pacing:
         """Listen, and move the robot once it is asked for, until it has been handed back."""
         shared = self._shared
         shared.doing = LISTENING
-        state = self._robot.look()
+        state = self._looked()
         while shared.asked == LISTEN and not self._is_alone():
-            state = self._robot.look()
+            state = self._looked()
             now = self._now()
             self._write(state, Pacer(state.held), (NOBODY, 1), now, now)
         if shared.asked in (MOVE, REST):
             self._move(state)
 
+    def _looked(self) -> State:
+        """Return the next state of a robot that nothing moves; one that is none ends this."""
+        state = self._robot.look()
+        if why := _complaint(state):
+            raise ValueError(f"a state {why}")
+        return state
+
     def _move(self, state: State) -> None:
         """Command the robot until it rests and is to be handed back."""
         pacer, shared, robot = Pacer(state.held), self._shared, self._robot
         robot.begin()
-        last, since, answered, rested = state, inf, -inf, -STILL
+        last, since, answered, at, rested = state, inf, -inf, inf, -STILL
         unanswered = inf
         while True:
             state = robot.read()
             heard = self._now()
+            if not isfinite(state.time):
+                state = state._replace(time=last.time + PERIOD)
             # It may have waited for this process: it was sent by the robot's clock. But if this
-            # process has waited for it, after one without an answer, the robot's clock is slow.
+            # process has waited for it, after one without an answer, the robot's clock is slow; and
+            # if that goes back, it tells nothing.
             sent = min(heard, since + state.time - last.time)
-            if heard - unanswered > _WAITED:
+            if heard - unanswered > _WAITED or state.time < last.time:
                 sent = heard
             last, since, unanswered = state, heard, inf
-            passed = 1 if answered < 0.0 else round((state.time - answered) / PERIOD)
+            passed = 1 if answered < 0.0 else _passed(state.time - answered, heard - at)
             before = pacer.motion
-            source = self._advance(pacer, max(passed, 1), rested < 0)
+            source = self._advance(pacer, passed, rested < 0)
             if (now := self._now()) - sent > LATE:
                 pacer.motion, since, unanswered = before, sent, now
                 continue
@@ -225,7 +244,7 @@ class Pacing:
                 # It stood still while it sent: the robot has dropped this.
                 pacer.motion = before
                 continue
-            answered, rested = state.time, rests
+            answered, at, rested = state.time, heard, rests
             self._write(state, pacer, (source, passed), heard, done)
             if rested == 0:
                 shared.doing = MOVING
@@ -252,10 +271,29 @@ class Pacing:
         self, state: State, pacer: Pacer, words: tuple[int, int], heard: float, answered: float
     ) -> None:
         times = (state.time, heard, answered, state.success)
-        seen = (*state.q, *state.dq, *state.held)
         q, v, a = pacer.motion
-        self._shared.add(words, times, (*seen, *q, *v, *a))
+        if _complaint(state):
+            # The law sees what is no number, and has the robot brought to rest.
+            times, state = (*times[:3], nan), state._replace(q=_NONE, dq=_NONE, held=_NONE)
+        self._shared.add(words, times, (*state.q, *state.dq, *state.held, *q, *v, *a))
         self._wake()
+
+
+def _passed(robot: float, here: float) -> int:
+    """Return the cycles that have passed, by the robot's clock and by that of this process [s]."""
+    if robot > here + _AHEAD:
+        return 1
+    return min(max(round(robot / PERIOD), 1), _LOSABLE)
+
+
+def _complaint(state: State) -> str:
+    """Return why it is no state of the robot; empty if it is one."""
+    for name, values in (("q", state.q), ("dq", state.dq), ("held", state.held)):
+        if len(values) != JOINTS:
+            return f"has {len(values)} numbers {name}; the robot has {JOINTS} joints"
+        if not isfinite(sum(values)):
+            return f"has {name} that is no number: {list(values)}"
+    return "" if isfinite(state.time) else f"has the time {state.time} s"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -1,8 +1,11 @@
-"""Coming before other programs, where the system lets one."""
+"""Coming before other programs, where the system lets one, and before what Python does besides."""
 
 from __future__ import annotations
 
+import gc
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 #: Real-time priorities of the pacer, and of the law beside it; below the kernel's own threads.
 PACER, LAW_BESIDE = 80, 40
@@ -33,3 +36,18 @@ def restore(before: Scheduled | None) -> None:
     if before is not None:
         policy, priority = before
         os.sched_setscheduler(0, policy, os.sched_param(priority))
+
+
+@contextmanager
+def without_collection() -> Iterator[None]:
+    """Keep Python from collecting garbage, which may take longer than a cycle."""
+    was_on = gc.isenabled()
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
+        if was_on:
+            gc.enable()

@@ -51,6 +51,11 @@ class Robot:
         return period
 
     @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of its joints."""
+        return load_arm(self.arm).joints
+
+    @property
     def limits(self) -> JointLimits:
         """The robot's own limits."""
         return load_arm(self.arm).limits
@@ -137,6 +142,7 @@ def driven_experiment(
         (found.second, "second: must be left out; one robot is driven at a time"),
         (found.document.camera, "camera: must be left out; a driven robot is seen by none"),
         (found.locks, "faults: must be left out; the joints of a robot are not locked"),
+        (found.motions, "obstacles: none may move; a drive is not told where they are"),
     ):
         if section is not None:
             raise InvalidInputError(why)

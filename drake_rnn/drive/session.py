@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-import gc
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from queue import SimpleQueue
+from threading import Thread
 
 import numpy as np
 
 from ..errors import RobotError, SimulationError
 from ..inputs.fields import Array
+from ..inputs.signals_held import signals_held
 from .approach import Approach
 from .connection import Command, Connection, Motion, RobotStatus
 from .cycles import Cycle, Cycles
 from .listening import listened
 from .log import Log, Phase
 from .planned_approach import PlannedApproach
+from .priority import without_collection
 from .ramp_down import RampDown
 from .robot_task import RobotTask
 from .robots import Robot
@@ -28,6 +31,10 @@ Say = Callable[[str], None]
 
 # Distance between what a robot holds and where it is, up to which it is started from what it holds.
 _HELD = 0.01
+# Distance from there up to which it has not moved since [rad].
+_MOVED = 0.02
+# Time that whoever is told what happens may take after the end [s].
+_LAST_WORDS = 5.0
 # Cycles for which a robot at rest is told to stay, and those after which it must rest.
 _STAY, _LONGEST = 40, 2000
 
@@ -40,7 +47,8 @@ class Driven:
         log: Every cycle, from the first one that was listened to.
         origin: Robot's clock at time zero of the task [s]; NaN if that was never reached.
         stopped: Why the robot was stopped before the end of its task; None if it was not.
-        rested: Time from then, or from the end, until all joints were commanded to rest [s].
+        rested: Time from then, or from the end, until all joints were commanded to rest [s]; NaN if
+            they never were.
         lost: Cycles without a status in time.
         late: Cycles that had passed when this side came to them.
     """
@@ -61,7 +69,8 @@ class Session:
         robot: The robot.
         connection: Connection to it.
         settings: What is tolerated.
-        say: Told what happens.
+        say: Told what happens, by a thread of its own: whoever is slow to hear it, or fails, does
+            not touch the cycles.
         is_told_to_stop: Whether somebody wants the drive to end; asked in every cycle.
     """
 
@@ -78,7 +87,7 @@ class Session:
         self._say, self._is_told_to_stop = say, is_told_to_stop
         self._hardest = robot.commanded.require("acceleration", "coming to rest")
         self._log = Log(len(task.names))
-        self._cycles = Cycles(connection, settings)
+        self._cycles = Cycles(connection, settings, len(task.names))
         self._watches = Watches(
             task.names, robot.measured, robot.commanded, settings.lag, settings.jump
         )
@@ -91,6 +100,8 @@ class Session:
         self._moved: Approach | RobotTask
         self._motion: Motion
         self._held = 0.0
+        # Commands of the stop that could not be sent, and why the last could not.
+        self._unsent, self._why_unsent = 0, ""
 
     def drive(self) -> Driven:
         """Bring the robot to the start, let it do its task, and bring it to rest.
@@ -99,57 +110,115 @@ class Session:
             RobotError: If nothing answers, or the robot is not ready; nothing was sent then.
             InvalidInputError: If the robot stands where no way to the start begins.
         """
-        try:
-            return self._drive()
-        finally:
-            self._connection.end()
+        with _speaking(self._say) as self._say:
+            try:
+                return self._drive()
+            finally:
+                self._end()
 
     def _drive(self) -> Driven:
         task, connection = self._task, self._connection
-        status = listened(connection, task.names, self._settings, self._log)
-        self._sent = _held(status)
         kind = PlannedApproach if connection.paced else Approach
+        # What is done for the first time takes longest: it is done now.
+        Approach(task, self._settings, task.start, connection.period).advance(connection.period)
+        try:
+            status = listened(
+                connection, task.names, self._settings, self._log, self._is_told_to_stop
+            )
+        except StopError as error:
+            return self._came_of(error, 0.0)
+        self._sent = _held(status)
         approach = kind(task, self._settings, self._sent, connection.period)
         self._moved, self._motion = approach, approach.motion()
-        stopped: StopError | None = None
-        with _without_collection():
+        way = float(np.abs(self._sent - task.start).max())
+        self._say(f"approach: {way:.3g} rad to the start")
+        with without_collection():
             connection.begin()
-            self._begin(status)
             try:
-                self._go(approach)
-                self._moved = task
-                self._run()
+                self._begin()
+                self._require_unmoved()
             except StopError as error:
-                stopped = error
-                self._say(f"stopped by {stopped}")
-            except BaseException:
-                # Whatever it is, the robot comes to rest first.
-                self._stop()
-                raise
+                raise RobotError(f"robot: {error}") from None
+            stopped = self._moved_until(approach)
             began = connection.now()
             rested = self._stop() - began
-        self._say(f"at rest {rested:.3g} s later")
-        cycles = self._cycles
-        return Driven(self._log, self._origin, stopped, rested, cycles.lost, cycles.late)
+        self._say(f"at rest {rested:.3g} s later" if rested >= 0.0 else "not seen to come to rest")
+        return self._came_of(stopped, rested)
 
-    def _begin(self, status: RobotStatus) -> None:
-        """Begin to count cycles: what was computed since the last status has taken its time."""
-        newest = self._connection.next(self._settings.contact)
-        self._last = status if newest is None else newest
+    def _came_of(self, stopped: StopError | None, rested: float) -> Driven:
+        if self._unsent:
+            stopped = StopError(
+                stopped.watch if stopped else "connection",
+                f"{f'{stopped.reason}; ' if stopped else ''}{self._unsent} commands of the stop "
+                f"could not be sent: {self._why_unsent}",
+            )
+        lost, late = self._cycles.lost, self._cycles.late
+        return Driven(self._log, self._origin, stopped, rested, lost, late)
+
+    def _moved_until(self, approach: Approach) -> StopError | None:
+        """Move the robot until the end of its task, or until it is to stop; return why."""
         try:
-            self._watches.sound(self._last)
-            self._watches.within(self._last)
+            self._go(approach)
+            self._moved = self._task
+            self._run()
         except StopError as error:
-            raise RobotError(f"robot: {error}") from None
+            stopped = error
+        except (
+            Exception
+        ) as error:  # whatever it is, the robot comes to rest, and what it did is kept
+            stopped = StopError("error", _named(error))
+            stopped.__cause__ = error
+        except BaseException:
+            self._stop()
+            raise
+        else:
+            return None
+        self._say(f"stopped by {stopped}")
+        return stopped
+
+    def _end(self) -> None:
+        """Hand the robot back, which rests; nothing of what it did is lost where that fails."""
+        try:
+            self._connection.end()
+        except Exception as error:  # whatever it is
+            self._say(f"the connection did not end: {_named(error)}")
+
+    def _begin(self) -> None:
+        """Begin to count cycles at a status that comes now.
+
+        The first one may have waited since this side was busy.
+
+        Raises:
+            StopError: If none comes, or the robot is not as it was.
+        """
+        self._heard_now()
+        self._last = self._heard_now()
         self._cycles.begin(self._last)
         self._sent_at = self._connection.now()
 
+    def _heard_now(self) -> RobotStatus:
+        contact = self._settings.contact
+        if (status := self._connection.next(contact)) is None:
+            raise StopError("silence", f"no status within {contact:g} s")
+        for told in (*status.earlier, status):
+            self._watches.sound(told)
+            self._watches.within(told)
+        return status
+
+    def _require_unmoved(self) -> None:
+        """Raise a StopError if the robot is no longer where its way begins."""
+        off = np.abs(self._last.position - self._sent)
+        joint = int(np.argmax(off))
+        if off[joint] > _MOVED:
+            name = self._task.names[joint]
+            raise StopError(
+                "jump", f"{name} has moved by {off[joint]:.3g} rad since it was listened to"
+            )
+
     def _go(self, approach: Approach) -> None:
         """Bring the robot to the start, and wait until it is there."""
-        way = float(np.abs(self._sent - self._task.start).max())
-        self._say(f"approach: {way:.3g} rad to the start")
         begin, cycle = self._last.time, self._cycle()
-        while not (approach.arrived and self._is_still(cycle.status)):
+        while not (approach.arrived and self._is_still()):
             if (since := cycle.time - begin) > self._settings.approach_time:
                 raise StopError("approach", f"not at the start after {since:.3g} s")
             passed = cycle.passed
@@ -160,15 +229,15 @@ class Session:
             self._send("approach", cycle, approach.advance(passed))
             if is_working:
                 # The robot rests, and however long that takes is no matter.
-                self._begin(self._last)
+                self._begin()
             cycle = self._cycle()
         self._origin = cycle.time
         if self._connection.paced:
             # Cycles in which the way was worked out are not late.
             self._cycles.late = 0
 
-    def _is_still(self, status: RobotStatus | None) -> bool:
-        return status is not None and not np.abs(status.velocity).max() > self._settings.still
+    def _is_still(self) -> bool:
+        return not np.abs(self._last.velocity).max() > self._settings.still
 
     def _run(self) -> None:
         """Advance the task by the robot's clock until its end."""
@@ -185,6 +254,8 @@ class Session:
                 command = task.advance(until, self._last.position, self._last.velocity)
             except (SimulationError, RuntimeError) as error:
                 raise StopError("law", str(error)) from error
+            except Exception as error:  # a law may raise anything
+                raise StopError("law", _named(error)) from error
             self._send("run", cycle, command)
 
     def _cycle(self) -> Cycle:
@@ -192,14 +263,17 @@ class Session:
         if self._is_told_to_stop():
             raise StopError("interrupted", "told to stop")
         cycle = self._cycles.due()
+        if count := self._connection.others():
+            raise StopError("others", f"another program commands the robot, {count} times by now")
         for told in cycle.told:
             self._watches.sound(told)
             self._watches.within(told)
             self._watches.continues(told, self._last)
+            # One that comes after its cycle is news all the same.
+            self._last = max(self._last, told, key=lambda status: status.time)
         if (status := cycle.status) is not None:
             commanded = self._sent if status.motion is None else status.motion.position
             self._watches.follows(status, commanded)
-            self._last = status
         return cycle
 
     def _commanded(self, cycle: Cycle) -> Motion | None:
@@ -210,17 +284,19 @@ class Session:
         return motion
 
     def _send(self, phase: Phase, cycle: Cycle, command: Array) -> None:
-        motion = self._motion._replace(position=command)
+        """Send a command of the approach or the run, after a last look at it."""
         sent, passed, until = command, cycle.passed, None
         if self._connection.paced:
             # What is sent goes on from this cycle, in which the robot has been answered.
             sent, passed, until = self._sent, self._connection.period, self._motion
-        if phase != "stop":
-            self._watches.may_be_sent(command, self._sent, passed, until)
-            self._motion, self._held = self._moved.motion(), self._moved.held
-            motion = self._motion
-        then = self._moved.then()
-        self._connection.send(Command(cycle.time, motion, self._moved.limits, then))
+        self._watches.may_be_sent(command, self._sent, passed, until)
+        motion = self._moved.motion()
+        self._watches.may_be_stopped(motion)
+        self._connection.send(Command(cycle.time, motion, self._moved.limits, self._moved.then()))
+        self._motion, self._held = motion, self._moved.held
+        self._note_sent(phase, cycle, command, sent)
+
+    def _note_sent(self, phase: Phase, cycle: Cycle, command: Array, sent: Array) -> None:
         self._cycles.answered()
         self._sent, self._sent_at = command, self._connection.now()
         self._log.add(phase, cycle, sent, self._sent_at)
@@ -228,10 +304,13 @@ class Session:
     def _stop(self) -> float:
         """Bring the robot to rest, whatever it tells; return when it was commanded to [s].
 
-        After a time without commands it stands already, where it was commanded to be last.
+        After a time without commands it stands already, where it was commanded to be last. Nothing
+        in it raises, and a signal waits until the robot rests.
         """
-        if self._connection.paced:
-            return self._rest()
+        with signals_held():
+            return self._rest() if self._connection.paced else self._ramp_down()
+
+    def _ramp_down(self) -> float:
         moved = self._moved
         ramp = RampDown(*self._motion, moved.limits, self._hardest, moved.period, held=self._held)
         rested, stayed = np.nan, 0
@@ -243,12 +322,22 @@ class Session:
                 command = self._sent
             else:
                 command = ramp.advance(cycle.passed)
-            self._send("stop", cycle, command)
+            self._send_of_stop(cycle, command)
             if stayed == 1:
                 rested = self._sent_at
             if stayed > _STAY:
                 break
         return rested
+
+    def _send_of_stop(self, cycle: Cycle, command: Array) -> None:
+        """Send a command of the stop; one that cannot be sent is counted, and the next follows."""
+        motion = self._motion._replace(position=command)
+        try:
+            self._connection.send(Command(cycle.time, motion, self._moved.limits))
+        except Exception as error:  # whatever it is, the next one may come through
+            self._unsent += 1
+            self._why_unsent = _named(error)
+        self._note_sent("stop", cycle, command, command)
 
     def _rest(self) -> float:
         """Wait until a paced connection has brought the robot to rest; return when it did [s]."""
@@ -273,14 +362,24 @@ def _held(status: RobotStatus) -> Array:
     return status.commanded if near else status.position
 
 
+def _named(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}"
+
+
 @contextmanager
-def _without_collection() -> Iterator[None]:
-    """Keep Python from collecting garbage, which may take longer than a cycle."""
-    gc.collect()
-    gc.freeze()
-    gc.disable()
+def _speaking(say: Say) -> Iterator[Say]:
+    """Say things in a thread, for as long as somebody hears them."""
+    texts: SimpleQueue[str | None] = SimpleQueue()
+
+    def speak() -> None:
+        while (text := texts.get()) is not None:
+            with suppress(Exception):
+                say(text)
+
+    thread = Thread(target=speak, daemon=True)
+    thread.start()
     try:
-        yield
+        yield texts.put
     finally:
-        gc.enable()
-        gc.unfreeze()
+        texts.put(None)
+        thread.join(_LAST_WORDS)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
-from drake import lcmt_iiwa_status
+from drake import lcmt_iiwa_command, lcmt_iiwa_status
 from pydrake.lcm import DrakeLcm
 from pydrake.manipulation import BuildIiwaControl, IiwaDriver
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
@@ -14,18 +15,26 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.lcm import LcmInterfaceSystem
 
+from ..errors import RobotError
 from ..inputs.fields import Array
 from ..robot.load_arm import load_arm
 from ..systems import start_posture
 from ..systems.plant import motors_of
 from .faults import Faults, Wire
-from .iiwa_lcm import COMMAND, STATUS
+from .iiwa_lcm import COMMAND, STATUS, decoded
+from .priority import without_collection
 from .robots import IIWA
 
 #: Time step of the plant [s].
 STEP = 1e-3
 # Time by which the simulation may be behind; it does not catch up with more [s].
 _BEHIND = 0.02
+# Time for which another robot is listened for [s].
+_LISTENED = 0.5
+
+
+def _silent(text: str) -> None:
+    """Say nothing."""
 
 
 class SimulatedIiwa:
@@ -39,6 +48,7 @@ class SimulatedIiwa:
         start: Posture in which it stands, shape (7,) [rad]; by default the arm's home.
         faults: What goes wrong.
         seed: Seed of the faults.
+        say: Told of commands that are none, the first time of each kind; they are ignored.
 
     Raises:
         InvalidInputError: If the posture is outside the limits.
@@ -50,7 +60,10 @@ class SimulatedIiwa:
         start: Array | None = None,
         faults: Faults | None = None,
         seed: int = 0,
+        say: Callable[[str], None] = _silent,
     ) -> None:
+        self._say = say
+        self._refused: set[str] = set()
         self._lcm, self._faults = lcm, Faults() if faults is None else faults
         self._to_robot, self._from_robot = (Wire(self._faults, (seed, way)) for way in (0, 1))
         self._rng = np.random.default_rng((seed, 2))
@@ -83,14 +96,15 @@ class SimulatedIiwa:
 
     def serve(self, is_told_to_stop: Callable[[], bool]) -> None:
         """Go on in real time until somebody wants it to end."""
-        origin = time.monotonic() - self._time
-        while not is_told_to_stop():
-            ahead = origin + self._time - time.monotonic()
-            if ahead > 0.0:
-                time.sleep(ahead)
-            elif ahead < -_BEHIND:
-                origin -= ahead
-            self.step()
+        with without_collection():
+            origin = time.monotonic() - self._time
+            while not is_told_to_stop():
+                ahead = origin + self._time - time.monotonic()
+                if ahead > 0.0:
+                    time.sleep(ahead)
+                elif ahead < -_BEHIND:
+                    origin -= ahead
+                self.step()
 
     def _during(self, length: float) -> bool:
         """Return whether a fault of some length is present."""
@@ -98,8 +112,26 @@ class SimulatedIiwa:
         return begin <= self._time < begin + length
 
     def _command(self, data: bytes) -> None:
+        command = decoded(lcmt_iiwa_command, data)
+        if fault := _command_fault(command):
+            self._refuse(fault, f"a message of {len(data)} bytes {fault}")
+            return
         self._first = min(self._first, self._time)
+        q, known = np.array(command.joint_position), IIWA.measured
+        clipped = np.clip(q, known.position_lower, known.position_upper)
+        if (q != clipped).any():
+            joint = int(np.argmax(q != clipped))
+            self._refuse("clipped", f"joint {joint + 1} at {q[joint]:.4g} rad is clipped")
+            command.joint_position = clipped.tolist()
+            data = command.encode()
         self._to_robot.put(self._time, data)
+
+    def _refuse(self, kind: str, what: str) -> None:
+        """Tell once of each kind of command that is not carried out as it is."""
+        if kind not in self._refused:
+            self._refused.add(kind)
+            with suppress(Exception):
+                self._say(f"{COMMAND}: {what}; more of this kind will not be told")
 
     def _status(self, data: bytes) -> None:
         faults, began = self._faults, self._time >= self._first + self._faults.at
@@ -119,6 +151,29 @@ class SimulatedIiwa:
             message.utime += round(faults.clock * 1e6)
         message.joint_position_measured = measured.tolist()
         self._from_robot.put(self._time, message.encode())
+
+
+def _command_fault(command: lcmt_iiwa_command | None) -> str:
+    """Return why a message is no command; empty if it is one."""
+    if command is None:
+        return "is no lcmt_iiwa_command, and ignored"
+    joints = len(IIWA.joints)
+    if command.num_joints != joints:
+        return f"commands {command.num_joints} joints of {joints}, and is ignored"
+    if not np.isfinite(command.joint_position).all():
+        return "commands a position that is no number, and is ignored"
+    return ""
+
+
+def require_alone(lcm: DrakeLcm, url: str) -> None:
+    """Raise a RobotError if another robot tells statuses at an address."""
+    came: list[bytes] = []
+    lcm.Subscribe(STATUS, came.append)
+    end = time.monotonic() + _LISTENED
+    while not came and (left := end - time.monotonic()) > 0.0:
+        lcm.HandleSubscriptions(max(round(1e3 * left), 1))
+    if came:
+        raise RobotError(f"--url: another robot tells {STATUS} at {url!r} already")
 
 
 def _simulator(lcm: DrakeLcm, start: Array | None) -> Simulator:

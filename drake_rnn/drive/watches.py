@@ -51,7 +51,9 @@ class Watches:
         self._lag, self._jump = lag, jump
 
     def sound(self, status: RobotStatus) -> None:
-        """Raise a StopError for a measurement that is not a number."""
+        """Raise a StopError for what is no status, or a measurement that is not a number."""
+        if complaint := status.complaint(len(self._names)):
+            raise StopError("status", complaint)
         for what, values, unit in (
             ("position", status.position, "rad"),
             ("velocity", status.velocity, "rad/s"),
@@ -124,6 +126,19 @@ class Watches:
                 f"{self._names[joint]} is to move by {step:.4g} rad in {time:.4g} s; it may by "
                 f"{most:.4g} rad",
             )
+
+    def may_be_stopped(self, motion: Motion) -> None:
+        """Raise a StopError for a commanded motion that no stop can begin with."""
+        for what, values, unit in (
+            ("velocity", motion.velocity, "rad/s"),
+            ("acceleration", motion.acceleration, "rad/s^2"),
+        ):
+            if not np.isfinite(values).all():
+                joint = int(np.argmin(np.isfinite(values)))
+                raise StopError(
+                    "command",
+                    f"the law commands {self._names[joint]} a {what} of {values[joint]} {unit}",
+                )
 
 
 def _largest(values: Array) -> tuple[int, float]:

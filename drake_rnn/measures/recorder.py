@@ -80,6 +80,11 @@ class Recorder:
         self._count = self._dropped = 0
         simulator.set_monitor(self)
 
+    def reserve(self, count: int) -> None:
+        """Make room for so many steps, so that no step has to wait for it."""
+        for log in self._logs:
+            log.Reserve(count)
+
     def __call__(self, context: Context) -> None:
         """Count a step that was logged; if a part is due, evaluate the steps before it first."""
         self._step()

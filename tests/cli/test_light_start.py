@@ -116,6 +116,7 @@ def test_a_name_that_is_not_lent_is_named():
 def test_a_missing_library_of_the_system_is_named():
     """As a slim container lacks it; what Drake prints about it comes before."""
     code = """
+from drake_rnn.cli import starting
 def without_glib(place):
     raise ImportError("libglib-2.0.so.0: cannot open shared object file: No such file or directory")
 starting.lent = without_glib

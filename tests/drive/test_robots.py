@@ -1,10 +1,12 @@
 """What of a robot's own limits a drive uses, and experiments for it."""
 
+import re
+
 import numpy as np
 import pytest
 
 from drake_rnn import InvalidInputError, RobotError
-from drake_rnn.drive import FR3, IIWA, connect, driven_experiment
+from drake_rnn.drive import FR3, IIWA, address_of, connect, driven_experiment
 
 
 def test_commands_stay_further_inside_than_what_is_measured():
@@ -72,3 +74,60 @@ def test_a_law_of_another_period_than_its_cycle_does_not_fit_an_fr3():
 def test_an_fr3_has_no_address_of_its_own():
     with pytest.raises(RobotError, match="--url: must be given"):
         connect(FR3)
+
+
+NO_GROUP = "the address must be an IPv4 address of multicast, 224.0.0.0 to 239.255.255.255, not "
+NO_PORT = "the port must be a number from 1 to 65535, not "
+#: Addresses, each with the beginning of why an iiwa has none such.
+ADDRESSES = {
+    "": "must be given, such as udpm://239.255.76.67:7699?ttl=0",
+    "  ": "must be given, such as udpm://",
+    "nonsense": "must begin with udpm://, not be 'nonsense'",
+    "tcpq://10.0.0.1:7700": "must begin with udpm://, not be 'tcpq://10.0.0.1:7700'",
+    "file:///dev/null": "must begin with udpm://, not be",
+    "memq://": "'memq://' keeps messages within one process",
+    "memq://x": "'memq://x' keeps messages within one process",
+    "udpm://": f"{NO_GROUP}''",
+    "udpm://nope": f"{NO_GROUP}'nope'",
+    "udpm://nope:7699": f"{NO_GROUP}'nope'",
+    "udpm://127.0.0.1:7699": f"{NO_GROUP}'127.0.0.1'",
+    "udpm://[::1]:7699": f"{NO_GROUP}'[::1]'",
+    "udpm://[ff02::1]:7699": f"{NO_GROUP}'[ff02::1]'",
+    "udpm://239.255.076.67:7699": f"{NO_GROUP}'239.255.076.67'",
+    "udpm://239.255.76.67 :7699": f"{NO_GROUP}'239.255.76.67 '",
+    "udpm://239.255.76.67": f"{NO_PORT}''",
+    "udpm://239.255.76.67:0": f"{NO_PORT}'0'",
+    "udpm://239.255.76.67:-1": f"{NO_PORT}'-1'",
+    "udpm://239.255.76.67:99999": f"{NO_PORT}'99999'",
+    "udpm://239.255.76.67:77x9": f"{NO_PORT}'77x9'",
+    "udpm://239.255.76.67:\N{ARABIC-INDIC DIGIT THREE}": NO_PORT,
+    "udpm://239.255.76.67:7699#x": f"{NO_PORT}'7699#x'",
+    "udpm://239.255.76.67:7699?ttl=abc": "ttl must be a number from 0 to 255, not 'abc'",
+    "udpm://239.255.76.67:7699?ttl=256": "ttl must be a number from 0 to 255, not '256'",
+    "udpm://239.255.76.67:7699?hops=1": "the options may be ttl and recv_buf_size, not 'hops'",
+    "udpm://239.255.76.67:7699?": "'udpm://239.255.76.67:7699?' has no option behind its ?",
+}
+
+
+@pytest.mark.parametrize("address", ADDRESSES)
+def test_an_address_that_lcm_would_take_for_another_is_refused(address):
+    with pytest.raises(RobotError, match=rf"^--url: {re.escape(ADDRESSES[address])}"):
+        address_of(IIWA, address)
+
+
+def test_an_address_is_taken_as_it_is():
+    for address in (IIWA.url, "udpm://224.0.0.1:1?ttl=255&recv_buf_size=100000"):
+        assert address_of(IIWA, address) == address
+    assert address_of(IIWA, None) == IIWA.url
+    assert address_of(FR3, "172.16.0.2") == "172.16.0.2"
+
+
+@pytest.mark.parametrize("address", ["udpm://239.255.76.67:7699", "172.16.0.2:1337", "a b", "/x"])
+def test_an_fr3_is_at_a_name_alone(address):
+    with pytest.raises(RobotError, match=r"^--url: must be the name or IP address of the fr3"):
+        address_of(FR3, address)
+
+
+def test_obstacles_that_move_are_not_told_to_a_robot():
+    with pytest.raises(InvalidInputError, match=r"^obstacles: none may move"):
+        driven_experiment("adaptive_moving_obstacle", IIWA)

@@ -1,12 +1,17 @@
 """Drive the simulated iiwa with faults, and print what ended each run, when and how.
 
 In lock step, within this process and without any clock but the robot's; with --processes as two
-processes that exchange messages, where either side is killed, too.
+processes that exchange messages, where either side is killed, too; with --tries N the drive of the
+page without faults, N times, and with --beside while a campaign takes all cores::
+
+    python benchmarks/drive_iiwa.py --tries 20
+    python benchmarks/drive_iiwa.py --tries 20 --beside
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import signal
 import subprocess
@@ -14,7 +19,9 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +59,17 @@ SUDDEN = {
     "a position is NaN": ({"nan": True}, ("--nan",)),
     "a joint is beyond its limit": ({"beyond": True}, ("--beyond",)),
     "it stops at a limit": ({"deaf": np.inf}, ("--limit-stop",)),
+}
+#: What is driven in a try, as on the page.
+DRIVEN = ("--set", "arm=iiwa14", "--set", "path.size=0.03", "--duration", "8")
+#: Time after which a try has hung [s].
+HUNG = 120.0
+#: A campaign that does not end meanwhile.
+CAMPAIGN = {
+    "name": "beside",
+    "experiment": EXPERIMENT,
+    "vary": {"law.kappa": {"kind": "log_uniform", "low": 1.0, "high": 10.0}},
+    "samples": 100_000,
 }
 #: Time of the fault after the first command [s]; joints are as fast as they get then.
 AT = 1.3
@@ -220,16 +238,72 @@ def in_processes(url: str, repeats: int, late: float) -> None:
                 elif name == "drive told to end":
                     processes.drive.send_signal(signal.SIGINT)
                 said = processes.end()
-                told = ("stopped by ", "failed ")
-                stops = [line for line in said.splitlines() if line.startswith(told)]
                 rest = f"{processes.heard.rest_after(fault):.2f}"
                 row(
                     name,
-                    stops[0].removeprefix("stopped by ") if stops else "its end",
+                    reason(said),
                     processes.drive.returncode,
                     "" if name in ("none", "robot killed") else rest,
                     saved(Path(folder) / EXPERIMENT),
                 )
+
+
+def reason(said: str) -> str:
+    """Return why a drive has ended, by what it said."""
+    starts = ("stopped by ", "failed ", "error ")
+    lines = [line for line in said.splitlines() if line.startswith(starts)]
+    return lines[0].removeprefix("stopped by ") if lines else "its end"
+
+
+def in_tries(url: str, count: int, late: float) -> None:
+    """Print the table of drives without faults, each of a new robot, and how many ended how."""
+    head("try", "ended by", "status", "result", "cycles", "lost", "late", "wall time [s]", "load")
+    ended: Counter[str] = Counter()
+    for number in range(1, count + 1):
+        with tempfile.TemporaryDirectory() as folder, begun("robot", "iiwa", "--url", url) as robot:
+            assert robot.stdout is not None
+            robot.stdout.readline()
+            line = ("drive", EXPERIMENT, *DRIVEN, "--url", url, "--out", folder)
+            quiet = ("--no-figures", "--no-playback", "--late", str(late), "--silence", str(late))
+            began = time.monotonic()
+            with begun(*line, *quiet) as drive:
+                said, _ = drive.communicate(timeout=HUNG)
+            why, took = reason(said), time.monotonic() - began
+            place = Path(folder) / EXPERIMENT
+            timings = {}
+            if (place / "run.json").is_file():
+                timings = json.loads((place / "run.json").read_text())["timings"]
+            counts = (timings.get(f"cycles{of}", "") for of in ("", "_lost", "_late"))
+            load = f"{os.getloadavg()[0]:.1f}"
+            status = drive.returncode
+            row(number, why, status, saved(place), *counts, f"{took:.1f}", load)
+            ended[why.partition(":")[0]] += 1
+    print("\n" + ", ".join(f"{why}: {times} of {count}" for why, times in ended.items()))
+
+
+@contextmanager
+def begun(*arguments: str) -> Iterator[subprocess.Popen[str]]:
+    """Begin a command of the package, which is ended with the block."""
+    line = [sys.executable, "-m", "drake_rnn", *arguments]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    process = subprocess.Popen(line, **pipes, text=True)
+    try:
+        yield process
+    finally:
+        process.terminate()
+        process.communicate()
+
+
+@contextmanager
+def beside_a_campaign() -> Iterator[None]:
+    """Run a campaign with as many workers as there are cores."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "beside.yaml"
+        file.write_text(json.dumps(CAMPAIGN))
+        jobs = str(os.cpu_count())
+        with begun("campaign", str(file), "--jobs", jobs, "--out", folder, "--quiet"):
+            time.sleep(15.0)
+            yield
 
 
 def saved(folder: Path) -> str:
@@ -241,11 +315,16 @@ def main() -> None:
     """Read the options and print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--processes", action="store_true", help="two processes over LCM")
+    parser.add_argument("--tries", type=int, default=0, help="drives without faults, over LCM")
+    parser.add_argument("--beside", action="store_true", help="a campaign runs meanwhile")
     parser.add_argument("--repeats", type=int, default=1, help="of each fault")
     parser.add_argument("--url", default="udpm://239.255.76.67:7790?ttl=0")
     parser.add_argument("--late", type=float, default=0.1, help="silence and lateness [s]")
     asked = parser.parse_args()
-    if asked.processes:
+    if asked.tries:
+        with beside_a_campaign() if asked.beside else nullcontext():
+            in_tries(asked.url, asked.tries, asked.late)
+    elif asked.processes:
         in_processes(asked.url, asked.repeats, asked.late)
         print(f"\nload of the machine {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
     else:

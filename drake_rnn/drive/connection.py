@@ -121,6 +121,10 @@ class Connection(Protocol):
         """Return how many commands of other programs have been seen since it was made."""
         return 0
 
+    def listen(self) -> None:
+        """Begin to listen to the robot: what takes time has been done."""
+        return None
+
     def begin(self) -> None:
         """Take the robot over, which has been listened to.
 

@@ -20,6 +20,7 @@ from pydrake.lcm import DrakeLcm
 from ..errors import RobotError
 from ..inputs.fields import Array
 from .connection import Command, Connection, RobotStatus
+from .priority import LAW_BESIDE, Scheduled, prioritize, prioritized, restore
 from .robots import IIWA
 
 STATUS, COMMAND = "IIWA_STATUS", "IIWA_COMMAND"
@@ -94,6 +95,8 @@ class IiwaLcm(Connection):
     ) -> None:
         self._clock = now
         self._lcm = lcm
+        self._is_live = wait is None
+        self._before: Scheduled | None = None
         self._wait = self._handle if wait is None else wait
         self._came: deque[bytes] = deque(maxlen=_MOST)
         self._looked = self.now()
@@ -140,6 +143,16 @@ class IiwaLcm(Connection):
         self._own.append(data)
         self._lcm.Publish(COMMAND, data)
 
+    def listen(self) -> None:
+        """See `Connection.listen`; from now on this thread comes before others, where it may."""
+        if self._is_live:
+            self._before = prioritize(LAW_BESIDE)
+
+    def end(self) -> None:
+        """See `Connection.end`."""
+        restore(self._before)
+        self._before = None
+
     def others(self) -> int:
         """See `Connection.others`; own messages come back, too."""
         return self._others
@@ -171,15 +184,17 @@ def connected(url: str) -> DrakeLcm:
     if fault := address_fault(url):
         raise RobotError(fault)
     try:
-        lcm, other = DrakeLcm(url), DrakeLcm(url)
-        if not _carries(lcm, other):
-            raise RobotError(
-                f"--url: no message to oneself comes back at {url!r}; multicast needs a route: on "
-                "one machine `ip link set lo multicast on; ip route add 224.0.0.0/4 dev lo`"
-            )
+        # LCM receives in a thread, which keeps the priority.
+        with prioritized(LAW_BESIDE):
+            lcm = DrakeLcm(url)
+            if _carries(DrakeLcm(url), lcm):
+                return lcm
     except RuntimeError as error:
         raise RobotError(f"--url: {url!r} carries no messages: {error}") from None
-    return lcm
+    raise RobotError(
+        f"--url: no message to oneself comes back at {url!r}; multicast needs a route: on one "
+        "machine `ip link set lo multicast on; ip route add 224.0.0.0/4 dev lo`"
+    )
 
 
 def _carries(sender: DrakeLcm, receiver: DrakeLcm) -> bool:

@@ -15,6 +15,8 @@ from .watches import StopError
 
 # Share of a cycle by which the cycles that were heard may differ from it.
 _UNEVEN = 0.2
+# Share of the cycles that are heard one by one at least, also where this side comes late.
+_TYPICAL = 0.2
 # Time for which nobody is asked whether the drive is to end [s].
 _DEAF = 0.1
 # Times of listening by this side's clock, after which the robot's clock is too slow.
@@ -58,9 +60,9 @@ def listened(
         elif passed > 0.0:
             log.add("listen", Cycle(status.time, passed, status), None, connection.now())
             heard.append(status)
-    # Of messages that come together only the newest is heard.
-    typical = np.min if connection.paced else np.median
-    cycle = float(typical(np.diff([status.time for status in heard])))
+    # Of messages that come together only one is heard.
+    typical = 0.0 if connection.paced else _TYPICAL
+    cycle = float(np.quantile(np.diff([status.time for status in heard]), typical))
     if not abs(cycle - connection.period) <= _UNEVEN * connection.period:
         raise RobotError(
             f"robot: its messages are {cycle * 1e3:.3g} ms apart; they should be "

@@ -7,8 +7,9 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-#: Real-time priorities of the pacer, and of the law beside it; below the kernel's own threads.
-PACER, LAW_BESIDE = 80, 40
+#: Real-time priorities of the pacer, of whoever commands, and of a simulated robot; below the
+#: kernel's own threads.
+PACER, LAW_BESIDE, SIMULATED = 80, 40, 30
 
 #: What a process was scheduled by: its policy and priority.
 Scheduled = tuple[int, int]
@@ -36,6 +37,19 @@ def restore(before: Scheduled | None) -> None:
     if before is not None:
         policy, priority = before
         os.sched_setscheduler(0, policy, os.sched_param(priority))
+
+
+@contextmanager
+def prioritized(priority: int) -> Iterator[None]:
+    """Have this thread, and those that it starts, come before all ordinary ones; see `prioritize`.
+
+    Threads that were started meanwhile keep the priority.
+    """
+    before = prioritize(priority)
+    try:
+        yield
+    finally:
+        restore(before)
 
 
 @contextmanager

@@ -50,12 +50,12 @@ class Robot:
         assert period is not None
         return period
 
-    @property
+    @cached_property
     def joints(self) -> tuple[str, ...]:
         """Names of its joints."""
         return load_arm(self.arm).joints
 
-    @property
+    @cached_property
     def limits(self) -> JointLimits:
         """The robot's own limits."""
         return load_arm(self.arm).limits

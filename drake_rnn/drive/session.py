@@ -121,6 +121,7 @@ class Session:
         kind = PlannedApproach if connection.paced else Approach
         # What is done for the first time takes longest: it is done now.
         Approach(task, self._settings, task.start, connection.period).advance(connection.period)
+        connection.listen()
         try:
             status = listened(
                 connection, task.names, self._settings, self._log, self._is_told_to_stop

@@ -22,7 +22,7 @@ from ..systems import start_posture
 from ..systems.plant import motors_of
 from .faults import Faults, Wire
 from .iiwa_lcm import COMMAND, STATUS, decoded
-from .priority import without_collection
+from .priority import SIMULATED, prioritized, without_collection
 from .robots import IIWA
 
 #: Time step of the plant [s].
@@ -69,6 +69,7 @@ class SimulatedIiwa:
         self._rng = np.random.default_rng((seed, 2))
         self._time, self._stood, self._first = 0.0, 0.0, np.inf
         self._told_wrong = False
+        self._clips, self._joints = IIWA.measured, len(IIWA.joints)
         lcm.Subscribe(COMMAND, self._command)
         self._inner = DrakeLcm("memq://")
         self._inner.Subscribe(STATUS, self._status)
@@ -96,7 +97,7 @@ class SimulatedIiwa:
 
     def serve(self, is_told_to_stop: Callable[[], bool]) -> None:
         """Go on in real time until somebody wants it to end."""
-        with without_collection():
+        with without_collection(), prioritized(SIMULATED):
             origin = time.monotonic() - self._time
             while not is_told_to_stop():
                 ahead = origin + self._time - time.monotonic()
@@ -113,12 +114,12 @@ class SimulatedIiwa:
 
     def _command(self, data: bytes) -> None:
         command = decoded(lcmt_iiwa_command, data)
-        if fault := _command_fault(command):
+        if fault := _command_fault(command, self._joints):
             self._refuse(fault, f"a message of {len(data)} bytes {fault}")
             return
         self._first = min(self._first, self._time)
-        q, known = np.array(command.joint_position), IIWA.measured
-        clipped = np.clip(q, known.position_lower, known.position_upper)
+        q = np.array(command.joint_position)
+        clipped = np.clip(q, self._clips.position_lower, self._clips.position_upper)
         if (q != clipped).any():
             joint = int(np.argmax(q != clipped))
             self._refuse("clipped", f"joint {joint + 1} at {q[joint]:.4g} rad is clipped")
@@ -153,11 +154,10 @@ class SimulatedIiwa:
         self._from_robot.put(self._time, message.encode())
 
 
-def _command_fault(command: lcmt_iiwa_command | None) -> str:
+def _command_fault(command: lcmt_iiwa_command | None, joints: int) -> str:
     """Return why a message is no command; empty if it is one."""
     if command is None:
         return "is no lcmt_iiwa_command, and ignored"
-    joints = len(IIWA.joints)
     if command.num_joints != joints:
         return f"commands {command.num_joints} joints of {joints}, and is ignored"
     if not np.isfinite(command.joint_position).all():

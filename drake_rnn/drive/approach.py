@@ -39,7 +39,9 @@ class Approach:
         if clearance is None:
             clearance, _ = arm_clearance(task.body.arm, (), task.start)
         self.limits = _slowed(task.limits, settings)
-        self._guard = Guard.within(self.limits, begin, period, clearance)
+        # Obstacles begin to move with the task.
+        self._p_WO = np.zeros((len(clearance.solids.moving), 3))
+        self._guard = Guard.within(self.limits, begin, period, clearance, self._p_WO)
         self._start, self.period = task.start, period
 
     held = 0.0
@@ -55,7 +57,7 @@ class Approach:
     def advance(self, time: float) -> Array:
         """Return the positions to command some time later [s], shape (n,) [rad]."""
         for _ in range(max(round(time / self.period), 1)):
-            self._guard.command(self._start)
+            self._guard.command(self._start, self._p_WO)
         return self._guard.position
 
     def motion(self) -> Motion:

@@ -94,9 +94,11 @@ class DrivenLaw(RobotTask):
         context = loop.controller.GetMyMutableContextFromRoot(root)
         reading, x = loop.controller.reading, loop.controller.state(context)
         assert isinstance(reading, SampledReading)
+        begin = self.time
         if late:
             root.SetTime(time)
-        loop.controller.set_state(context, reading.resumed(x, *motion))
+        elapsed = max(time - begin, 0.0)
+        loop.controller.set_state(context, reading.resumed(x, *motion, elapsed))
         at = loop.joint_command.GetMyMutableContextFromRoot(root)
         loop.joint_command.set_integral_value(at, motion.position)
         if late:

@@ -373,6 +373,8 @@ class AdaptiveReading(SampledReading):
     still: float
     late: int
 
+    inputs_with_gaps = ("p_WO",)
+
     @property
     def takes_many(self) -> bool:  # type: ignore[override]
         """See `Adaptive.takes_many`."""
@@ -462,3 +464,8 @@ class AdaptiveReading(SampledReading):
         v, held = self._within.chosen(program, q, v, kept, period, u)
         own = {"v": v, "commanded": q + period * v}
         return self.state.joined({**own, **held, **learned, **late, **felt})
+
+    def resumed(self, x: Array, q: Array, v: Array, a: Array, elapsed: float | None = 0.0) -> Array:
+        motion = {"commanded": q, "v": v, "a": a}
+        within = self._within.resumed(self.state.named(x), motion, elapsed)
+        return self.state.replaced(x, **{"commanded": q, "v": v, **within})

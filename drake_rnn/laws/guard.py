@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from warnings import warn
+
 import numpy as np
 
 from ..errors import InvalidInputError
 from ..inputs.complaints import require_type, short
 from ..inputs.fields import Array
+from ..inputs.numbers import is_number
 from ..robot.clearance import Clearance
 from ..robot.limits import JointLimits
-from .joint_stream import JointStream
-from .law import SampledReading
+from .joint_stream import JointStream, JointStreamReading
+from .parts.held_clear import NO_STOP
+
+# Share of the period by which calls may come late, if nothing else is given.
+_TOLERANCE = 0.5
+# Times that differ by less are one, as a share of the period; the longest pause [s].
+_SAME, _DAY = 1e-6, 86400.0
 
 
 class Guard:
@@ -19,36 +28,67 @@ class Guard:
     It runs a `JointStream` outside of any diagram, for a loop of one's own. As a system of a
     diagram the same law runs in a `SampledController`, with the input port ``target``.
 
+    Each command is reached a period after its call, at a constant velocity. The robot then waits
+    there for the next command. A call that comes late by up to ``tolerance`` goes on with the
+    velocity. One that comes later finds the arm at rest at the last command: the robot has stopped
+    it there, and the guard goes on from rest. Whatever the delay is, obstacles may have moved
+    during all of it at their largest speed. All this needs the time ``t`` of each call. Without
+    it, each call counts as exactly one period after the one before.
+
     Args:
         law: What is kept, and how targets are followed.
         period: Time between two calls of `command` [s].
         start: Posture that the robot rests in, shape (n,) [rad]; by default the law's ``home``.
+        p_WO: How far the obstacles that may move have gone from where they are stated, as measured
+            now, see `command`; None to begin with the measurement of the first command.
+        t: Time now, on a clock that never goes back [s]; None if it is not known.
+        tolerance: Time by which a call may come late, or early, while the robot keeps its velocity
+            [s]; at most a period, by default half of it. Obstacles count as moving on for so long
+            during each stop.
 
     Raises:
         InvalidInputError: If the law cannot be sampled at this period, or the robot starts beyond
-            its limits or too near to something.
+            its limits or too near to something, or an argument is not as described.
     """
 
-    def __init__(self, law: JointStream, period: float, start: Array | None = None) -> None:
+    def __init__(
+        self,
+        law: JointStream,
+        period: float,
+        start: Array | None = None,
+        p_WO: Array | None = None,
+        t: float | None = None,
+        tolerance: float | None = None,
+    ) -> None:
         require_type("law", law, JointStream)
-        self._reading: SampledReading = law.sampled(period)
-        q = law.home if start is None else _numbers("start", start, law.home.size)
-        if not np.isfinite(q).all():
-            raise InvalidInputError(f"start: must be finite, not {short(q)}")
+        reading = law.sampled(period)
+        q = law.home if start is None else _finite("start", start, law.home.size)
         if law.limits.violation(q).any():
             raise InvalidInputError(f"start: {law.limits.complaint(q)}")
-        law.safety.check_start(q)
         self.law = law
         self.period = float(period)
+        self.tolerance = self._checked_tolerance(tolerance)
+        self._reading: JointStreamReading = replace(reading, tolerance=self.tolerance)
         self._none = np.full(q.size, np.nan)
-        self._seen = {name: np.zeros(shape) for name, shape in law.safety.inputs.items()}
-        signals = {"position": q, "target": self._none, **self._seen}
-        self._x = self._reading.initial_state(np.random.default_rng(0), signals)
-        self._t, self._q = 0.0, q
+        self._inputs = law.safety.inputs
+        self._moving = sum(shape[0] for shape in self._inputs.values())
+        self._late_stops, self._q = 0, q
+        # Whether calls tell the time, None before the first; that of the last call; and when the
+        # next command is due.
+        self._is_timed = None if t is None else True
+        self._last = self._due = 0.0 if t is None else _time(t)
+        nowhere = np.full((self._moving, 3), np.nan)
+        self._begin(self._obstacles(nowhere if p_WO is None else p_WO))
+        self._has_begun = p_WO is not None or not self._moving
 
     @classmethod
     def within(
-        cls, limits: JointLimits, start: Array, period: float, clearance: Clearance | None = None
+        cls,
+        limits: JointLimits,
+        start: Array,
+        period: float,
+        clearance: Clearance | None = None,
+        p_WO: Array | None = None,
     ) -> Guard:
         """Return a guard with the defaults of `JointStream`.
 
@@ -57,10 +97,14 @@ class Guard:
             start: Posture that the robot rests in, shape (n,) [rad].
             period: Time between two calls of `command` [s].
             clearance: What the arm is to stay clear of; None for nothing.
+            p_WO: How far obstacles have moved, as measured now, shape (m, 3) [m].
         """
-        return cls(JointStream(limits=limits, home=start, clearance=clearance), period)
+        law = JointStream(limits=limits, home=start, clearance=clearance)
+        return cls(law, period, p_WO=p_WO)
 
-    def command(self, target: Array | None = None, p_WO: Array | None = None) -> Array:
+    def command(
+        self, target: Array | None = None, p_WO: Array | None = None, t: float | None = None
+    ) -> Array:
         """Return the positions to command for the next period, shape (n,) [rad].
 
         They are reached at its end, at the constant `velocity`.
@@ -70,43 +114,67 @@ class Guard:
                 NaN or infinite entries, if there is none to follow.
             p_WO: How far the obstacles that may move have gone from where they are stated, in the
                 order of ``clearance.solids.moving``, as measured now, shape (m, 3) [m]; must be
-                given if there are any.
+                given if there are any. NaN for one that was not measured: it may be as far from
+                where it was measured last as its speed lets it go.
+            t: Time of this call [s], on the clock of the other calls; must be given in all calls of
+                a guard or in none. Without it a call is one period after the one before.
 
         Raises:
-            InvalidInputError: If target or obstacles have another shape, or the latter are not
-                given.
+            InvalidInputError: If an argument has another shape or is no number, obstacles are not
+                given, the time is not after that of the last call, or is earlier than the period
+                and the tolerance allow; the guard is then as before the call. At the first
+                command also if an obstacle is too near.
         """
         wanted = self._none if target is None else _numbers("target", target, self._none.size)
         wanted = wanted if np.isfinite(wanted).all() else self._none
-        signals = {"position": self._q, "target": wanted, **self._obstacles(p_WO)}
-        self._x = self._reading.step(self._t, self._x, signals, self.period)
-        self._t += self.period
+        measured = self._obstacles(p_WO)
+        late = self._late(t, now=False)
+        if not self._has_begun or late is None:
+            self._begin(measured)
+            self._has_begun, late = True, 0.0
+        signals = {"position": self._q, "target": wanted, **measured}
+        stands = late > self.tolerance + _SAME * self.period
+        x = self._stepped(signals, late, stands=stands)
+        if not stands and self._is_too_late(x):
+            stands, x = True, self._stepped(signals, late, stands=True)
+        jumps, self._x = self.jumps, x
+        self._late_stops += int(stands)
+        self._called(t, self.period)
+        self._warn(jumps)
         return self.position
 
-    def _obstacles(self, p_WO: Array | None) -> dict[str, Array]:
-        """Return what is measured of obstacles, as the law sees it."""
-        shape = next((part.shape for part in self._seen.values()), (0, 3))
-        given = np.zeros((0, 3)) if p_WO is None else np.asarray(p_WO, dtype=float)
-        if given.shape != shape:
-            raise InvalidInputError(
-                f"p_WO: must be of shape {shape}, one row for each obstacle that may move, not "
-                f"{given.shape}"
-            )
-        return {name: given for name in self._seen}
+    def resume(self, q: Array, v: Array, a: Array, t: float | None = None) -> None:
+        """Go on from what was commanded without the guard, such as after a pause.
 
-    def resume(self, q: Array, v: Array, a: Array) -> None:
-        """Go on from what was commanded without the guard.
+        The next call of `command` is due now. No stop from this motion was certified: if none is
+        free, the guard stops as fast as its bounds allow, and counts it in ``uncertified``. From
+        rest that cannot happen.
 
         Args:
-            q: Positions commanded, shape (n,) [rad].
+            q: Positions commanded until now, shape (n,) [rad].
             v: Velocities that have led there, shape (n,) [rad/s].
             a: Accelerations that have led to these, shape (n,) [rad/s^2].
+            t: Time now [s], see `command`. Without it the time since the last call is not known,
+                and places of obstacles are taken from the next command as from a first one.
+
+        Raises:
+            InvalidInputError: If an argument has another shape or is not finite, or the time is
+                before that of the last call.
         """
-        self._x = self._reading.resumed(self._x, q, v, a)
-        self._q = q
+        n = self._none.size
+        q, v, a = (_finite(name, x, n) for name, x in (("q", q), ("v", v), ("a", a)))
+        elapsed = self._late(t, now=True) if t is not None or self._is_timed else None
+        self._x = self._reading.resumed(self._x, q, v, a, elapsed)
+        self._q, self._has_begun = q, True
+        self._called(t, 0.0)
 
     def part(self, name: str) -> Array:
-        """Return a part of the law's state, such as ``missed`` or ``held_back``."""
+        """Return a part of the law's state.
+
+        Such as ``missed``, the samples without a target; ``held_back``, those in which the velocity
+        that was wanted was not free; and ``uncertified``, those in which the arm moved and no stop
+        was, because of a measurement beyond what is stated or a motion of others.
+        """
         return np.array(self._reading.state.part(self._x, name))
 
     @property
@@ -119,11 +187,143 @@ class Guard:
         """Velocities commanded last, shape (n,) [rad/s]."""
         return self.part("v")
 
+    @property
+    def late_stops(self) -> int:
+        """How many calls came so late that the arm stood at the last command."""
+        return self._late_stops
+
+    @property
+    def jumps(self) -> dict[str, int]:
+        """How often each obstacle that may move was measured where it cannot have been, by name."""
+        if not self._moving:
+            return {}
+        assert self.law.clearance is not None
+        solids = self.law.clearance.solids
+        names = [solids.names[k] for k in solids.moving]
+        return {n: int(k) for n, k in zip(names, self.part("jumps"), strict=True)}
+
+    def _begin(self, measured: dict[str, Array]) -> None:
+        """Begin at rest, with the first measurement."""
+        self.law.safety.check_start(self._q, measured.get("p_WO"))
+        signals = {"position": self._q, "target": self._none, **measured}
+        self._x = self._reading.initial_state(np.random.default_rng(0), signals)
+
+    def _stepped(self, signals: dict[str, Array], late: float, *, stands: bool) -> Array:
+        """Return the next state of the law.
+
+        Args:
+            signals: What it sees.
+            late: Time by which the call is late [s].
+            stands: Whether the arm stands at the last command.
+        """
+        x = self._x
+        if late > 0.0 or stands:
+            rest = np.zeros(self._none.size)
+            a = self.part("a") if "a" in self._reading.state else rest
+            v, a = (rest, rest) if stands else (self.velocity, a)
+            x = self._reading.resumed(x, self.position, v, a, late)
+        return self._reading.step(0.0, x, signals, self.period)
+
+    def _is_too_late(self, x: Array) -> bool:
+        """Return whether the stop that a state goes on with holds no longer, as it is too late."""
+        state = self._reading.state
+        if "stop_delay" not in state or not np.count_nonzero(state.part(x, "v")):
+            return False
+        delay = state.part(x, "stop_delay").item()
+        return bool(self.tolerance + _SAME * self.period < delay < NO_STOP)
+
+    def _obstacles(self, p_WO: Array | None) -> dict[str, Array]:
+        """Return what is measured of obstacles, as the law sees it."""
+        shape = (self._moving, 3)
+        try:
+            given = np.zeros((0, 3)) if p_WO is None else np.array(p_WO, dtype=float)
+        except (TypeError, ValueError):
+            raise InvalidInputError(f"p_WO: must be numbers, not {short(p_WO)}") from None
+        if given.shape != shape:
+            raise InvalidInputError(
+                f"p_WO: must be of shape {shape}, one row for each obstacle that may move, not "
+                f"{given.shape}"
+            )
+        given[~np.isfinite(given).all(axis=1)] = np.nan
+        return {name: given for name in self._inputs}
+
+    def _late(self, t: float | None, *, now: bool) -> float | None:
+        """Return by how much a call is late [s]; None if that is not known.
+
+        Args:
+            t: Time of the call [s].
+            now: Whether it may come at any time after the last call.
+        """
+        if self._is_timed is not None and self._is_timed != (t is not None):
+            raise InvalidInputError("t: must be given in all calls of a guard or in none")
+        if t is None:
+            return 0.0
+        t = _time(t)
+        if self._is_timed is None:
+            return None
+        passed, late = t - self._last, t - self._due
+        if passed < 0.0 or (passed == 0.0 and self._due > self._last and not now):
+            raise InvalidInputError(
+                f"t: must be after that of the last call, {self._last:.9g} s, not {t:.9g}"
+            )
+        if passed > _DAY:
+            raise InvalidInputError(
+                f"t: is {passed:.3g} s after the last call, more than a day; must be in seconds, "
+                "on the clock of the other calls"
+            )
+        if late < -self.tolerance - _SAME * self.period and not now:
+            raise InvalidInputError(
+                f"t: is {passed:.3g} s after the last call; must be a period of {self.period:g} s "
+                f"after it, or at most {self.tolerance:g} s earlier"
+            )
+        return max(late, 0.0)
+
+    def _called(self, t: float | None, holds: float) -> None:
+        """Note the time of a call, and for how long its command holds [s]."""
+        self._is_timed = t is not None
+        if t is not None:
+            self._last, self._due = float(t), float(t) + holds
+
+    def _warn(self, before: dict[str, int]) -> None:
+        """Warn of obstacles that were measured for the first time where they cannot be."""
+        for name, count in self.jumps.items():
+            if count and not before[name]:
+                warn(
+                    f"p_WO: {name} was measured farther away than its speed and its error allow; "
+                    "the places before and after both count for a while",
+                    stacklevel=3,
+                )
+
+    def _checked_tolerance(self, tolerance: float | None) -> float:
+        if tolerance is None:
+            return _TOLERANCE * self.period
+        if not is_number(tolerance) or not 0.0 <= tolerance <= self.period:
+            raise InvalidInputError(
+                f"tolerance: must be a time from 0 to the period, {self.period:g} s, not "
+                f"{short(tolerance)}"
+            )
+        return float(tolerance)
+
+
+def _time(t: object) -> float:
+    """Return a time [s], checked."""
+    if not is_number(t):
+        raise InvalidInputError(f"t: must be a finite time [s], not {short(t)}")
+    return float(t)  # type: ignore[arg-type]
+
+
+def _finite(name: str, value: object, size: int) -> Array:
+    """Return as many finite numbers as there are joints."""
+    found = _numbers(name, value, size)
+    if not np.isfinite(found).all():
+        raise InvalidInputError(f"{name}: must be finite, not {short(found)}")
+    return found
+
 
 def _numbers(name: str, value: object, size: int) -> Array:
     """Return as many numbers as there are joints; NaN is one of them."""
     try:
-        found = np.asarray(value, dtype=float)
+        found = np.array(value, dtype=float)
     except (TypeError, ValueError):
         found = np.zeros(0)
     if found.shape != (size,):

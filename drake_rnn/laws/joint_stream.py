@@ -107,16 +107,18 @@ class JointStreamReading(SampledReading):
     Attributes:
         law: The law.
         period: Its period [s].
+        tolerance: Time by which samples may come late while a certified stop still holds [s].
     """
 
     law: JointStream
     period: float
+    tolerance: float = 0.0
 
     inputs_with_gaps = ("target", "p_WO")
 
     @cached_property
     def _within(self) -> Within:
-        return self.law.safety.within(self.period)
+        return self.law.safety.within(self.period, self.tolerance)
 
     @cached_property
     def state(self) -> Layout:
@@ -161,6 +163,14 @@ class JointStreamReading(SampledReading):
         v, held = self._within.chosen(nearest(wanted), q, kept["v"], kept, period, u)
         own = {"v": v, "commanded": q + period * v, "goal": goal, "left": left, "pace": pace}
         return self.state.joined({**own, "since": since, "missed": missed, **held})
+
+    def resumed(self, x: Array, q: Array, v: Array, a: Array, elapsed: float | None = 0.0) -> Array:
+        kept, motion = self.state.named(x), {"commanded": q, "v": v, "a": a}
+        own = {"commanded": q, "v": v, **self._within.resumed(kept, motion, elapsed)}
+        if elapsed is not None:
+            own["left"] = np.maximum(kept["left"] - elapsed, 0.0)
+            own["since"] = kept["since"] + elapsed
+        return self.state.replaced(x, **own)
 
     def _towards(self, goal: Array, q: Array, kept: Kept) -> Array:
         """Return the velocities that are wanted on the way to the goal, shape (n,) [rad/s].

@@ -128,7 +128,7 @@ class SampledReading(Reading):
             period: Time until the next sample [s].
         """
 
-    def resumed(self, x: Array, q: Array, v: Array, a: Array) -> Array:
+    def resumed(self, x: Array, q: Array, v: Array, a: Array, elapsed: float | None = 0.0) -> Array:
         """Return a state that goes on from what was commanded without the law.
 
         The parts of the state that hold what was commanded are those named here, where there are
@@ -139,6 +139,8 @@ class SampledReading(Reading):
             q: Positions commanded, shape (n,) [rad].
             v: Velocities that have led there, shape (n,) [rad/s].
             a: Accelerations that have led to these, shape (n,) [rad/s^2].
+            elapsed: Time that has passed since the sample that is due, in which the law commanded
+                nothing [s]; None if it is not known.
         """
         commanded = {"commanded": q, "v": v, "a": a}
         return self.state.replaced(x, **{k: y for k, y in commanded.items() if k in self.state})

@@ -75,20 +75,27 @@ class Safety:
         """What it sees besides what the law does, with the shapes."""
         return seen_signals(self.clearance)
 
-    def check_start(self, q: Array) -> None:
-        """Raise an InvalidInputError unless joints can rest in a posture, shape (n,), all kept."""
+    def check_start(self, q: Array, p_WO: Array | None = None) -> None:
+        """Raise an InvalidInputError unless joints can rest in a posture, shape (n,), all kept.
+
+        Args:
+            q: The posture [rad].
+            p_WO: How far obstacles have moved, shape (m, 3) [m]; None if not at all.
+        """
         require_resting(self.limits, q, "start")
         if self.clearance is not None:
-            require_free(self.clearance, self.avoidance.floor, q)
+            require_free(self.clearance, self.avoidance.floor, q, p_WO)
 
-    def within(self, period: float) -> Within:
+    def within(self, period: float, tolerance: float = 0.0) -> Within:
         """Return what chooses a velocity that is safe.
 
         Args:
             period: Time for which it is held [s].
+            tolerance: Time by which samples may come late while a certified stop still holds [s].
         """
         avoids = None if self.clearance is None else (self.clearance, self.avoidance)
-        return within_safe(reached_limits(self.limits, period), 1.0, avoids)
+        limits = reached_limits(self.limits, period)
+        return within_safe(limits, 1.0, avoids, tolerance=tolerance)
 
     def around(self, reading: SampledReading, period: float) -> SafeReading:
         """Return a reading that commands what is safe of what another one wants.
@@ -145,7 +152,7 @@ class SafeReading(SampledReading):
     @property
     def inputs_with_gaps(self) -> tuple[str, ...]:  # type: ignore[override]
         """See `Reading.inputs_with_gaps`."""
-        return self.wanting.inputs_with_gaps
+        return (*self.wanting.inputs_with_gaps, "p_WO")
 
     @cached_property
     def state(self) -> Layout:
@@ -183,10 +190,11 @@ class SafeReading(SampledReading):
         own = {"commanded": q + period * safe, "wanted": wanted[at], **held}
         return self._joined(self.wanting.state.replaced(wanted, v=safe), own)
 
-    def resumed(self, x: Array, q: Array, v: Array, a: Array) -> Array:
-        x = super().resumed(x, q, v, a)
-        own = {"safe_commanded": q, "safe_a": a}
-        return self.state.replaced(x, **{k: y for k, y in own.items() if k in self.state})
+    def resumed(self, x: Array, q: Array, v: Array, a: Array, elapsed: float | None = 0.0) -> Array:
+        size, motion = self.wanting.state.size, {"commanded": q, "v": v, "a": a}
+        kept = self._own.named(x[size:]) | {"v": x[self._v]}
+        own = kept | {"commanded": q} | self.within.resumed(kept, motion, elapsed)
+        return self._joined(self.wanting.resumed(x[:size], q, v, a, elapsed), own)
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         return self.wanting.diagnostics(t, self._theirs(x), u)

@@ -90,8 +90,8 @@ class ToldOfLocks(SampledReading):
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         return self.told.diagnostics(t, x, self._seen(t, u))
 
-    def resumed(self, x: Array, q: Array, v: Array, a: Array) -> Array:
-        return self.told.resumed(x, q, v, a)
+    def resumed(self, x: Array, q: Array, v: Array, a: Array, elapsed: float | None = 0.0) -> Array:
+        return self.told.resumed(x, q, v, a, elapsed)
 
     def caveats(self, metrics: Mapping[str, float]) -> list[str]:
         return self.told.caveats(metrics)

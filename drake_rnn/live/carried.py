@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from ..inputs.fields import Array
 from ..laws import Layout
+from ..laws.parts.held_clear import NO_STOP
+from ..laws.parts.obstacle_tracks import TRACKS
 
 # Prefix of the parts that belong to what keeps a law safe, see `drake_rnn.laws.safety`.
 _SAFE = "safe_"
 # Parts of the state by which a stop is certified, see `drake_rnn.laws.parts.held_within` and
 # `drake_rnn.laws.parts.held_clear`.
-_MOTION = ("commanded", "a", "a_path", "v_path", "seen", "gaps", "held_back")
+_MOTION = ("commanded", "a", "a_path", "v_path", "seen", "gaps", "held_back", "uncertified")
 
 
 @dataclass(frozen=True)
@@ -59,9 +63,11 @@ class Carried:
         """Return what belongs to the motion, as a layout names it: a law's own, or its guard's."""
         guarded = f"{_SAFE}commanded"
         mine = _SAFE if guarded in self.parts else "" if "commanded" in self.parts else None
-        held = {} if mine is None else {n: self.parts.get(mine + n) for n in _MOTION}
+        held = {} if mine is None else {n: self.parts.get(mine + n) for n in (*_MOTION, *TRACKS)}
         known = {name: value for name, value in held.items() if value is not None}
         known.setdefault("commanded", self.position_commanded)
+        # What was certified may have been with other bounds, or not at all.
+        known["stop_delay"] = np.full(1, NO_STOP)
         v = self.parts["v"]
         if guarded in layout:
             return {"v": v, f"{_SAFE}wanted": v, **{_SAFE + n: each for n, each in known.items()}}

@@ -22,6 +22,14 @@ An obstacle that moves is measured, p_WO, with an error of at most e, and is at 
 later a pair with it is apart by the distance from where it is measured less e + u t, which takes
 the place of d. So what is certified holds whatever it does until the arm rests; and a stop that was
 certified a sample ago holds whatever is measured now. To an arm that rests nothing is promised.
+Where else an obstacle may be, and for how long, if it was measured where it cannot be, or was not
+measured at all, is said in `drake_rnn.laws.parts.obstacle_tracks`.
+
+The stop that was certified a sample ago does not hold after a jump of a measured place, after a
+motion that was commanded without the law, and when the samples come late. For lateness there is an
+allowance, ``tolerance``: obstacles count as going on for so long after each stop, so a stop that is
+late by no more still holds. In all other cases w_0 is looked at like any other velocity. If it is
+not free, the law commands it for want of a better one and counts that: the part ``uncertified``.
 
 Rows alone leave the arm at their edge, where they come and go from sample to sample. So joints that
 the task leaves free may be led away before (`drake_rnn.laws.parts.led_away`).
@@ -59,6 +67,7 @@ from .held_within import (
     within_limits,
 )
 from .led_away import LedAway
+from .obstacle_tracks import ANYWHERE, ObstacleTracks
 from .rows_program import Rows, within_rows
 from .world import BothStop, Stop, World
 
@@ -74,6 +83,10 @@ _SHARES = (0.5, 0.25)
 # Slope of a row that no joint changes [m].
 _FLAT = 1e-9
 _ALL = slice(None)
+#: A delay of the stop that was certified last which says that none is certified [s].
+NO_STOP = 1e3
+# Times that differ by less are one [s].
+_SOON = 1e-9
 
 
 @validated
@@ -104,9 +117,11 @@ def require_free(clearance: Clearance, floor: float, q: Array, p_WO: Array | Non
         clearance: The pairs that are to stay apart.
         floor: How near they may come [m].
         q: Posture at the start, shape (n,) [rad].
-        p_WO: How far obstacles have moved, shape (m, 3) [m]; None if not at all.
+        p_WO: How far obstacles have moved, shape (m, 3) [m]; None if not at all. One whose place is
+            not a number is not looked at.
     """
     gaps = clearance.gaps(q, p_WO) - clearance.errors
+    gaps = np.where(np.isnan(gaps), np.inf, gaps)
     if gaps.min(initial=np.inf) < floor:
         one, other = clearance.names[int(gaps.argmin())]
         raise InvalidInputError(
@@ -172,6 +187,7 @@ class WithinClear:
         avoidance: How near they may come.
         neighbour: The arm beside it; None without one.
         led_away: How joints that the task leaves free make way; None if they do not.
+        tolerance: Time by which samples may come late while a certified stop still holds [s].
     """
 
     within: WithinAcceleration | WithinJerk
@@ -179,12 +195,14 @@ class WithinClear:
     avoidance: Avoidance
     neighbour: Neighbour | None = None
     led_away: LedAway | None = None
+    tolerance: float = 0.0
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Shapes of its parts of the state, by name."""
         own = {"seen": (self.clearance.size,), "gaps": (self.clearance.count,), "held_back": (1,)}
-        return self.within.shapes | own
+        own |= {"stop_delay": (1,), "uncertified": (1,)}
+        return self.within.shapes | own | self._tracks.shapes
 
     def start(self, q: Array, seen: Seen) -> Kept:
         """Return its parts of the state in a posture, shape (n,) [rad], as all begins to move.
@@ -192,12 +210,28 @@ class WithinClear:
         Raises:
             InvalidInputError: If the arm is nearer to something there than it may come.
         """
-        world = World(self.clearance, self.neighbour, seen, 0.0)
+        tracks = self._tracks.start(seen.get("p_WO"))
+        world = self._world(tracks, seen, 0.0)
         whole = world.posture(q)
-        require_free(self.clearance, self.avoidance.floor, whole, world.p_WO)
-        gaps = self.clearance.gaps(whole, world.p_WO) - self.clearance.errors
-        own = {"seen": whole, "gaps": gaps, "held_back": np.zeros(1)}
-        return self.within.start(q, seen) | own
+        require_free(self.clearance, self.avoidance.floor, whole, seen.get("p_WO"))
+        own = {"seen": whole, "gaps": world.gaps_now(whole), "held_back": np.zeros(1)}
+        own |= {"stop_delay": np.zeros(1), "uncertified": np.zeros(1)}
+        return self.within.start(q, seen) | own | tracks
+
+    def resumed(self, kept: Kept, motion: Kept, elapsed: float | None) -> Kept:
+        """Return its parts of the state, as `WithinAcceleration.resumed` does."""
+        goes_on = all(np.array_equal(kept[name], motion[name]) for name in motion if name in kept)
+        speeds, delay = self.clearance.speeds, kept["stop_delay"]
+        within = self.within.resumed(kept, motion, elapsed)
+        if elapsed is None:
+            gaps = np.where(speeds > 0.0, -ANYWHERE, kept["gaps"])
+            own = {"gaps": gaps, "stop_delay": np.full(1, NO_STOP)}
+            return within | own | self._tracks.unknown(kept)
+        if self.clearance.solids.moving.size:
+            delay = delay + elapsed
+        delay = np.minimum(delay, NO_STOP) if goes_on else np.full(1, NO_STOP)
+        own = {"gaps": kept["gaps"] - elapsed * speeds, "stop_delay": delay}
+        return within | own | self._tracks.later(kept, elapsed)
 
     def chosen(
         self, program: Program, q: Array, v: Array, kept: Kept, period: float, seen: Seen
@@ -205,7 +239,10 @@ class WithinClear:
         """Return the next velocity, as `WithinAcceleration.chosen` does."""
         J, b, _, g, softness = program
         choice = self.within.choice(program, q, v, kept, period)
-        sight = self._sight(q, kept, choice, World(self.clearance, self.neighbour, seen, period))
+        tracks: Kept = {}
+        if (p_WO := seen.get("p_WO")) is not None:
+            kept, tracks = self._tracked(kept, p_WO, period)
+        sight = self._sight(q, kept, choice, self._world(kept, seen, period))
         looked = None
         if np.count_nonzero(sight.led):
             looked = self._looked(sight, sight.ahead | sight.led)
@@ -218,19 +255,64 @@ class WithinClear:
             if rows is not None and not rows.hold(z):
                 found = within_rows(v, J, b, g, softness, *choice.box, rows)
                 z = choice.first_z if found is None else found
-        first, u, held_back = choice.first, choice.chosen(z), kept["held_back"]
         left = sight.left if looked is None else looked.along.known(sight.left)
         given = (sight.q, left, looked and looked.along, sight.stop, sight.world)
-        if not self._certificate.is_given(u, *given):
-            way = (first + share * (u - first) for share in _SHARES)
-            u = next((x for x in way if self._certificate.is_given(x, *given)), first)
-            held_back = held_back + 1.0
-        v, own = choice.taken(u)
+        v, own, counts = self._certified(choice, choice.chosen(z), kept, given)
         if looked is None:
             known = {"seen": kept["seen"], "gaps": kept["gaps"] - sight.world.nearer(1.0)}
         else:
             known = {"seen": sight.q, "gaps": left}
-        return v, own | known | {"held_back": held_back}
+        return v, own | known | counts | tracks
+
+    def _certified(
+        self, choice: Choice, u: Array, kept: Kept, given: tuple[Any, ...]
+    ) -> tuple[Array, Kept, Kept]:
+        """Return the next velocity, its parts of the next state, and what is counted.
+
+        Args:
+            choice: What the arm may choose from.
+            u: What it chooses, if that is free.
+            kept: The parts of the state.
+            given: What the certificate is asked with.
+        """
+        is_free = self._certificate.is_given
+        held_back, delay, uncertified = (
+            kept[name] for name in ("held_back", "stop_delay", "uncertified")
+        )
+        found: Array | None = u
+        if not is_free(u, *given):
+            held_back, first = held_back + 1.0, choice.first
+            way = (first + share * (u - first) for share in _SHARES)
+            found = next((x for x in way if is_free(x, *given)), None)
+            u = first if found is None else found
+            # A stop that was certified, and is not too late, needs no look.
+            if found is None and delay[0] > self.tolerance + _SOON and is_free(first, *given):
+                found = first
+        v, own = choice.taken(u)
+        if found is not None:
+            delay = np.zeros(1)
+        elif delay[0] > self.tolerance + _SOON and np.count_nonzero(v):
+            uncertified = uncertified + 1.0
+        counts = {"held_back": held_back, "stop_delay": delay, "uncertified": uncertified}
+        return v, own, counts
+
+    def _tracked(self, kept: Kept, p_WO: Array, period: float) -> tuple[Kept, Kept]:
+        """Return the parts of the state with places measured now, and those that are new."""
+        tracks, nearer = self._tracks.measured(kept, p_WO, period)
+        if nearer is not None:
+            # What was known of distances was known of the other places.
+            kept = kept | {"gaps": kept["gaps"] - self.clearance.of_moving(nearer)}
+            kept["stop_delay"] = np.full(1, NO_STOP)
+        return kept | tracks, tracks
+
+    def _world(self, kept: Kept, seen: Seen, period: float) -> World:
+        """Return what is in the way, by where obstacles may be now."""
+        places = self._tracks.places(kept)
+        return World(self.clearance, self.neighbour, seen, period, places, self.tolerance)
+
+    @cached_property
+    def _tracks(self) -> ObstacleTracks:
+        return ObstacleTracks(self.clearance.solids)
 
     @cached_property
     def _certificate(self) -> Certificate:
@@ -356,6 +438,7 @@ def within_safe(
     avoids: tuple[Clearance, Avoidance] | None,
     neighbour: Neighbour | None = None,
     led_away: LedAway | None = None,
+    tolerance: float = 0.0,
 ) -> Within:
     """Return what keeps limits, see `within_limits`, and, where anything is avoided, a distance.
 
@@ -365,6 +448,7 @@ def within_safe(
         avoids: What the arm is to stay clear of, and how near it may come; None for nothing.
         neighbour: The arm beside it that ``avoids`` counts; None without one.
         led_away: How joints that the task leaves free make way; None if they do not.
+        tolerance: See `WithinClear`.
     """
     found = within_limits(limits, smoothing)
-    return found if avoids is None else WithinClear(found, *avoids, neighbour, led_away)
+    return found if avoids is None else WithinClear(found, *avoids, neighbour, led_away, tolerance)

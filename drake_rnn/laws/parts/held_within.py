@@ -236,6 +236,16 @@ class WithinAcceleration:
         """
         return {}
 
+    def resumed(self, kept: Kept, motion: Kept, elapsed: float | None) -> Kept:
+        """Return its parts of the state after a time in which the law commanded nothing.
+
+        Args:
+            kept: The parts of the state until then, by name.
+            motion: ``commanded`` positions, velocities ``v`` and accelerations ``a`` now, by name.
+            elapsed: The time [s]; None if it is not known.
+        """
+        return {}
+
     def choice(
         self, program: Program, q: Array, v: Array, kept: Kept, period: float
     ) -> VelocityChoice:
@@ -293,6 +303,10 @@ class WithinJerk:
     def start(self, q: Array, seen: Seen) -> Kept:
         """Return its parts of the state in a posture, as `WithinAcceleration.start` does."""
         return {name: np.zeros(shape) for name, shape in self.shapes.items()}
+
+    def resumed(self, kept: Kept, motion: Kept, elapsed: float | None) -> Kept:
+        """Return its parts of the state, as `WithinAcceleration.resumed` does."""
+        return {"a": motion["a"]}
 
     def choice(
         self, program: Program, q: Array, v: Array, kept: Kept, period: float

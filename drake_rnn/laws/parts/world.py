@@ -14,12 +14,11 @@ from ...robot.held_jerk_stop import HeldJerkStop
 from ...robot.held_stop import HeldStop
 from ...robot.jerk_stop import course
 from .held_within import Seen
+from .obstacle_tracks import ANYWHERE, Places
 
 #: The fastest stop of an arm.
 Stop = HeldStop | HeldJerkStop
 
-# What an obstacle that is not seen counts as overlapping with everything [m].
-_ANYWHERE = 1e3
 _ALL = slice(None)
 
 
@@ -129,25 +128,24 @@ class World:
     Attributes:
         clearance: The pairs that are to stay apart.
         neighbour: The arm beside it; None without one.
-        seen: What is seen.
+        seen: What is seen of it.
         period: Length of a sample [s].
+        places: Where obstacles may be; None if none may move.
+        delay: Time by which obstacles count as going on for longer than they are seen to [s].
     """
 
     clearance: Clearance
     neighbour: Neighbour | None
     seen: Seen
     period: float
+    places: Places | None = None
+    delay: float = 0.0
 
     @cached_property
     def _other(self) -> NeighbourStop:
         """What the other arm does; there must be one."""
         assert self.neighbour is not None
         return NeighbourStop(self.neighbour, self.seen, self.period)
-
-    @property
-    def p_WO(self) -> Array | None:
-        """How far obstacles have moved, as measured now, shape (m, 3) [m]; None if none may."""
-        return self.seen.get("p_WO")
 
     def posture(self, q: Array) -> Array:
         """Return the posture of all, for that of the arm itself, shape (n,) [rad]."""
@@ -165,25 +163,58 @@ class World:
             k: After how many samples they are reached, shape (s,).
             pairs: The pairs, in order, shape (r,).
         """
-        return self._least(self.clearance.gaps(q, self.p_WO, pairs), k, pairs)
+        if self.places is None:
+            return self.clearance.gaps(q, None, pairs)
+        found = [
+            self.clearance.gaps(q, p_WO, pairs) - (doubt[pairs] + self.nearer(k, pairs))
+            for p_WO, doubt in self._places
+        ]
+        return found[0] if len(found) == 1 else np.minimum(*found)
 
     def near(self, q: Array, k: Array, pairs: Indices, sloped: Indices | slice) -> Near:
         """Return the same with the slopes in some postures, of `Clearance.near`.
 
-        An obstacle whose place is not a number has none.
+        Of an obstacle that may be anywhere there are none.
         """
-        near = self.clearance.near(q, self.p_WO, pairs, sloped)
-        slopes = near.slopes
-        if self.p_WO is not None:
-            slopes = np.where(np.isnan(near.gaps[sloped])[..., None], 0.0, slopes)
-        return Near(pairs, self._least(near.gaps, k, pairs), slopes)
+        if self.places is None:
+            return self.clearance.near(q, None, pairs, sloped)
+        found = [self._near_at(*place, q, k, pairs, sloped) for place in self._places]
+        near = found[0]
+        if len(found) == 1:
+            return near
+        other = found[1]
+        nearer = other.gaps < near.gaps
+        slopes = np.where(nearer[sloped][..., None], other.slopes, near.slopes)
+        return Near(pairs, np.where(nearer, other.gaps, near.gaps), slopes)
 
-    def _least(self, gaps: Array, k: Array, pairs: Indices) -> Array:
-        """Return distances without a doubt; an obstacle whose place is not a number is anywhere."""
-        if self.p_WO is None:
-            return gaps
-        doubt = self.clearance.errors[pairs] + self.nearer(k, pairs)
-        return np.where(np.isnan(gaps), -_ANYWHERE, gaps - doubt)
+    def _near_at(
+        self, p_WO: Array, doubt: Array, q: Array, k: Array, pairs: Indices, sloped: Indices | slice
+    ) -> Near:
+        """Return what `near` does if obstacles are at places, with a doubt of each pair's gap."""
+        near = self.clearance.near(q, p_WO, pairs, sloped)
+        gaps = near.gaps - (doubt[pairs] + self.nearer(k, pairs))
+        return Near(pairs, gaps, np.where((doubt[pairs] < ANYWHERE)[:, None], near.slopes, 0.0))
+
+    def gaps_now(self, q: Array) -> Array:
+        """Return the least that all pairs can be apart in a posture of all, shape (p,) [m]."""
+        if self.places is None:
+            return self.clearance.gaps(q)
+        return np.min([self.clearance.gaps(q, p) - doubt for p, doubt in self._places], axis=0)
+
+    @cached_property
+    def _places(self) -> tuple[tuple[Array, Array], ...]:
+        """Places where obstacles may be, and how much nearer each pair may be there, (p,) [m]."""
+        assert self.places is not None
+        p_WO, radii, others, other_radii = self.places
+        known = [(p_WO, radii)] if others is None else [(p_WO, radii), (others, other_radii)]
+        return tuple((p, self._doubt(farther)) for p, farther in known)
+
+    def _doubt(self, radii: Array | None) -> Array:
+        """Return how much nearer than where it is taken to be each pair may be, (p,) [m]."""
+        found = self.clearance.errors
+        if radii is not None:
+            found = found + self.clearance.of_moving(radii)
+        return found + self.delay * self.clearance.speeds if self.delay else found
 
     def nearer(self, k: float | Array, pairs: Indices | slice = _ALL) -> Array | float:
         """Return how much nearer obstacles can come in k samples, shape (..., r) [m].

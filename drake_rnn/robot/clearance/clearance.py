@@ -110,6 +110,12 @@ class Clearance:
         """How much nearer the obstacle of a pair may be than measured, shape (p,) [m]."""
         return self._of_pairs(self.solids.errors)
 
+    def of_moving(self, values: Array) -> Array:
+        """Return what obstacles that may move have, shape (m,), of each pair; 0 of all others."""
+        of_all = np.zeros(len(self.solids.names))
+        of_all[self.solids.moving] = values
+        return self._of_pairs(of_all)
+
     def gaps(self, q: Array, p_WO: Array | None = None, pairs: Indices | None = None) -> Array:
         """Return the distance of each pair, shape (..., p) [m]; negative where they overlap.
 

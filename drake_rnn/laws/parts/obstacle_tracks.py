@@ -1,0 +1,261 @@
+r"""Where obstacles may be, by what was measured of them and by the time since.
+
+An obstacle is at most u fast, and a measured place is off by at most e. So t after it was measured
+at p it is within e + u t of p. A measurement that fits this, at most 2 e + u t away, takes its
+place. One that is not a number leaves it, and the time goes on. So that an obstacle which is a
+little too fast is seen as well, measurements must also fit an older one, the anchor.
+
+A measurement that is farther away is a jump: either it is wrong, or what was measured before. Then
+both places count, and each pair is apart by the lesser of the two distances. The place that is no
+longer measured counts until
+
+- the obstacle could have gone from there to where it is measured, or
+- it has not been measured for as long as it had been measured before, at least `SHORTEST` and at
+  most `LONGEST`,
+
+whichever is first. So a single wrong measurement is soon forgotten, and a place that was measured
+for long is not given up for it. At a further jump the ball round both takes their place.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from ...inputs.fields import Array
+from ...robot.clearance import Flags
+from ...robot.clearance.solids import Solids
+
+Kept = dict[str, Array]
+
+#: Radius of the ball in which an obstacle is that was never measured [m].
+ANYWHERE = 1e3
+# Parts of the state, with the shape of each for one obstacle.
+_PARTS: dict[str, tuple[int, ...]] = {
+    "obstacle_p": (3,),
+    "obstacle_radius": (),
+    "obstacle_time": (),
+    "other_p": (3,),
+    "other_radius": (),
+    "other_time": (),
+    "anchor_p": (3,),
+    "anchor_age": (),
+    "jumps": (),
+}
+#: Their names.
+TRACKS = tuple(_PARTS)
+#: Time for which a place counts that is no longer measured, at least and at most [s].
+SHORTEST, LONGEST = 0.1, 5.0
+# Share of a way, and way [m], by which a measurement may be farther away, by rounding.
+_SHARE, _ROUNDING = 1e-6, 1e-9
+# Age of an anchor that there never was [s].
+_NEVER = 1e9
+
+
+class Places(NamedTuple):
+    """Where obstacles may be.
+
+    Attributes:
+        p_WO: How far they have gone from where they are stated, shape (m, 3) [m].
+        radii: How much farther off than its error each may be, shape (m,) [m]; None if none is.
+        others: Other places where they may be as well, shape (m, 3) [m]; None without any.
+        other_radii: How much farther off than its error each may be there, shape (m,) [m].
+    """
+
+    p_WO: Array
+    radii: Array | None = None
+    others: Array | None = None
+    other_radii: Array | None = None
+
+
+class Ball(NamedTuple):
+    """A ball in which an obstacle may be, but for the error of its measurement.
+
+    Attributes:
+        p: Its centre, shape (3,) [m].
+        radius: Its radius [m].
+        time: For how long the obstacle was measured there or, if it no longer is, for how long it
+            still counts [s].
+    """
+
+    p: Array
+    radius: float
+    time: float
+
+    def counted(self) -> Ball:
+        """Return what it is once the obstacle is measured elsewhere."""
+        return self._replace(time=max(self.time, SHORTEST))
+
+    def with_other(self, other: Ball) -> Ball:
+        """Return the least ball round this one and another one."""
+        way = other.p - self.p
+        apart, time = float(np.linalg.norm(way)), max(self.time, other.time)
+        if apart + other.radius <= self.radius:
+            return self._replace(time=time)
+        if apart + self.radius <= other.radius:
+            return other._replace(time=time)
+        radius = 0.5 * (apart + self.radius + other.radius)
+        return Ball(self.p + (radius - self.radius) / apart * way, radius, time)
+
+
+@dataclass(frozen=True, eq=False)
+class ObstacleTracks:
+    """What is remembered of measured places of obstacles, in the state of a law.
+
+    Attributes:
+        solids: The obstacles.
+    """
+
+    solids: Solids
+
+    @property
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """Shapes of its parts of the state, by name; none if no obstacle may move."""
+        m = len(self.solids.moving)
+        return {name: (m, *shape) for name, shape in _PARTS.items()} if m else {}
+
+    def start(self, p_WO: Array | None) -> Kept:
+        """Return its parts of the state for places as measured at first, shape (m, 3) [m]."""
+        kept = {name: np.zeros(shape) for name, shape in self.shapes.items()}
+        if not kept:
+            return kept
+        assert p_WO is not None
+        sound = np.asarray(np.isfinite(p_WO).all(axis=1))
+        kept["obstacle_p"] = np.where(sound[:, None], p_WO, 0.0)
+        kept["obstacle_radius"] = np.where(sound, 0.0, ANYWHERE)
+        kept["anchor_p"], kept["anchor_age"] = kept["obstacle_p"], np.where(sound, 0.0, _NEVER)
+        return kept
+
+    def unknown(self, kept: Kept) -> Kept:
+        """Return its parts of the state where nothing is known of the places any more."""
+        if not self.shapes:
+            return {}
+        nowhere = np.full((len(self.solids.moving), 3), np.nan)
+        return {**self.start(nowhere), "jumps": kept["jumps"]}
+
+    def later(self, kept: Kept, time: float) -> Kept:
+        """Return its parts of the state a time later [s], with nothing measured."""
+        if not self.shapes:
+            return {}
+        way = self._speeds * time
+        return {
+            "obstacle_radius": np.minimum(kept["obstacle_radius"] + way, ANYWHERE),
+            "other_radius": np.minimum(kept["other_radius"] + way, ANYWHERE),
+            "anchor_age": kept["anchor_age"] + time,
+        }
+
+    def measured(self, kept: Kept, p_WO: Array, time: float) -> tuple[Kept, Array | None]:
+        """Return its parts of the next state.
+
+        And by how much nearer than all that was known of it a jump brings each obstacle, shape
+        (m,) [m]; None without a jump.
+
+        Args:
+            kept: Its parts of the state, by name.
+            p_WO: Places as measured now, shape (m, 3) [m].
+            time: Time since the last measurement [s].
+        """
+        way = self._speeds * time
+        allowed = (1.0 + _SHARE) * (way + 2.0 * self._errors) + _ROUNDING
+        age = kept["anchor_age"] + time
+        drift = _apart(p_WO, kept["anchor_p"]) - self._speeds * age
+        fits = drift <= _SHARE * self._speeds * age + allowed - way
+        # Mostly all fit, and nothing else is known.
+        if not (np.count_nonzero(kept["obstacle_radius"]) or np.count_nonzero(kept["other_time"])):
+            fits &= _apart(p_WO, kept["obstacle_p"]) <= allowed
+            if np.count_nonzero(fits) == fits.size:
+                longer = np.minimum(kept["obstacle_time"] + time, LONGEST)
+                parts = {"obstacle_p": p_WO, "obstacle_time": longer}
+                parts |= _anchored(kept, p_WO, age, age > LONGEST)
+                return {name: kept[name] for name in TRACKS} | parts, None
+        found = [
+            self._one(kept, m, p, time, way[m], allowed[m] - way[m]) for m, p in enumerate(p_WO)
+        ]
+        here, there = ([f[k] for f in found] for k in (0, 1))
+        parts = {
+            f"{name}_{part}": np.array([getattr(ball, part) for ball in balls])
+            for name, balls in (("obstacle", here), ("other", there))
+            for part in Ball._fields
+        }
+        # Nearer than all that was known of the last measurement, or of the anchor.
+        sound = np.isfinite(p_WO).all(axis=1)
+        returns = np.array([f[3] for f in found])
+        nearer = np.maximum([f[2] for f in found], np.where(fits | returns | ~sound, 0.0, drift))
+        jumps = nearer > 0.0
+        parts["jumps"] = kept["jumps"] + jumps
+        parts |= _anchored(kept, p_WO, age, sound & (jumps | returns | (age > LONGEST)))
+        return parts, nearer if np.count_nonzero(jumps) else None
+
+    def places(self, kept: Kept) -> Places | None:
+        """Return where obstacles may be, by the parts of the state; None if none may move."""
+        if not self.shapes:
+            return None
+        p_WO, radii = kept["obstacle_p"], kept["obstacle_radius"]
+        counts = kept["other_time"] > 0.0
+        known = radii if np.count_nonzero(radii) else None
+        if not np.count_nonzero(counts):
+            return Places(p_WO, known)
+        others = np.where(counts[:, None], kept["other_p"], p_WO)
+        return Places(p_WO, known, others, np.where(counts, kept["other_radius"], radii))
+
+    def _one(
+        self, kept: Kept, m: int, p: Array, time: float, way: float, off: float
+    ) -> tuple[Ball, Ball, float, bool]:
+        """Return where an obstacle is measured, where else it may be, and how much nearer it is.
+
+        And whether it is measured where it may have been as well before.
+
+        Args:
+            kept: The parts of the state.
+            m: Number of the obstacle.
+            p: Its place as measured now, shape (3,) [m].
+            time: Time since the last measurement [s].
+            way: How far it can have gone since [m].
+            off: How much farther off a measurement may be that fits [m].
+        """
+        here, there = (
+            Ball(
+                kept[f"{name}_p"][m],
+                min(float(kept[f"{name}_radius"][m]) + way, ANYWHERE),
+                float(kept[f"{name}_time"][m]),
+            )
+            for name in ("obstacle", "other")
+        )
+        if not np.isfinite(p).all():
+            return here, there, 0.0, False
+        counts = there.time > 0.0
+        beyond = float(np.linalg.norm(p - here.p)) - here.radius
+        beyond_other = float(np.linalg.norm(p - there.p)) - there.radius if counts else np.inf
+        if beyond <= off:
+            left = 0.0 if beyond_other <= off else there.time - time
+            measured = Ball(p, 0.0, min(here.time + time, LONGEST))
+            return measured, there._replace(time=max(left, 0.0)), 0.0, False
+        if beyond_other <= off:
+            return Ball(p, 0.0, min(there.time + time, LONGEST)), here.counted(), 0.0, True
+        other = here.with_other(there) if counts else here
+        return Ball(p, 0.0, time), other.counted(), min(beyond, beyond_other), False
+
+    @cached_property
+    def _speeds(self) -> Array:
+        """Largest speed of each obstacle that may move, shape (m,) [m/s]."""
+        return self.solids.speeds[self.solids.moving]
+
+    @cached_property
+    def _errors(self) -> Array:
+        """Largest error of each one's measured place, shape (m,) [m]."""
+        return self.solids.errors[self.solids.moving]
+
+
+def _apart(p: Array, q: Array) -> Array:
+    """Return the distances of points, shape (m, 3)."""
+    way = p - q
+    return np.asarray(np.sqrt((way * way).sum(axis=1)))
+
+
+def _anchored(kept: Kept, p_WO: Array, age: Array, anew: Flags) -> Kept:
+    """Return the anchors, those of some obstacles moved to where these are measured now."""
+    p = np.where(anew[:, None], p_WO, kept["anchor_p"])
+    return {"anchor_p": p, "anchor_age": np.where(anew, 0.0, age)}

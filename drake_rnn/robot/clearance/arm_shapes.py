@@ -39,11 +39,18 @@ class Part:
         body: Name of its body.
         points: Points whose hull holds it, in the body's frame, shape (k, 3) [m].
         exact: The capsule that it is, if it is a ball or a capsule; else None.
+        shapes: Points round each of its shapes, in the body's frame; by default one of all.
     """
 
     body: str
     points: Array
-    exact: Enclosing | None
+    exact: Enclosing | None = None
+    shapes: tuple[Array, ...] = ()
+
+    @property
+    def pieces(self) -> tuple[Array, ...]:
+        """Points round each of its convex shapes, whose hulls together are the part."""
+        return self.shapes or (self.points,)
 
 
 def parts_of(arm: Arm) -> list[Part]:
@@ -83,7 +90,9 @@ def _part(inspector: SceneGraphInspector, geometries: list[GeometryId], body: st
             half = 0.5 * shape.length() if isinstance(shape, Capsule) else 0.0
             ends = np.array([X_BG @ np.array([0.0, 0.0, z]) for z in (-half, half)])
             exact = Enclosing(ends, shape.radius())
-    return Part(body, np.concatenate(points), exact if len(geometries) == 1 else None)
+    return Part(
+        body, np.concatenate(points), exact if len(geometries) == 1 else None, tuple(points)
+    )
 
 
 def _round(shape: Shape, body: str) -> Array:

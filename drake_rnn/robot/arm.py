@@ -28,7 +28,7 @@ from .limits import FIELD_UNITS, JointLimits
 from .limits_file import LimitsFile, read_limits
 from .link_error_settings import LinkErrorSettings
 from .looks_file import looks_file
-from .model import Model, displaced, moving_joints, read_model
+from .model import LostMesh, Model, displaced, moving_joints, read_model, read_shapes
 from .structure import joints_to, nearest_frame
 
 
@@ -203,10 +203,29 @@ class Arm:
                 f"plant: has constraints, and Drake removes no joints then; add {self.name}, whose "
                 f"joint {next(iter(self._held))!r} is held, before what has constraints"
             )
+        return self._add(self._model, plant)
+
+    def add_shapes_to(self, plant: MultibodyPlant) -> tuple[LostMesh, ...]:
+        """Parse the model with all of its collision meshes into ``plant``, to look at its shapes.
+
+        Bodies, frames and joints are those of `add_to`, without errors of links, and so are drawn
+        shapes and the tool.
+
+        Returns:
+            Meshes of links that cannot be read.
+
+        Raises:
+            InvalidInputError: As `add_to` does, or if a file cannot be read any more.
+        """
+        model = read_shapes(self.model, self.description.packages)
+        self._add(model, plant)
+        return model.lost
+
+    def _add(self, model: Model, plant: MultibodyPlant) -> ModelInstanceIndex:
         # The parser already gave its warnings when this arm was constructed.
         with quiet_drake(logging.ERROR):
             bodies_before, constraints_before = plant.num_bodies(), plant.GetConstraintIds()
-            instance = self._model.add_to(plant)
+            instance = model.add_to(plant)
         for constraint in plant.GetConstraintIds():
             if constraint not in constraints_before:
                 plant.RemoveConstraint(constraint)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from pydantic import Field
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, PrismaticJoint
 
 from ...errors import InvalidInputError
@@ -14,7 +15,7 @@ from ...inputs.documents import construct, read_yaml
 from ...inputs.fields import validated
 from ..arm import Arm
 from ..structure import joints_to
-from .arm_shapes import Part, parts_of
+from .arm_shapes import ArmShapes, Part, arm_shapes
 from .capsules import ArmCapsules, Capsule
 from .enclosing_capsule import enclosing_capsule
 from .link_poses import LinkPoses
@@ -28,10 +29,12 @@ class CapsulesFile:
         capsules: The capsules.
         left_out: Pairs of bodies that are not looked at, because they cannot collide, or because
             their capsules touch where they do not.
+        tools: Bodies of tools. What is stated of one counts only where the arm has it.
     """
 
     capsules: list[Capsule]
     left_out: list[tuple[str, str]] = Field(default_factory=list)
+    tools: list[str] = Field(default_factory=lambda: ["tool"])
 
 
 def fitted_capsules(parts: Iterable[Part]) -> list[Capsule]:
@@ -43,21 +46,43 @@ def fitted_capsules(parts: Iterable[Part]) -> list[Capsule]:
     return found
 
 
-def capsules_of(arm: Arm) -> tuple[list[Capsule], list[tuple[str, str]]]:
+def capsules_of(
+    arm: Arm, shapes: ArmShapes | None = None
+) -> tuple[list[Capsule], list[tuple[str, str]]]:
     """Return the capsules of an arm, and the pairs of bodies that its file leaves out.
 
-    Without a file all of them are fitted. A file need not have the bodies of a tool that was added,
-    to which capsules are fitted; what it has of others that the arm does not have is left out.
+    Without a file all of them are fitted. To bodies that a file does not have, such as a tool that
+    was added, capsules are fitted.
+
+    Args:
+        arm: The arm.
+        shapes: The shapes of its bodies, if they are known already.
 
     Raises:
-        InvalidInputError: If the file cannot be read, or a field is wrong.
+        InvalidInputError: If the file cannot be read, a field is wrong, or a body does not exist.
     """
+    shapes = arm_shapes(arm) if shapes is None else shapes
     if (file := arm.description.capsules) is None:
-        return fitted_capsules(parts_of(arm)), []
+        return fitted_capsules(shapes.parts), []
     read = construct(CapsulesFile, read_yaml(Path(file)), file)
-    stated = {capsule.body for capsule in read.capsules}
-    others = [part for part in parts_of(arm) if part.body not in stated]
-    return [*read.capsules, *fitted_capsules(others)], read.left_out
+    names = _names(arm.plant())
+    absent = set(read.tools) - set(names)
+    stated = [capsule for capsule in read.capsules if capsule.body not in absent]
+    for name in (name for pair in read.left_out for name in pair):
+        if name not in names and name not in absent:
+            raise InvalidInputError(
+                f"{file}: left_out: no body {name!r} in {arm.model.name}; {nearest(name, names)}"
+            )
+    bodies = {capsule.body for capsule in stated}
+    others = [part for part in shapes.parts if part.body not in bodies]
+    left_out = [pair for pair in read.left_out if not absent & set(pair)]
+    return [*stated, *fitted_capsules(others)], left_out
+
+
+def _names(plant: MultibodyPlant) -> list[str]:
+    """Return the names of all bodies of a plant but the world."""
+    bodies = map(plant.get_body, map(BodyIndex, range(1, plant.num_bodies())))
+    return [body.name() for body in bodies]
 
 
 def place_capsules(arm: Arm, capsules: list[Capsule]) -> ArmCapsules:
@@ -78,8 +103,7 @@ def place_capsules(arm: Arm, capsules: list[Capsule]) -> ArmCapsules:
         axis = joint.translation_axis() if slides[-1] else joint.revolute_axis()
         axes.append(X_WF.rotation().matrix() @ axis)
         points.append(X_WF.translation())
-    bodies = map(plant.get_body, map(BodyIndex, range(plant.num_bodies())))
-    names = [body.name() for body in bodies]
+    names = _names(plant)
     links, ends = [], []
     for capsule in capsules:
         if capsule.body not in names:

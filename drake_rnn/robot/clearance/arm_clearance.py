@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import combinations
-
-import numpy as np
 
 from ...errors import InvalidInputError
-from ...inputs.complaints import nearest
 from ...inputs.fields import Array
 from ..arm import Arm
+from ..model.geometry import about
 from ..tool import bodies_at_tip
 from .arm_capsules import capsules_of, place_capsules
+from .arm_shapes import ArmShapes, arm_shapes
+from .capsules import ArmCapsules
 from .clearance import Clearance
 from .obstacles import Obstacle
+from .own_pairs import own_pairs
 from .solids import Solids
-
-#: Bodies of an arm that are nearer than this at home count as touching by construction [m].
-TOUCHING = 0.01
 
 
 def arm_clearance(
@@ -29,9 +26,9 @@ def arm_clearance(
 ) -> tuple[Clearance, tuple[str, ...]]:
     """Return what an arm is to stay clear of, and warnings.
 
-    Bodies that a joint connects are not looked at, nor those that the file of the arm's capsules
-    leaves out. Of an arm without such a file, capsules are fitted to its geometry, and bodies whose
-    capsules touch in a posture where they do not are left out, with a warning.
+    See `drake_rnn.robot.clearance.own_pairs` for the pairs of its own bodies. Of an arm without a
+    file of capsules, these are fitted to its shapes, and bodies whose capsules touch in a posture
+    where they do not are left out; a warning names those that can touch.
 
     Args:
         arm: The arm.
@@ -41,41 +38,63 @@ def arm_clearance(
         pressed: What its tool presses on, which only its other bodies are to stay clear of.
 
     Raises:
-        InvalidInputError: If the arm has no geometry, its file of capsules does not fit it, or an
-            obstacle has the name of what is pressed on.
+        InvalidInputError: If no body that the arm moves has a shape, the only mesh of a body cannot
+            be read, its file of capsules does not fit it, or an obstacle has the name of what is
+            pressed on.
     """
-    described = arm.description.capsules
-    capsules, left_out = capsules_of(arm)
-    if not capsules:
+    shapes = arm_shapes(arm)
+    capsules, left_out = capsules_of(arm, shapes)
+    placed = place_capsules(arm, capsules)
+    _require_shapes(arm, shapes, placed)
+    fitted = arm.description.capsules is None
+    own, unseen = own_pairs(arm, placed, left_out, posture, shapes.parts, fitted)
+    solids = Solids.of([*obstacles, *pressed])
+    touching = _touching(arm, placed.bodies, solids, {obstacle.name for obstacle in pressed})
+    doubts = [
+        *(f"obstacles: {doubt}" for doubt in _doubts(arm, shapes, placed, fitted)),
+        *(f"obstacles: {doubt}" for doubt in _unseen(unseen)),
+    ]
+    return Clearance(placed, own, solids, touching=touching), tuple(doubts)
+
+
+def _require_shapes(arm: Arm, shapes: ArmShapes, capsules: ArmCapsules) -> None:
+    """Raise an InvalidInputError if it is not known where an arm is."""
+    for lost in shapes.lost:
+        if lost.link not in capsules.bodies:
+            raise InvalidInputError(
+                f"obstacles: {lost.link!r} has no shape to keep clear: its mesh {lost.mesh} "
+                f"{lost.fault}; mend the model, or give the body a capsule in a file: arm.capsules"
+            )
+    tool = None if arm.tool is None else arm.tool.name
+    moved = zip(capsules.bodies, capsules.links, strict=True)
+    if not any(link > 0 and body != tool for body, link in moved):
         raise InvalidInputError(
             f"obstacles: {arm.model.name} has no geometry to keep clear of them; name a file of "
             "capsules in arm.capsules"
         )
-    placed = place_capsules(arm, capsules)
-    names = [capsule.body for capsule in capsules]
-    for name in (name for pair in left_out for name in pair):
-        if name not in names:
-            raise InvalidInputError(
-                f"{described}: left_out: no capsule of {name!r}; {nearest(name, names)}"
-            )
-    apart = [
-        pair
-        for pair in combinations(range(len(capsules)), 2)
-        if abs(placed.links[pair[0]] - placed.links[pair[1]]) > 1
-        and {names[pair[0]], names[pair[1]]} not in [set(out) for out in left_out]
+
+
+def _doubts(arm: Arm, shapes: ArmShapes, capsules: ArmCapsules, fitted: bool) -> list[str]:
+    """Return what of an arm is not kept clear, or differently from what its model says."""
+    bare = [body for body in shapes.bare if body not in capsules.bodies]
+    return [
+        *(
+            f"{doubt}; nothing keeps them clear: give them capsules in a file, arm.capsules"
+            for doubt in about(bare, f"bodies without any shape in {arm.model.name}:")
+        ),
+        *(shapes.doubts if fitted else ()),
     ]
-    own = np.array(apart, dtype=np.intp).reshape(-1, 2)
-    solids = Solids.of([*obstacles, *pressed])
-    touching = _touching(arm, names, solids, {obstacle.name for obstacle in pressed})
-    if described is not None:
-        return Clearance(placed, own, solids, touching=touching), ()
-    near = Clearance(placed, own, Solids.of([])).gaps(posture) < TOUCHING
-    doubts = [
-        f"obstacles: {names[a]} and {names[b]}, whose capsules touch where the arm is at home, may "
-        "collide unseen; give a file of capsules in arm.capsules"
-        for a, b in own[near]
+
+
+def _unseen(pairs: Sequence[tuple[str, str]]) -> list[str]:
+    """Return a warning about pairs of bodies that can touch and are left out."""
+    if not pairs:
+        return []
+    named = ", ".join(f"{a} and {b}" for a, b in pairs)
+    return [
+        f"{named} are not kept apart from each other, although they can touch: their capsules do "
+        "where the arm is at home; give capsules that do not in a file, arm.capsules"
     ]
-    return Clearance(placed, own[~near], solids, touching=touching), tuple(doubts)
 
 
 def _touching(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from pydrake.geometry import (
@@ -12,21 +14,33 @@ from pydrake.geometry import (
     Cylinder,
     Ellipsoid,
     GeometryId,
+    GeometryInstance,
     Mesh,
+    ProximityProperties,
     Role,
     SceneGraph,
     SceneGraphInspector,
     Shape,
     Sphere,
 )
+from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex
+from pydrake.multibody.tree import Body, BodyIndex
 
 from ...errors import InvalidInputError
 from ...inputs.fields import Array
 from ..arm import Arm
+from ..model import LostMesh
+from ..model.geometry import about
+from ..structure import joints_to
+from .capsules import off_segment
 from .enclosing_capsule import Enclosing
 
+# Farther than this from a body's origin, a joint is held by something [m]; what is lighter than
+# this, as a frame of a sensor is, has no extent [kg].
+_FAR, _LIGHT = 1e-3, 0.01
+# What is drawn may reach beyond the collision shapes by so much [m].
+_HARDLY = 1e-3
 # Corners of the polygon round a circle, and of the directions round a ball.
 _CORNERS = 24
 
@@ -40,12 +54,15 @@ class Part:
         points: Points whose hull holds it, in the body's frame, shape (k, 3) [m].
         exact: The capsule that it is, if it is a ball or a capsule; else None.
         shapes: Points round each of its shapes, in the body's frame; by default one of all.
+        beyond: How far what is drawn of it reaches beyond the hull of its collision shapes, if it
+            has both [m].
     """
 
     body: str
     points: Array
     exact: Enclosing | None = None
     shapes: tuple[Array, ...] = ()
+    beyond: float = 0.0
 
     @property
     def pieces(self) -> tuple[Array, ...]:
@@ -53,46 +70,157 @@ class Part:
         return self.shapes or (self.points,)
 
 
-def parts_of(arm: Arm) -> list[Part]:
-    """Return the parts that an arm consists of, base to tip.
+@dataclass(frozen=True, eq=False)
+class ArmShapes:
+    """What a model says of the shapes of an arm's bodies.
 
-    A body is one part, of what the model has for collisions, or draws where it has nothing for
-    them. Of a tool that was added each drawn part is one: it is slender, and may come close to
-    things. A mesh counts with its convex hull.
+    Attributes:
+        parts: The parts that it consists of, base to tip.
+        bare: Names of the arm's bodies without any shape, which have a mass or hold a joint that
+            is not at their origin.
+        lost: Meshes of the arm's bodies that cannot be read.
+        bodies: Names of the arm's bodies: those that its joints move, and those that carry it.
+    """
+
+    parts: tuple[Part, ...]
+    bare: tuple[str, ...]
+    lost: tuple[LostMesh, ...]
+    bodies: tuple[str, ...]
+
+    @property
+    def doubts(self) -> list[str]:
+        """What in the model keeps the arm's shapes from being known, each in a sentence."""
+        own, has = set(self.bodies), {part.body for part in self.parts}
+        beyond = {p.body: p.beyond for p in self.parts if p.body in own and p.beyond > _HARDLY}
+        most = sorted(beyond, key=lambda body: -beyond[body])
+        return [
+            *(
+                f"the mesh {lost.mesh} of {lost.link!r} {lost.fault}; only the body's other shapes "
+                "are kept clear"
+                for lost in self.lost
+                if lost.link in has
+            ),
+            *about(
+                (f"{body} by {1e3 * beyond[body]:.0f} mm" for body in most),
+                "the model's collision shapes hold less than it draws; both are kept clear:",
+            ),
+        ]
+
+
+def parts_of(arm: Arm) -> list[Part]:
+    """Return the parts that an arm consists of, see `arm_shapes`."""
+    return list(arm_shapes(arm).parts)
+
+
+def arm_shapes(arm: Arm) -> ArmShapes:
+    """Return the shapes of an arm's bodies.
+
+    A body is one part: all that the model has of it for collisions and all that it draws. Of a tool
+    that was added each drawn part is one: it is slender, and may come close to things. A mesh
+    counts with its convex hull.
 
     Raises:
         InvalidInputError: If a body has a shape that has no bounds.
     """
     scene_graph, plant = SceneGraph(), MultibodyPlant(0.0)
     plant.RegisterAsSourceForSceneGraph(scene_graph)
-    arm.add_to(plant)
+    lost = arm.add_shapes_to(plant)
     plant.Finalize()
-    inspector, found = scene_graph.model_inspector(), list[Part]()
+    inspector, found, bare = scene_graph.model_inspector(), list[Part](), list[str]()
     tool = None if arm.tool is None else plant.GetFrameByName(arm.tool.tip).body().index()
+    known = _of_the_arm(arm, plant)
+    names = tuple(plant.get_body(index).name() for index in sorted(known) if int(index))
     for body in map(plant.get_body, map(BodyIndex, range(1, plant.num_bodies()))):
         frame, name = plant.GetBodyFrameIdOrThrow(body.index()), body.name()
-        drawn = inspector.GetGeometries(frame, Role.kIllustration)
+        drawn, solid = (
+            [_solid(inspector, geometry, name) for geometry in inspector.GetGeometries(frame, role)]
+            for role in (Role.kIllustration, Role.kProximity)
+        )
         if body.index() == tool:
-            found += [_part(inspector, [geometry], name) for geometry in drawn]
-        elif shapes := inspector.GetGeometries(frame, Role.kProximity) or drawn:
-            found.append(_part(inspector, shapes, name))
+            found += [_part(name, [shape], []) for shape in drawn]
+        elif drawn or solid:
+            found.append(_part(name, drawn, solid))
+        elif body.index() in known and _has_extent(plant, body):
+            bare.append(name)
     del inspector, body, plant  # they point to the scene graph, which must outlive them
-    return found
-
-
-def _part(inspector: SceneGraphInspector, geometries: list[GeometryId], body: str) -> Part:
-    """Return geometries of a body as a part of it."""
-    points, exact = [], None
-    for geometry in geometries:
-        X_BG, shape = inspector.GetPoseInFrame(geometry), inspector.GetShape(geometry)
-        points.append(_round(shape, body) @ X_BG.rotation().matrix().T + X_BG.translation())
-        if isinstance(shape, (Sphere, Capsule)):
-            half = 0.5 * shape.length() if isinstance(shape, Capsule) else 0.0
-            ends = np.array([X_BG @ np.array([0.0, 0.0, z]) for z in (-half, half)])
-            exact = Enclosing(ends, shape.radius())
-    return Part(
-        body, np.concatenate(points), exact if len(geometries) == 1 else None, tuple(points)
+    return ArmShapes(
+        tuple(found), tuple(bare), tuple(mesh for mesh in lost if mesh.link in names), names
     )
+
+
+def _of_the_arm(arm: Arm, plant: MultibodyPlant) -> set[BodyIndex]:
+    """Return the bodies that a controlled joint moves, or that carry the first of these joints."""
+    joints = [plant.GetJointByName(name) for name in arm.joints]
+    moved = plant.GetBodiesKinematicallyAffectedBy([joint.index() for joint in joints])
+    base = joints[0].parent_body()
+    return {*moved, base.index(), *(j.parent_body().index() for j in joints_to(plant, base))}
+
+
+def _has_extent(plant: MultibodyPlant, body: Body) -> bool:
+    """Return whether a body without a shape must have one: it is heavy or reaches to a joint."""
+    if body.default_mass() > _LIGHT:
+        return True
+    return any(
+        joint.num_positions() > 0
+        and joint.parent_body().index() == body.index()
+        and np.linalg.norm(joint.frame_on_parent().GetFixedPoseInBodyFrame().translation()) > _FAR
+        for joint in map(plant.get_joint, plant.GetJointIndices())
+    )
+
+
+class _Solid(NamedTuple):
+    """A shape of a body: points round it, in the body's frame, and the capsule that it is."""
+
+    points: Array
+    exact: Enclosing | None
+
+
+def _solid(inspector: SceneGraphInspector, geometry: GeometryId, body: str) -> _Solid:
+    """Return a geometry of a body."""
+    X_BG, shape = inspector.GetPoseInFrame(geometry), inspector.GetShape(geometry)
+    points = _round(shape, body) @ X_BG.rotation().matrix().T + X_BG.translation()
+    if not isinstance(shape, (Sphere, Capsule)):
+        return _Solid(points, None)
+    half = 0.5 * shape.length() if isinstance(shape, Capsule) else 0.0
+    ends = np.array([X_BG @ np.array([0.0, 0.0, z]) for z in (-half, half)])
+    return _Solid(points, Enclosing(ends, shape.radius()))
+
+
+def _part(body: str, drawn: list[_Solid], solid: list[_Solid]) -> Part:
+    """Return what is drawn of a body and what it has for collisions as a part."""
+    every = [*solid, *drawn]
+    points = [shape.points for shape in every]
+    holds = (s.exact for s in every if s.exact and all(_holds(s.exact, other) for other in every))
+    beyond = _beyond(drawn, solid) if drawn and solid else 0.0
+    return Part(body, np.concatenate(points), next(holds, None), tuple(points), beyond)
+
+
+def _beyond(drawn: Sequence[_Solid], solid: Sequence[_Solid]) -> float:
+    """Return how far what is drawn reaches beyond the hull of the collision shapes [m]."""
+    inner = np.concatenate([shape.points for shape in solid])
+    every = np.concatenate((inner, *(shape.points for shape in drawn)))
+    whole, within = Convex(every.T, "whole").GetConvexHull(), set(map(bytes, inner))
+    corners = [whole.vertex(k) for k in range(whole.num_vertices())]
+    outside = [corner for corner in corners if corner.tobytes() not in within]
+    if not outside:
+        return 0.0
+    scene_graph = SceneGraph()
+    source = scene_graph.RegisterSource("body")
+    hull = GeometryInstance(RigidTransform(), Convex(inner.T, "collision"), "collision")
+    hull.set_proximity_properties(ProximityProperties())
+    scene_graph.RegisterAnchoredGeometry(source, hull)
+    context = scene_graph.CreateDefaultContext()
+    query = scene_graph.get_query_output_port().Eval(context)
+    away = (query.ComputeSignedDistanceToPoint(point)[0].distance for point in outside)
+    return max(0.0, *away)
+
+
+def _holds(capsule: Enclosing, shape: _Solid) -> bool:
+    """Return whether a capsule holds a shape."""
+    if shape.exact is None:
+        return bool((off_segment(shape.points, capsule.ends) <= capsule.radius).all())
+    off = off_segment(shape.exact.ends, capsule.ends) + shape.exact.radius
+    return bool((off <= capsule.radius * (1.0 + 1e-12)).all())
 
 
 def _round(shape: Shape, body: str) -> Array:

@@ -28,10 +28,18 @@ class Capsule:
 
     def holds(self, points: Array) -> bool:
         """Return whether all points, shape (k, 3) [m], lie within the capsule, up to rounding."""
-        p, d = self.ends[0], self.ends[1] - self.ends[0]
-        along = np.clip((points - p) @ d / max(float(d @ d), 1e-300), 0.0, 1.0)
-        away = np.linalg.norm(points - p - along[:, None] * d, axis=1)
-        return bool((away <= self.radius + 1e-9).all())
+        return bool((self.outside(points) <= 1e-9).all())
+
+    def outside(self, points: Array) -> Array:
+        """Return how far points, shape (k, 3) [m], are outside; negative within, shape (k,) [m]."""
+        return off_segment(points, np.array(self.ends)) - self.radius
+
+
+def off_segment(points: Array, ends: Array) -> Array:
+    """Return how far points, shape (k, 3), are from a segment, shape (2, 3), as shape (k,) [m]."""
+    along = ends[1] - ends[0]
+    s = np.clip((points - ends[0]) @ along / max(float(along @ along), 1e-300), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(points - ends[0] - s[:, None] * along, axis=1))
 
 
 @dataclass(frozen=True, eq=False)

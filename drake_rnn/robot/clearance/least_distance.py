@@ -100,7 +100,7 @@ def least_distance(
     if first == last:
         raise InvalidInputError(f"bodies: no joint is between {bodies[0]!r} and {bodies[1]!r}")
     gap = _gap_of(arm, bodies, pieces)
-    lower, upper = _bounds(arm)
+    lower, upper = search_bounds(arm)
     rest = np.clip(0.0, lower, upper)
 
     def distance(free: Array) -> float:
@@ -114,7 +114,7 @@ def least_distance(
     return LeastDistance(bodies, arm.joints[first:last], distance(best), rest, count)
 
 
-def _bounds(arm: Arm) -> tuple[Array, Array]:
+def search_bounds(arm: Arm) -> tuple[Array, Array]:
     """Return the position limits of an arm, of a joint that turns at most one turn, shapes (n,)."""
     half = np.array([np.pi if unit == "rad" else _WITHOUT_LIMITS for unit in arm.units])
     lower, upper = arm.limits.position_lower, arm.limits.position_upper

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydrake.geometry import Convex
 
 from ...inputs.given_file import content_of
 from .cache import cached_file
@@ -65,6 +66,18 @@ def obj_file(mesh: Path) -> Path:
         Exception: Of any class, if the mesh cannot be read or is empty.
     """
     return cached_file(f"meshes/{content_name(mesh, b'obj')}.obj", lambda: _obj(mesh))
+
+
+def hull_file(mesh: Path) -> Path:
+    """Return the convex hull of a mesh as an OBJ file of the cache, in metres.
+
+    Args:
+        mesh: File in any format that trimesh reads.
+
+    Raises:
+        Exception: Of any class, if the mesh cannot be read, is empty or lies on a line.
+    """
+    return cached_file(f"meshes/{content_name(mesh, b'hull')}.obj", lambda: _hull(mesh))
 
 
 def content_name(mesh: Path, *more: bytes) -> str:
@@ -153,3 +166,20 @@ def _obj(mesh: Path) -> bytes:
     whole.merge_vertices(merge_norm=True, merge_tex=True)
     bare = trimesh.Trimesh(whole.vertices, whole.faces, process=False)
     return str(bare.export(file_type="obj", include_normals=False)).encode()
+
+
+def _hull(mesh: Path) -> bytes:
+    points = np.asarray(_scene(mesh).to_mesh().vertices, dtype=float)
+    if not np.isfinite(points).all():
+        raise ValueError("it has vertices that are not finite")
+    hull = Convex(points.T, "mesh").GetConvexHull()
+    vertices = (hull.vertex(k) for k in range(hull.num_vertices()))
+    faces = (hull.element(k) for k in range(hull.num_elements()))
+    lines = [
+        *(f"v {x!r} {y!r} {z!r}" for x, y, z in (vertex.tolist() for vertex in vertices)),
+        *(
+            " ".join(("f", *(str(face.vertex(i) + 1) for i in range(face.num_vertices()))))
+            for face in faces
+        ),
+    ]
+    return "\n".join((*lines, "")).encode()

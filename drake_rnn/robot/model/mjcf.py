@@ -59,22 +59,23 @@ def _include(root: Element, packages: Packages) -> None:
 def _read_meshes(root: Element, meshes: Meshes) -> None:
     folders = [c.get("meshdir") or c.get("assetdir") for c in root.findall("compiler")]
     folder = next((name for name in folders if name), ".")
-    lost = set()
+    lost = dict[str, str]()
     for assets in root.findall("asset"):
         for mesh in assets.findall("mesh"):
             if (name := mesh.get("file")) is None:
                 continue
             mesh.set("name", mesh.get("name") or Path(name).stem)
-            file = meshes.plain(str(Path(folder) / name))
+            file = meshes.plain(uri := str(Path(folder) / name))
             if file is None:
                 assets.remove(mesh)
-                lost.add(mesh.get("name"))
+                lost[mesh.get("name", "")] = uri
             else:
                 mesh.set("file", str(file))
     for parent in root.iter():
         for geometry in parent.findall("geom"):
-            if geometry.get("mesh") in lost:
+            if uri := lost.get(geometry.get("mesh", ""), ""):
                 parent.remove(geometry)
+                meshes.lose(parent.get("name", ""), uri)
 
 
 def _sites_as_bodies(root: Element) -> None:

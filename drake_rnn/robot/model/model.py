@@ -19,7 +19,7 @@ from ...inputs.given_file import content_of
 from ..contact_mesh import require_coarse_balls
 from ..drake_log import drake_warnings
 from .expansion import expand_xacro, is_xacro
-from .meshes import Meshes
+from .meshes import LostMesh, Meshes
 from .mimic import Mimic, mimics_of
 from .mjcf import mend_mjcf
 from .packages import Packages
@@ -45,6 +45,7 @@ class Model:
         format: Format of the text: ``urdf``, ``sdf`` or ``xml``.
         mimics: Joints that follow others.
         warnings: Changes that alter the physics or the looks, and warnings of Drake.
+        lost: Meshes of links that cannot be read.
     """
 
     file: Path
@@ -53,6 +54,7 @@ class Model:
     format: str = ""
     mimics: Mapping[str, Mimic] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    lost: tuple[LostMesh, ...] = ()
 
     def add_to(self, plant: MultibodyPlant) -> ModelInstanceIndex:
         """Parse the model into ``plant``, before it is finalized.
@@ -106,7 +108,22 @@ def read_model(file: Path, packages: Mapping[str, str]) -> Model:
     return _checked(_mended(file, packages))
 
 
-def _mended(file: Path, packages: Mapping[str, str]) -> Model:
+def read_shapes(file: Path, packages: Mapping[str, str]) -> Model:
+    """Return the same model with all of its collision meshes, which is read for distances alone.
+
+    A run does not see it: there, only the tool makes contact.
+
+    Args:
+        file: A file that `read_model` has read.
+        packages: Folders of packages by name.
+
+    Raises:
+        InvalidInputError: If the file cannot be read any more.
+    """
+    return _mended(file, packages, for_distances=True)
+
+
+def _mended(file: Path, packages: Mapping[str, str], for_distances: bool = False) -> Model:
     places = Packages(packages, file)
     try:
         root = parse_xml(content_of(file, MOST_BYTES))
@@ -118,23 +135,22 @@ def _mended(file: Path, packages: Mapping[str, str]) -> Model:
     if root is None or root.tag not in _FORMATS:
         return Model(file, packages)
     require_coarse_balls(f"arm.model: {file.name}", root)
-    before = write_xml(root)
+    before, meshes = write_xml(root), Meshes(places, for_distances)
     try:
-        warnings = _mend(root, places)
+        warnings = _mend(root, meshes, places)
         followers = mimics_of(root)
     except InvalidInputError:
         raise
     except ValueError as error:
         raise InvalidInputError(f"arm.model: {file} cannot be read: {one_line(error)}") from None
     warnings = [f"arm.model: {file.name}: {warning}" for warning in warnings]
-    text, form = write_xml(root), _FORMATS[root.tag]
+    text, form, lost = write_xml(root), _FORMATS[root.tag], tuple(meshes.lost)
     if text == before and not expanded and file.suffix.lower() == f".{form}":
         return Model(file, packages, mimics=followers)
-    return Model(file, packages, text, form, followers, tuple(warnings))
+    return Model(file, packages, text, form, followers, tuple(warnings), lost)
 
 
-def _mend(root: Element, places: Packages) -> list[str]:
-    meshes = Meshes(places)
+def _mend(root: Element, meshes: Meshes, places: Packages) -> list[str]:
     if root.tag == "robot":
         return mend_urdf(root, meshes)
     if root.tag == "sdf":

@@ -30,7 +30,8 @@ def mend_sdf(root: Element, meshes: Meshes, packages: Packages) -> list[str]:
 
 def _mesh(geometry: Element) -> MeshName | None:
     uri = geometry.find("geometry/mesh/uri")
-    return None if uri is None else MeshName(uri)
+    scale = geometry.findtext("geometry/mesh/scale", "")
+    return None if uri is None else MeshName(uri, scale=scale)
 
 
 def _colour(visual: Element) -> Colour | None:

@@ -49,7 +49,7 @@ def mend_urdf(root: Element, meshes: Meshes) -> list[str]:
 
 def _mesh(geometry: Element) -> MeshName | None:
     mesh = geometry.find("geometry/mesh")
-    return None if mesh is None else MeshName(mesh, "filename")
+    return None if mesh is None else MeshName(mesh, "filename", mesh.get("scale", ""))
 
 
 def _named_colours(root: Element) -> dict[str, Colour]:

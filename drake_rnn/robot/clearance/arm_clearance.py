@@ -28,7 +28,7 @@ def arm_clearance(
 
     See `drake_rnn.robot.clearance.own_pairs` for the pairs of its own bodies. Of an arm without a
     file of capsules, these are fitted to its shapes, and bodies whose capsules touch in a posture
-    where they do not are left out; a warning names those that can touch.
+    where they do not are left out; a warning names those that may touch.
 
     Args:
         arm: The arm.
@@ -87,12 +87,12 @@ def _doubts(arm: Arm, shapes: ArmShapes, capsules: ArmCapsules, fitted: bool) ->
 
 
 def _unseen(pairs: Sequence[tuple[str, str]]) -> list[str]:
-    """Return a warning about pairs of bodies that can touch and are left out."""
+    """Return a warning about pairs of bodies that may touch and are left out."""
     if not pairs:
         return []
     named = ", ".join(f"{a} and {b}" for a, b in pairs)
     return [
-        f"{named} are not kept apart from each other, although they can touch: their capsules do "
+        f"{named} are not kept apart from each other, although they may touch: their capsules do "
         "where the arm is at home; give capsules that do not in a file, arm.capsules"
     ]
 

@@ -69,6 +69,7 @@ def least_distance(
     bodies: tuple[str, str],
     parts: Sequence[Part] | None = None,
     enough: float = -np.inf,
+    first: Array | None = None,
     seed: int = 0,
 ) -> LeastDistance:
     """Return how near two bodies of an arm come within its joint limits.
@@ -83,6 +84,7 @@ def least_distance(
             model. A body may have several.
         enough: Distance at or below which the search ends [m]: 0 if it matters only whether they
             touch.
+        first: Posture that is looked at before all others, shape (n,) [rad].
         seed: Seed of the random postures.
 
     Raises:
@@ -96,8 +98,8 @@ def least_distance(
             raise InvalidInputError(f"bodies: {name!r} has no shape; {nearest(name, names)}")
     point = np.zeros(3)
     placed = place_capsules(arm, [Capsule(body=b, ends=(point, point), radius=1.0) for b in bodies])
-    first, last = sorted(placed.links)
-    if first == last:
+    begin, end = sorted(placed.links)
+    if begin == end:
         raise InvalidInputError(f"bodies: no joint is between {bodies[0]!r} and {bodies[1]!r}")
     gap = _gap_of(arm, bodies, pieces)
     lower, upper = search_bounds(arm)
@@ -105,13 +107,15 @@ def least_distance(
 
     def distance(free: Array) -> float:
         q = rest.copy()
-        q[first:last] = free
+        q[begin:end] = free
         return gap(*placed.poses.at(q)[placed.links])
 
-    low, high = lower[first:last], upper[first:last]
-    best, count = _searched(distance, low, high, enough, seed)
-    rest[first:last] = best
-    return LeastDistance(bodies, arm.joints[first:last], distance(best), rest, count)
+    begins = _begins(lower[begin:end], upper[begin:end], seed)
+    if first is not None:
+        begins = np.concatenate((first[None, begin:end], begins))
+    bounds = lower[begin:end], upper[begin:end]
+    rest[begin:end], least, count = _searched(distance, begins, bounds, enough)
+    return LeastDistance(bodies, arm.joints[begin:end], least, rest, count)
 
 
 def search_bounds(arm: Arm) -> tuple[Array, Array]:
@@ -126,24 +130,31 @@ def search_bounds(arm: Arm) -> tuple[Array, Array]:
 
 
 def _searched(
-    distance: Callable[[Array], float], low: Array, high: Array, enough: float, seed: int
-) -> tuple[Array, int]:
-    """Return where a function of a few joints is least, and how often it was evaluated."""
-    begins, values, count = _begins(low, high, seed), list[float](), 0
+    distance: Callable[[Array], float], begins: Array, bounds: tuple[Array, Array], enough: float
+) -> tuple[Array, float, int]:
+    """Return where a function of a few joints is least, its value, and how often it was looked at.
+
+    Args:
+        distance: The function.
+        begins: Postures at which it is looked at first, shape (k, joints).
+        bounds: Bounds of the joints.
+        enough: Value at or below which the search ends.
+    """
+    values = list[float]()
     for q in begins:
         values.append(distance(q))
-        count += 1
         if values[-1] <= enough:
-            return q, count
-    best, least = begins[int(np.argmin(values))], min(values)
-    for k in np.argsort(values)[:_DESCENTS]:
-        q, found, more = _descended(distance, begins[k], values[k], (low, high), enough)
+            return q, values[-1], len(values)
+    order = np.argsort(values)
+    best, least, count = begins[order[0]], values[order[0]], len(values)
+    for k in order[:_DESCENTS]:
+        q, found, more = _descended(distance, begins[k], values[k], bounds, enough)
         count += more
         if found < least:
             best, least = q, found
         if least <= enough:
             break
-    return best, count
+    return best, least, count
 
 
 def _begins(low: Array, high: Array, seed: int) -> Array:

@@ -18,8 +18,9 @@ from .solids import Solids
 
 #: Bodies of an arm that are nearer than this at home count as touching by construction [m].
 TOUCHING = 0.01
-# Bodies whose shapes a search finds no nearer than this cannot touch [m].
-_APART = 0.005
+# Bodies whose shapes a search finds no nearer than this cannot touch [m]; it is made for so many
+# joints between them, of which it sees all postures on a grid.
+_APART, _FEW = 0.005, 2
 # Postures of the one joint between two bodies; what changes their distance by less is none [m].
 _POSTURES, _SAME = 721, 1e-6
 
@@ -47,7 +48,7 @@ def own_pairs(
         fitted: Whether the capsules are fitted; then pairs that touch at home are left out.
 
     Returns:
-        The pairs, and the names of those that are left out although they can touch.
+        The pairs, and the names of those that are left out although they may touch.
     """
     out = {frozenset(pair) for pair in left_out} | _joined(arm, capsules)
     links, names = capsules.links, capsules.bodies
@@ -62,8 +63,10 @@ def own_pairs(
     kept = ~beside | (_approach(arm, capsules, own, beside, home) & ~near)
     if fitted:
         kept &= ~near
-    doubtful = dict.fromkeys((names[a], names[b]) for a, b in own[near & ~kept])
-    return own[kept], [pair for pair in doubtful if _can_touch(arm, pair, parts)]
+    joints = {(names[a], names[b]): abs(int(links[a] - links[b])) for a, b in own[near & ~kept]}
+    return own[kept], [
+        pair for pair, count in joints.items() if count > _FEW or _can_touch(arm, pair, parts, home)
+    ]
 
 
 def _joined(arm: Arm, capsules: ArmCapsules) -> set[frozenset[str]]:
@@ -96,8 +99,8 @@ def _approach(arm: Arm, capsules: ArmCapsules, own: Indices, beside: Flags, home
     return found
 
 
-def _can_touch(arm: Arm, pair: tuple[str, str], parts: Sequence[Part]) -> bool:
+def _can_touch(arm: Arm, pair: tuple[str, str], parts: Sequence[Part], home: Array) -> bool:
     """Return whether the shapes of two bodies can touch, as far as they are known."""
     if not {*pair} <= {part.body for part in parts}:
         return True
-    return least_distance(arm, pair, parts, enough=_APART).distance <= _APART
+    return least_distance(arm, pair, parts, enough=_APART, first=home).distance <= _APART

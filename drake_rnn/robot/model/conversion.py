@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.geometry import Convex
+from pydrake.geometry import Convex, Mesh
 
 from ...inputs.given_file import content_of
 from .cache import cached_file
@@ -169,10 +169,14 @@ def _obj(mesh: Path) -> bytes:
 
 
 def _hull(mesh: Path) -> bytes:
-    points = np.asarray(_scene(mesh).to_mesh().vertices, dtype=float)
-    if not np.isfinite(points).all():
-        raise ValueError("it has vertices that are not finite")
-    hull = Convex(points.T, "mesh").GetConvexHull()
+    if mesh.suffix.lower() in {".gltf", ".vtk"}:
+        # As Drake draws the one, whose y is up, and touches the other.
+        hull = Mesh(str(mesh)).GetConvexHull()
+    else:
+        points = np.asarray(_scene(mesh).to_mesh().vertices, dtype=float)
+        if not np.isfinite(points).all():
+            raise ValueError("it has vertices that are not finite")
+        hull = Convex(points.T, "mesh").GetConvexHull()
     vertices = (hull.vertex(k) for k in range(hull.num_vertices()))
     faces = (hull.element(k) for k in range(hull.num_elements()))
     lines = [

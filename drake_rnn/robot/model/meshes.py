@@ -77,7 +77,7 @@ class Meshes:
             _require_scale(scale)
             return hull_file(file)
 
-        return self._readable(uri, "", convert)
+        return self._readable(uri, None, convert)
 
     def lose(self, link: str, uri: str) -> None:
         """Note that a mesh of a link could not be read."""
@@ -118,7 +118,9 @@ class Meshes:
         lost = sorted(name for name in unknown if self._packages.find(name) is None)
         return f"; give the folder of {', '.join(lost)} in arm.packages" if lost else ""
 
-    def _readable(self, uri: str, suffix: str, convert: Callable[[Path], Path]) -> Path | None:
+    def _readable(
+        self, uri: str, suffix: str | None, convert: Callable[[Path], Path]
+    ) -> Path | None:
         file = self._packages.file(uri)
         if file is None:
             if found := self._packages.what_else(uri):

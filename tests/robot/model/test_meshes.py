@@ -133,12 +133,15 @@ def test_a_broken_mesh_is_left_out_with_one_warning(tmp_path, ending):
     assert "\n" not in warning
 
 
-def test_collision_meshes_are_left_out_and_primitives_stay(tmp_path):
+def test_collision_meshes_make_no_contact_and_primitives_stay(tmp_path):
     """Before, STL was refused: MakeConvexHull only applies to .obj, .vtk, and .gltf meshes."""
     write_box(tmp_path / "hand.stl")
     ball = '<collision><geometry><sphere radius="0.01"/></geometry></collision>'
     arm = five(tmp_path, hand=shape("hand.stl", "collision") + ball)
-    assert arm.warnings == ("arm.model: five.urdf: collision meshes are left out, of link5",)
+    assert arm.warnings == (
+        "arm.model: five.urdf: collision meshes count for distances, but make no contact: those of "
+        "link5",
+    )
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
     arm.add_to(plant)

@@ -150,14 +150,20 @@ def test_sdf_may_have_meshes_of_any_format(tmp_path, uri):
     """Before, STL was refused."""
     write_box(tmp_path / "one/hand.stl")
     arm = load_arm(write(tmp_path, "one/one.sdf", sdf(uri)), frame="arm")
-    assert arm.warnings == ("arm.model: one.sdf: collision meshes are left out, of arm",)
+    assert arm.warnings == (
+        "arm.model: one.sdf: collision meshes count for distances, but make no contact: those of "
+        "arm",
+    )
     (seen,) = extents(arm, Role.kIllustration)
     np.testing.assert_allclose(seen, [0.05, 0.02, 0.01], atol=1e-6)
 
 
 def test_a_missing_mesh_of_sdf_is_left_out(tmp_path):
     arm = load_arm(write(tmp_path, "one.sdf", sdf("model://one/hand.stl")), frame="arm")
-    assert "model://one/hand.stl is missing" in arm.warnings[1]
+    assert arm.warnings == (
+        "arm.model: one.sdf: collision meshes are missing: model://one/hand.stl of 'arm'",
+        "arm.model: one.sdf: model://one/hand.stl is missing; the arm is drawn without it",
+    )
 
 
 def test_a_joint_of_sdf_that_follows_another_is_refused(tmp_path):

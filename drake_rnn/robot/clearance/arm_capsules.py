@@ -20,6 +20,9 @@ from .capsules import ArmCapsules, Capsule
 from .enclosing_capsule import enclosing_capsule
 from .link_poses import LinkPoses
 
+# Least radius of a fitted capsule [m].
+_THINNEST = 1e-5
+
 
 @validated
 class CapsulesFile:
@@ -42,7 +45,8 @@ def fitted_capsules(parts: Iterable[Part]) -> list[Capsule]:
     found = []
     for part in parts:
         ends, radius = part.exact or enclosing_capsule(part.points)
-        found.append(Capsule(body=part.body, ends=(ends[0], ends[1]), radius=radius))
+        wide = max(radius, _THINNEST)
+        found.append(Capsule(body=part.body, ends=(ends[0], ends[1]), radius=wide))
     return found
 
 
@@ -59,24 +63,36 @@ def capsules_of(
         shapes: The shapes of its bodies, if they are known already.
 
     Raises:
-        InvalidInputError: If the file cannot be read, a field is wrong, or a body does not exist.
+        InvalidInputError: If the file cannot be read, a field is wrong, a body does not exist, or a
+            body without a capsule has a shape that has no bounds.
     """
     shapes = arm_shapes(arm) if shapes is None else shapes
+    stated, left_out = _stated(arm)
+    bodies = {capsule.body for capsule in stated}
+    for body, kind in shapes.endless.items():
+        if body not in bodies:
+            raise InvalidInputError(
+                f"arm: {body!r} has a {kind}, round which no capsule fits; give the body a capsule "
+                "in a file: arm.capsules"
+            )
+    others = [part for part in shapes.parts if part.body not in bodies]
+    return [*stated, *fitted_capsules(others)], left_out
+
+
+def _stated(arm: Arm) -> tuple[list[Capsule], list[tuple[str, str]]]:
+    """Return what an arm's file states of bodies that the arm has."""
     if (file := arm.description.capsules) is None:
-        return fitted_capsules(shapes.parts), []
+        return [], []
     read = construct(CapsulesFile, read_yaml(Path(file)), file)
     names = _names(arm.plant())
     absent = set(read.tools) - set(names)
-    stated = [capsule for capsule in read.capsules if capsule.body not in absent]
     for name in (name for pair in read.left_out for name in pair):
         if name not in names and name not in absent:
             raise InvalidInputError(
                 f"{file}: left_out: no body {name!r} in {arm.model.name}; {nearest(name, names)}"
             )
-    bodies = {capsule.body for capsule in stated}
-    others = [part for part in shapes.parts if part.body not in bodies]
     left_out = [pair for pair in read.left_out if not absent & set(pair)]
-    return [*stated, *fitted_capsules(others)], left_out
+    return [capsule for capsule in read.capsules if capsule.body not in absent], left_out
 
 
 def _names(plant: MultibodyPlant) -> list[str]:

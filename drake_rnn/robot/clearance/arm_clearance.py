@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from ...errors import InvalidInputError
 from ...inputs.fields import Array
 from ..arm import Arm
-from ..model.geometry import about
 from ..tool import bodies_at_tip
 from .arm_capsules import capsules_of, place_capsules
 from .arm_shapes import ArmShapes, arm_shapes
@@ -39,8 +38,8 @@ def arm_clearance(
 
     Raises:
         InvalidInputError: If no body that the arm moves has a shape, the only mesh of a body cannot
-            be read, its file of capsules does not fit it, or an obstacle has the name of what is
-            pressed on.
+            be read, a shape has no bounds, its file of capsules does not fit it, or an obstacle has
+            the name of what is pressed on.
     """
     shapes = arm_shapes(arm)
     capsules, left_out = capsules_of(arm, shapes)
@@ -76,14 +75,15 @@ def _require_shapes(arm: Arm, shapes: ArmShapes, capsules: ArmCapsules) -> None:
 
 def _doubts(arm: Arm, shapes: ArmShapes, capsules: ArmCapsules, fitted: bool) -> list[str]:
     """Return what of an arm is not kept clear, or differently from what its model says."""
-    bare = [body for body in shapes.bare if body not in capsules.bodies]
-    return [
-        *(
-            f"{doubt}; nothing keeps them clear: give them capsules in a file, arm.capsules"
-            for doubt in about(bare, f"bodies without any shape in {arm.model.name}:")
-        ),
-        *(shapes.doubts if fitted else ()),
-    ]
+    bare = ", ".join(body for body in shapes.bare if body not in capsules.bodies)
+    told = list(shapes.doubts) if fitted else []
+    if bare:
+        told.insert(
+            0,
+            f"nothing keeps these bodies of {arm.model.name} clear, which have no shape: {bare}; "
+            "give them capsules in a file, arm.capsules",
+        )
+    return told
 
 
 def _unseen(pairs: Sequence[tuple[str, str]]) -> list[str]:

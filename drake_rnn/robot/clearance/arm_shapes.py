@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -27,7 +27,6 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Body, BodyIndex
 
-from ...errors import InvalidInputError
 from ...inputs.fields import Array
 from ..arm import Arm
 from ..model import LostMesh
@@ -39,6 +38,8 @@ from .enclosing_capsule import Enclosing
 # Farther than this from a body's origin, a joint is held by something [m]; what is lighter than
 # this, as a frame of a sensor is, has no extent [kg].
 _FAR, _LIGHT = 1e-3, 0.01
+# What is smaller in all directions than this has no size [m].
+_TINY = 1e-5
 # What is drawn may reach beyond the collision shapes by so much [m].
 _HARDLY = 1e-3
 # Corners of the polygon round a circle, and of the directions round a ball.
@@ -80,12 +81,14 @@ class ArmShapes:
             is not at their origin.
         lost: Meshes of the arm's bodies that cannot be read.
         bodies: Names of the arm's bodies: those that its joints move, and those that carry it.
+        endless: Names of bodies with a shape that has no bounds, and what it is.
     """
 
     parts: tuple[Part, ...]
     bare: tuple[str, ...]
     lost: tuple[LostMesh, ...]
     bodies: tuple[str, ...]
+    endless: Mapping[str, str]
 
     @property
     def doubts(self) -> list[str]:
@@ -117,23 +120,21 @@ def arm_shapes(arm: Arm) -> ArmShapes:
 
     A body is one part: all that the model has of it for collisions and all that it draws. Of a tool
     that was added each drawn part is one: it is slender, and may come close to things. A mesh
-    counts with its convex hull.
-
-    Raises:
-        InvalidInputError: If a body has a shape that has no bounds.
+    counts with its convex hull; what has no size does not.
     """
     scene_graph, plant = SceneGraph(), MultibodyPlant(0.0)
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     lost = arm.add_shapes_to(plant)
     plant.Finalize()
     inspector, found, bare = scene_graph.model_inspector(), list[Part](), list[str]()
+    endless = dict[str, str]()
     tool = None if arm.tool is None else plant.GetFrameByName(arm.tool.tip).body().index()
     known = _of_the_arm(arm, plant)
     names = tuple(plant.get_body(index).name() for index in sorted(known) if int(index))
     for body in map(plant.get_body, map(BodyIndex, range(1, plant.num_bodies()))):
         frame, name = plant.GetBodyFrameIdOrThrow(body.index()), body.name()
         drawn, solid = (
-            [_solid(inspector, geometry, name) for geometry in inspector.GetGeometries(frame, role)]
+            _solids(inspector, inspector.GetGeometries(frame, role), name, endless)
             for role in (Role.kIllustration, Role.kProximity)
         )
         if body.index() == tool:
@@ -143,9 +144,8 @@ def arm_shapes(arm: Arm) -> ArmShapes:
         elif body.index() in known and _has_extent(plant, body):
             bare.append(name)
     del inspector, body, plant  # they point to the scene graph, which must outlive them
-    return ArmShapes(
-        tuple(found), tuple(bare), tuple(mesh for mesh in lost if mesh.link in names), names
-    )
+    lost = tuple(mesh for mesh in dict.fromkeys(lost) if mesh.link in names)
+    return ArmShapes(tuple(found), tuple(bare), lost, names, endless)
 
 
 def _of_the_arm(arm: Arm, plant: MultibodyPlant) -> set[BodyIndex]:
@@ -175,15 +175,31 @@ class _Solid(NamedTuple):
     exact: Enclosing | None
 
 
-def _solid(inspector: SceneGraphInspector, geometry: GeometryId, body: str) -> _Solid:
-    """Return a geometry of a body."""
-    X_BG, shape = inspector.GetPoseInFrame(geometry), inspector.GetShape(geometry)
-    points = _round(shape, body) @ X_BG.rotation().matrix().T + X_BG.translation()
+def _solids(
+    inspector: SceneGraphInspector,
+    geometries: Iterable[GeometryId],
+    body: str,
+    endless: dict[str, str],
+) -> list[_Solid]:
+    """Return geometries of a body that have a size; those without bounds are noted."""
+    found = []
+    for geometry in geometries:
+        X_BG, shape = inspector.GetPoseInFrame(geometry), inspector.GetShape(geometry)
+        if (points := points_round(shape)) is None:
+            endless[body] = type(shape).__name__
+        elif np.ptp(points, axis=0).max() > _TINY:
+            points = points @ X_BG.rotation().matrix().T + X_BG.translation()
+            found.append(_Solid(points, _exact(shape, X_BG)))
+    return found
+
+
+def _exact(shape: Shape, X_BG: RigidTransform) -> Enclosing | None:
+    """Return the capsule that a shape of a body is; None if it is none."""
     if not isinstance(shape, (Sphere, Capsule)):
-        return _Solid(points, None)
+        return None
     half = 0.5 * shape.length() if isinstance(shape, Capsule) else 0.0
     ends = np.array([X_BG @ np.array([0.0, 0.0, z]) for z in (-half, half)])
-    return _Solid(points, Enclosing(ends, shape.radius()))
+    return Enclosing(ends, shape.radius())
 
 
 def _part(body: str, drawn: list[_Solid], solid: list[_Solid]) -> Part:
@@ -199,14 +215,14 @@ def _beyond(drawn: Sequence[_Solid], solid: Sequence[_Solid]) -> float:
     """Return how far what is drawn reaches beyond the hull of the collision shapes [m]."""
     inner = np.concatenate([shape.points for shape in solid])
     every = np.concatenate((inner, *(shape.points for shape in drawn)))
-    whole, within = Convex(every.T, "whole").GetConvexHull(), set(map(bytes, inner))
+    whole, within = convex(every, "whole").GetConvexHull(), set(map(bytes, inner))
     corners = [whole.vertex(k) for k in range(whole.num_vertices())]
     outside = [corner for corner in corners if corner.tobytes() not in within]
     if not outside:
         return 0.0
     scene_graph = SceneGraph()
     source = scene_graph.RegisterSource("body")
-    hull = GeometryInstance(RigidTransform(), Convex(inner.T, "collision"), "collision")
+    hull = GeometryInstance(RigidTransform(), convex(inner, "collision"), "collision")
     hull.set_proximity_properties(ProximityProperties())
     scene_graph.RegisterAnchoredGeometry(source, hull)
     context = scene_graph.CreateDefaultContext()
@@ -223,14 +239,15 @@ def _holds(capsule: Enclosing, shape: _Solid) -> bool:
     return bool((off <= capsule.radius * (1.0 + 1e-12)).all())
 
 
-def _round(shape: Shape, body: str) -> Array:
-    """Return points whose hull holds a shape of a body."""
-    if (points := points_round(shape)) is None:
-        raise InvalidInputError(
-            f"arm: {body!r} has a {type(shape).__name__}, round which no capsule fits; give the "
-            "body a capsule in a file: capsules"
-        )
-    return points
+def convex(points: Array, name: str) -> Convex:
+    """Return the hull of points, shape (k, 3) [m], as Drake's shape; on a line, a thin one."""
+    hull = Convex(points.T, name)
+    try:
+        hull.GetConvexHull()
+    except RuntimeError:
+        thick = _TINY * np.concatenate((np.eye(3), -np.eye(3)))
+        return Convex((points[:, None] + thick).reshape(-1, 3).T, name)
+    return hull
 
 
 def points_round(shape: Shape) -> Array | None:

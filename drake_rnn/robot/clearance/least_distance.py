@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.geometry import (
     AddContactMaterial,
-    Convex,
     FramePoseVector,
     GeometryFrame,
     GeometryInstance,
@@ -28,7 +27,7 @@ from ...inputs.complaints import nearest
 from ...inputs.fields import Array
 from ..arm import Arm
 from .arm_capsules import place_capsules
-from .arm_shapes import Part, parts_of
+from .arm_shapes import Part, convex, parts_of
 from .capsules import Capsule
 
 # Postures of one joint, of two (each), and of more.
@@ -200,7 +199,7 @@ def _gap_of(
     frame = scene_graph.RegisterFrame(source, GeometryFrame("second"))
     for side, body in enumerate(pieces):
         for k, points in enumerate(body):
-            hull = Convex((X_WB[side] @ points.T), f"{bodies[side]}_{k}")
+            hull = convex((X_WB[side] @ points.T).T, f"{bodies[side]}_{k}")
             geometry = GeometryInstance(RigidTransform(), hull, f"{side}_{k}")
             geometry.set_proximity_properties(_touchable())
             if side:

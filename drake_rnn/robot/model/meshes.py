@@ -128,16 +128,25 @@ class Meshes:
             else:
                 self._missing.append(uri)
             return None
-        if file.suffix.lower() == suffix:
-            return file
         try:
-            return convert(file)
+            if file.suffix.lower() != suffix:
+                return convert(file)
+            if suffix == ".obj":
+                _require_faces(file)
+            return file
         except InvalidInputError:
             raise
         # What a reader of many formats raises at a broken file is not known.
         except Exception as error:
             self._broken[str(file)] = " ".join(f"{type(error).__name__}: {error}".split())[:120]
             return None
+
+
+def _require_faces(file: Path) -> None:
+    """Raise a ValueError for an OBJ file without faces, of which Drake says no name."""
+    kinds = {line.split(maxsplit=1)[0] for line in file.read_bytes().splitlines() if line.strip()}
+    if not {b"v", b"f"} <= kinds:
+        raise ValueError("it contains no faces")
 
 
 def _require_scale(scale: str) -> None:

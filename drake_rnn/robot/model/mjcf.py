@@ -71,11 +71,32 @@ def _read_meshes(root: Element, meshes: Meshes) -> None:
                 lost[mesh.get("name", "")] = uri
             else:
                 mesh.set("file", str(file))
-    for parent in root.iter():
-        for geometry in parent.findall("geom"):
-            if uri := lost.get(geometry.get("mesh", ""), ""):
-                parent.remove(geometry)
-                meshes.lose(parent.get("name", ""), uri)
+    if lost:
+        _drop_geometries(root, lost, meshes)
+
+
+def _drop_geometries(root: Element, lost: Mapping[str, str], meshes: Meshes) -> None:
+    """Leave out the geometries of meshes that cannot be read, also of those that classes name."""
+    named = {
+        name: tags.get("geom", {}).get("mesh", "")
+        for top in root.findall("default")
+        for name, tags in _classes(top, "main", {})
+    }
+    for geometry in root.iterfind(".//default/geom"):
+        if geometry.get("mesh") in lost:
+            del geometry.attrib["mesh"]
+
+    def drop(body: Element, inherited: str) -> None:
+        for geometry in body.findall("geom"):
+            mesh = geometry.get("mesh", named.get(geometry.get("class", inherited), ""))
+            if mesh in lost:
+                body.remove(geometry)
+                meshes.lose(body.get("name", ""), lost[mesh])
+        for child in body.findall("body"):
+            drop(child, child.get("childclass", inherited))
+
+    for world in root.findall("worldbody"):
+        drop(world, "main")
 
 
 def _sites_as_bodies(root: Element) -> None:

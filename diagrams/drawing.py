@@ -16,6 +16,7 @@ from pydrake.systems.framework import Diagram, InputPort, OutputPort, System
 from pydrake.systems.primitives import Adder, Integrator, VectorLogSink
 
 from .. import colours
+from ..inputs.complaints import require_type
 from ..systems import (
     Body,
     Camera,
@@ -86,6 +87,7 @@ def wiring_graph(diagram: Diagram) -> str:
     Returns:
         Text in the language of Graphviz: ``dot -Tsvg`` makes a picture of it.
     """
+    require_type("diagram", diagram, Diagram)
     systems = [each for each in diagram.GetSystems() if not isinstance(each, VectorLogSink)]
     names = {system: f"s{number}" for number, system in enumerate(systems)}
     kinds = {system: _kind(system) for system in systems}

@@ -12,6 +12,7 @@ from ..arrays.jax_module import require_jax
 from ..arrays.namespace import AnyArray
 from ..errors import InvalidInputError
 from ..experiment import Described, Experiment
+from ..inputs.arguments import checked, each, optional
 from ..inputs.complaints import nearest
 from ..inputs.fields import Array
 from ..laws import SampledReading
@@ -64,6 +65,7 @@ class CompiledRuns:
             cannot be taken.
     """
 
+    @checked(metrics=optional(each(str)))
     def __init__(
         self, experiments: Sequence[Described], metrics: Sequence[str] | None = None
     ) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import InvalidInputError
 from ..experiment import Arms, Described, Experiment, ExperimentDocument, load_experiment
+from ..inputs.arguments import checked, each, function, optional
 from ..inputs.complaints import require_several
 from ..inputs.fields import Array
 from ..measures import METRIC_NAMES
@@ -66,6 +67,7 @@ class Many:
         return {name: value for name, value in row.items() if np.isfinite(value)}
 
 
+@checked(progress=optional(function()), record=each(str))
 def run_many(
     experiments: Sequence[Described],
     progress: Progress | None = None,
@@ -149,10 +151,10 @@ def robots_of(described: Sequence[Described]) -> list[Robot]:
     require_several("experiments", described)
     arms: dict[object, Screws] = {}
     robots, shared = [], Arms()
-    for number, each in enumerate(described):
+    for number, given in enumerate(described):
         try:
             experiment = (
-                each if isinstance(each, Experiment) else load_experiment(each, arms=shared)
+                given if isinstance(given, Experiment) else load_experiment(given, arms=shared)
             )
             reading = able_reading(experiment.document, experiment.law)
             model = contents(experiment.arm.description)

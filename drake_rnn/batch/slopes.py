@@ -11,6 +11,7 @@ from ..arrays.jax_module import require_jax
 from ..arrays.namespace import AnyArray
 from ..errors import InvalidInputError
 from ..experiment import Described, Experiment, load_experiment
+from ..inputs.arguments import checked, each, instance, whole
 from ..inputs.complaints import require_several, short
 from ..inputs.dataclass_fields import fields_of
 from ..inputs.fields import Array
@@ -21,6 +22,7 @@ from .compiling import compiled_in_order
 _LAW = "law."
 
 
+@checked(keys=each(str), metric=instance(str))
 def value_and_gradient(
     experiment: Described, keys: Sequence[str], metric: str
 ) -> tuple[float, dict[str, float]]:
@@ -70,6 +72,7 @@ class Slopes:
         InvalidInputError: As `value_and_gradient` does.
     """
 
+    @checked(keys=each(str), metric=instance(str), rows=whole(1, 1000))
     def __init__(
         self, experiment: Described, keys: Sequence[str], metric: str, rows: int = 1
     ) -> None:

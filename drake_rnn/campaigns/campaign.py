@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 from ..errors import InvalidInputError
 from ..experiment.heads import written_head
+from ..inputs.arguments import checked, flag, function, instance, optional, whole
 from ..inputs.complaints import require_type
 from ..inputs.dataclass_fields import fields_of
 from ..inputs.documents import to_yaml
@@ -65,6 +66,14 @@ class CampaignResult:
         return len(self.plan.rows) - len(self.lines)
 
 
+@checked(
+    folder=instance(str, Path),
+    jobs=whole(1),
+    perform=function(),
+    batch=optional(whole(1)),
+    done=optional(function()),
+    again=flag,
+)
 def run_campaign(
     campaign: str | Path | Mapping[str, Any] | CampaignDocument | Plan,
     folder: str | Path,

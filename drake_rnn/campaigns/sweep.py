@@ -25,6 +25,7 @@ from ..experiment import (
     require_distinct,
     require_none_lost,
 )
+from ..inputs.arguments import checked, flag, function, instance, optional
 from ..inputs.complaints import require_type, short
 from ..inputs.documents import parse_yaml
 from ..inputs.fields import Array
@@ -99,6 +100,12 @@ def parse_axis(text: str) -> tuple[str, list[Any]]:
     return key.strip(), parse_yaml(f"[{values}]", f"--over {key.strip()}")
 
 
+@checked(
+    changes=instance(Mapping, None),
+    done=optional(function()),
+    anyway=flag,
+    keep=instance(str, Path, None),
+)
 def sweep(
     experiment: Described,
     over: Mapping[str, Sequence[Any]],

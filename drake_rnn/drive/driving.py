@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import InvalidInputError
 from ..experiment import Experiment
-from ..inputs.complaints import require_type
+from ..inputs.arguments import checked, function, instance, offering
 from ..runs.result import Result
 from ..runs.result import Status as RunStatus
 from .connection import Connection
@@ -44,6 +44,14 @@ class DrivenRun(NamedTuple):
     driven: Driven
 
 
+@checked(
+    experiment=instance(Experiment),
+    robot=instance(Robot),
+    connection=offering("next", "send"),
+    settings=instance(DriveSettings, None),
+    say=function(),
+    is_told_to_stop=function(),
+)
 def drive_experiment(
     experiment: Experiment,
     robot: Robot,
@@ -75,13 +83,17 @@ def drive_experiment(
     return DrivenRun(result_of(law, driven), driven)
 
 
+@checked(experiment=instance(Experiment))
 def task_of(experiment: Experiment) -> DrivenLaw:
     """Return an experiment of `driven_experiment` as a robot's task.
 
     Raises:
         InvalidInputError: If the path is out of reach, or the law fails when it is tried.
     """
-    require_type("experiment", experiment, Experiment)
+    if experiment.document.level != "robot" or experiment.document.period is None:
+        raise InvalidInputError(
+            "experiment: must be one of driven_experiment, at level: robot and with a period"
+        )
     return DrivenLaw(experiment)
 
 
@@ -111,6 +123,14 @@ def result_of(law: DrivenLaw, driven: Driven) -> Result:
     return result
 
 
+@checked(
+    task=instance(RobotTask),
+    robot=instance(Robot),
+    connection=offering("next", "send"),
+    settings=instance(DriveSettings, None),
+    say=function(),
+    is_told_to_stop=function(),
+)
 def drive_diagram(
     task: RobotTask,
     robot: Robot,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..inputs.arguments import checked, number, vector
 from ..inputs.fields import Array
 from .connection import Command, Connection, RobotStatus
 
@@ -16,10 +17,12 @@ class FollowingRobot(Connection):
         period: Time of a cycle [s].
     """
 
+    @checked(position=vector, period=number(above=0.0))
     def __init__(self, position: Array, period: float = 5e-3) -> None:
         self._period = period
         self._cycle = 0
-        self._position, self._velocity = position, np.zeros_like(position)
+        self._position = np.array(position, dtype=float)
+        self._velocity = np.zeros_like(self._position)
 
     @property
     def period(self) -> float:

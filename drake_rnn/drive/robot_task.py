@@ -8,7 +8,7 @@ import numpy as np
 from pydrake.systems.analysis import Simulator
 
 from ..errors import InvalidInputError
-from ..inputs.complaints import require_type
+from ..inputs.arguments import checked, instance, number
 from ..inputs.fields import Array
 from ..robot.clearance import Clearance
 from ..robot.limits import JointLimits
@@ -35,6 +35,13 @@ class RobotTask:
             class.
     """
 
+    @checked(
+        simulator=instance(Simulator),
+        arm=instance(RobotArm),
+        duration=number(above=0.0),
+        period=number(above=0.0),
+        clearance=instance(Clearance, None),
+    )
     def __init__(
         self,
         simulator: Simulator,
@@ -43,7 +50,6 @@ class RobotTask:
         period: float,
         clearance: Clearance | None = None,
     ) -> None:
-        require_type("arm", arm, RobotArm)
         if not (duration > 0.0 and period > 0.0):
             raise InvalidInputError(
                 f"duration, period: must be positive times [s], not {duration} and {period}"

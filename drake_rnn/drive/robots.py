@@ -11,11 +11,24 @@ import numpy as np
 
 from ..errors import InvalidInputError
 from ..experiment import Described, Experiment, make_experiment, read_document
+from ..inputs.arguments import checked, flag, instance, number, optional
+from ..inputs.complaints import require_type
 from ..inputs.fields import Array
 from ..robot.limits import JointLimits
 from ..robot.load_arm import load_arm
 
 
+@checked(
+    name=instance(str),
+    arm=instance(str),
+    inside=number(0.0),
+    clipped=number(0.0),
+    share=number(above=0.0),
+    slower=number(0.0),
+    paced=flag,
+    without_jerk=optional(number(above=0.0)),
+    url=instance(str),
+)
 @dataclass(frozen=True)
 class Robot:
     """A robot behind messages.
@@ -116,6 +129,7 @@ def driven_experiment(
         InvalidInputError: If the document is wrong; if it has a start posture of another arm; or
             if the start is outside the limits.
     """
+    require_type("robot", robot, Robot)
     document = read_document(experiment, changes) | {"level": "robot"}
     given = document.get("arm")
     model = given.get("model") if isinstance(given, dict) else given

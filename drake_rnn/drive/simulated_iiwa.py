@@ -8,7 +8,7 @@ from contextlib import suppress
 
 import numpy as np
 from drake import lcmt_iiwa_command, lcmt_iiwa_status
-from pydrake.lcm import DrakeLcm
+from pydrake.lcm import DrakeLcm, DrakeLcmInterface
 from pydrake.manipulation import BuildIiwaControl, IiwaDriver
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.analysis import Simulator
@@ -16,6 +16,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.lcm import LcmInterfaceSystem
 
 from ..errors import RobotError
+from ..inputs.arguments import checked, instance, optional, vector, whole
 from ..inputs.fields import Array
 from ..robot.load_arm import load_arm
 from ..systems import start_posture
@@ -54,6 +55,12 @@ class SimulatedIiwa:
         InvalidInputError: If the posture is outside the limits.
     """
 
+    @checked(
+        lcm=instance(DrakeLcmInterface),
+        start=optional(vector),
+        faults=instance(Faults, None),
+        seed=whole(),
+    )
     def __init__(
         self,
         lcm: DrakeLcm,
@@ -206,6 +213,7 @@ def _simulator(lcm: DrakeLcm, start: Array | None) -> Simulator:
     return simulator
 
 
+@checked(robot=instance(SimulatedIiwa), lcm=instance(DrakeLcmInterface))
 def lock_step(robot: SimulatedIiwa, lcm: DrakeLcm) -> Callable[[float], None]:
     """Return what waits for messages of a robot in this process, whose time then goes on.
 

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import NoneType
 from typing import Any
 
 from pydrake.trajectories import Trajectory
 
 from ..diagrams import check_sensing
 from ..errors import InvalidInputError
+from ..inputs.complaints import require_type
 from ..inputs.documents import construct
 from ..inputs.extensions import without_extensions
 from ..inputs.fields import Array
-from ..inputs.modules import Modules
+from ..inputs.modules import Modules, require_modules
 from ..laws import Circumstances, Law, PostureLaw, Safety
 from ..laws.checks import warnings_of
 from ..paths import JointTargets, LedPath, Path, PlacedPath
@@ -205,6 +207,8 @@ def make_experiment(
     Raises:
         InvalidInputError: If a key is wrong; the message names it, its value and what it may be.
     """
+    require_type("arms", arms, Arms, NoneType)
+    require_modules(modules)
     document = _checked(document, path)
     arms = Arms() if arms is None else arms
     parts = read_sections(document, arms, path, modules)

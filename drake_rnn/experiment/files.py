@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import is_dataclass
 from pathlib import Path as File
+from types import NoneType
 from typing import Any
 
 from ..diagrams import EXPERIMENTS
@@ -57,6 +58,7 @@ def load_experiment(
     Raises:
         InvalidInputError: If a key is wrong; the message names it, its value and what it may be.
     """
+    require_type("arms", arms, Arms, NoneType)
     made = make_experiment(read_document(experiment, changes), arms=arms)
     removed = [key for key, value in (changes or {}).items() if value is None]
     if removed:

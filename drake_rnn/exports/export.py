@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple, get_args
 
 from ..errors import InvalidInputError
+from ..inputs.arguments import checked, choice, each, instance, optional
 from ..inputs.complaints import nearest
 from ..runs.folder import require_output
 from ..runs.result import Result
@@ -35,6 +36,12 @@ _WRITERS = {
 }
 
 
+@checked(
+    result=instance(Result),
+    place=instance(str, Path),
+    form=choice(get_args(Format)),
+    series=optional(each(str)),
+)
 def export(
     result: Result,
     place: str | Path,

@@ -10,7 +10,8 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from ..errors import InvalidInputError
-from ..inputs.complaints import drawn_of, nearest, require_type
+from ..inputs.arguments import checked, each, instance, optional
+from ..inputs.complaints import drawn_of, nearest
 from ..runs.result import Result
 from ..runs.whole_file import require_replaceable
 from . import (  # noqa: F401  These register figures.
@@ -40,6 +41,7 @@ def fitting(names: Sequence[str], paper: Paper) -> list[str]:
     return [name for name in names if paper.width is None or paper.width >= FIGURES[name].least]
 
 
+@checked(result=instance(Result), name=instance(str), paper=instance(Paper))
 def figure(result: Result, name: str = "overview", paper: Paper = SCREEN) -> Figure:
     """Return a figure of a result, to show in a notebook or to change.
 
@@ -52,7 +54,6 @@ def figure(result: Result, name: str = "overview", paper: Paper = SCREEN) -> Fig
         InvalidInputError: If there is no such figure of this result, or it cannot be read in the
             width of the paper.
     """
-    require_type("result", result, Result)
     if name not in (known := drawable(result)):
         what = nearest(name, known) if known else "a single instant has none"
         raise InvalidInputError(f"figure: no figure {name!r} of this result; {what}")
@@ -64,6 +65,12 @@ def figure(result: Result, name: str = "overview", paper: Paper = SCREEN) -> Fig
         return FIGURES[name].draw(result)
 
 
+@checked(
+    result=instance(Result),
+    folder=instance(str, Path),
+    names=optional(each(str)),
+    paper=instance(Paper),
+)
 def write_figures(
     result: Result,
     folder: str | Path,
@@ -86,7 +93,6 @@ def write_figures(
         InvalidInputError: If the folder cannot be written to, ``result`` is none, or there is no
             such figure of it.
     """
-    require_type("result", result, Result)
     folder = Path(folder)
     names = names or fitting(drawable(result), paper)
     files = [folder / f"{name}.{paper.form}" for name in names]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from ..errors import InvalidInputError
-from ..inputs.complaints import nearest
+from ..inputs.arguments import checked, choice, number, optional
 
 #: Formats of files.
 Form = Literal["png", "pdf", "svg"]
@@ -26,6 +26,7 @@ _LEAST, _LARGEST = 40.0, 1000.0
 _LENGTH = re.compile(rf"(\d+(?:\.\d+)?|\.\d+)\s*({'|'.join(_UNITS)})")
 
 
+@checked(form=choice(FORMS), width=optional(number(above=0.0)), look=choice(LOOKS))
 @dataclass(frozen=True)
 class Paper:
     """What figures are drawn for.
@@ -39,11 +40,6 @@ class Paper:
     form: Form = "png"
     width: float | None = None
     look: Look = "screen"
-
-    def __post_init__(self) -> None:
-        for name, value, known in (("form", self.form, FORMS), ("look", self.look, LOOKS)):
-            if value not in known:
-                raise InvalidInputError(f"{name}: no {value!r}; {nearest(value, list(known))}")
 
 
 def parse_width(text: str) -> float:

@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 from PIL import Image
 
 from ..errors import InvalidInputError
+from ..inputs.arguments import checked, each, function, instance, optional
 from ..inputs.complaints import require_type
 from ..playback import write_playback
 from ..runs.folder import require_output
@@ -61,6 +62,13 @@ class Film:
         )
 
 
+@checked(
+    result=instance(Result),
+    file=instance(str, Path),
+    settings=instance(FilmSettings, None),
+    beside=each(Result),
+    progress=optional(function()),
+)
 def write_film(
     result: Result,
     file: str | Path,
@@ -89,7 +97,6 @@ def write_film(
             single instant or shorter than what should be shown, the film cannot be made small
             enough, or the file cannot be written.
     """
-    require_type("result", result, Result)
     settings = FilmSettings() if settings is None else settings
     require_type("settings", settings, FilmSettings)
     file = Path(file)

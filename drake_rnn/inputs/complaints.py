@@ -177,6 +177,11 @@ def short(value: Any) -> str:
     except RecursionError:
         # A YAML alias may refer to a value that contains it.
         text = f"a {type(value).__name__} that contains itself"
+    except ValueError:
+        # Python writes no whole number of more than 4300 digits.
+        text = "a number of too many digits"
+    # Arrays of some kinds are written in several lines.
+    text = " ".join(text.split())
     return text if len(text) <= 60 else text[:57] + "..."
 
 

@@ -15,7 +15,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
 from ..errors import InvalidInputError
-from .complaints import nearest, plain, sentence
+from .complaints import nearest, plain, sentence, short
 from .dataclass_fields import field_names
 from .extensions import EXTENSION, without_extensions
 from .given_file import content_of
@@ -183,7 +183,9 @@ def construct(cls: type[T], values: Any, key: str) -> T:
     """
     place = key or "document"
     if not isinstance(values, Mapping):
-        raise InvalidInputError(f"{place}: must be a mapping of keys to values, not {values!r}")
+        raise InvalidInputError(
+            f"{place}: must be a mapping of keys to values, not {short(values)}"
+        )
     try:
         # A user's own class may fail in ways of its own.
         with naming(f"{place}: {cls.__name__}", but=ValidationError):

@@ -20,7 +20,7 @@ from pydantic import (
 from pydantic.dataclasses import dataclass
 
 from ..errors import InvalidInputError
-from .complaints import sentence
+from .complaints import require_type, sentence
 from .dataclass_fields import field_names
 from .numbers import is_number
 
@@ -125,7 +125,10 @@ def zeros() -> Array:
 
 def _number_or_vector(value: Any) -> float | Array:
     if isinstance(value, (list, tuple, np.ndarray)):
-        return _finite_vector(value)
+        vector = _finite_vector(value)
+        if not vector.size:
+            raise ValueError("must be a number or a list of numbers, one or more")
+        return vector
     if not is_number(value):
         raise ValueError("must be a number or a list of numbers")
     return float(value)
@@ -199,6 +202,7 @@ def validated(cls: type) -> type:
 
     Its constructor raises an `InvalidInputError` of one sentence for invalid arguments.
     """
+    require_type("cls", cls, type)
     config = ConfigDict(extra="forbid", arbitrary_types_allowed=True)
     made = dataclass(frozen=True, eq=False, kw_only=True, config=config)(cls)
     construct = made.__init__

@@ -10,7 +10,7 @@ from operator import attrgetter
 from types import ModuleType
 
 from ..errors import InvalidInputError
-from .complaints import require_type
+from .complaints import require_type, short
 from .own_code import described
 
 #: Modules that may be imported: True for any, False for none, or names of modules and packages.
@@ -47,11 +47,17 @@ def object_named(name: str, key: str, modules: Modules) -> object:
         raise InvalidInputError(f"{key}: the module {module_name!r} has no {place!r}") from None
 
 
+def require_modules(modules: Modules) -> None:
+    """Raise an InvalidInputError unless it is said which modules may be imported."""
+    require_type("modules", modules, bool, Collection)
+    if not isinstance(modules, bool) and not all(isinstance(name, str) for name in modules):
+        raise InvalidInputError(f"modules: must be names of modules, not {short(modules)}")
+
+
 def _require_allowed(module: str, key: str, modules: Modules) -> None:
     if isinstance(modules, bool):
         allowed = modules
     else:
-        require_type("modules", modules, Collection)
         names = [modules] if isinstance(modules, str) else list(modules)
         allowed = any(module == name or module.startswith(f"{name}.") for name in names)
     if not allowed:

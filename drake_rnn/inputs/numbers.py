@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from math import isfinite
-from numbers import Real
+from numbers import Integral, Real
 from typing import Any
 
 # As files of any program have them: Python would also take 1_000 and the digits of any script.
@@ -13,7 +13,16 @@ _DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNOR
 
 def is_number(value: Any) -> bool:
     """Return whether a value is a finite number; true and false are none."""
-    return isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)
+    try:
+        return isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)
+    except OverflowError:
+        # A whole number that is larger than any other.
+        return False
+
+
+def is_whole(value: Any) -> bool:
+    """Return whether a value is a whole number, of Python or NumPy; true and false are none."""
+    return isinstance(value, Integral) and not isinstance(value, bool)
 
 
 def decimal(text: str) -> float:

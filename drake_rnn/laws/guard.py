@@ -8,6 +8,7 @@ from warnings import warn
 import numpy as np
 
 from ..errors import InvalidInputError
+from ..inputs.arguments import is_vector, real_array
 from ..inputs.complaints import require_type, short
 from ..inputs.fields import Array
 from ..inputs.numbers import is_number
@@ -235,10 +236,7 @@ class Guard:
     def _obstacles(self, p_WO: Array | None) -> dict[str, Array]:
         """Return what is measured of obstacles, as the law sees it."""
         shape = (self._moving, 3)
-        try:
-            given = np.zeros((0, 3)) if p_WO is None else np.array(p_WO, dtype=float)
-        except (TypeError, ValueError):
-            raise InvalidInputError(f"p_WO: must be numbers, not {short(p_WO)}") from None
+        given = np.zeros((0, 3)) if p_WO is None else np.array(real_array("p_WO", p_WO))
         if given.shape != shape:
             raise InvalidInputError(
                 f"p_WO: must be of shape {shape}, one row for each obstacle that may move, not "
@@ -322,10 +320,7 @@ def _finite(name: str, value: object, size: int) -> Array:
 
 def _numbers(name: str, value: object, size: int) -> Array:
     """Return as many numbers as there are joints; NaN is one of them."""
-    try:
-        found = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        found = np.zeros(0)
+    found = np.asarray(value, dtype=float) if is_vector(value) else np.zeros(0)
     if found.shape != (size,):
         raise InvalidInputError(
             f"{name}: must be {size} numbers, one per joint, not {short(value)}"

@@ -24,6 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InvalidInputError
+from ..inputs.arguments import checked, number, whole
 from ..inputs.fields import Array
 from ..robot.clearance import Clearance
 from ..robot.clearance.neighbour import Neighbour
@@ -154,6 +155,7 @@ class ContinuousReading(Reading):
         """Return the time derivative of the state, shape (..., state.size)."""
 
 
+@checked(interval=number(above=0.0), count=whole(1))
 @dataclass(frozen=True)
 class JointPreview:
     """Spacing and number of the future joint positions in a law's input ``position_preview``.

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInputError
+from ..inputs.arguments import checked, instance
 from ..inputs.fields import Array
 from ..robot.clearance import Clearance
 from ..robot.limits import JointLimits
@@ -35,6 +36,11 @@ from .parts.world import seen_signals
 _SOFTNESS = 1e-6
 
 
+@checked(
+    limits=instance(JointLimits),
+    clearance=instance(Clearance, None),
+    avoidance=instance(Avoidance),
+)
 @dataclass(frozen=True, eq=False)
 class Safety:
     """What is kept of a velocity, whoever wants it.

@@ -60,8 +60,10 @@ def _fault(returned: Any, shapes: Sequence[tuple[int, ...]]) -> str:
         return short(returned)
     for value, shape in zip(returned, shapes, strict=True):
         try:
-            array = np.asarray(value, dtype=float)
+            array = np.asarray(value)
         except (TypeError, ValueError):
+            return short(value)
+        if array.dtype.kind not in "iuf":
             return short(value)
         if array.shape != shape:
             return f"one of shape {array.shape}"

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ..inputs.dataclass_fields import fields_of
-from ..inputs.fields import Array, Finite, Flag, Positive, Speed, Time, validated
+from ..inputs.fields import Array, Finite, Flag, Positive, Speed, Time, between, validated
 from .checks import require_count, require_time
 from .curve import RAMP, Ramp
 from .in_plane import InPlane
@@ -54,8 +54,8 @@ class Drawing(InPlane):
             Only with that time law.
     """
 
-    blend_radius: Positive | None = None
-    lift: Finite = 0.0
+    blend_radius: Annotated[Positive, Field(le=1e3)] | None = None
+    lift: Annotated[Finite, between(-1e3, 1e3)] = 0.0
     returns: Flag = False
     period: Time | None = None
     speed: Speed | None = None

@@ -11,7 +11,8 @@ from html import escape
 from pathlib import Path
 
 from ..errors import InvalidInputError
-from ..inputs.complaints import drawn_of, require_type
+from ..inputs.arguments import checked, each, instance
+from ..inputs.complaints import drawn_of, short
 from ..runs.folder import require_output
 from ..runs.result import Result
 from ..runs.whole_file import written_whole
@@ -24,6 +25,11 @@ __all__ = ["playback_in_notebook", "write_playback"]
 _NOTEBOOK_RATE, _FRAME = 32, "width: 100%; height: 480px; border: 0"
 
 
+@checked(
+    result=instance(Result),
+    file=instance(str, Path),
+    beside=each(Result),
+)
 def write_playback(
     result: Result,
     file: str | Path,
@@ -46,12 +52,9 @@ def write_playback(
         InvalidInputError: If the file cannot be written, the frame rate is not a positive
             integer, a run contains no posture, or ``result`` is none.
     """
-    require_type("result", result, Result)
-    for number, other in enumerate(beside):
-        require_type(f"beside[{number}]", other, Result)
     rate = frames_per_second
     if not isinstance(rate, int) or isinstance(rate, bool) or rate < 1:
-        raise InvalidInputError(f"frames_per_second: must be a positive integer, not {rate!r}")
+        raise InvalidInputError(f"frames_per_second: must be a positive integer, not {short(rate)}")
     file = Path(file)
     require_output(file, "playback file", "playback.html")
     with drawn_of("playback"):

@@ -8,6 +8,7 @@ from copy import copy
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
+from types import NoneType
 from typing import Any
 
 import numpy as np
@@ -61,6 +62,8 @@ class Arm:
         self, description: ArmDescription, name: str, limits: JointLimits | None = None
     ) -> None:
         require_type("description", description, ArmDescription)
+        require_type("name", name, str)
+        require_type("limits", limits, JointLimits, NoneType)
         self.description = description = description.mounted()
         self.name = name
         self.model = Path(description.model)

@@ -13,7 +13,8 @@ from pydantic import StrictInt
 
 from ..arrays.namespace import AnyArray
 from ..errors import InvalidInputError
-from ..inputs.complaints import nearest
+from ..inputs.arguments import is_flags, is_vector
+from ..inputs.complaints import nearest, short
 from ..inputs.fields import Array, Flag, NonNegative, validated
 
 # Sample times carry rounding errors [s].
@@ -80,6 +81,21 @@ class JointLocks:
     times: Array
     told: Array
     at_once: NDArray[np.bool_]
+
+    def __post_init__(self) -> None:
+        for name, value in (("times", self.times), ("told", self.told)):
+            if not is_vector(value) or not (np.asarray(value) >= 0.0).all():
+                raise InvalidInputError(
+                    f"{name}: must be times of 0 or more, one per joint, infinite for never, not "
+                    f"{short(value)}"
+                )
+        flags = np.asarray(self.at_once) if is_flags(self.at_once) else np.zeros(0)
+        for name, size in (("told", np.size(self.told)), ("at_once", flags.size)):
+            if size != np.size(self.times):
+                raise InvalidInputError(
+                    f"{name}: must be one per joint, {np.size(self.times)} as in times, not "
+                    f"{short(getattr(self, name))}"
+                )
 
     @classmethod
     def of(cls, joints: Sequence[str], locks: Sequence[JointLock]) -> JointLocks:

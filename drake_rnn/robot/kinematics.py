@@ -12,6 +12,7 @@ from pydrake.multibody.tree import BodyIndex, Frame, JacobianWrtVariable, Spatia
 from pydrake.systems.framework import Context
 
 from ..errors import InvalidInputError
+from ..inputs.arguments import checked, each, instance, number
 from ..inputs.complaints import require_type, short
 from ..inputs.fields import Array
 from .structure import joints_to, nearest_frame
@@ -31,6 +32,12 @@ class ArmKinematics:
         mass_scale: Factor on all masses and inertias.
     """
 
+    @checked(
+        plant=instance(MultibodyPlant),
+        frame=instance(str),
+        joints=each(str),
+        mass_scale=number(above=0.0),
+    )
     def __init__(
         self,
         plant: MultibodyPlant,
@@ -38,6 +45,7 @@ class ArmKinematics:
         joints: Sequence[str],
         mass_scale: float = 1.0,
     ) -> None:
+        _require_named(plant, frame, joints)
         self._plant = plant
         self._context: Context = plant.CreateDefaultContext()
         self._frame: Frame = plant.GetFrameByName(frame)
@@ -174,6 +182,17 @@ def _numbers(name: str, values: Array) -> Array:
         return np.asarray(values, dtype=float)
     except (TypeError, ValueError):
         raise InvalidInputError(f"{name}: must be finite numbers, not {short(values)}") from None
+
+
+def _require_named(plant: MultibodyPlant, frame: str, joints: Sequence[str]) -> None:
+    """Raise an InvalidInputError unless a plant has a frame and joints of these names."""
+    if not plant.HasFrameNamed(frame):
+        raise InvalidInputError(
+            f"frame: no frame {frame!r} in the model; {nearest_frame(plant, frame)}"
+        )
+    for joint in joints:
+        if not plant.HasJointNamed(joint):
+            raise InvalidInputError(f"joints: no joint {joint!r} in the model")
 
 
 def _scale_masses(plant: MultibodyPlant, context: Context, scale: float) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..errors import InvalidInputError
+from ..inputs.arguments import checked, instance, number, whole
 from ..inputs.complaints import require_type
 from ..inputs.fields import Array
 from .rotation import product, rotation_by, times
@@ -47,6 +48,13 @@ class LinkErrors:
             )
 
 
+@checked(
+    screws=instance(Screws),
+    rng=instance(np.random.Generator),
+    robots=whole(0, 10**7),
+    translation=number(0.0),
+    rotation=number(0.0),
+)
 def random_link_errors(
     screws: Screws,
     rng: np.random.Generator,
@@ -68,12 +76,6 @@ def random_link_errors(
     Raises:
         InvalidInputError: If a number is negative, or an argument of another class.
     """
-    require_type("screws", screws, Screws)
-    require_type("rng", rng, np.random.Generator)
-    require_type("robots", robots, int)
-    for name, value in (("robots", robots), ("translation", translation), ("rotation", rotation)):
-        if not 0 <= value < np.inf:
-            raise InvalidInputError(f"{name}: must be at least 0, not {value}")
     drawn = rng.uniform(-1.0, 1.0, (robots, len(screws.slides) + 1, 2, 3))
     return LinkErrors(translation * drawn[:, :, 0], rotation * drawn[:, :, 1])
 

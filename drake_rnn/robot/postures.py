@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..inputs.complaints import require_type
+from ..inputs.arguments import checked, instance, whole
 from ..inputs.fields import Array
 from .arm import Arm
 from .kinematics import ArmKinematics
@@ -47,6 +47,7 @@ def random_postures(arm: Arm, count: int, seed: int = 0) -> Array:
     return np.random.default_rng(seed).uniform(lower, upper, (count, arm.n))
 
 
+@checked(arm=instance(Arm), seed=whole())
 def proposed_home(arm: Arm, seed: int = 0) -> Array:
     """Return a posture to start from, away from limits and singularities.
 
@@ -77,7 +78,6 @@ def proposed_home(arm: Arm, seed: int = 0) -> Array:
     Raises:
         InvalidInputError: If ``arm`` is not an `Arm`.
     """
-    require_type("arm", arm, Arm)
     candidates = random_postures(arm, _CANDIDATES, seed)
     merit = _merit(arm, candidates)
     worth = np.array([merit(q) for q in candidates])

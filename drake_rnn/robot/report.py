@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..inputs.complaints import require_type
+from ..inputs.arguments import checked, instance, whole
 from ..inputs.fields import Array
 from .arm import Arm
 from .postures import conditioning, proposed_home, random_postures, structural_rank
@@ -62,6 +62,11 @@ class ArmReport:
         return bool((self.weight_share <= 1.0).all())
 
 
+# Random postures of which figures are taken.
+_MOST_POSTURES = 10**6
+
+
+@checked(arm=instance(Arm), postures=whole(1, _MOST_POSTURES), seed=whole())
 def arm_report(arm: Arm, postures: int = 1000, seed: int = 0) -> ArmReport:
     """Return figures of an arm, and warnings about missing data.
 
@@ -70,7 +75,6 @@ def arm_report(arm: Arm, postures: int = 1000, seed: int = 0) -> ArmReport:
         postures: Number of random postures.
         seed: Seed of the random numbers.
     """
-    require_type("arm", arm, Arm)
     kinematics = arm.kinematics()
     drawn = random_postures(arm, postures, seed)
     home = proposed_home(arm) if arm.home is None else arm.home

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..arrays.namespace import AnyArray, robots_last
 from ..errors import InvalidInputError
-from ..inputs.complaints import require_type
+from ..inputs.complaints import require_several, require_type
 from .moved_screws import Home, Link, MovedScrews
 from .rotation import frame_about, product, times
 from .triples import Matrix, Triple, constant, constant_matrix
@@ -154,6 +154,7 @@ def side_by_side(arms: Sequence[Screws]) -> Screws:
     Raises:
         InvalidInputError: If there are none, or they differ in number, kind or order of joints.
     """
+    require_several("arms", arms)
     for number, arm in enumerate(arms):
         require_type(f"arms[{number}]", arm, Screws)
         if arm.robots:

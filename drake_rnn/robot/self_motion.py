@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import InvalidInputError
-from ..inputs.complaints import require_type
+from ..inputs.arguments import is_vector
+from ..inputs.complaints import require_type, short
 from ..inputs.fields import Array
 from .arm import Arm
 from .rotation import rotation_error
@@ -213,12 +214,11 @@ class SelfMotion:
         return None
 
     def _vector(self, name: str, value: Array) -> Array:
-        try:
-            vector = np.asarray(value, dtype=float)
-        except (TypeError, ValueError):
-            vector = np.empty(0)
+        vector = np.asarray(value, dtype=float) if is_vector(value) else np.empty(0)
         if vector.shape != (self.arm.n,) or not np.isfinite(vector).all():
-            raise InvalidInputError(f"{name}: must be {self.arm.n} finite numbers, not {value!r}")
+            raise InvalidInputError(
+                f"{name}: must be {self.arm.n} finite numbers, not {short(value)}"
+            )
         return vector
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InvalidInputError
+from ..inputs.complaints import short
 from ..inputs.fields import Array
 from .kinematics import ArmKinematics
 
@@ -50,8 +51,8 @@ def named_task(name: str) -> Task:
     Raises:
         InvalidInputError: If there is no such task.
     """
-    if name not in TASKS:
-        raise InvalidInputError(f"task: may be {', '.join(TASKS)}, not {name!r}")
+    if not isinstance(name, str) or name not in TASKS:
+        raise InvalidInputError(f"task: may be {', '.join(TASKS)}, not {short(name)}")
     return TASKS[name]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import InvalidInputError
 from ..experiment import Experiment, make_experiment
-from ..inputs.complaints import require_type
+from ..inputs.arguments import checked, function, instance, optional
 from ..laws import LAWS
 from ..paths import Curve
 from ..robot.limits import DERIVATIVE_UNITS
@@ -47,6 +47,7 @@ class Fastest:
     binding: str
 
 
+@checked(experiment=instance(Experiment), told=optional(function()))
 def fastest(experiment: Experiment, told: Callable[[str], None] | None = None) -> Fastest:
     """Run a path from rest to rest as fast as the limits allow.
 
@@ -103,7 +104,6 @@ def check_stretchable(experiment: Experiment) -> None:
     Args:
         experiment: The experiment.
     """
-    require_type("experiment", experiment, Experiment)
     path = experiment.document.path
     if path is None or path["kind"] == "rest":
         raise InvalidInputError(

@@ -13,6 +13,7 @@ from pydrake.systems.framework import Context
 
 from ..errors import InterruptedRunError, InvalidInputError, SimulationError
 from ..experiment import Described, Experiment, check_reach, forecasts, load_experiment
+from ..inputs.arguments import checked, flag, instance
 from ..inputs.complaints import require_type, short
 from ..inputs.signals_held import uninterrupted
 from ..laws.called import unchecked
@@ -32,6 +33,7 @@ from .stored import Series, stored_period, thinned
 Progress = Callable[[float], None]
 
 
+@checked(anyway=flag, in_reach=flag)
 def check_experiment(
     experiment: Experiment,
     anyway: bool = False,
@@ -63,6 +65,10 @@ def check_experiment(
     return warnings
 
 
+@checked(
+    anyway=flag,
+    keep=instance(str, Path, None),
+)
 def simulate(
     experiment: Described,
     progress: Progress | None = None,
@@ -107,6 +113,7 @@ def simulate(
         return _run(ended, experiment, progress, series, keep)
 
 
+@checked(kept=instance(str, Path, Checkpoint))
 def resume(kept: str | Path | Checkpoint, progress: Progress | None = None) -> Result:
     """Go on with a run that was stopped, from the last whole second of its time that was kept.
 

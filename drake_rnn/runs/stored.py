@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..errors import InvalidInputError
 from ..experiment import Experiment
+from ..inputs.complaints import short
 from ..inputs.fields import Array
 
 #: What of the series is stored: a sample for each ``log_period``; fewer, at most some 2000; or the
@@ -37,8 +38,9 @@ def stored_period(experiment: Experiment, series: Series) -> float:
     Raises:
         InvalidInputError: If ``series`` is none of these.
     """
-    if series not in get_args(Series):
-        raise InvalidInputError(f"series: may be {', '.join(get_args(Series))}, not {series!r}")
+    if not isinstance(series, str) or series not in get_args(Series):
+        may = ", ".join(get_args(Series))
+        raise InvalidInputError(f"series: may be {may}, not {short(series)}")
     if series == "none":
         return inf
     document = experiment.document

@@ -11,8 +11,9 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from ..environments import ENVIRONMENTS, Surface
 from ..errors import InvalidInputError
-from ..inputs.complaints import require_type
+from ..inputs.complaints import require_type, short
 from ..inputs.fields import Array
+from ..inputs.numbers import is_number
 from ..robot.arm import Arm
 from ..robot.resting import require_resting
 from ..robot.task import TASKS, named_task
@@ -192,8 +193,10 @@ def start_posture(arm: Arm, start: Array | None, outside: float = 0.0) -> Array:
             negative or NaN; or if ``arm`` is not an `Arm`.
     """
     require_type("arm", arm, Arm)
-    if not outside >= 0.0:
-        raise InvalidInputError(f"outside: must be an angle of at least 0 rad, not {outside}")
+    if not (is_number(outside) and outside >= 0.0):
+        raise InvalidInputError(
+            f"outside: must be an angle of at least 0 rad, not {short(outside)}"
+        )
     if start is None:
         start = arm.home
     if start is None:
@@ -215,8 +218,8 @@ def _one_per_joint(arm: Arm, start: Array) -> Array:
     """Return a start posture as an array, shape (n,); an InvalidInputError unless it is one."""
     try:
         start = np.asarray(start, dtype=float)
-    except (TypeError, ValueError):
-        raise InvalidInputError(f"start: must be {arm.n} numbers, not {start!r}") from None
+    except (TypeError, ValueError, OverflowError):
+        raise InvalidInputError(f"start: must be {arm.n} numbers, not {short(start)}") from None
     if start.ndim != 1:
         raise InvalidInputError(f"start: must have the shape ({arm.n},), not {start.shape}")
     if start.size != arm.n:

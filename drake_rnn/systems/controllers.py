@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from math import isfinite
-from numbers import Real
 from types import NoneType
 from typing import Any
 
@@ -14,6 +12,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Stat
 from ..errors import InvalidInputError, SimulationError
 from ..inputs.complaints import nearest, require_type, short
 from ..inputs.fields import Array
+from ..inputs.numbers import is_number
 from ..inputs.own_code import described
 from ..laws.called import is_sound, unchecked
 from ..laws.checks import (
@@ -248,7 +247,7 @@ class SampledController(Controller):
         locks: JointLocks | None = None,
     ) -> None:
         require_type("law", law, Law)
-        if not isinstance(period, Real) or not (period > 0 and isfinite(period)):
+        if not is_number(period) or period <= 0.0:
             raise InvalidInputError(f"period: must be a positive time [s], not {short(period)}")
         reading = read_sampled(law, period, safety)
         require_type("locks", locks, JointLocks, NoneType)

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydrake.systems.framework import Context, DiscreteValues
 
+from ..inputs.arguments import checked, whole
 from ..inputs.fields import Array, Positive, between, validated
 from .block import Block
 from .joint_noise import JointNoise, Samples
@@ -88,5 +89,6 @@ class Dither(HeldNoise):
         seed: Seed of the random generator.
     """
 
+    @checked(size=whole(1, 10**6))
     def __init__(self, size: int, sigma: float, hold: float, seed: int = 0) -> None:
         super().__init__(size, DitherSettings(sigma=sigma, hold=hold), seed)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import isfinite
 from typing import Any
 
 import numpy as np
 from pydrake.systems.framework import Context
 
 from ..errors import InvalidInputError
-from ..inputs.complaints import short
+from ..inputs.arguments import checked, function, number, whole
 from ..inputs.fields import Array
 from ..laws.parts.damped_inverse import damped_joint_velocity
 from ..paths import Path, PlacedPath
@@ -22,6 +21,8 @@ from .block import Block
 _FEEDBACK, _DAMPING = 10.0, 1e-6
 
 #: Function from times, shape (k,) [s], to joint positions, shape (k, n) [rad].
+# Positions that a law may see ahead.
+_MOST = 100_000
 PositionsAt = Callable[[Array], Array]
 
 
@@ -42,17 +43,15 @@ class JointReference(Block):
             ``positions_at`` returns an array of another shape.
     """
 
+    @checked(
+        positions_at=function("times"),
+        n=whole(1),
+        interval=number(above=0.0),
+        count=whole(1, _MOST),
+    )
     def __init__(self, positions_at: PositionsAt, n: int, interval: float, count: int) -> None:
         super().__init__()
-        if not (interval > 0 and isfinite(interval)):
-            raise InvalidInputError(f"interval: must be positive, not {interval}")
         self.interval = interval
-        if not callable(positions_at):
-            raise InvalidInputError(
-                f"positions_at: must be a function of times, not {short(positions_at)}"
-            )
-        if count < 1:
-            raise InvalidInputError(f"count: must be at least 1, not {count}")
         ahead: Array = interval * np.arange(1.0, count + 1.0)
         shape = np.shape(positions_at(ahead))
         if shape != (count, n):

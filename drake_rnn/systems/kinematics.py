@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import NoneType
 from typing import Any
 
 from pydrake.systems.framework import Context
@@ -37,6 +38,7 @@ class Kinematics(Block):
     ) -> None:
         super().__init__()
         require_type("arm", arm, Arm)
+        require_type("kinematics", kinematics, ArmKinematics, NoneType)
         self.arm = arm
         about = named_task(task)
         chosen, m, n = about.position, len(about.axes), arm.n

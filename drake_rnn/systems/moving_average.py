@@ -28,14 +28,14 @@ lattice adds no more error to differences of the output than the rounding of the
 from __future__ import annotations
 
 from math import isfinite
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues
 
 from ..errors import InvalidInputError, SimulationError
-from ..inputs.complaints import require_type
+from ..inputs.arguments import checked, choice, flag, instance, number
 from ..inputs.fields import Flag, validated
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
 from .averages import Averages
@@ -159,6 +159,12 @@ class MovingAverage(Block):
         SimulationError: During a simulation, if the input is not finite.
     """
 
+    @checked(
+        limits=instance(JointLimits),
+        period=number(above=0.0),
+        precompensate=flag,
+        above=choice(get_args(Kept)),
+    )
     def __init__(
         self,
         limits: JointLimits,
@@ -168,9 +174,6 @@ class MovingAverage(Block):
         above: Kept = "velocity",
     ) -> None:
         super().__init__()
-        require_type("limits", limits, JointLimits)
-        if not (period > 0 and isfinite(period)):
-            raise InvalidInputError(f"period: must be positive, not {period}")
         windows = averaging_windows(limits, period, above)
         n = windows.shape[1]
         self.period = period

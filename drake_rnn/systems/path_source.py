@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from numbers import Real
 from typing import Any
 
-import numpy as np
 from pydrake.systems.framework import Context
 from pydrake.trajectories import Trajectory
 
 from ..errors import InvalidInputError
-from ..inputs.complaints import require_type
+from ..inputs.complaints import require_type, short
 from ..inputs.fields import Array
+from ..inputs.numbers import is_number
 from ..paths import Path, PlacedPath, as_path
 from ..robot.task import named_task
 from .block import Block
@@ -122,8 +121,8 @@ def require_time(name: str, value: Any) -> None:
         name: What it is, for the message.
         value: The value.
     """
-    if not isinstance(value, Real) or not 0.0 <= float(value) < np.inf:
-        raise InvalidInputError(f"{name}: must be a time of 0 or more, not {value!r}")
+    if not is_number(value) or value < 0.0:
+        raise InvalidInputError(f"{name}: must be a time of 0 or more, not {short(value)}")
 
 
 def _placed(path: Any, p_WE: Array | None, R_WE: Array | None) -> PlacedPath:

@@ -10,6 +10,7 @@ import numpy as np
 from ..batch import Slopes
 from ..errors import InvalidInputError
 from ..experiment import Described, Experiment, load_experiment
+from ..inputs.arguments import checked, each, function, instance, number, optional, whole
 from ..inputs.fields import Array
 from ..runs import Result, simulate
 from .bounds import Between, bounds_of
@@ -57,6 +58,14 @@ class Tuned:
         return self.chosen > 0
 
 
+@checked(
+    over=each(str),
+    least=instance(str),
+    between=instance(Mapping, None),
+    duration=optional(number(above=0.0)),
+    steps=whole(1),
+    told=optional(function()),
+)
 def tune(
     experiment: Described,
     over: Sequence[str],

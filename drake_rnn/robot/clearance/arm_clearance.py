@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ...errors import InvalidInputError
+from ...inputs.arguments import checked, each, instance, vector
 from ...inputs.fields import Array
 from ..arm import Arm
 from ..tool import bodies_at_tip
@@ -17,6 +18,7 @@ from .own_pairs import own_pairs
 from .solids import Solids
 
 
+@checked(arm=instance(Arm), obstacles=each(Obstacle), posture=vector, pressed=each(Obstacle))
 def arm_clearance(
     arm: Arm,
     obstacles: Sequence[Obstacle],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from ...inputs.complaints import require_several
 from . import obstacles
 from .model_obstacle import ModelObstacle
 from .obstacles import Obstacle
@@ -22,4 +23,5 @@ def make_obstacles(given: list[Any]) -> list[Obstacle]:
         InvalidInputError: If there are too many, a kind is unknown, a field is wrong, or a file
             cannot be read or has joints that move.
     """
+    require_several("obstacles", given)
     return obstacles.make_obstacles(given, KINDS)

@@ -15,6 +15,7 @@ import os
 import resource
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from itertools import cycle
 from multiprocessing import get_context
@@ -83,8 +84,25 @@ def resident() -> float:
     return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
-def growth(call: Call, calls: int, warm: int = _WARM) -> tuple[float, float, float]:
-    """Return what each call leaves behind: memory [MB], objects of Python, and its time [s].
+@dataclass(frozen=True)
+class Left:
+    """What calls leave behind.
+
+    Attributes:
+        memory: Memory [MB].
+        objects: Objects of Python.
+        files: Open files.
+        time: Time of a call [s].
+    """
+
+    memory: float
+    objects: int
+    files: int
+    time: float
+
+
+def growth(call: Call, calls: int, warm: int = _WARM) -> Left:
+    """Return what calls leave behind.
 
     Args:
         call: What is called.
@@ -94,13 +112,18 @@ def growth(call: Call, calls: int, warm: int = _WARM) -> tuple[float, float, flo
     for _ in range(warm):
         call()
     gc.collect()
-    memory, objects, began = resident(), len(gc.get_objects()), time.perf_counter()
+    memory, objects, files = resident(), len(gc.get_objects()), _open_files()
+    began = time.perf_counter()
     for _ in range(calls):
         call()
     taken = time.perf_counter() - began
     gc.collect()
-    left = resident() - memory, len(gc.get_objects()) - objects
-    return left[0] / calls, left[1] / calls, taken / calls
+    more = len(gc.get_objects()) - objects
+    return Left(resident() - memory, more, _open_files() - files, taken / calls)
+
+
+def _open_files() -> int:
+    return len(os.listdir("/proc/self/fd"))
 
 
 def _simulated(name: str) -> Call:
@@ -228,20 +251,15 @@ TASKS: dict[str, Callable[[], Call]] = {
 
 def measure_growth(name: str, calls: int) -> tuple[str, ...]:
     """Return the row of a task."""
-    left, objects, taken = growth(TASKS[name](), calls)
-    return (
-        name,
-        f"{calls}",
-        f"{1e3 * left:.0f}",
-        f"{left * calls:.1f}",
-        f"{objects:.1f}",
-        f"{taken:.2g}",
-    )
+    left = growth(TASKS[name](), calls)
+    kilobytes, objects = 1e3 * left.memory / calls, left.objects / calls
+    told = f"{kilobytes:.0f}", f"{left.memory:.1f}", f"{objects:.1f}"
+    return name, f"{calls}", *told, f"{left.files}", f"{left.time:.2g}"
 
 
 def print_growth(names: list[str], calls: int) -> None:
     """Print what each call of some tasks leaves behind."""
-    head("task", "calls", "kB a call", "MB in all", "objects a call", "s a call")
+    head("task", "calls", "kB a call", "MB in all", "objects a call", "files in all", "s a call")
     with get_context("spawn").Pool(1, maxtasksperchild=1) as pool:
         for name in names:
             row(*pool.apply(measure_growth, (name, calls)))

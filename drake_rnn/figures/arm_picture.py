@@ -29,6 +29,7 @@ from ..robot.arm import Arm
 from ..robot.drake_log import quiet_drake
 from ..runs.folder import require_output
 from ..runs.whole_file import replacing
+from ..systems.block import release
 
 # Size of the picture [pixels], vertical field of view [rad], and the room around the arm.
 _WIDTH, _HEIGHT, _FIELD_OF_VIEW, _MARGIN = 900, 900, 0.6, 1.15
@@ -65,7 +66,7 @@ def write_arm_picture(arm: Arm, q: Array, file: str | Path) -> Path:
     skeleton = arm.kinematics().skeleton(q)
     size = max(float(np.ptp(skeleton, axis=0).max()), 0.1)
     builder = DiagramBuilder()
-    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, MultibodyPlant(0.0))
     arm.add_to(plant)
     _add_axes(plant, arm, _AXES * size)
     ground = RigidTransform([0.0, 0.0, float(skeleton[:, 2].min()) - 0.012 * size])
@@ -74,6 +75,7 @@ def write_arm_picture(arm: Arm, q: Array, file: str | Path) -> Path:
     plant.Finalize()
     scene_graph.AddRenderer(_RENDERER, MakeRenderEngineVtk(_parameters()))
     diagram = builder.Build()
+    release(diagram)
     context = diagram.CreateDefaultContext()
     plant.SetPositions(plant.GetMyContextFromRoot(context), arm.posture(plant, q))
     query = scene_graph.get_query_output_port().Eval(scene_graph.GetMyContextFromRoot(context))

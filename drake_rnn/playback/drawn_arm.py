@@ -30,7 +30,7 @@ from pydrake.geometry import (
     Sphere,
 )
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import DiagramBuilder
 
@@ -38,6 +38,7 @@ from .. import colours
 from ..inputs.fields import Array
 from ..robot.arm import Arm
 from ..robot.drake_log import quiet_drake
+from ..systems.block import release
 from .maker_looks import meshes_of
 
 TARGET_OPACITY = 0.4
@@ -81,7 +82,7 @@ class DrawnArm:
         self._meshcat = meshcat
         self._place = place
         builder = DiagramBuilder()
-        self.plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
+        self.plant, scene_graph = AddMultibodyPlantSceneGraph(builder, MultibodyPlant(0.0))
         arm.add_to(self.plant)
         meshes = [] if arm.looks is None else meshes_of(arm, arm.plant())
         for number, (body, X_BG, mesh) in enumerate(meshes):
@@ -100,6 +101,7 @@ class DrawnArm:
         parameters.prefix = place
         MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, parameters)
         self._diagram = builder.Build()
+        release(self._diagram)
         self._context = self._diagram.CreateDefaultContext()
         self._plant_context = self.plant.GetMyMutableContextFromRoot(self._context)
         self.inspector: SceneGraphInspector = scene_graph.model_inspector()

@@ -16,12 +16,13 @@ from pydrake.geometry import (
     SceneGraph,
 )
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
 from .. import colours
 from ..environments import ModelSurface, Plate, Surface
 from ..inputs.fields import Array
+from ..systems.block import release
 
 _PLATE = Rgba(*colours.components(colours.SURFACE))
 _STAND = Rgba(*colours.components(colours.ARM_DARK))
@@ -120,6 +121,7 @@ def projected(points: Array, surface: Surface, p_WS: Array) -> Array:
         return plane
     builder, _, scene_graph = _model_scene(surface, p_WS)
     diagram = builder.Build()
+    release(diagram)
     root = diagram.CreateDefaultContext()
     query = scene_graph.get_query_output_port().Eval(scene_graph.GetMyContextFromRoot(root))
 
@@ -174,6 +176,7 @@ def _draw_model(meshcat: Meshcat, surface: ModelSurface, p_WS: Array) -> Array:
             break
     MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, parameters)
     diagram = builder.Build()
+    release(diagram)
     context = diagram.CreateDefaultContext()
     diagram.ForcedPublish(context)
     plant_context = plant.GetMyContextFromRoot(context)
@@ -189,7 +192,7 @@ def _draw_model(meshcat: Meshcat, surface: ModelSurface, p_WS: Array) -> Array:
 def _model_scene(surface: ModelSurface, p_WS: Array) -> tuple[DiagramBuilder, Any, SceneGraph]:
     """Return a builder, the plant and the scene graph that contain the model alone."""
     builder = DiagramBuilder()
-    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, MultibodyPlant(0.0))
     surface.add_to(plant, p_WS)
     plant.Finalize()
     return builder, plant, scene_graph

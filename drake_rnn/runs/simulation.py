@@ -186,7 +186,11 @@ def _run(
     if keeper is not None and keeper.trouble:
         result.warnings.append(f"checkpoint: {keeper.trouble}")
     failure = _failure(failure, fault, root.get_time())
-    return _given(result, failure, root.get_time(), told_to_end=told_to_end or told_late)
+    try:
+        return _given(result, failure, root.get_time(), told_to_end=told_to_end or told_late)
+    finally:
+        # What an error leads to, and is led to by, is freed by the garbage collector alone.
+        failure = fault = None
 
 
 def _failure(
@@ -216,8 +220,11 @@ def _given(
     if told_to_end and result.status != "interrupted":
         failure = InterruptedRunError("interrupted after its last step", t)
         failure.result = result
-    if failure is not None:
-        raise failure
+    try:
+        if failure is not None:
+            raise failure
+    finally:
+        failure = None
     return result
 
 
@@ -276,7 +283,10 @@ def _advance(simulator: Simulator, experiment: Experiment) -> tuple[float, Simul
         # The kinematics refuse a posture, or Drake's integrator finds no step.
         failure = SimulationError(str(error), root.get_time())
         failure.__cause__ = error
-    return time.perf_counter() - began, failure
+    try:
+        return time.perf_counter() - began, failure
+    finally:
+        del failure
 
 
 def _stops(experiment: Experiment) -> list[float]:

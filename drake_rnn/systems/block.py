@@ -75,10 +75,11 @@ def release(diagram: System) -> None:
 
     Without this it is freed when Python's garbage collector next looks at old objects, which is
     seldom: pydrake lets a diagram, its builder, its systems and their ports keep each other alive.
-    Nothing of the diagram may be evaluated afterwards.
+    A diagram with systems in Python, or with a port that is read by one, must not be evaluated
+    afterwards; one of Drake's own systems may be for as long as it is held.
 
     Args:
-        diagram: A diagram that nothing simulates any more.
+        diagram: The diagram.
     """
     waiting: list[Any] = [diagram]
     while waiting:

@@ -28,7 +28,8 @@ class ContactForce(Block):
 
     def __init__(self, body: BodyIndex, geometries: Iterable[GeometryId]) -> None:
         super().__init__()
-        own = set(geometries)
+        # By their numbers: an identifier that a plant has returned keeps that plant alive.
+        own = {geometry.get_value() for geometry in geometries}
         results = self.DeclareAbstractInputPort("contact_results", Value[ContactResults]())
 
         def contact_force(context: Context, output: Any) -> None:
@@ -38,9 +39,9 @@ class ContactForce(Block):
                 patch = contacts.hydroelastic_contact_info(k)
                 surface = patch.contact_surface()
                 # Drake reports the force on the body of geometry M.
-                if surface.id_M() in own:
+                if surface.id_M().get_value() in own:
                     total += patch.F_Ac_W().translational()
-                elif surface.id_N() in own:
+                elif surface.id_N().get_value() in own:
                     total -= patch.F_Ac_W().translational()
             for k in range(contacts.num_point_pair_contacts()):
                 pair = contacts.point_pair_contact_info(k)

@@ -1,11 +1,17 @@
 """An experiment that is played with keeps its bounds, and is itself while nobody touches it."""
 
+import os
+import resource
+from contextlib import contextmanager
+
 import numpy as np
 import pytest
 
 from drake_rnn import InvalidInputError, load_experiment, simulate
+from drake_rnn.live.play import Play
 from drake_rnn.live.session import Session
 from drake_rnn.playback import write_playback
+from drake_rnn.robot.model import Model
 from drake_rnn.runs.result import Result
 from live_stranger import Watched, play
 
@@ -184,3 +190,86 @@ def test_where_nothing_keeps_the_bounds_nothing_is_switched():
     session = played("chain_circle")
     assert not {"law", "level", "learned", "noise"} & session.controls().keys()
     assert any("live:" in warning for warning in session.warnings)
+
+
+@contextmanager
+def no_more_files():
+    """Leave this process no file to open."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    # A file gets the lowest number that is free.
+    free = os.open("/dev/null", os.O_RDONLY)
+    os.close(free)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (free, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+
+def test_nothing_is_read_from_files_while_it_plays(monkeypatch):
+    session = played("slc_nephroid_known")
+    play = Play(session, "localhost", 0, lambda result: "")
+    other = session.controls()["law"].options[-1]
+    monkeypatch.setattr(Model, "add_to", lambda model, plant: pytest.fail("a model is parsed"))
+    play.run(lambda: session.time > 0.1)
+    for name, value in (("law", other), ("noise", True), ("target", [0.4, 0.1, 0.4])):
+        assert not session.set(name, value).refused
+        play.run(lambda until=session.time + 0.05: session.time > until)
+    assert session.set("reset", None).text == "reset"
+    play.run(lambda: session.time > 0.05)
+    play.close()
+
+
+def test_a_session_goes_on_without_a_file_to_open():
+    session = played("slc_nephroid_known")
+    play = Play(session, "localhost", 0, lambda result: os.listdir("."))
+    other = session.controls()["law"].options[-1]
+    play.run(lambda: session.time > 0.02)
+    with no_more_files():
+        with pytest.raises(OSError, match="Too many open files"):
+            os.open("/dev/null", os.O_RDONLY)
+        assert session.set("record", True).text == "recording"
+        play.run(lambda: session.time > 0.2)
+        assert play._saved().refused
+        # A model that is simulated with motors is read again.
+        assert session.set("level", "dynamic").refused
+        assert session.controls()["level"].value == "kinematic"
+        assert session.set("law", other).text == f"law: {other}"
+        play.run(lambda: session.time > 0.3)
+    assert play._saved().text.startswith("saved")
+    assert session.set("level", "dynamic").text == "level: dynamic"
+    play.run(lambda: session.time > 0.32)
+    assert not session.failure
+    play.close()
+
+
+def test_a_reset_that_fails_changes_nothing(monkeypatch):
+    session = advanced(played("slc_nephroid_known"), 0.1)
+    session.set("level", "dynamic")
+    advanced(session, 0.1)
+    time, hands = session.time, session.hands
+
+    def unread(model, plant):
+        raise RuntimeError("no such file")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Model, "add_to", unread)
+        assert session.set("reset", None).refused
+    assert session.hands is hands
+    advanced(session, 0.1)
+    assert session.time == pytest.approx(time + 0.1)
+    assert session.set("reset", None).text == "reset"
+
+
+def test_a_recording_outlives_its_simulation_and_others_do_not():
+    session = played("slc_nephroid_known")
+    laws = session.controls()["law"].options
+    session.set("record", True)
+    advanced(session, 0.1)
+    for law in (laws[0], laws[-1], laws[0]):
+        session.set("law", law)
+        advanced(session, 0.04)
+    assert session.recorded().time[-1] == pytest.approx(0.1)
+    assert len(session._segments) == 2
+    session.set("record", True)
+    assert len(session._segments) == 1

@@ -2,14 +2,22 @@
 
 import http.client
 import json
-from contextlib import contextmanager
+import os
+import re
+import socket
+import statistics
+import threading
+import time
+from contextlib import ExitStack, contextmanager
 from urllib.parse import urlsplit
 
 import pytest
 
 from drake_rnn import InvalidInputError
+from drake_rnn.live import requests
 from drake_rnn.live.lease import MOST_BYTES, SILENCE, Lease
-from drake_rnn.live.serving import Served, Server
+from drake_rnn.live.requests import MOST_HEAD, hosts_of
+from drake_rnn.live.serving import MOST_CONNECTIONS, Served, Server
 
 
 class Clock:
@@ -20,9 +28,9 @@ class Clock:
 
 
 @contextmanager
-def served():
+def served(host="localhost"):
     lease = Lease(Clock())
-    server = Server("localhost", 0, Served("<p>page</p>", lambda: {"version": 1}, lease))
+    server = Server(host, 0, Served("<p>page</p>", lambda: {"version": 1}, lease))
     try:
         yield urlsplit(server.url), lease
     finally:
@@ -130,3 +138,230 @@ def test_what_is_too_long_or_nowhere_is_refused():
 def test_a_port_that_is_taken_is_refused_by_name():
     with served() as (url, lease), pytest.raises(InvalidInputError, match="--port"):
         Server("localhost", url.port, Served("", dict, lease))
+
+
+def connected(url):
+    connection = socket.create_connection((url.hostname, url.port), timeout=10)
+    connection.settimeout(10)
+    return connection
+
+
+def told(connection):
+    """Return the status that a connection answers, after which it may be open."""
+    first = connection.makefile("rb").readline()
+    return int(first.split()[1]) if first else None
+
+
+def status(url, text):
+    with connected(url) as connection:
+        connection.sendall(text.encode("latin-1"))
+        return told(connection)
+
+
+# What follows the first line where nothing is wrong with it, by its name in the table below.
+HOST, KEY = "Host: localhost\r\n", "Host: localhost\r\nX-Key: {key}\r\n"
+REQUESTS = {
+    # Who sends is looked at before what is sent.
+    "a long message of who has no key": ("POST /set", HOST + "Content-Length: 300000000", 403),
+    "of another site": ("POST /set", "Host: evil.example\r\nContent-Length: 300000000", 403),
+    "of another page": (
+        "POST /controls",
+        HOST + "Origin: http://evil.example\r\nContent-Length: 300000000",
+        403,
+    ),
+    "of who waits for consent": (
+        "POST /set",
+        HOST + "Expect: 100-continue\r\nContent-Length: 9",
+        403,
+    ),
+    # Lengths.
+    "too long, with zeros before it": (
+        "POST /set",
+        KEY + "Content-Length: 000000000300000000",
+        413,
+    ),
+    "too long by thousands of digits": ("POST /set", KEY + "Content-Length: " + "9" * 5000, 413),
+    "a number with a sign": ("POST /set", KEY + "Content-Length: +2", 400),
+    "a negative one": ("POST /set", KEY + "Content-Length: -2", 400),
+    "one in other digits": ("POST /set", KEY + "Content-Length: \xb2", 400),
+    "one with an underscore": ("POST /set", KEY + "Content-Length: 1_0", 400),
+    "one that is none": ("POST /set", KEY + "Content-Length: 0x2", 400),
+    "two in one": ("POST /set", KEY + "Content-Length: 2, 2", 400),
+    "two": ("POST /set", KEY + "Content-Length: 2\r\nContent-Length: 2", 400),
+    "none, in pieces": ("POST /set", KEY + "Transfer-Encoding: chunked", 411),
+    "in an odd coding": ("POST /set", KEY + "Transfer-Encoding: gzip, chunked", 501),
+    "both": ("POST /set", KEY + "Content-Length: 2\r\nTransfer-Encoding: chunked", 400),
+    # Heads.
+    "a long address": ("GET /" + "a" * MOST_HEAD, HOST, 431),
+    "a long header": ("GET /", HOST + "X: " + "a" * MOST_HEAD, 431),
+    "many headers": ("GET /", HOST + "X: y\r\n" * 150, 431),
+    "no host": ("GET /", "X: y", 400),
+    "two hosts": ("GET /", HOST + HOST, 400),
+    "half a host": ("GET /", "Host: [", 400),
+    "a user at a host": ("GET /", "Host: localhost@evil.example", 400),
+    "a name that begins like the host": ("GET /", "Host: localhost.evil.example", 403),
+    "the host in capitals": ("GET /", "Host: LOCALHOST.:8040", 200),
+    "a line that goes on": ("GET /", HOST + "X: a\r\n b", 400),
+    "a line with an odd end": ("GET /", HOST + "X: a\rContent-Length: 5", 400),
+    "a line that is none": ("GET /", HOST + "garbage", 400),
+    "a name with a space": ("POST /set", KEY + "Content-Length : 2", 400),
+    "two keys": ("POST /set", KEY + "X-Key: a", 400),
+    "two origins": ("POST /controls", HOST + "Origin: http://localhost\r\nOrigin: null", 400),
+    "half an origin": ("POST /controls", HOST + "Origin: http://[", 403),
+    # Methods and addresses.
+    "an odd method": ("FETCH /", HOST, 501),
+    "a method that is not for it": ("GET /set", HOST, 405),
+    "another": ("PUT /", HOST, 405),
+    "what a browser asks before": ("OPTIONS /set", HOST + "Origin: http://evil.example", 405),
+    "a head alone": ("HEAD /", HOST, 200),
+    "a file": ("GET /../../etc/passwd", HOST, 404),
+    "a whole address": ("GET http://evil.example/", HOST, 404),
+}
+
+
+@pytest.fixture(scope="module")
+def one_server():
+    with served() as (url, lease):
+        yield url, lease
+
+
+@pytest.mark.parametrize("name", REQUESTS)
+def test_a_request_is_answered_by_its_status(one_server, name):
+    (url, lease), (first, headers, answer) = one_server, REQUESTS[name]
+    key = lease.ask(lease.ask())
+    lease.give_back(key)
+    key = lease.ask()
+    text = f"{first} HTTP/1.1\r\n{headers.format(key=key)}".removesuffix("\r\n")
+    assert status(url, f"{text}\r\n\r\n") == answer
+    lease.give_back(key)
+
+
+@pytest.mark.parametrize(
+    ("line", "answer"),
+    [
+        ("GET / HTTP/1.0", 200),
+        ("GET / HTTP/2.0", 505),
+        ("GET /", 400),
+        ("GET  / HTTP/1.1", 400),
+        ("GET / HTTQ/1.1", 400),
+        ("\x16\x03\x01", 400),
+        ("\r\n\r\nGET / HTTP/1.1", 200),
+    ],
+)
+def test_a_first_line_is_answered_by_its_status(one_server, line, answer):
+    assert status(one_server[0], f"{line}\r\n{HOST}\r\n") == answer
+
+
+def test_a_message_comes_after_consent_and_the_next_one_after_it(one_server):
+    url, lease = one_server
+    key = lease.ask()
+    with connected(url) as connection:
+        head = f"POST /set HTTP/1.1\r\n{KEY.format(key=key)}Expect: 100-continue\r\n"
+        connection.sendall(f"{head}Content-Length: 00010\r\n\r\n".encode())
+        answers = connection.makefile("rb")
+        assert answers.readline().split()[1] == b"100"
+        connection.sendall(b'[["a", 1]]GET /nothing HTTP/1.1\r\nHost: localhost\r\n\r\n')
+        assert re.findall(rb"HTTP/1.1 (\d+)", answers.read()) == [b"200", b"404"]
+    assert lease.taken() == {"a": 1}
+    lease.give_back(key)
+
+
+@pytest.mark.parametrize(
+    ("host", "address", "asked", "is_this"),
+    [
+        ("localhost", "127.0.0.1", ("localhost", "127.0.0.1", "::1"), True),
+        ("localhost", "127.0.0.1", ("evil.example", "127.0.0.2", "192.168.1.7", ""), False),
+        ("127.0.0.2", "127.0.0.2", ("127.0.0.2",), True),
+        ("127.0.0.2", "127.0.0.2", ("evil.example", "localhost", "127.0.0.1"), False),
+        ("robot.lab", "192.168.1.7", ("robot.lab", "192.168.1.7"), True),
+        ("robot.lab", "192.168.1.7", ("evil.example", "localhost", "192.168.1.8"), False),
+        ("0:0:0:0:0:0:0:1", "::1", ("::1", "localhost"), True),
+        ("0.0.0.0", "0.0.0.0", ("192.168.1.7", "localhost", socket.gethostname().lower()), True),
+        ("0.0.0.0", "0.0.0.0", ("evil.example", "127.0.0.1.evil.example"), False),
+        ("::", "::", ("2001:db8::1", "192.168.1.7"), True),
+    ],
+)
+def test_only_what_is_listened_at_may_be_asked_for(host, address, asked, is_this):
+    assert {hosts_of(host, address)(each) for each in asked} == {is_this}
+
+
+def test_no_address_gives_its_key_to_a_name_of_another_site():
+    with served("127.0.0.2") as (url, lease):
+        assert ask(url, "POST", "/controls", Host=f"evil.example:{url.port}")[0] == 403
+        assert not lease.is_held
+        assert key_of(url)
+
+
+def test_an_answer_is_not_held_back():
+    with served() as (url, _):
+        connection = http.client.HTTPConnection(url.hostname, url.port, timeout=10)
+        taken = []
+        for _ in range(30):
+            began = time.perf_counter()
+            connection.request("POST", "/controls", "null")
+            connection.getresponse().read()
+            taken.append(time.perf_counter() - began)
+        connection.close()
+    # An answer in two parts takes 40 ms, whatever the machine.
+    assert statistics.median(taken) < 0.02
+
+
+def test_connections_that_say_nothing_keep_nobody_out():
+    files, threads = len(os.listdir("/proc/self/fd")), threading.active_count()
+    with served() as (url, _), ExitStack() as stack:
+        for k in range(4 * MOST_CONNECTIONS):
+            connection = stack.enter_context(connected(url))
+            connection.sendall((b"", b"POST /set HT", b"GET / HTTP/1.1\r\nX: ")[k % 3])
+            if k % 16 == 15:
+                assert ask(url, "GET", "/state")[0] == 200
+        assert threading.active_count() - threads < 2 * MOST_CONNECTIONS
+    assert wait(lambda: len(os.listdir("/proc/self/fd")) <= files)
+
+
+def wait(until, seconds=10.0):
+    end = time.monotonic() + seconds
+    while not until() and time.monotonic() < end:
+        time.sleep(0.01)
+    return until()
+
+
+def test_a_request_that_trickles_in_is_given_up(monkeypatch):
+    monkeypatch.setattr(requests, "WHOLE", 0.2)
+    with served() as (url, _), connected(url) as connection:
+        connection.sendall(b"GET / HTTP/1.1\r\n")
+        answers = connection.makefile("rb")
+        for _ in range(100):
+            time.sleep(0.01)
+            try:
+                connection.sendall(b"X: y\r\n")
+            except OSError:
+                break
+        assert answers.readline().split()[1] == b"408"
+
+
+def test_a_silent_connection_is_closed(monkeypatch):
+    monkeypatch.setattr(requests, "IDLE", 0.1)
+    with served() as (url, _), connected(url) as connection:
+        assert told(connection) is None
+
+
+def test_a_body_that_ends_before_its_length_sets_nothing(one_server):
+    url, lease = one_server
+    key = lease.ask()
+    with connected(url) as connection:
+        head = f"POST /set HTTP/1.1\r\n{KEY.format(key=key)}Content-Length: 99\r\n\r\n"
+        connection.sendall(f'{head}[["a", 1]]'.encode())
+        connection.shutdown(socket.SHUT_WR)
+        assert told(connection) == 408
+    assert lease.taken() == {}
+    lease.give_back(key)
+
+
+def test_the_end_of_a_server_ends_its_connections():
+    with served() as (url, _):
+        open_one = http.client.HTTPConnection(url.hostname, url.port, timeout=10)
+        open_one.request("GET", "/")
+        open_one.getresponse().read()
+        ended = open_one.sock
+    assert ended.recv(1) == b""
+    open_one.close()

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import wraps
 from typing import Any
 from weakref import proxy
 
-from pydrake.systems.framework import Context, LeafSystem, System
+from pydrake.systems.framework import LeafSystem, System
 
 # Attribute in which pydrake lets systems, ports, builders and diagrams keep each other alive.
 _PEERS = "_pydrake_internal_ref_cycle_peers"
 # Attribute of a block with the functions that Drake calls.
 _CALLED = "_called"
-
-#: A function that Drake calls with a context and what it fills in.
-Call = Callable[[Context, Any], Any]
 
 
 class Collectable(type(LeafSystem)):  # type: ignore[misc]  # the metaclass of pydrake's classes
@@ -39,35 +37,37 @@ class Block(LeafSystem, metaclass=Collectable):
 
     Drake holds the functions that it calls where Python's garbage collector does not see them. A
     function that refers to its own system, as a method or by one of the system's ports, would keep
-    that system alive for ever. So the system holds its functions, and Drake a weak reference.
+    that system alive for ever. So whatever is declared of a block, the block holds its functions,
+    and Drake a weak reference.
     """
 
-    def _for_drake(self, function: Call) -> Call:
-        """Return what Drake may hold of a function, which lives as long as this system."""
-        vars(self).setdefault(_CALLED, []).append(function)
-        held: Call = proxy(function)
+    def _for_drake(self, given: Any) -> Any:
+        """Return what Drake may hold of a function; anything else as it is."""
+        if not callable(given) or isinstance(given, type):
+            return given
+        self.__dict__.setdefault(_CALLED, []).append(given)
+        held: Any = proxy(given)
 
-        def called(context: Context, filled: Any) -> Any:
-            return held(context, filled)
+        def called(*arguments: Any) -> Any:
+            return held(*arguments)
 
         return called
 
-    def DeclareVectorOutputPort(self, name: str, size: Any, calc: Call, *rest: Any) -> Any:
-        """See `pydrake.systems.framework.LeafSystem`."""
-        return super().DeclareVectorOutputPort(name, size, self._for_drake(calc), *rest)
 
-    def DeclarePeriodicDiscreteUpdateEvent(self, period: float, offset: float, update: Call) -> Any:
-        """See `pydrake.systems.framework.LeafSystem`."""
-        held = self._for_drake(update)
-        return super().DeclarePeriodicDiscreteUpdateEvent(period, offset, held)
+def _declaring(declare: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a method of a block that declares what one of Drake's does."""
 
-    def DeclareInitializationDiscreteUpdateEvent(self, update: Call) -> Any:
-        """See `pydrake.systems.framework.LeafSystem`."""
-        return super().DeclareInitializationDiscreteUpdateEvent(self._for_drake(update))
+    @wraps(declare)
+    def declared(block: Block, *given: Any, **named: Any) -> Any:
+        held = {name: block._for_drake(each) for name, each in named.items()}
+        return declare(block, *map(block._for_drake, given), **held)
 
-    def DeclareInitializationUnrestrictedUpdateEvent(self, update: Call) -> Any:
-        """See `pydrake.systems.framework.LeafSystem`."""
-        return super().DeclareInitializationUnrestrictedUpdateEvent(self._for_drake(update))
+    return declared
+
+
+for _name in dir(LeafSystem):
+    if _name.startswith("Declare"):
+        setattr(Block, _name, _declaring(getattr(LeafSystem, _name)))
 
 
 def release(diagram: System) -> None:

@@ -38,7 +38,12 @@ class Told(Block):
         self.read = port.Eval
         self.DeclareVectorOutputPort("method", 1, self.calc)
         self.DeclareVectorOutputPort("port", 1, lambda c, y: y.set_value(port.Eval(c)))
-        self.DeclareVectorOutputPort("self", 1, lambda c, y: self.calc(c, y), {port.ticket()})
+        self.DeclareVectorOutputPort(
+            name="self",
+            size=1,
+            calc=lambda c, y: self.calc(c, y),
+            prerequisites_of_calc={port.ticket()},
+        )
         self.DeclareDiscreteState(1)
         self.DeclarePeriodicDiscreteUpdateEvent(0.1, 0.0, self.update)
         self.DeclareInitializationDiscreteUpdateEvent(self.update)

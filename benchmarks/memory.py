@@ -17,7 +17,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from itertools import cycle
+from itertools import count, cycle
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -40,6 +40,7 @@ from drake_rnn import (
     write_figures,
     write_playback,
 )
+from drake_rnn.experiment.arms import Arms
 from drake_rnn.figures.arm_picture import write_arm_picture
 from drake_rnn.live.session import Session
 from drake_rnn.runs.result import Result
@@ -133,6 +134,18 @@ def _simulated(name: str) -> Call:
 
 def _loaded(name: str) -> Call:
     return lambda: simulate(load_experiment(name, _SHORT), series="none")
+
+
+def _of_arms() -> Call:
+    """Runs of a campaign, each with links of its own, as one of its workers makes them."""
+    arms, seeds = Arms(), count()
+
+    def call() -> None:
+        errors = {"link_errors": {"translation": 1e-3, "seed": next(seeds)}}
+        changes = _SHORT | {"arm": {"model": "panda", **errors}}
+        simulate(load_experiment("slc_nephroid_known", changes, arms=arms), series="none")
+
+    return call
 
 
 def _interrupted() -> Call:
@@ -231,6 +244,7 @@ TASKS: dict[str, Callable[[], Call]] = {
     "simulate two arms": partial(_simulated, "adaptive_two_arms"),
     "simulate with an integrator": partial(_simulated, "slc_nephroid_continuous"),
     "simulate by name": partial(_loaded, "slc_nephroid_known"),
+    "simulate arms with errors of their own": _of_arms,
     "simulate what is interrupted": _interrupted,
     "check what is out of reach": _refused,
     "build_diagram": lambda: partial(build_diagram, load_experiment("adaptive_obstacles", _SHORT)),

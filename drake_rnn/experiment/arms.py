@@ -15,8 +15,8 @@ from ..robot.load_arm import load_arm
 
 T = TypeVar("T")
 
-# Largest number of kept parts of each kind, because plants are large.
-_MOST_KEPT = 100
+# Largest number of arms, and of parts of each kind, that are kept: a plant takes up to 1 MB.
+_MOST_KEPT = 20
 
 
 class Arms:
@@ -42,10 +42,7 @@ class Arms:
             rest = {key: value for key, value in description.items() if key != "link_errors"}
             errors = construct(LinkErrorSettings, description["link_errors"], "arm.link_errors")
             return self.of(rest).with_link_errors(errors)
-        name = _text(description)
-        if name not in self._known:
-            self._known[name] = _loaded(description)
-        return self._known[name]
+        return _kept(self._known, _text(description), lambda: _loaded(description))
 
     def shared(self, part: str, said: Any, make: Callable[[], T]) -> T:
         """Return a part of an experiment, made once for all documents that describe the same part.
@@ -55,13 +52,19 @@ class Arms:
             said: Everything that the part depends on, as plain data.
             make: Function that makes the part.
         """
-        kept, text = self._parts.setdefault(part, {}), _text(said)
-        if text not in kept:
-            if len(kept) >= _MOST_KEPT:
-                kept.clear()
-            kept[text] = make()
-        found: T = kept[text]
-        return found
+        return _kept(self._parts.setdefault(part, {}), _text(said), make)
+
+
+def _kept(known: dict[str, Any], text: str, make: Callable[[], T]) -> T:
+    """Return what is kept under a text, made if it is not there; the oldest goes if there are many.
+
+    What is asked for again becomes the newest.
+    """
+    found: T = known.pop(text) if text in known else make()
+    while len(known) >= _MOST_KEPT:
+        del known[next(iter(known))]
+    known[text] = found
+    return found
 
 
 def _text(said: Any) -> str:

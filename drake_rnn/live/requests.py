@@ -18,7 +18,7 @@ IDLE, WHOLE = 30.0, 10.0
 _EMPTIED, _TAKEN = 1.0, 1 << 18
 _PIECE = 4096
 # A host, by itself, and perhaps a port: a name, an address, or one of IPv6 in brackets.
-_HOST = re.compile(r"(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+)(:[0-9]{1,5})?")
+_HOST = re.compile(r"(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+)(:[0-9]{0,5})?")
 # Odd ends of lines, and lines that go on, which programs read differently; a first line; a header.
 _ODD = re.compile(rb"\r(?!\n)|\0|\n[ \t]")
 _LINE = re.compile(rb"[!-~]+ [!-~]+ HTTP/([0-9]\.[0-9])\r?")

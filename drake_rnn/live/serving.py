@@ -18,7 +18,7 @@ from urllib.parse import urlsplit
 
 from ..errors import InvalidInputError
 from .lease import MOST_BYTES, Lease
-from .requests import WHOLE, RefusedError, Stream, check_head, host_in, hosts_of, length_of, sole
+from .requests import IDLE, RefusedError, Stream, check_head, host_in, hosts_of, length_of, sole
 
 #: Most connections at once; for one more, the one that has been silent for longest is closed.
 MOST_CONNECTIONS = 32
@@ -182,7 +182,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._answer(403, "text/plain", str(error).encode())
         except InvalidInputError as error:
             self._answer(400, "text/plain", str(error).encode())
-        self._send()
+        self.wfile.flush()
         if self.close_connection:
             self.stream.discard()
 
@@ -268,6 +268,8 @@ class _Handler(BaseHTTPRequestHandler):
         self._answer(200, "application/json", json.dumps(data, allow_nan=False).encode())
 
     def _answer(self, status: int, kind: str, body: bytes) -> None:
+        # A connection that does not take the answer is closed.
+        self.connection.settimeout(IDLE)
         self.send_response(status)
         if status == 405:
             self.send_header("Allow", ", ".join(_METHODS[self.path]))
@@ -281,11 +283,6 @@ class _Handler(BaseHTTPRequestHandler):
         self.end_headers()
         if self.command != "HEAD":
             self.wfile.write(body)
-
-    def _send(self) -> None:
-        """Send the answer; a connection that does not take it is closed."""
-        self.connection.settimeout(WHOLE)
-        self.wfile.flush()
 
     def log_message(self, format: str, *args: Any) -> None:
         """Print nothing."""

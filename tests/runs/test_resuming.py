@@ -1,6 +1,7 @@
 """Runs that go on after they were stopped have the bits of whole ones."""
 
 import json
+import os
 import shutil
 import signal
 import subprocess
@@ -227,12 +228,138 @@ class TestRefused:
         assert not checkpoint.can_go_on(tmp_path)
         assert self.refusal(tmp_path).startswith(said)
 
-    @pytest.mark.parametrize("file", ["state.npz", "steps.bin", "run.json"])
+    @pytest.mark.parametrize("file", ["state.npz", "steps.bin", "run.json", "experiment.yaml"])
     def test_a_damaged_checkpoint(self, tmp_path, file):
         stopped(tmp_path, changed(QUICK), 0.5)
         damaged = tmp_path / checkpoint.FOLDER / file
         damaged.write_bytes(damaged.read_bytes()[:100])
-        assert "is no checkpoint of a run" in self.refusal(tmp_path)
+        with pytest.raises(InvalidInputError) as caught:
+            resume(tmp_path)
+        said = str(caught.value)
+        assert said.startswith(f"{damaged.parent}: is no checkpoint of a run: ")
+        assert said.endswith("; run the experiment again")
+
+
+def _shifted(kept, time):
+    kept["time"] = np.array(time)
+
+
+def _swapped(kept):
+    kept["shape"] = kept["shape"][::-1].copy()
+
+
+#: What the state of a checkpoint may have been changed to.
+STATES = {
+    "before the start": lambda kept: _shifted(kept, -5.0),
+    "far beyond the end": lambda kept: _shifted(kept, 1e9),
+    "between two samples": lambda kept: _shifted(kept, 1.23456),
+    "no time": lambda kept: _shifted(kept, np.nan),
+    "two times": lambda kept: _shifted(kept, [0.4, 0.4]),
+    "rows for columns": _swapped,
+    "fewer steps": lambda kept: kept["shape"].__isub__([100, 0]),
+    "no steps": lambda kept: kept["shape"].__imul__(0),
+    "steps without end": lambda kept: kept.update(shape=np.array([10**9, 10**9])),
+    "fewer than no steps": lambda kept: kept["shape"].__imul__(-1),
+    "steps that are no number": lambda kept: kept.update(shape=np.array([np.nan, 3.0])),
+    "another state": lambda kept: kept["discrete"].__iadd__(1e-9),
+    "a smaller state": lambda kept: kept.update(discrete=kept["discrete"][:-1]),
+    "no state": lambda kept: kept.pop("discrete"),
+    "no digest": lambda kept: kept.pop("digest"),
+    "another digest": lambda kept: kept["digest"].__iadd__(1),
+    "words": lambda kept: kept.update(continuous=np.array(["a"])),
+    "objects": lambda kept: kept.update(continuous=np.array([{}], dtype=object)),
+}
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """The folder of a run that was stopped; nothing is changed in it."""
+    folder = tmp_path_factory.mktemp("whole")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(keeper, "_EVERY", EVERY)
+        patch.setattr(keeper, "_PAUSE", 0.0)
+        stopped(folder, changed(QUICK), 0.5)
+    return folder
+
+
+class TestDamaged:
+    """A checkpoint is what the run has written, or it is refused: no run goes on with another."""
+
+    @pytest.fixture
+    def folder(self, whole, tmp_path):
+        shutil.copytree(whole, tmp_path / "run")
+        return tmp_path / "run"
+
+    @pytest.mark.parametrize("change", STATES)
+    def test_another_state(self, folder, change):
+        file = folder / checkpoint.FOLDER / checkpoint.STATE
+        with np.load(file) as arrays:
+            kept = dict(arrays)
+        STATES[change](kept)
+        np.savez(file, **kept)
+        with pytest.raises(InvalidInputError, match=r"is no checkpoint of a run: st.*; run the ex"):
+            checkpoint.Checkpoint.load(folder)
+
+    @pytest.mark.parametrize("name", ["run.json", "experiment.yaml", "state.npz", "steps.bin"])
+    def test_any_byte(self, folder, name):
+        """That is another one, or from which on the file is cut off."""
+        file = folder / checkpoint.FOLDER / name
+        content = file.read_bytes()
+        right = checkpoint.Checkpoint.load(folder)
+        rng = np.random.default_rng(0)
+        same = 0
+        for _ in range(60):
+            at = int(rng.integers(len(content)))
+            damaged = bytearray(content)
+            damaged[at] ^= int(rng.integers(1, 256))
+            for changed_to in (bytes(damaged), content[:at]):
+                file.write_bytes(changed_to)
+                try:
+                    found = checkpoint.Checkpoint.load(folder)
+                except InvalidInputError as error:
+                    assert str(folder) in str(error)  # noqa: PT017  either outcome is right
+                    continue
+                # The names and times of files in an archive are told twice.
+                assert name == "state.npz"
+                same += 1
+                for one, other in zip(right.state, found.state, strict=True):
+                    assert np.array_equal(one, other)
+                assert np.array_equal(right.rows, found.rows)
+                texts = [each.experiment.document.to_yaml() for each in (right, found)]
+                assert texts[0] == texts[1]
+        assert same < 30
+
+    @pytest.mark.parametrize("name", ["run.json", "experiment.yaml", "state.npz", "steps.bin"])
+    @pytest.mark.parametrize("kind", ["pipe", "folder", "device", "nested", "empty", "none"])
+    def test_what_is_no_file_of_a_run(self, folder, name, kind):
+        file = folder / checkpoint.FOLDER / name
+        file.unlink()
+        make = {
+            "pipe": lambda: os.mkfifo(file),
+            "folder": file.mkdir,
+            "device": lambda: file.symlink_to("/dev/zero"),
+            "nested": lambda: file.write_text("[" * 100_000),
+            "empty": lambda: file.write_text(""),
+            "none": lambda: None,
+        }
+        make[kind]()
+        with pytest.raises(InvalidInputError) as caught:
+            checkpoint.Checkpoint.load(folder)
+        assert "\n" not in str(caught.value)
+        assert str(folder) in str(caught.value)
+
+    def test_another_document(self, folder):
+        """With which the run would go on as it did not begin."""
+        file = folder / checkpoint.FOLDER / checkpoint.DOCUMENT
+        file.write_text(file.read_text().replace("seed: 0", "seed: 1") + "# 1\n")
+        with pytest.raises(InvalidInputError, match="its files are not those that the run has wri"):
+            checkpoint.Checkpoint.load(folder)
+
+    def test_steps_beyond_the_state_are_not_of_it(self, folder):
+        """A run that was killed has written them."""
+        with (folder / checkpoint.FOLDER / checkpoint.STEPS).open("ab") as stream:
+            stream.write(b"abc" * 100)
+        assert checkpoint.Checkpoint.load(folder).state.time == pytest.approx(0.4)
 
 
 @pytest.mark.long

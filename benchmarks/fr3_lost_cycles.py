@@ -40,6 +40,8 @@ H = FR3.period
 TRAVEL = 5e-5
 #: Cycles of a motion, and those in which the pacer stands still, one in each motion.
 CYCLES, MOMENTS = 320, (60, 90, 130, 180, 260)
+#: Jump of the robot's clock at which the law has it brought to rest [s].
+JUMP = 0.1
 #: Cycles for which it stands still.
 LOST = (1.0, 1.9, 3.0, 4.9, 10.0, 14.9, 17.9)
 #: Shares by which rounding may exceed a bound.
@@ -168,7 +170,7 @@ def moved(at: int, lost: float, place: Place, pace: float = H) -> Robot:
     def law_answers() -> None:
         base = shared.count - 1
         cycle = shared.cycle(base)
-        if base > CYCLES:
+        if base > CYCLES or abs(cycle.time - law.time) > JUMP:
             shared.asked = REST
             if not any(cycle.part(4)) and not any(cycle.part(5)):
                 shared.asked = END

@@ -223,7 +223,7 @@ class Cycles:
         """Return what `_next` does; nothing, a cycle later, where the connection fails."""
         try:
             return self._next(until)
-        except Exception:  # whatever it is, the robot is to come to rest
+        except (Exception, SystemExit):  # whatever it is, the robot is to come to rest
             time.sleep(self._connection.period)
             return None
 

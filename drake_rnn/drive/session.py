@@ -33,6 +33,8 @@ Say = Callable[[str], None]
 _HELD = 0.01
 # Distance from there up to which it has not moved since [rad].
 _MOVED = 0.02
+# What ends nothing but a drive: Drake ends a process where a condition of its own fails.
+_ANY = (Exception, SystemExit)
 # Time that whoever is told what happens may take after the end [s].
 _LAST_WORDS = 5.0
 # Cycles for which a robot at rest is told to stay, and those after which it must rest.
@@ -181,7 +183,7 @@ class Session:
         """Hand the robot back, which rests; nothing of what it did is lost where that fails."""
         try:
             self._connection.end()
-        except Exception as error:  # whatever it is
+        except _ANY as error:  # whatever it is
             self._say(f"the connection did not end: {_named(error)}")
 
     def _begin(self) -> None:
@@ -255,7 +257,7 @@ class Session:
                 command = task.advance(until, self._last.position, self._last.velocity)
             except (SimulationError, RuntimeError) as error:
                 raise StopError("law", str(error)) from error
-            except Exception as error:  # a law may raise anything
+            except _ANY as error:  # a law may raise anything
                 raise StopError("law", _named(error)) from error
             self._send("run", cycle, command)
 
@@ -335,7 +337,7 @@ class Session:
         motion = self._motion._replace(position=command)
         try:
             self._connection.send(Command(cycle.time, motion, self._moved.limits))
-        except Exception as error:  # whatever it is, the next one may come through
+        except _ANY as error:  # whatever it is, the next one may come through
             self._unsent += 1
             self._why_unsent = _named(error)
         self._note_sent("stop", cycle, command, command)
@@ -363,7 +365,7 @@ def _held(status: RobotStatus) -> Array:
     return status.commanded if near else status.position
 
 
-def _named(error: Exception) -> str:
+def _named(error: BaseException) -> str:
     return f"{type(error).__name__}: {error}"
 
 

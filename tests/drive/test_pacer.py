@@ -1,6 +1,7 @@
 """The pacer: a late law costs steps of a stop, and never a bound."""
 
 from itertools import pairwise
+from math import inf, nan
 
 import numpy as np
 import pytest
@@ -10,8 +11,11 @@ from drake_rnn import FR3, Motion, driven_experiment
 from drake_rnn.drive.driven_law import DrivenLaw
 from drake_rnn.drive.pacer import Pacer
 from drake_rnn.drive.shared_cycles import Told
+from fr3_lost_cycles import ROUNDING, Robot, moved
 
 H = FR3.period
+#: A cycle in which joints move at full acceleration, and the bounds there.
+AT, ACCELERATION, JERK = 130, 10.0 * (1 + ROUNDING), 5000.0 * (1 + ROUNDING)
 REACHING = {
     "arm": "fr3",
     "path": {"kind": "rest", "offset": [0.2, 0.3, -0.2]},
@@ -101,3 +105,67 @@ def test_cycles_that_the_robot_loses_are_mirrored():
         else:
             with pytest.raises(RefusedError, match=r"rad/s\^3"):
                 robot.answer(pacer.motion.position, is_last=False)
+
+
+#: What a robot may tell that is no state.
+WRONG = {
+    "a position that is no number": lambda s: s._replace(q=[nan, *s.q[1:]]),
+    "infinite velocities": lambda s: s._replace(dq=[inf] * 7),
+    "six joints": lambda s: s._replace(q=s.q[:6], dq=s.dq[:6], held=s.held[:6]),
+    "no joints": lambda s: s._replace(q=[]),
+    "positions held that are no numbers": lambda s: s._replace(held=[nan] * 7),
+    "a time that is no number": lambda s: s._replace(time=nan),
+    "an infinite time": lambda s: s._replace(time=inf),
+    "a time long before": lambda s: s._replace(time=s.time - 1e6),
+    "a time long after": lambda s: s._replace(time=s.time + 1e6),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_whatever_a_robot_tells_it_is_answered_within_its_bounds(name, monkeypatch):
+    """Of the states some are wrong; an exception would end the motion without a stop."""
+
+    class Wild(Robot):
+        def read(self):
+            state = super().read()
+            return WRONG[name](state) if AT <= round(state.time / H) < AT + 3 else state
+
+        def look(self):
+            return super().read()
+
+    monkeypatch.setattr("fr3_lost_cycles.Robot", Wild)
+    robot = moved(AT, 0, "waiting")
+    acceleration, jerk = robot.worst
+    assert 9.9 < acceleration <= ACCELERATION
+    assert jerk <= JERK
+    assert robot.lost <= 4
+    assert not any(robot.v)
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_robot_that_tells_what_is_no_state_is_not_taken_over(name, monkeypatch):
+    if "long" in name:
+        pytest.skip("a clock may be anywhere")
+
+    class Wild(Robot):
+        def look(self):
+            return WRONG[name](super().read())
+
+        def begin(self):
+            pytest.fail("it was taken over")
+
+    monkeypatch.setattr("fr3_lost_cycles.Robot", Wild)
+    with pytest.raises(ValueError, match=r"^a state has "):
+        moved(AT, 0, "waiting")
+
+
+def test_commands_that_are_no_numbers_are_not_taken():
+    pacer, still = Pacer([0.0] * 7), np.zeros(7)
+    right = told(Motion(still + H * 0.004, still + 0.004, still + 4.0), FR3.commanded)
+    for field in ("position", "velocity", "acceleration", "most", "jerk"):
+        for wrong in (nan, inf, -inf, 0.0):
+            values = (wrong, *getattr(right, field)[1:])
+            taken = pacer.take(right._replace(**{field: values}))
+            assert not taken or (field in ("most", "jerk") and wrong == inf)
+            pacer = Pacer([0.0] * 7)
+    assert pacer.take(right)

@@ -35,7 +35,7 @@ from ..drive import (
     result_of,
     task_of,
 )
-from ..errors import InvalidInputError, SimulationError
+from ..errors import InvalidInputError, RobotError, SimulationError
 from ..experiment import Experiment
 from ..inputs.complaints import nearest
 from ..inputs.dataclass_fields import field_names, fields_of
@@ -69,8 +69,7 @@ def drive_robot(asked: Drive) -> None:
         address = _address(asked, robot)
         changes = changes_of(asked.changes, duration=asked.duration)
         experiment = driven_experiment(asked.experiment, robot, changes)
-        given = {"silence": asked.silence, "late": asked.late, "lag": asked.lag}
-        settings = construct(DriveSettings, _given(**given, contact=asked.wait), "")
+        settings = _settings(asked)
         if asked.dry:
             start = experiment.start if asked.begin is None else _posture(asked.begin, robot)
             follower = FollowingRobot(start, robot.period)
@@ -111,7 +110,7 @@ def serve_robot(asked: ServeRobot) -> None:
                 f"robot: there is no simulated {robot.name} here; an iiwa is; franka-sim simulates "
                 "an FR3 behind its own messages, see docs/drive.md"
             )
-        url = address_of(robot, asked.url)
+        url = _checked_address(robot, asked.url)
         names = [name for name in field_names(Faults) if name != "deaf"]
         wrong = {name: fields_of(asked)[name] for name in names}
         deaf = np.inf if asked.limit_stop else 0.0
@@ -133,7 +132,7 @@ def _address(asked: Drive, robot: Robot) -> str:
     if not asked.dry:
         if asked.begin is not None:
             raise InvalidInputError("--from: only with --dry; a robot tells where it stands")
-        return address_of(robot, asked.url)
+        return _checked_address(robot, asked.url)
     for option, value in (("--url", asked.url), ("--wait", asked.wait)):
         if value is not None:
             raise InvalidInputError(f"{option}: not with --dry, which needs no robot")
@@ -150,6 +149,25 @@ def _left_where_killed(folder: Path) -> Path:
     file = folder.parent.absolute() / KILLED.format(folder.name)
     require_replaceable(file)
     return file
+
+
+def _checked_address(robot: Robot, url: str | None) -> str:
+    """Return the address of a robot; a text that is none is a bad input."""
+    try:
+        return address_of(robot, url)
+    except RobotError as error:
+        raise InvalidInputError(str(error)) from None
+
+
+def _settings(asked: Drive) -> DriveSettings:
+    names = {"silence": "silence", "late": "late", "lag": "lag", "contact": "wait"}
+    values = {name: fields_of(asked)[option] for name, option in names.items()}
+    given = {name: value for name, value in values.items() if value is not None}
+    try:
+        return construct(DriveSettings, given, "")
+    except InvalidInputError as error:
+        name, _, why = str(error).partition(":")
+        raise InvalidInputError(f"--{names.get(name, name)}:{why}") from None
 
 
 @contextmanager
@@ -188,11 +206,6 @@ def _evaluated(law: DrivenLaw, driven: Driven, folder: Path) -> Result:
             f"{folder / CYCLES} has every cycle",
             law.time,
         ) from error
-
-
-def _given(**options: float | None) -> dict[str, float]:
-    """Return the options that were given."""
-    return {name: value for name, value in options.items() if value is not None}
 
 
 def _posture(text: str, robot: Robot) -> Array:

@@ -43,7 +43,7 @@ class Faults:
     stall: NonNegative = 0.0
     silence: NonNegative = 0.0
     deaf: Annotated[float, Field(ge=0.0)] = 0.0
-    clock: Finite = 0.0
+    clock: Annotated[Finite, Field(ge=-1e6, le=1e6)] = 0.0
     nan: bool = False
     beyond: bool = False
 

@@ -11,6 +11,7 @@ from rich.markup import escape
 
 from ..errors import InvalidInputError
 from ..experiment import Experiment, load_experiment
+from ..playback.maker_looks import require_looks
 from ..runs.fastest import check_stretchable, fastest
 from ..runs.simulation import check_experiment
 from .announcing import print_data, print_plan
@@ -63,6 +64,8 @@ def _begun(asked: Run) -> tuple[list[Outcome], list[str]] | None:
             with named(name, among=names):
                 loaded.append(load_experiment(name, changed))
         warnings = _check_all(loaded, names, asked)
+        if asked.playback:
+            _require_looks(loaded, names)
         tasks = [
             _task(asked, name, experiment.name, changed)
             for name, experiment in zip(names, loaded, strict=True)
@@ -93,6 +96,16 @@ def _claim(tasks: Sequence[Task], together: bool) -> ExitStack:
         if together:
             return claims.pop_all()
     return claims
+
+
+def _require_looks(experiments: list[Experiment], names: list[str]) -> None:
+    """Refuse looks that no playback could show, before anything runs."""
+    for name, experiment in zip(names, experiments, strict=True):
+        second = experiment.second
+        for arm in [experiment.arm, *([second.arm] if second else [])]:
+            if arm.looks is not None:
+                with named(name, among=names):
+                    require_looks(arm)
 
 
 def _require_alone(asked: Run) -> None:

@@ -252,7 +252,8 @@ class ExperimentDocument:
         """Return the document as plain data, without the keys that are not set."""
         contents = {}
         for name, value in fields_of(self).items():
-            if value is None or (isinstance(value, (dict, str)) and not value):
+            empty = isinstance(value, (dict, str)) and not value
+            if value is None or (empty and name not in _OPTIONAL):
                 continue
             if name == "accept":
                 value = {key: _given(bound) for key, bound in value.items()}
@@ -264,6 +265,14 @@ class ExperimentDocument:
     def to_yaml(self) -> str:
         """Return the document as YAML text that reads back bit for bit."""
         return to_yaml(self.contents())
+
+
+# Sections that need not be given; an empty one is given, with the defaults of its keys.
+_OPTIONAL = {
+    name
+    for name in field_names(ExperimentDocument)
+    if vars(ExperimentDocument).get(name, {}) is None
+}
 
 
 def _given(value: Any) -> dict[str, Any]:

@@ -107,7 +107,7 @@ def read_document(
         set_key(document, key, deepcopy(value))
     _name_limits(document)
     _cut_short(document, changes)
-    return {**document, "name": document.get("name") or name}
+    return {**document, "name": name if document.get("name") in (None, "") else document["name"]}
 
 
 def _contents(experiment: Described) -> tuple[dict[str, Any], str]:

@@ -74,8 +74,9 @@ def number(least: float = -np.inf, *, above: float = -np.inf) -> Check:
     bounds += [f" above {above:g}"] if above > -np.inf else []
 
     def check(key: str, value: Any) -> None:
-        if above == 0.0 and is_number(value) and value <= 0.0:
-            raise InvalidInputError(f"{key}: must be positive, not {short(value)}")
+        if above == 0.0 and isinstance(value, float) and not 0.0 < value < np.inf:
+            what = "positive" if value <= 0.0 else "positive and finite"
+            raise InvalidInputError(f"{key}: must be {what}, not {short(value)}")
         if not is_number(value) or value < least or value <= above:
             raise InvalidInputError(
                 f"{key}: must be a finite number{''.join(bounds)}, not {short(value)}"

@@ -54,6 +54,26 @@ def meshes_of(arm: Arm, plant: MultibodyPlant) -> list[tuple[Any, RigidTransform
     Raises:
         InvalidInputError: If the joints of the two models do not lie in the same places.
     """
+    context, bodies, found = _matched(arm, plant)
+    few = simplified([Path(str(each.mesh.source().path())) for each in found], arm.triangles)
+    return [
+        (
+            bodies[each.joint],
+            plant.EvalBodyPoseInWorld(context, bodies[each.joint]).inverse() @ each.X_WG,
+            Mesh(str(mesh), each.mesh.scale3()),
+        )
+        for each, mesh in zip(found, few, strict=True)
+    ]
+
+
+def require_looks(arm: Arm) -> None:
+    """Raise an InvalidInputError if an arm's ``looks`` is a file that cannot be drawn for it."""
+    if arm.looks is not None:
+        _matched(arm, arm.plant())
+
+
+def _matched(arm: Arm, plant: MultibodyPlant) -> tuple[Any, list[Any], list[DrawnMesh]]:
+    """Return a context with all joints at zero, the arm's bodies, and the meshes of the maker's."""
     file = Path(str(arm.looks))
     maker = _Maker(file, arm.description.packages, arm.n)
     context = plant.CreateDefaultContext()
@@ -66,15 +86,7 @@ def meshes_of(arm: Arm, plant: MultibodyPlant) -> list[tuple[Any, RigidTransform
     bodies += [joint.child_body() for joint in own]
     if not (found := maker.meshes()):
         raise InvalidInputError(f"arm.looks: {file.name} has no meshes that can be read")
-    few = simplified([Path(str(each.mesh.source().path())) for each in found], arm.triangles)
-    return [
-        (
-            bodies[each.joint],
-            plant.EvalBodyPoseInWorld(context, bodies[each.joint]).inverse() @ each.X_WG,
-            Mesh(str(mesh), each.mesh.scale3()),
-        )
-        for each, mesh in zip(found, few, strict=True)
-    ]
+    return context, bodies, found
 
 
 class _Maker:
@@ -94,7 +106,11 @@ class _Maker:
         self._plant = plant = MultibodyPlant(0.0)
         plant.RegisterAsSourceForSceneGraph(self._scene_graph)
         with quiet_drake(logging.ERROR):
-            read_model(file, packages).add_to(plant)
+            try:
+                read_model(file, packages).add_to(plant)
+            except InvalidInputError as error:
+                told = str(error).replace("arm.model: ", "", 1)
+                raise InvalidInputError(f"arm.looks: {told}") from None
             plant.Finalize()
         self._context = plant.CreateDefaultContext()
         bodies = [plant.get_body(BodyIndex(k)) for k in range(1, plant.num_bodies())]

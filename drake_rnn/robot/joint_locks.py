@@ -89,12 +89,13 @@ class JointLocks:
                     f"{name}: must be times of 0 or more, one per joint, infinite for never, not "
                     f"{short(value)}"
                 )
-        flags = np.asarray(self.at_once) if is_flags(self.at_once) else np.zeros(0)
-        for name, size in (("told", np.size(self.told)), ("at_once", flags.size)):
+        sizes = {"told": (self.told, np.size(self.told))}
+        sizes["at_once"] = self.at_once, np.size(self.at_once) if is_flags(self.at_once) else 0
+        for name, (value, size) in sizes.items():
             if size != np.size(self.times):
                 raise InvalidInputError(
                     f"{name}: must be one per joint, {np.size(self.times)} as in times, not "
-                    f"{short(getattr(self, name))}"
+                    f"{short(value)}"
                 )
 
     @classmethod

@@ -50,7 +50,7 @@ def test_the_joints_are_on_the_path(task):
     ("arguments", "message"),
     [
         ((held_posture(START), 7, 0.0, 3), "interval: must be positive, not 0.0"),
-        ((held_posture(START), 7, 0.1, 0), "count: must be at least 1, not 0"),
+        ((held_posture(START), 7, 0.1, 0), "count: must be a whole number of at least 1, not 0"),
         ((held_posture(START), 6, 0.1, 3), r"positions_at: must give shape \(3, 6\)"),
     ],
 )

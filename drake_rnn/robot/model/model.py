@@ -19,6 +19,7 @@ from ...inputs.given_file import content_of
 from ..contact_mesh import require_coarse_balls
 from ..drake_log import drake_warnings
 from .expansion import expand_xacro, is_xacro
+from .materials import mend_materials
 from .meshes import LostMesh, Meshes
 from .mimic import Mimic, mimics_of
 from .mjcf import mend_mjcf
@@ -151,6 +152,10 @@ def _mended(file: Path, packages: Mapping[str, str], for_distances: bool = False
 
 
 def _mend(root: Element, meshes: Meshes, places: Packages) -> list[str]:
+    return [*mend_materials(root, places), *_mend_bodies(root, meshes, places)]
+
+
+def _mend_bodies(root: Element, meshes: Meshes, places: Packages) -> list[str]:
     if root.tag == "robot":
         return mend_urdf(root, meshes)
     if root.tag == "sdf":

@@ -89,7 +89,7 @@ class JointLocks:
                     f"{name}: must be times of 0 or more, one per joint, infinite for never, not "
                     f"{short(value)}"
                 )
-        sizes = {"told": (self.told, np.size(self.told))}
+        sizes: dict[str, tuple[object, int]] = {"told": (self.told, np.size(self.told))}
         sizes["at_once"] = self.at_once, np.size(self.at_once) if is_flags(self.at_once) else 0
         for name, (value, size) in sizes.items():
             if size != np.size(self.times):

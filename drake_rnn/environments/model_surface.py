@@ -13,6 +13,7 @@ from ..errors import InvalidInputError
 from ..inputs.fields import Angles, Array, Point, validated, zeros
 from ..inputs.given_file import content_of
 from ..robot.contact_mesh import require_coarse_balls
+from ..robot.model.still import require_finite_meshes
 from ..robot.model.xml_text import MOST_BYTES, parse_xml
 from .contact_model import ContactModel
 
@@ -45,6 +46,7 @@ class ModelSurface(ContactModel):
         root = parse_xml(content_of(self.model, MOST_BYTES))
         if root is not None:
             require_coarse_balls("model", root)
+            require_finite_meshes("model", root, Path(self.model))
 
     def add_to(self, plant: MultibodyPlant, p_WS: Array) -> None:
         """See `ContactModel.add_to`.

@@ -83,11 +83,11 @@ class JointLocks:
     at_once: NDArray[np.bool_]
 
     def __post_init__(self) -> None:
-        for name, value in (("times", self.times), ("told", self.told)):
-            if not is_vector(value) or not (np.asarray(value) >= 0.0).all():
+        for name, given in (("times", self.times), ("told", self.told)):
+            if not is_vector(given) or not (np.asarray(given) >= 0.0).all():
                 raise InvalidInputError(
                     f"{name}: must be times of 0 or more, one per joint, infinite for never, not "
-                    f"{short(value)}"
+                    f"{short(given)}"
                 )
         sizes: dict[str, tuple[object, int]] = {"told": (self.told, np.size(self.told))}
         sizes["at_once"] = self.at_once, np.size(self.at_once) if is_flags(self.at_once) else 0

@@ -259,3 +259,39 @@ def test_the_document_of_a_run_names_the_file_wherever_it_is_saved(tmp_path):
     for name, series in result.series.items():
         np.testing.assert_array_equal(again.series[name], series, err_msg=name)
     assert again.metrics["distance_min_m"] == result.metrics["distance_min_m"]
+
+
+OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n"
+
+
+@pytest.mark.parametrize("vertex", ["nan 0 0", "0 inf 0", "0 0 1e999", "a 0 0", "1 0", "0 0 -NaN"])
+def test_a_vertex_that_is_no_finite_number_is_refused(tmp_path, vertex):
+    """Drake takes it for 0."""
+    (tmp_path / "box.obj").write_text(OBJ.replace("1 0 0", vertex, 1))
+    file = urdf(tmp_path, link("box", ('<mesh filename="box.obj"/>', "0 0 0", "0 0 0")))
+    with pytest.raises(InvalidInputError, match=r"'box\.obj' cannot be read: .* not finite: 'v "):
+        made(file)
+    surface = {"kind": "model", "model": str(file)}
+    with pytest.raises(
+        InvalidInputError, match=r"environment\.model: its mesh 'box\.obj' cannot b"
+    ):
+        load_experiment("contact_inclined", {"environment": surface})
+
+
+@pytest.mark.parametrize("ending", ["stl", "ply", "dae", "gltf", "glb", "off"])
+def test_so_is_one_of_any_other_format(tmp_path, ending):
+    box = trimesh.creation.box()
+    box.vertices[0, 0] = np.nan
+    box.export(tmp_path / f"box.{ending}")
+    file = urdf(tmp_path, link("box", (f'<mesh filename="box.{ending}"/>', "0 0 0", "0 0 0")))
+    with pytest.raises(InvalidInputError, match=rf"box\.{ending}' cannot be read: "):
+        made(file)
+
+
+@pytest.mark.parametrize(
+    "vertex", ["1 0 0", " 1.0e0\t0 0 ", "1. .0 0 0.5 0.5 0.5", "+1 -0 0 1", "1 0 0\r"]
+)
+def test_vertices_in_any_way_of_writing_are_read(tmp_path, vertex):
+    (tmp_path / "box.obj").write_text(OBJ.replace("1 0 0", vertex, 1))
+    file = urdf(tmp_path, link("box", ('<mesh filename="box.obj"/>', "0 0 0", "0 0 0")))
+    assert len(made(file)) == 1

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.geometry import Convex, Mesh
 
+from ...inputs.complaints import short
 from ...inputs.given_file import content_of
 from .cache import cached_file
 from .late_import import late_import
@@ -34,11 +35,39 @@ _MOST_BYTES = 200_000_000
 # Exponent between the two ways to give a colour, and what white paint reflects: a page is lit such
 # that more than that shows no shape.
 _GAMMA, _WHITEST = 2.2, 0.6
+# A line of an OBJ file with a vertex that is not three decimal numbers, or one of 1e100 and more,
+# and a number that is none of a VTK file, and of a list of Collada.
+_DECIMAL = rb"[ \t]+[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,2})?(?=[ \t\r\n]|\Z)"
+_NO_VERTEX = re.compile(rb"^[ \t]*v(?=[ \t])(?!(?:" + _DECIMAL + rb"){3})[^\n]*", re.MULTILINE)
+_NOT_FINITE = re.compile(rb"(?<![\w.])[-+]?(?:nan|inf(?:inity)?)(?![\w.])", re.IGNORECASE)
+_NO_FLOAT = re.compile(
+    rb"<float_array[^>]*>[^<]*?(?<![\w.])([-+]?(?:nan|inf(?:inity)?))(?![\w.])", re.IGNORECASE
+)
 # How Collada and OBJ files name other files: images and libraries of materials.
 _COMPANION = re.compile(
     rb"<init_from>\s*([^<]+?)\s*</init_from>|^\s*(?:mtllib|map_\w+)\s+(?:-\S+\s+\S+\s+)*(.+?)\s*$",
     re.MULTILINE,
 )
+
+
+def require_finite(mesh: Path) -> None:
+    """Raise a ValueError if a mesh that Drake reads has a vertex that is no finite number.
+
+    Drake takes it for 0. Meshes that are converted are checked on the way.
+    """
+    if mesh.suffix.lower() == ".gltf":
+        _scene(mesh)
+    else:
+        _require_finite_text(mesh)
+
+
+def _require_finite_text(mesh: Path) -> None:
+    """Raise a ValueError for a number that readers of some formats take for 0 without a word."""
+    kinds = {".obj": _NO_VERTEX, ".vtk": _NOT_FINITE, ".dae": _NO_FLOAT}
+    wrong = kinds.get(mesh.suffix.lower())
+    if wrong is not None and (found := wrong.search(content_of(mesh, _MOST_BYTES))):
+        line = " ".join(found[found.lastindex or 0].decode(errors="replace").split())
+        raise ValueError(f"it has a vertex that is not finite: {short(line)}")
 
 
 def gltf_file(mesh: Path, colour: Colour | None) -> Path:
@@ -104,10 +133,13 @@ def _companions(mesh: Path) -> Iterator[Path]:
 
 def _scene(mesh: Path) -> Any:
     """Return a mesh file as a scene of trimesh, in metres."""
+    _require_finite_text(mesh)
     scene = trimesh.load_scene(str(mesh), process=False)
     parts = scene.geometry.values()
     if not any(len(part.faces) for part in parts if isinstance(part, trimesh.Trimesh)):
         raise ValueError("it contains no faces")
+    if not all(np.isfinite(part.vertices).all() for part in parts):
+        raise ValueError("it has a vertex that is not finite")
     # Only some formats give a unit.
     if all(part.metadata.get("units") for part in parts):
         scene = scene.convert_units("meters")

@@ -10,7 +10,7 @@ from urllib.parse import urlparse
 import numpy as np
 
 from ...errors import InvalidInputError
-from .conversion import Colour, gltf_file, hull_file, obj_file
+from .conversion import Colour, gltf_file, hull_file, obj_file, require_finite
 from .packages import Packages
 
 
@@ -94,8 +94,15 @@ class Meshes:
     def touched(self, uri: str) -> Path | None:
         """Return a mesh that Drake reads as collision geometry; None if it does not."""
         file = self._packages.file(uri)
-        readable = file is not None and file.suffix.lower() in {".obj", ".vtk", ".gltf"}
-        return file if readable else None
+        if file is None or file.suffix.lower() not in {".obj", ".vtk", ".gltf"}:
+            return None
+        try:
+            require_finite(file)
+        # What a reader of many formats raises at a broken file is not known.
+        except Exception as error:
+            self._broken[str(file)] = " ".join(f"{type(error).__name__}: {error}".split())[:120]
+            return None
+        return file
 
     def warnings(self) -> list[str]:
         """Return one warning about all missing meshes, and one about each broken mesh."""
@@ -133,6 +140,7 @@ class Meshes:
                 return convert(file)
             if suffix == ".obj":
                 _require_faces(file)
+            require_finite(file)
             return file
         except InvalidInputError:
             raise

@@ -15,7 +15,7 @@ from pydrake.multibody.tree import BodyIndex
 from ...errors import InvalidInputError
 from ...inputs.given_file import content_of
 from ..drake_log import drake_warnings
-from .conversion import obj_file
+from .conversion import obj_file, require_finite
 from .geometry import MeshName
 from .model import one_line
 from .packages import Packages
@@ -121,9 +121,10 @@ def _readable(uri: str, packages: Packages, name: str) -> Path:
     file = packages.file(uri)
     if file is None:
         raise ValueError(f"{name}: its mesh {uri!r} is missing")
-    if file.suffix.lower() in {".obj", ".gltf"}:
-        return file
     try:
+        if file.suffix.lower() in {".obj", ".gltf"}:
+            require_finite(file)
+            return file
         return obj_file(file)
     except InvalidInputError:
         raise
@@ -131,3 +132,24 @@ def _readable(uri: str, packages: Packages, name: str) -> Path:
     except Exception as error:
         told = " ".join(f"{type(error).__name__}: {error}".split())[:120]
         raise ValueError(f"{name}: its mesh {uri!r} cannot be read: {told}") from None
+
+
+def require_finite_meshes(key: str, root: Element, file: Path) -> None:
+    """Raise a ValueError if a mesh that a model names has a vertex that is not finite.
+
+    Args:
+        key: What names the model, for the message.
+        root: The model.
+        file: Its file.
+    """
+    packages = Packages({}, file)
+    for mesh in root.iter("mesh"):
+        uri = mesh.findtext("uri") or mesh.get("filename") or mesh.get("file") or ""
+        if (found := packages.file(uri.strip())) is None:
+            continue
+        try:
+            require_finite(found)
+        # What a reader of many formats raises at a broken file is not known.
+        except Exception as error:
+            told = " ".join(str(error).split())[:120]
+            raise ValueError(f"{key}: its mesh {uri!r} cannot be read: {told}") from None

@@ -133,6 +133,15 @@ def test_a_broken_mesh_is_left_out_with_one_warning(tmp_path, ending):
     assert "\n" not in warning
 
 
+def test_a_mesh_with_a_vertex_of_nan_is_left_out_with_one_warning(tmp_path):
+    box = trimesh.creation.box()
+    box.vertices[0, 0] = np.nan
+    box.export(tmp_path / "hand.stl")
+    arm = five(tmp_path, hand=shape("hand.stl"))
+    assert len(arm.warnings) == 1
+    assert "it has a vertex that is not finite; the arm is drawn without it" in arm.warnings[0]
+
+
 def test_collision_meshes_make_no_contact_and_primitives_stay(tmp_path):
     """Before, STL was refused: MakeConvexHull only applies to .obj, .vtk, and .gltf meshes."""
     write_box(tmp_path / "hand.stl")

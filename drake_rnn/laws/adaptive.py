@@ -69,7 +69,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from ..arrays.algebra import acts, matvec
+from ..arrays.algebra import acts, joined, matvec
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Gain, Length, Speed, Vector, Weight, validated
 from ..robot.clearance import Clearance
@@ -90,6 +90,7 @@ from .parts.measurement import EXACT, LEVER, REACH, Measurement, feedback_gain, 
 from .parts.near_singular import OF_PIXELS, row_softness, softened
 from .parts.path_task import PathTask
 from .parts.pixels import FIRMER, PIXELS, in_metres
+from .parts.reach_edge import ReachEdge, freed
 from .parts.reached_limits import reached_limits
 from .parts.secondary import Secondary, posture_doubts
 from .parts.surface_task import SurfaceTask
@@ -300,7 +301,7 @@ class Adaptive(Law):
             limits=reached_limits(self.limits, period),
         )
         late = samples_late(self.measurement.delay, period)
-        return AdaptiveReading(law, suits.samples, suits.still, late)
+        return AdaptiveReading(law, suits.samples, suits.still, late, (late + 1) * period)
 
     @cached_property
     def state(self) -> Layout:
@@ -366,12 +367,14 @@ class AdaptiveReading(SampledReading):
         samples: Number of samples over which velocities are difference quotients.
         still: Joint speed below which nothing is learned [rad/s].
         late: Number of samples by which measurements are late.
+        seen_after: Time after which the effect of a command is seen [s].
     """
 
     law: Adaptive
     samples: int
     still: float
     late: int
+    seen_after: float
 
     inputs_with_gaps = ("p_WO",)
 
@@ -428,6 +431,21 @@ class AdaptiveReading(SampledReading):
         return PathTask(law.kappa, *feedback, law.turns, law.surface)
 
     @cached_property
+    def _edge(self) -> ReachEdge:
+        law = self.law
+        scales = np.ones(law.task_size)
+        if law.turns:
+            # A lever of each robot's own gives all its leading axis.
+            turning = np.ones(3) * law.lever
+            scales = joined((turning, 0.0 * turning + 1.0))
+        return ReachEdge(law.limits, scales, self.seen_after, REACH * self._share)
+
+    @property
+    def _share(self) -> float:
+        """Share of the edge of singular postures, see `drake_rnn.laws.parts.near_singular`."""
+        return 1.0 if self.law.points is None else OF_PIXELS
+
+    @cached_property
     def _late(self) -> Late:
         return Late(self.late, self.law.limits.size)
 
@@ -455,12 +473,12 @@ class AdaptiveReading(SampledReading):
         moved, late = self._late.moved(kept, q)
         felt = self._task.felt(kept, u, period)
         since = None if moved is None else matvec(J, moved)
-        along, feedback = self._task.asked({**kept, **felt}, u, since, period)
+        along, error = self._task.asked(u, since, period)
         law = self.law
         g = law.secondary.preferred(law.limits, law.home, q, v, J, u, period)
-        share = 1.0 if law.points is None else OF_PIXELS
-        softness = softened(J, self._task.weighed(self._softness, u), share)
-        program = Program(J, along + feedback, along, g, softness)
+        back, g, softness = self._within_reach(J, error, g, q, u)
+        along, back = self._task.pressing({**kept, **felt}, u, along, back)
+        program = Program(J, along + back, along, g, softness)
         v, held = self._within.chosen(program, q, v, kept, period, u)
         own = {"v": v, "commanded": q + period * v}
         return self.state.joined({**own, **held, **learned, **late, **felt})
@@ -469,3 +487,32 @@ class AdaptiveReading(SampledReading):
         motion = {"commanded": q, "v": v, "a": a}
         within = self._within.resumed(self.state.named(x), motion, elapsed)
         return self.state.replaced(x, **{"commanded": q, "v": v, **within})
+
+    def _within_reach(
+        self, J: Array, error: Array, g: Array, q: Array, u: Signals
+    ) -> tuple[Array, Array, Array]:
+        """Return the feedback, the preferred velocities and the softness, see `ReachEdge`.
+
+        Args:
+            J: Jacobian of the task, shape (..., m, n).
+            error: Error of the task, shape (..., m).
+            g: Preferred joint velocities, shape (..., n) [rad/s].
+            q: Joint positions, shape (..., n) [rad].
+            u: Signals at the sample.
+        """
+        law, task, edge = self.law, self._task, self._edge
+        whole, firm = task.back(error), task.weighed(self._softness, u)
+        softness, added = edge.softness(softened(J, firm, self._share), whole)
+        free = edge.free(J, error, q)
+        at = edge.at(free, edge.length(whole))
+        if at is None:
+            return whole, freed(g, J, free, firm, added), softness
+        back, share = edge.feedback(
+            at, whole, error, task.back, lambda v: task.sliding(v, u), softness
+        )
+        g = freed(g, J, free, firm, added | at.near)
+        if law.jacobian == "learned" and law.limits.jerk is not None:
+            # What J_hat takes for a motion that leaves the task alone moves it nonetheless, and
+            # what that teaches moves it again.
+            g = g * share
+        return back, g, softness

@@ -347,6 +347,15 @@ METRICS: tuple[Metric, ...] = (
         of=lambda motion, against: top(motion.speed),
     ),
     Metric(
+        "rest_swing_max_rad_s",
+        "mean speed with which a joint goes to and fro, over at least 2 s from 2 s after its target "
+        "has come to rest: its way less that from there to here, over the time",
+    ),
+    Metric(
+        "rest_velocity_max_rad_s",
+        "root mean square of a joint's speed over the last half second of that time",
+    ),
+    Metric(
         "joint_acceleration_max_rad_s2",
         "largest joint acceleration: velocity change over the time for which a velocity is held",
         shown=("path", "posture", "return", "force", "sweep"),

@@ -17,6 +17,7 @@ from .groups import (
     HeldJerkMetrics,
     HigherMetrics,
     NetworkMetrics,
+    RestMetrics,
 )
 from .metrics import METRICS
 from .motion import Motion
@@ -51,6 +52,7 @@ class RunMetrics:
             HigherMetrics(against),
             HeldJerkMetrics(against),
             DisplacementMetrics(),
+            RestMetrics(),
             self.following,
             self.gap,
         )

@@ -8,12 +8,15 @@ import numpy as np
 
 from ..experiment import Experiment, Forecast
 from ..measures import FollowingMetrics, GapMetrics, violation_metric
+from ..measures.groups.rest import LOOKING
 from ..robot.limits import LIMIT_UNITS
 from ..systems import Body
 
 # Distance from the command beyond which an arm is said not to follow it: of the end effector [m]
 # and of a joint [rad].
 _FAR, _FAR_JOINT = 5e-3, 0.02
+# Speed of joints to and fro, and in the end, from which on they do not rest [rad/s].
+_RESTLESS = 0.01
 # Excess of a limit that is no rounding error [rad, rad/s and so on].
 _BEYOND = 1e-6
 
@@ -79,6 +82,34 @@ def distance_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> li
             f"{floor:g} m"
         ]
     return []
+
+
+def rest_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[str]:
+    """Return a warning if joints keep going to and fro although their target rests.
+
+    Joints that move in one direction may be on their way to a posture, without moving the end
+    effector; they are not counted, nor are those that make way for obstacles that move.
+    """
+    swing = metrics.get("rest_swing_max_rad_s", 0.0)
+    last = metrics.get("rest_velocity_max_rad_s", 0.0)
+    makes_way = "distance_moving_min_m" in metrics
+    if min(swing, last) <= _RESTLESS or makes_way or _turns_on(experiment):
+        return []
+    slower = "; or raise limits.jerk" if experiment.limits.jerk is not None else ""
+    return [
+        f"rest: a joint keeps going to and fro by {swing:.3g} rad/s, in the end with {last:.3g} "
+        "rad/s rms, while the target rests; if the target is out of reach, bring it into reach; if "
+        f"not, lower the gain of the feedback{slower}"
+    ]
+
+
+def _turns_on(experiment: Experiment) -> bool:
+    """Return whether the desired orientation still moves when the run ends."""
+    if not experiment.holds_orientation:
+        return False
+    end = experiment.document.duration
+    rates = [experiment.desired.orientation(t)[1] for t in (end - LOOKING, end)]
+    return bool(np.abs(rates).max() > _BEYOND)
 
 
 def image_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[str]:

@@ -24,6 +24,7 @@ from .caveats import (
     image_caveats,
     limit_caveats,
     motor_caveats,
+    rest_caveats,
     standing,
 )
 from .motion import (
@@ -114,6 +115,7 @@ class Evaluation:
                 *image_caveats(self._experiment, metrics),
                 *contact_caveats(self._metrics.gap, metrics),
                 *motor_caveats(self._loop.arm, self._metrics.following, metrics),
+                *rest_caveats(self._experiment, metrics),
             ],
             graphviz=wiring_graph(diagram),
         )

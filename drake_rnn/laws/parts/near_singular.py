@@ -49,7 +49,7 @@ def softened(J: Array, softness: Array, share: float = 1.0) -> Array:
         share: Share of the edge at which it begins, and root of that of what is added.
     """
     gram = matmul(J, transposed(J))
-    if type(gram) is np.ndarray and gram.shape == (3, 3) and _is_far(gram):
+    if type(gram) is np.ndarray and gram.shape == (3, 3) and least_square(gram) > _EDGE**2:
         return softness
     xp = functions_of(gram)
     least = xp.maximum(xp.linalg.eigvalsh(gram)[..., :1], 0.0)
@@ -57,10 +57,16 @@ def softened(J: Array, softness: Array, share: float = 1.0) -> Array:
     return softness + (share**2 * _MOST * below * below)[..., None] * np.eye(J.shape[-2])
 
 
-def _is_far(gram: Array) -> bool:
-    """Return whether a matrix of three rows surely has no eigenvalue below the edge's square."""
+def least_square(gram: Array) -> float:
+    """Return a number that no eigenvalue of a symmetric matrix is below, shape (m, m).
+
+    Args:
+        gram: The matrix, J J^T; of three rows the number is the least eigenvalue or less.
+    """
+    if gram.shape != (3, 3):
+        return float(np.linalg.eigvalsh(gram)[0])
     (a, b, c), (_, d, e), (_, _, f) = gram.tolist()
     determinant = a * (d * f - e * e) - b * (b * f - e * c) + c * (b * e - d * c)
     # The product of the other two is at most the square of half the trace.
     half = 0.5 * (a + d + f)
-    return bool(determinant > _EDGE**2 * half * half)
+    return float(determinant / max(half * half, 1e-300))

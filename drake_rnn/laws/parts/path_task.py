@@ -70,13 +70,12 @@ class PathTask:
         """Return its parts of the state after one more sample of the force, by name."""
         return {} if self.surface is None else self.surface.felt(kept, u, period)
 
-    def asked(
-        self, kept: Signals, u: Signals, since: Array | None, period: float
-    ) -> tuple[Array, Array]:
-        """Return the task velocities of the path and of the feedback, shape (..., m).
+    def asked(self, u: Signals, since: Array | None, period: float) -> tuple[Array, Array]:
+        """Return the task velocity of the path and the error, shape (..., m).
+
+        Where it presses, both of the position are those along the surface.
 
         Args:
-            kept: Parts of the law's state, by name, with what is known of the surface.
             u: Signals at the sample.
             since: Motion of the end effector since it was measured, shape (..., m); None if it is
                 measured at once.
@@ -86,19 +85,39 @@ class PathTask:
         along, away = (u["p_preview"] - desired) / period, desired - u["p_WE"]
         if since is not None:
             away = away - since[..., -away.shape[-1] :]
-        if self.surface is None:
-            back = approach(away, self.kappa, self.braking, self.limit)
-        else:
-            along, back = self._pressing(self.surface, kept, u, along, away)
+        if self.surface is not None:
+            along, away = self.sliding(along, u), self.sliding(away, u)
         if not self.turns:
-            return along, back
+            return along, away
         R_desired = u["R_WE_desired"]
         turning = rotation_error(R_desired, u["R_preview"]) / period
         turned = rotation_error(u["R_WE"], R_desired)
         if since is not None:
             turned = turned - since[..., :3]
-        back_turning = approach(turned, self.kappa, self.turn_braking, self.turn_limit)
-        return joined((turning, along)), joined((back_turning, back))
+        return joined((turning, along)), joined((turned, away))
+
+    def back(self, error: Array) -> Array:
+        """Return the task velocity of the feedback of an error, both of shape (..., m)."""
+        if not self.turns:
+            return approach(error, self.kappa, self.braking, self.limit)
+        turned, away = error[..., :3], error[..., 3:]
+        back = approach(away, self.kappa, self.braking, self.limit)
+        return joined((approach(turned, self.kappa, self.turn_braking, self.turn_limit), back))
+
+    def sliding(self, velocity: Array, u: Signals) -> Array:
+        """Return a task velocity without the part along the normal of the surface it presses on.
+
+        Args:
+            velocity: The velocity, or an error, shape (..., m).
+            u: Signals at the sample.
+        """
+        if self.surface is None:
+            return velocity
+        n = u["normal_WE"]
+        if velocity.shape[-1] == 3:
+            return velocity - dot(n, velocity) * n
+        away = velocity[..., 3:]
+        return joined((velocity[..., :3], away - dot(n, away) * n))
 
     def weighed(self, softness: Array, u: Signals) -> Array:
         """Return the softness of the rows, that along the normal much smaller, shape (..., m, m).
@@ -116,18 +135,27 @@ class PathTask:
         along = joined((0.0 * n, n)) if self.turns else n
         return softness - (1.0 - _FIRM) * softness[..., -1:, -1:] * outer(along, along)
 
-    def _pressing(
-        self, surface: SurfaceTask, kept: Signals, u: Signals, along: Array, away: Array
-    ) -> tuple[Array, Array]:
-        """Return the velocities of path and feedback of a tip that presses, shape (..., 3)."""
+    def pressing(self, kept: Signals, u: Signals, along: Array, back: Array) -> tuple[Array, Array]:
+        """Return the velocities of path and feedback, with what the force asks for.
+
+        Args:
+            kept: Parts of the law's state, by name, with what is known of the surface.
+            u: Signals at the sample.
+            along: Task velocity of the path, shape (..., m).
+            back: That of the feedback, likewise.
+        """
+        surface = self.surface
+        if surface is None:
+            return along, back
         n = u["normal_WE"]
-        along, away = along - dot(n, along) * n, away - dot(n, away) * n
         fastest = math.inf if surface.approach_speed is None else surface.approach_speed
         too_deep = surface.depth_error(kept, u)
         if isinstance(too_deep, float):
             too_deep = np.array([too_deep])
         rise = approach(too_deep, surface.gain, self.braking, fastest)
-        back = approach(away, self.kappa, self.braking, self.limit) + rise * n
         # Without contact nothing of the path is followed.
-        stopped = surface.unless_lost(kept, along, 0.0 * n)
-        return stopped, surface.unless_lost(kept, back, n)
+        slide = surface.unless_lost(kept, along[..., -3:], 0.0 * n)
+        tip = surface.unless_lost(kept, back[..., -3:] + rise * n, n)
+        if not self.turns:
+            return slide, tip
+        return joined((along[..., :3], slide)), joined((back[..., :3], tip))

@@ -117,7 +117,7 @@ def pushed_back(q: Array, limits: JointLimits, weight: Any, zone: Any) -> Array:
         weight: Speed at a limit [rad/s].
         zone: Way before a limit in which it acts [rad].
     """
-    if is_one(q) and not _is_in_zone(q, limits, zone):
+    if is_one(q) and not is_in_zone(q, limits, zone):
         return 0.0 * q
     xp = functions_of(q)
     gaps = q - limits.position_lower, limits.position_upper - q
@@ -125,7 +125,14 @@ def pushed_back(q: Array, limits: JointLimits, weight: Any, zone: Any) -> Array:
     return weight * (into[0] * into[0] - into[1] * into[1])
 
 
-def _is_in_zone(q: Array, limits: JointLimits, zone: float) -> bool:
+def is_in_zone(q: Array, limits: JointLimits, zone: float) -> bool:
+    """Return whether a joint of one robot is within a zone before a limit.
+
+    Args:
+        q: Joint positions, shape (n,) [rad].
+        limits: Limits of the joints.
+        zone: Way before a limit [rad].
+    """
     # Plain floats: NumPy's overhead would take several times as long.
     lower, upper = limits.position_lower.tolist(), limits.position_upper.tolist()
     for x, low, high in zip(q.tolist(), lower, upper, strict=True):

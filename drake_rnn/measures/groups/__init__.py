@@ -7,3 +7,4 @@ from .gap import GapMetrics as GapMetrics
 from .group import Found as Found, Group as Group
 from .higher import HeldJerkMetrics as HeldJerkMetrics, HigherMetrics as HigherMetrics
 from .network import NetworkMetrics as NetworkMetrics
+from .rest import RestMetrics as RestMetrics

@@ -1,39 +1,230 @@
-"""Fit capsules to the links of an arm, and write them to a file.
+"""Fit capsules to the links of an arm, and write them to a file, or check a file.
 
-::
+Those of a shipped arm are fitted to its maker's meshes, collision and visual ones alike, every
+vertex inside; the sources are those of `makers_meshes.SOURCES`::
 
-    python benchmarks/fit_capsules.py panda drake_rnn/models/panda/capsules.yaml
+    python benchmarks/fit_capsules.py panda models/panda/capsules.yaml
+    python benchmarks/fit_capsules.py fr3 models/fr3/capsules.yaml --folder franka_description=...
+    python benchmarks/fit_capsules.py fr3 --check --folder franka_description=...
 
-It prints how much larger each is than the hull of what it holds. Pairs of bodies whose capsules
-touch where the arm is at home, and of which no joint connects the two, are left out.
+``--check`` writes nothing and says how far vertices are outside of the capsules that the arm has;
+with ``--capsules FILE`` of another file. An arm of which no meshes are known, and an arm of your
+own, is fitted to its model::
+
+    python benchmarks/fit_capsules.py my.urdf capsules.yaml --frame tool
+
+Some links are cut by planes, and each piece gets a capsule: where one capsule would keep the arm
+from postures in which nothing touches (`CUTS`). Pairs whose capsules come close, and of which the
+search of `mesh_distance` proves that the meshes do not, are left out, with that distance.
 """
 
 from __future__ import annotations
 
 import argparse
+import sys
+from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 from pydrake.geometry import CalcVolume, Convex
+from scipy.spatial import ConvexHull
+from trimesh.intersections import slice_faces_plane
 
 from drake_rnn import load_arm
-from drake_rnn.inputs.documents import to_yaml
+from drake_rnn.inputs.fields import Array
+from drake_rnn.robot.arm import Arm
 from drake_rnn.robot.clearance import Clearance
-from drake_rnn.robot.clearance.arm_capsules import fitted_capsules, place_capsules
+from drake_rnn.robot.clearance.arm_capsules import capsules_of, fitted_capsules, place_capsules
 from drake_rnn.robot.clearance.arm_clearance import TOUCHING
 from drake_rnn.robot.clearance.arm_shapes import parts_of
-from drake_rnn.robot.clearance.enclosing_capsule import Enclosing
+from drake_rnn.robot.clearance.capsules import Capsule, numbered
+from drake_rnn.robot.clearance.enclosing_capsule import Enclosing, enclosing_capsule
 from drake_rnn.robot.clearance.solids import Solids
+from makers_meshes import SOURCES, Surface, add_folders, bodies_of, sources_of, surfaces_of
 from markdown_table import head, row
+from mesh_distance import Joints, least_distance
+
+# Postures in which it is looked whether capsules come close, and the distance [m] that meshes keep
+# of which the pair is left out.
+POSTURES, FLOOR = 5000, 0.005
+# Most joints between two bodies that the search goes through.
+MOST_JOINTS = 3
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("arm", help="a shipped arm, or a model file")
-    parser.add_argument("file", type=Path)
-    parser.add_argument("--frame", help="frame of a model file's end effector")
-    options = parser.parse_args()
+@dataclass(frozen=True)
+class Cut:
+    """A plane that cuts a piece off a body: what is below it.
+
+    Attributes:
+        normal: Its normal in the body's frame.
+        level: Where it is along the normal [m].
+    """
+
+    normal: tuple[float, float, float]
+    level: float
+
+
+_Y, _Z = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+#: The cuts of each body, in order; what is above the last one is its last piece. They part what a
+#: neighbour's neighbour can touch from what it cannot.
+CUTS = {
+    "panda": {"panda_link5": (Cut(_Z, -0.02),)},
+    "ur5": {
+        "base_link": (Cut(_Y, -0.07),),
+        "upper_arm_link": (Cut(_Z, 0.045), Cut(_Z, 0.0946), Cut(_Z, 0.342)),
+        "forearm_link": (Cut(_Z, 0.1), Cut(_Z, 0.345)),
+    },
+}
+
+
+def pieces_of(arm: str, surface: Surface) -> list[Surface]:
+    """Return the pieces of a body."""
+    rest, found = surface, []
+    for cut in CUTS.get(arm, {}).get(surface.body, ()):
+        below, rest = _cut(rest, cut)
+        found.append(below)
+    return [*found, rest]
+
+
+def _cut(surface: Surface, cut: Cut) -> tuple[Surface, Surface]:
+    """Return what of a surface is below a plane and what is above; both have the line between."""
+    normal = np.array(cut.normal)
+    sides = []
+    for side in (-normal, normal):
+        vertices, faces, _ = slice_faces_plane(
+            surface.vertices, surface.faces, side, cut.level * normal
+        )
+        sides.append(Surface(surface.body, surface.role, vertices, faces))
+    return sides[0], sides[1]
+
+
+def rounded(body: str, found: Enclosing, points: Array) -> Capsule:
+    """Return a capsule with numbers of a micrometre that holds what it held."""
+    ends = np.round(found.ends, 6)
+    reached = Capsule(body=body, ends=(ends[0], ends[1]), radius=found.radius)
+    radius = found.radius + max(0.0, outside([reached], points))
+    return Capsule(body=body, ends=(ends[0], ends[1]), radius=float(np.ceil(radius * 1e6) / 1e6))
+
+
+def outside(capsules: list[Capsule], points: Array) -> float:
+    """Return how far a point is outside of all capsules at most [m]; negative within."""
+    gaps = []
+    for capsule in capsules:
+        p, d = capsule.ends[0], capsule.ends[1] - capsule.ends[0]
+        along = np.clip((points - p) @ d / max(float(d @ d), 1e-300), 0.0, 1.0)
+        away = np.linalg.norm(points - p - along[:, None] * d, axis=1)
+        gaps.append(away - capsule.radius)
+    return float(np.min(gaps, axis=0).max())
+
+
+def volume_of(capsules: list[Capsule], seed: int = 0) -> float:
+    """Return the volume of the union of capsules [m^3], by 200,000 points."""
+    ends = np.array([capsule.ends for capsule in capsules])
+    radii = np.array([capsule.radius for capsule in capsules])
+    low = (ends - radii[:, None, None]).min(axis=(0, 1))
+    high = (ends + radii[:, None, None]).max(axis=(0, 1))
+    points = np.random.default_rng(seed).uniform(low, high, (200_000, 3))
+    held = np.zeros(len(points), dtype=bool)
+    for capsule in capsules:
+        p, d = capsule.ends[0], capsule.ends[1] - capsule.ends[0]
+        along = np.clip((points - p) @ d / max(float(d @ d), 1e-300), 0.0, 1.0)
+        held |= np.linalg.norm(points - p - along[:, None] * d, axis=1) <= capsule.radius
+    return float(held.mean() * np.prod(high - low))
+
+
+def makers_surfaces(name: str, arm: Arm, folders: list[str]) -> dict[str, Surface]:
+    """Return all that a maker has of each body of a shipped arm, base to tip."""
+    found: dict[str, list[Surface]] = {b.name(): [] for b in bodies_of(arm, arm.plant())}
+    for source, folder in sources_of(name, folders):
+        for surface in surfaces_of(arm, source, folder):
+            found[surface.body].append(surface)
+    return {body: Surface.of(parts) for body, parts in found.items()}
+
+
+def fit(name: str, surfaces: dict[str, Surface]) -> tuple[list[Capsule], list[Surface]]:
+    """Return the capsules of an arm, and the piece that each holds."""
+    capsules, pieces = [], []
+    for surface in surfaces.values():
+        for piece in pieces_of(name, surface):
+            points = piece.points
+            hull = points[ConvexHull(points).vertices]
+            capsules.append(rounded(surface.body, enclosing_capsule(hull), points))
+            pieces.append(piece)
+    return capsules, pieces
+
+
+def close_pairs(arm: Arm, capsules: list[Capsule]) -> list[tuple[int, int]]:
+    """Return the pairs of capsules that come close in some posture, of bodies that no joint joins."""
+    placed = place_capsules(arm, capsules)
+    own = np.array(
+        [
+            (a, b)
+            for a, b in combinations(range(len(capsules)), 2)
+            if abs(placed.links[a] - placed.links[b]) > 1
+        ]
+    )
+    q = random_postures(arm, POSTURES)
+    near = Clearance(placed, own, Solids.of([])).gaps(q).min(axis=0) < TOUCHING
+    return [(int(a), int(b)) for a, b in own[near]]
+
+
+def random_postures(arm: Arm, count: int, seed: int = 0) -> Array:
+    """Return postures within the limits, those of a joint at most one turn, shape (count, n)."""
+    joints = Joints(arm)
+    return np.random.default_rng(seed).uniform(joints.lower, joints.upper, (count, arm.n))
+
+
+def left_out_pairs(
+    arm: Arm, capsules: list[Capsule], pieces: list[Surface]
+) -> list[tuple[int, int, float]]:
+    """Return the pairs of capsules that come close though their meshes never do, and how near.
+
+    That distance is proven to be that of no posture.
+    """
+    joints, links = Joints(arm), place_capsules(arm, capsules).links
+    found = []
+    for a, b in close_pairs(arm, capsules):
+        if links[b] - links[a] > MOST_JOINTS:
+            continue
+        least = least_distance(joints, (int(links[a]), pieces[a]), (int(links[b]), pieces[b]))
+        print(f"# {capsules[a].body}, {capsules[b].body}: {least}", file=sys.stderr, flush=True)
+        if least.proven >= FLOOR:
+            found.append((a, b, least.proven))
+    return found
+
+
+def written(
+    capsules: list[Capsule], left_out: list[tuple[int, int, float]], sources: list[str]
+) -> str:
+    """Return the text of a file of capsules."""
+    lines = [*(f"# {line}" for line in sources), "capsules:"]
+    for capsule in capsules:
+        ends = [
+            f"[{', '.join(f'{x:.6g}' for x in np.round(end, 6) + 0.0)}]" for end in capsule.ends
+        ]
+        lines += [f"- body: {capsule.body}", "  ends:", *(f"  - {end}" for end in ends)]
+        lines.append(f"  radius: {capsule.radius:.6f}")
+    labels = numbered([capsule.body for capsule in capsules])
+    lines.append("left_out:" if left_out else "left_out: []")
+    for a, b, least in left_out:
+        lines.append(f"- [{labels[a]}, {labels[b]}]  # never nearer than {1e3 * least:.1f} mm")
+    return "\n".join(lines) + "\n"
+
+
+def print_table(surfaces: dict[str, Surface], capsules: list[Capsule]) -> None:
+    """Print how far vertices are outside, and the volume of the capsules over that of the hull."""
+    head("body", "capsules", "radii [mm]", "farthest vertex outside [mm]", "volume over the hull's")
+    for body, surface in surfaces.items():
+        own = [capsule for capsule in capsules if capsule.body == body]
+        radii = ", ".join(f"{1e3 * capsule.radius:.1f}" for capsule in own)
+        ratio = volume_of(own) / ConvexHull(surface.points).volume
+        out = 1e3 * outside(own, surface.vertices)
+        row(body, len(own), radii, f"{out:.4f}", f"{ratio:.2f}")
+
+
+def fit_model(options: argparse.Namespace) -> None:
+    """Fit capsules to what an arm's own model has, and write them."""
     changes = {} if options.frame is None else {"frame": options.frame}
     arm = load_arm(options.arm, capsules=None, **changes)
     tool = None if arm.tool is None else "tool"
@@ -56,20 +247,41 @@ def main() -> None:
         ]
     )
     home = np.zeros(arm.n) if arm.home is None else arm.home
-    touching = own[Clearance(placed, own, Solids.of([])).gaps(home) < TOUCHING]
-    contents = {
-        "capsules": [
-            {
-                "body": capsule.body,
-                "ends": [[round(float(x), 6) for x in end] for end in capsule.ends],
-                # Rounded up, so that it holds what it held.
-                "radius": float(np.ceil(capsule.radius * 1e6 + 2.0) / 1e6),
-            }
-            for capsule in capsules
-        ],
-        "left_out": [[capsules[a].body, capsules[b].body] for a, b in touching],
-    }
-    options.file.write_text(to_yaml(contents))
+    near = Clearance(placed, own, Solids.of([])).gaps(home) < TOUCHING
+    for a, b in own[near]:
+        names = f"{capsules[a].body} and {capsules[b].body}"
+        print(f"# {names} touch where the arm is at home: give them smaller ones")
+    exact = [
+        rounded(c.body, Enclosing(np.array(c.ends), c.radius), part.points)
+        for c, part in zip(capsules, parts, strict=True)
+    ]
+    options.file.write_text(written(exact, [], [f"Fitted to what {arm.model.name} has."]))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("arm", help="a shipped arm, or a model file")
+    parser.add_argument("file", type=Path, nargs="?", help="the file to write")
+    parser.add_argument("--frame", help="frame of a model file's end effector")
+    parser.add_argument("--check", action="store_true", help="check the capsules that the arm has")
+    parser.add_argument("--capsules", type=Path, help="a file of capsules to check")
+    add_folders(parser)
+    options = parser.parse_args()
+    if options.arm not in SOURCES and not options.check:
+        return fit_model(options)
+    changes = {} if options.capsules is None else {"capsules": str(options.capsules)}
+    arm = load_arm(options.arm, tool=None, **changes)
+    surfaces = makers_surfaces(options.arm, arm, options.folder)
+    if options.check:
+        return print_table(surfaces, capsules_of(arm)[0])
+    capsules, pieces = fit(options.arm, surfaces)
+    print_table(surfaces, capsules)
+    sources = [str(source) for source in SOURCES[options.arm]]
+    sources[0] = f"Every vertex of these meshes is inside: {sources[0]}"
+    sources.append("left_out: proven by a search over the joints between the two meshes")
+    text = written(capsules, left_out_pairs(arm, capsules, pieces), sources)
+    options.file.write_text(text)
+    return None
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from ...inputs.fields import validated
 from ..arm import Arm
 from ..structure import joints_to
 from .arm_shapes import ArmShapes, Part, arm_shapes
-from .capsules import ArmCapsules, Capsule
+from .capsules import ArmCapsules, Capsule, numbered
 from .enclosing_capsule import enclosing_capsule
 from .link_poses import LinkPoses
 
@@ -31,7 +31,8 @@ class CapsulesFile:
     Args:
         capsules: The capsules.
         left_out: Pairs of bodies that are not looked at, because they cannot collide, or because
-            their capsules touch where they do not.
+            their capsules touch where they do not. ``link 2`` is the second capsule of a body that
+            has several.
         tools: Bodies of tools. What is stated of one counts only where the arm has it.
     """
 
@@ -86,8 +87,9 @@ def _stated(arm: Arm) -> tuple[list[Capsule], list[tuple[str, str]]]:
     read = construct(CapsulesFile, read_yaml(Path(file)), file)
     names = _names(arm.plant())
     absent = set(read.tools) - set(names)
+    known = {*names, *absent, *numbered([capsule.body for capsule in read.capsules])}
     for name in (name for pair in read.left_out for name in pair):
-        if name not in names and name not in absent:
+        if name not in known:
             raise InvalidInputError(
                 f"{file}: left_out: no body {name!r} in {arm.model.name}; {nearest(name, names)}"
             )

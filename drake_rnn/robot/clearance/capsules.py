@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -107,3 +109,12 @@ class ArmCapsules:
         found = np.ones((len(self.links), 4, 2))
         found[:, :3] = np.swapaxes(self.ends, -1, -2)
         return found
+
+
+def numbered(bodies: Sequence[str]) -> list[str]:
+    """Return the names of capsules: a body's name, with a number from 1 if the body has several."""
+    count, place, found = Counter(bodies), Counter[str](), []
+    for body in bodies:
+        place[body] += 1
+        found.append(f"{body} {place[body]}" if count[body] > 1 else body)
+    return found

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 
 from ...inputs.fields import Array
 from ..arm import Arm
 from .arm_shapes import Part
-from .capsules import ArmCapsules
+from .capsules import ArmCapsules, numbered
 from .clearance import Clearance
 from .least_distance import least_distance, search_bounds
 from .pairs import Flags, Indices
@@ -42,7 +42,7 @@ def own_pairs(
     Args:
         arm: The arm.
         capsules: Its capsules.
-        left_out: Pairs of bodies that are not looked at.
+        left_out: Pairs of bodies, or of their `numbered` capsules, that are not looked at.
         home: A posture in which the arm does not touch itself, shape (n,) [rad].
         parts: The shapes of its bodies.
         fitted: Whether the capsules are fitted; then pairs that touch at home are left out.
@@ -52,10 +52,11 @@ def own_pairs(
     """
     out = {frozenset(pair) for pair in left_out} | _joined(arm, capsules)
     links, names = capsules.links, capsules.bodies
+    both = list(zip(names, numbered(names), strict=True))
     found = [
         (a, b)
         for a, b in combinations(range(len(links)), 2)
-        if links[a] != links[b] and frozenset((names[a], names[b])) not in out
+        if links[a] != links[b] and out.isdisjoint(map(frozenset, product(both[a], both[b])))
     ]
     own = np.array(found, dtype=np.intp).reshape(-1, 2)
     near = Clearance(capsules, own, Solids.of([])).gaps(home) < TOUCHING

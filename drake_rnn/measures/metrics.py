@@ -348,8 +348,8 @@ METRICS: tuple[Metric, ...] = (
     ),
     Metric(
         "rest_swing_max_rad_s",
-        "mean speed with which a joint goes to and fro, over at least 2 s from 2 s after its target "
-        "has come to rest: its way less that from there to here, over the time",
+        "mean speed with which a joint goes to and fro, over at least 2 s from 2 s after its "
+        "target has come to rest: its way less that from there to here, over the time",
     ),
     Metric(
         "rest_velocity_max_rad_s",

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..errors import InvalidInputError
 from ..inputs.arguments import checked, instance, whole
 from ..inputs.fields import Array
 from .arm import Arm
+from .clearance.arm_clearance import arm_clearance
 from .postures import conditioning, proposed_home, random_postures, structural_rank
 
 # A home posture closer than this to a limit [rad], or with a singular value of the Jacobian this
@@ -90,6 +92,7 @@ def arm_report(arm: Arm, postures: int = 1000, seed: int = 0) -> ArmReport:
         *_home_doubts(arm, reach[1]),
         *_weight_doubts(arm, drawn, torques),
         *_model_doubts(arm, inertia),
+        *_shape_doubts(arm, home),
     ]
     return ArmReport(
         arm=arm,
@@ -167,6 +170,14 @@ def _model_doubts(arm: Arm, inertia: tuple[float, float]) -> list[str]:
     if arm.tip is None:
         found.append("tool: none; to press on a surface give one, e.g. tool: {length: 0.1}")
     return found
+
+
+def _shape_doubts(arm: Arm, home: Array) -> list[str]:
+    """Return what of the arm cannot be kept clear of obstacles and of the arm itself."""
+    try:
+        return list(arm_clearance(arm, (), home)[1])
+    except InvalidInputError as error:
+        return [str(error)]
 
 
 def _names(arm: Arm, chosen: Iterable[object]) -> str:

@@ -271,3 +271,53 @@ def test_pairs_that_may_touch_are_left_out_and_all_others_stay_as_they_are():
     near, all_near = some.near(q[None]), every.near(q[None])
     np.testing.assert_array_equal(near.slopes, all_near.slopes[:, kept])
     np.testing.assert_array_equal(some.reaches, every.reaches[kept])
+
+
+def test_every_arm_is_kept_clear_without_its_tool_and_with_another(arm):
+    """The PUMA's file leaves out a pair with its tool, of which no other arm had a body."""
+    bare = arm.replace(tool=None) if arm.tool else arm
+    clearance, doubts = arm_clearance(bare, [], arm.home)
+    assert doubts == ()
+    assert not {"tool", "pen"} & set(clearance.arm.bodies)
+    assert clearance.gaps(arm.home).min() > 0.01
+    mount = arm.tool.mount if arm.tool else arm.frame
+    other = bare.replace(tool={"name": "pen", "tip": "point", "mount": mount, "length": 0.15})
+    with_other, doubts = arm_clearance(other, [], arm.home)
+    assert doubts == ()
+    assert "pen" in with_other.arm.bodies
+    assert set(clearance.names) <= set(with_other.names)
+    assert with_other.gaps(arm.home).min() > 0.01
+
+
+def test_a_file_whose_capsules_hold_less_than_the_model_is_told_by_how_much(tmp_path):
+    """A ball of 0.05 m at the origin of link 7, of which the drawn flange goes on to 0.107 m."""
+    (tmp_path / "c.yaml").write_text(
+        "capsules: [{body: panda_link7, ends: [[0,0,0],[0,0,0]], radius: 0.05}]\n"
+        "left_out: [[panda_link5, panda_link7]]\n"
+    )
+    arm = load_arm("panda", capsules=str(tmp_path / "c.yaml"))
+    (part,) = (part for part in parts_of(arm) if part.body == "panda_link7")
+    by = 1e3 * (np.linalg.norm(part.points, axis=1).max() - 0.05)
+    _, doubts = arm_clearance(arm, [], arm.home)
+    told = "obstacles: capsules of c.yaml hold less than the model's shapes: panda_link7 by "
+    assert doubts == (f"{told}{by:.0f} mm",)
+
+
+def test_what_a_file_states_of_a_tool_counts_only_with_the_tool(tmp_path):
+    """Bodies that are neither of the arm nor of a tool are refused, with the nearest name."""
+    text = (
+        "capsules: [{body: pen, ends: [[0,0,0],[0,0,0.1]], radius: 0.02}]\n"
+        "left_out: [[panda_link3, panda_link7], [panda_link5, pen]]\n"
+    )
+    (tmp_path / "c.yaml").write_text(text + "tools: [pen]")
+    arm = load_arm("panda", tool=None, capsules=str(tmp_path / "c.yaml"))
+    capsules, left_out = capsules_of(arm)
+    assert "pen" not in [capsule.body for capsule in capsules]
+    assert left_out == [("panda_link3", "panda_link7")]
+    pen = {"name": "pen", "mount": "panda_link8"}
+    capsules, left_out = capsules_of(load_arm("panda", tool=pen, capsules=str(tmp_path / "c.yaml")))
+    assert [capsule.radius for capsule in capsules if capsule.body == "pen"] == [0.02]
+    assert ("panda_link5", "pen") in left_out
+    (tmp_path / "c.yaml").write_text(text)
+    with pytest.raises(InvalidInputError, match="left_out: no body 'pen' in panda"):
+        capsules_of(load_arm("panda", tool=None, capsules=str(tmp_path / "c.yaml")))

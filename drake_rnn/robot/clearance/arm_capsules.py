@@ -80,6 +80,15 @@ def capsules_of(
     return [*stated, *fitted_capsules(others)], left_out
 
 
+def stated_bodies(arm: Arm) -> frozenset[str]:
+    """Return the names of the bodies to which an arm's file gives capsules.
+
+    Raises:
+        InvalidInputError: As `capsules_of` does.
+    """
+    return frozenset(capsule.body for capsule in _stated(arm)[0])
+
+
 def _stated(arm: Arm) -> tuple[list[Capsule], list[tuple[str, str]]]:
     """Return what an arm's file states of bodies that the arm has."""
     if (file := arm.description.capsules) is None:

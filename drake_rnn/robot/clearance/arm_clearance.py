@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from pathlib import Path
+
+import numpy as np
 
 from ...errors import InvalidInputError
 from ...inputs.arguments import checked, each, instance, vector
 from ...inputs.fields import Array
+from ...models import MODELS
 from ..arm import Arm
+from ..model.geometry import about
 from ..tool import bodies_at_tip
-from .arm_capsules import capsules_of, place_capsules
-from .arm_shapes import ArmShapes, arm_shapes
-from .capsules import ArmCapsules
+from .arm_capsules import capsules_of, place_capsules, stated_bodies
+from .arm_shapes import HARDLY, ArmShapes, arm_shapes
+from .capsules import ArmCapsules, Capsule
 from .clearance import Clearance
 from .obstacles import Obstacle
 from .own_pairs import own_pairs
@@ -27,9 +32,10 @@ def arm_clearance(
 ) -> tuple[Clearance, tuple[str, ...]]:
     """Return what an arm is to stay clear of, and warnings.
 
-    See `drake_rnn.robot.clearance.own_pairs` for the pairs of its own bodies. Of an arm without a
-    file of capsules, these are fitted to its shapes, and bodies whose capsules touch in a posture
-    where they do not are left out; a warning names those that may touch.
+    See `drake_rnn.robot.clearance.own_pairs` for the pairs of its own bodies. Bodies of which the
+    arm's file has no capsule get one that is fitted to their shapes. Where that touches another one
+    in a posture where the bodies do not touch, the pair is left out; a warning names those that may
+    touch.
 
     Args:
         arm: The arm.
@@ -46,13 +52,14 @@ def arm_clearance(
     shapes = arm_shapes(arm)
     capsules, left_out = capsules_of(arm, shapes)
     placed = place_capsules(arm, capsules)
+    stated = stated_bodies(arm)
     _require_shapes(arm, shapes, placed)
-    fitted = arm.description.capsules is None
-    own, unseen = own_pairs(arm, placed, left_out, posture, shapes.parts, fitted)
+    own, unseen = own_pairs(arm, placed, left_out, posture, shapes.parts, stated)
     solids = Solids.of([*obstacles, *pressed])
     touching = _touching(arm, placed.bodies, solids, {obstacle.name for obstacle in pressed})
     doubts = [
-        *(f"obstacles: {doubt}" for doubt in _doubts(arm, shapes, placed, fitted)),
+        *(f"obstacles: {doubt}" for doubt in _doubts(arm, shapes, placed, stated)),
+        *(f"obstacles: {doubt}" for doubt in _too_small(arm, shapes, capsules, stated)),
         *(f"obstacles: {doubt}" for doubt in _unseen(unseen)),
     ]
     return Clearance(placed, own, solids, touching=touching), tuple(doubts)
@@ -75,10 +82,12 @@ def _require_shapes(arm: Arm, shapes: ArmShapes, capsules: ArmCapsules) -> None:
         )
 
 
-def _doubts(arm: Arm, shapes: ArmShapes, capsules: ArmCapsules, fitted: bool) -> list[str]:
+def _doubts(
+    arm: Arm, shapes: ArmShapes, capsules: ArmCapsules, stated: Collection[str]
+) -> list[str]:
     """Return what of an arm is not kept clear, or differently from what its model says."""
     bare = ", ".join(body for body in shapes.bare if body not in capsules.bodies)
-    told = list(shapes.doubts) if fitted else []
+    told = shapes.doubts(stated)
     if bare:
         told.insert(
             0,
@@ -86,6 +95,25 @@ def _doubts(arm: Arm, shapes: ArmShapes, capsules: ArmCapsules, fitted: bool) ->
             "give them capsules in a file, arm.capsules",
         )
     return told
+
+
+def _too_small(
+    arm: Arm, shapes: ArmShapes, capsules: Sequence[Capsule], stated: Collection[str]
+) -> list[str]:
+    """Return a warning about stated capsules that hold less than the model's shapes.
+
+    Those of the shipped arms are fitted to other shapes, the makers' meshes, not to what is drawn.
+    """
+    file = Path(arm.description.capsules or "")
+    if not stated or file.is_relative_to(MODELS):
+        return []
+    found = dict[str, float]()
+    for part in shapes.parts:
+        own = [capsule.outside(part.points) for capsule in capsules if capsule.body == part.body]
+        if part.body in stated and (far := float(np.min(own, axis=0).max())) > HARDLY:
+            found[part.body] = max(far, found.get(part.body, 0.0))
+    said = (f"{body} by {1e3 * far:.0f} mm" for body, far in found.items())
+    return about(said, f"capsules of {file.name} hold less than the model's shapes:")
 
 
 def _unseen(pairs: Sequence[tuple[str, str]]) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -40,8 +40,8 @@ from .enclosing_capsule import Enclosing
 _FAR, _LIGHT = 1e-3, 0.01
 # What is smaller in all directions than this has no size [m].
 _TINY = 1e-5
-# What is drawn may reach beyond the collision shapes by so much [m].
-_HARDLY = 1e-3
+#: What is drawn may reach beyond collision shapes, and shapes beyond capsules, by so much [m].
+HARDLY = 1e-3
 # Corners of the polygon round a circle, and of the directions round a ball.
 _CORNERS = 24
 
@@ -90,11 +90,15 @@ class ArmShapes:
     bodies: tuple[str, ...]
     endless: Mapping[str, str]
 
-    @property
-    def doubts(self) -> list[str]:
-        """What in the model keeps the arm's shapes from being known, each in a sentence."""
-        own, has = set(self.bodies), {part.body for part in self.parts}
-        beyond = {p.body: p.beyond for p in self.parts if p.body in own and p.beyond > _HARDLY}
+    def doubts(self, stated: Collection[str] = ()) -> list[str]:
+        """Return what in the model leaves the shapes of the arm's bodies open, each in a sentence.
+
+        Args:
+            stated: Names of bodies that do not matter, as their capsules are stated.
+        """
+        own = set(self.bodies) - set(stated)
+        has = own & {part.body for part in self.parts}
+        beyond = {p.body: p.beyond for p in self.parts if p.body in own and p.beyond > HARDLY}
         most = sorted(beyond, key=lambda body: -beyond[body])
         return [
             *(

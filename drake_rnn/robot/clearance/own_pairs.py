@@ -31,7 +31,7 @@ def own_pairs(
     left_out: Collection[Collection[str]],
     home: Array,
     parts: Sequence[Part],
-    fitted: bool,
+    stated: Collection[str],
 ) -> tuple[Indices, list[tuple[str, str]]]:
     """Return the pairs of an arm's capsules that are to stay apart, shape (s, 2).
 
@@ -45,7 +45,8 @@ def own_pairs(
         left_out: Pairs of bodies, or of their `numbered` capsules, that are not looked at.
         home: A posture in which the arm does not touch itself, shape (n,) [rad].
         parts: The shapes of its bodies.
-        fitted: Whether the capsules are fitted; then pairs that touch at home are left out.
+        stated: Names of bodies whose capsules are stated. The capsules of others are fitted, and
+            are no pairs with those that they touch at home.
 
     Returns:
         The pairs, and the names of those that are left out although they may touch.
@@ -62,8 +63,8 @@ def own_pairs(
     near = Clearance(capsules, own, Solids.of([])).gaps(home) < TOUCHING
     beside = np.abs(links[own[:, 0]] - links[own[:, 1]]) == 1
     kept = ~beside | (_approach(arm, capsules, own, beside, home) & ~near)
-    if fitted:
-        kept &= ~near
+    fitted = np.array([name not in stated for name in names])[own].any(axis=1)
+    kept &= ~(near & fitted)
     joints = {(names[a], names[b]): abs(int(links[a] - links[b])) for a, b in own[near & ~kept]}
     return own[kept], [
         pair for pair, count in joints.items() if count > _FEW or _can_touch(arm, pair, parts, home)

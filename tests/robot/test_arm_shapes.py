@@ -389,3 +389,31 @@ def test_no_vertex_of_a_makers_model_is_outside_its_capsules(name):
     far = outside(load_arm(folder / robot.file, frame=robot.frame))
     assert len(far) > 6
     assert max(far.values()) < 1e-9
+
+
+@pytest.mark.parametrize(("kind", "aside"), [("box", 0.03), ("ellipsoid", 0.0305)])
+def test_boxes_and_ellipsoids_of_mjcf_may_go_from_one_point_to_another(tmp_path, kind, aside):
+    """Drake left them out. A quarter turn: z of the shape is the body's x."""
+    write_meshes(tmp_path)
+    geometry = f'<geom type="{kind}" fromto="0.1 0 0 0.5 0 0" size="0.03"/>'
+    text = mjcf("both").replace('<geom class="visual" mesh="link"/>', geometry, 1)
+    (tmp_path / "r.xml").write_text(text.replace('<geom class="collision" mesh="link"/>', "", 1))
+    low, high = box_of(load_arm(tmp_path / "r.xml", frame="tip"), "l1")
+    np.testing.assert_allclose(low, [0.1, -aside, -aside], atol=4e-3)
+    np.testing.assert_allclose(high, [0.5, aside, aside], atol=4e-3)
+
+
+def test_a_broken_obj_file_of_mjcf_is_left_out_by_name(tmp_path):
+    """Before, the arm was refused with a message of Drake."""
+    write_meshes(tmp_path)
+    (tmp_path / "bad.obj").write_text("no mesh")
+    drawn = '<geom class="visual" mesh="link"/>'
+    more = '<default class="bad"><geom type="mesh" mesh="bad"/></default></default><asset>'
+    text = mjcf("both").replace("</default><asset>", more + '<mesh name="bad" file="bad.obj"/>')
+    (tmp_path / "r.xml").write_text(text.replace(drawn, '<geom class="bad"/>' + drawn, 1))
+    arm = load_arm(tmp_path / "r.xml", frame="tip")
+    assert "bad.obj cannot be read: ValueError: it contains no faces; the arm" in arm.warnings[0]
+    _, doubts = arm_clearance(arm, [], np.array([0.0, 0.5, 0.5]))
+    assert doubts[0].startswith(
+        "obstacles: the mesh bad.obj of 'l1' cannot be read: ValueError: it"
+    )

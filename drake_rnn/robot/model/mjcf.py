@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
 
+import numpy as np
+
 from ...errors import InvalidInputError
 from ...inputs.given_file import content_of
 from .meshes import Meshes
@@ -29,6 +31,7 @@ def mend_mjcf(root: Element, meshes: Meshes, packages: Packages) -> list[str]:
     """
     _include(root, packages)
     _read_meshes(root, meshes)
+    _place_by_ends(root)
     _sites_as_bodies(root)
     _state_motors(root)
     return meshes.warnings()
@@ -77,26 +80,49 @@ def _read_meshes(root: Element, meshes: Meshes) -> None:
 
 def _drop_geometries(root: Element, lost: Mapping[str, str], meshes: Meshes) -> None:
     """Leave out the geometries of meshes that cannot be read, also of those that classes name."""
-    named = {
-        name: tags.get("geom", {}).get("mesh", "")
-        for top in root.findall("default")
-        for name, tags in _classes(top, "main", {})
-    }
+    for body, geometry, known in _geometries(root):
+        if (mesh := known.get("mesh")) in lost:
+            body.remove(geometry)
+            meshes.lose(body.get("name", ""), lost[mesh])
     for geometry in root.iterfind(".//default/geom"):
         if geometry.get("mesh") in lost:
             del geometry.attrib["mesh"]
 
-    def drop(body: Element, inherited: str) -> None:
+
+def _geometries(root: Element) -> list[tuple[Element, Element, dict[str, str]]]:
+    """Return each geometry with its body, and its attributes with those of its class."""
+    found = list[tuple[Element, Element, dict[str, str]]]()
+    named = {
+        name: tags.get("geom", {})
+        for top in root.findall("default")
+        for name, tags in _classes(top, "main", {})
+    }
+
+    def look(body: Element, inherited: str) -> None:
         for geometry in body.findall("geom"):
-            mesh = geometry.get("mesh", named.get(geometry.get("class", inherited), ""))
-            if mesh in lost:
-                body.remove(geometry)
-                meshes.lose(body.get("name", ""), lost[mesh])
+            known = named.get(geometry.get("class", inherited), {})
+            found.append((body, geometry, {**known, **geometry.attrib}))
         for child in body.findall("body"):
-            drop(child, child.get("childclass", inherited))
+            look(child, child.get("childclass", inherited))
 
     for world in root.findall("worldbody"):
-        drop(world, "main")
+        look(world, "main")
+    return found
+
+
+def _place_by_ends(root: Element) -> None:
+    """Give boxes and ellipsoids from one point to another a pose and sizes, as MuJoCo does."""
+    for _, geometry, known in _geometries(root):
+        if known.get("type") not in {"box", "ellipsoid"} or "fromto" not in known:
+            continue
+        ends = np.array([float(part) for part in known["fromto"].split()]).reshape(2, 3)
+        width = float(known.get("size", "0").split()[0])
+        half = 0.5 * float(np.linalg.norm(ends[1] - ends[0]))
+        geometry.attrib.pop("fromto", None)
+        geometry.set("pos", " ".join(map(repr, ends.mean(axis=0).tolist())))
+        # The way from the second to the first end is z.
+        geometry.set("zaxis", " ".join(map(repr, (ends[0] - ends[1]).tolist())))
+        geometry.set("size", f"{width!r} {width!r} {half!r}")
 
 
 def _sites_as_bodies(root: Element) -> None:

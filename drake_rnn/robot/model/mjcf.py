@@ -81,7 +81,7 @@ def _read_meshes(root: Element, meshes: Meshes) -> None:
 def _drop_geometries(root: Element, lost: Mapping[str, str], meshes: Meshes) -> None:
     """Leave out the geometries of meshes that cannot be read, also of those that classes name."""
     for body, geometry, known in _geometries(root):
-        if (mesh := known.get("mesh")) in lost:
+        if (mesh := known.get("mesh", "")) in lost:
             body.remove(geometry)
             meshes.lose(body.get("name", ""), lost[mesh])
     for geometry in root.iterfind(".//default/geom"):

@@ -28,6 +28,10 @@ class Approach:
         begin: Posture in which the robot stands, shape (n,) [rad].
         period: Time of a cycle [s].
 
+    Attributes:
+        doubts: What of the arm's own bodies is not kept clear; that of a task with obstacles is in
+            the warnings of its experiment.
+
     Raises:
         InvalidInputError: If that posture is beyond the limits, or the arm touches something.
     """
@@ -35,9 +39,9 @@ class Approach:
     def __init__(
         self, task: RobotTask, settings: DriveSettings, begin: Array, period: float
     ) -> None:
-        clearance = task.clearance
+        clearance, self.doubts = task.clearance, tuple[str, ...]()
         if clearance is None:
-            clearance, _ = arm_clearance(task.body.arm, (), task.start)
+            clearance, self.doubts = arm_clearance(task.body.arm, (), task.start)
         self.limits = _slowed(task.limits, settings)
         # Obstacles begin to move with the task.
         self._p_WO = np.zeros((len(clearance.solids.moving), 3))

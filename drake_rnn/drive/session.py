@@ -134,6 +134,8 @@ class Session:
         approach = kind(task, self._settings, self._sent, connection.period)
         self._moved, self._motion = approach, approach.motion()
         way = float(np.abs(self._sent - task.start).max())
+        for doubt in approach.doubts:
+            self._say(f"warning: {doubt}")
         self._say(f"approach: {way:.3g} rad to the start")
         with without_collection():
             connection.begin()

@@ -287,6 +287,13 @@ def test_a_collision_mesh_that_cannot_be_read_is_refused_or_told(
     assert doubts[0].endswith("; only the body's other shapes are kept clear")
 
 
+def test_a_model_that_is_gone_is_refused_by_its_name(tmp_path):
+    arm = arm_with(tmp_path, BOTH)
+    (tmp_path / "r.urdf").unlink()
+    with pytest.raises(InvalidInputError, match=r"^arm.model: no file '.*r\.urdf'$"):
+        arm_clearance(arm, [], np.zeros(3))
+
+
 def test_a_missing_mesh_of_mjcf_is_refused_by_its_body(tmp_path):
     write_meshes(tmp_path)
     text = mjcf("both").replace('mesh="link"/><geom', 'mesh="gone"/><geom', 1)

@@ -12,7 +12,6 @@ from ...inputs.arguments import checked, each, instance, vector
 from ...inputs.fields import Array
 from ...models import MODELS
 from ..arm import Arm
-from ..model.geometry import about
 from ..tool import bodies_at_tip
 from .arm_capsules import capsules_of, place_capsules, stated_bodies
 from .arm_shapes import HARDLY, ArmShapes, arm_shapes
@@ -112,8 +111,10 @@ def _too_small(
         own = [capsule.outside(part.points) for capsule in capsules if capsule.body == part.body]
         if part.body in stated and (far := float(np.min(own, axis=0).max())) > HARDLY:
             found[part.body] = max(far, found.get(part.body, 0.0))
-    said = (f"{body} by {1e3 * far:.0f} mm" for body, far in found.items())
-    return about(said, f"capsules of {file.name} hold less than the model's shapes:")
+    if not found:
+        return []
+    named = ", ".join(f"{body} by {1e3 * far:.0f} mm" for body, far in found.items())
+    return [f"capsules of {file.name} hold less than the model's shapes: {named}"]
 
 
 def _unseen(pairs: Sequence[tuple[str, str]]) -> list[str]:

@@ -30,7 +30,6 @@ from pydrake.multibody.tree import Body, BodyIndex
 from ...inputs.fields import Array
 from ..arm import Arm
 from ..model import LostMesh
-from ..model.geometry import about
 from ..structure import joints_to
 from .capsules import off_segment
 from .enclosing_capsule import Enclosing
@@ -99,19 +98,19 @@ class ArmShapes:
         own = set(self.bodies) - set(stated)
         has = own & {part.body for part in self.parts}
         beyond = {p.body: p.beyond for p in self.parts if p.body in own and p.beyond > HARDLY}
-        most = sorted(beyond, key=lambda body: -beyond[body])
-        return [
-            *(
-                f"the mesh {lost.mesh} of {lost.link!r} {lost.fault}; only the body's other shapes "
-                "are kept clear"
-                for lost in self.lost
-                if lost.link in has
-            ),
-            *about(
-                (f"{body} by {1e3 * beyond[body]:.0f} mm" for body in most),
-                "the model's collision shapes hold less than it draws; both are kept clear:",
-            ),
+        told = [
+            f"the mesh {lost.mesh} of {lost.link!r} {lost.fault}; only the body's other shapes are "
+            "kept clear"
+            for lost in self.lost
+            if lost.link in has
         ]
+        if beyond:
+            most = sorted(beyond, key=lambda body: -beyond[body])
+            named = ", ".join(f"{body} by {1e3 * beyond[body]:.0f} mm" for body in most)
+            told.append(
+                f"the model's collision shapes hold less than it draws; both are kept clear: {named}"
+            )
+        return told
 
 
 def parts_of(arm: Arm) -> list[Part]:

@@ -90,14 +90,14 @@ def _joined(arm: Arm, capsules: ArmCapsules) -> set[frozenset[str]]:
 
 def _approach(arm: Arm, capsules: ArmCapsules, own: Indices, beside: Flags, home: Array) -> Flags:
     """Return of which pairs the one joint between them brings the capsules to each other."""
-    found = np.zeros(len(own), dtype=bool)
+    found, between = np.zeros(len(own), dtype=bool), capsules.links[own].min(axis=1)
     lower, upper = search_bounds(arm)
-    for pair in np.nonzero(beside)[0]:
-        joint = int(capsules.links[own[pair]].min())
+    for joint in np.unique(between[beside]):
+        pairs = np.nonzero(beside & (between == joint))[0]
         q = np.tile(home, (_POSTURES, 1))
         q[:, joint] = np.linspace(lower[joint], upper[joint], _POSTURES)
-        gaps = Clearance(capsules, own[[pair]], Solids.of([])).gaps(q)
-        found[pair] = gaps.min() < TOUCHING and np.ptp(gaps) > _SAME
+        gaps = Clearance(capsules, own[pairs], Solids.of([])).gaps(q)
+        found[pairs] = (gaps.min(axis=0) < TOUCHING) & (np.ptp(gaps, axis=0) > _SAME)
     return found
 
 

@@ -101,11 +101,7 @@ def read_model(file: Path, packages: Mapping[str, str]) -> Model:
     Raises:
         InvalidInputError: If the file or a package does not exist, or Drake cannot read the model.
     """
-    if not file.is_file():
-        raise InvalidInputError(f"arm.model: no file {str(file)!r}")
-    for package, folder in packages.items():
-        if not Path(folder).is_dir():
-            raise InvalidInputError(f"arm.packages.{package}: no folder {folder!r}")
+    _require_files(file, packages)
     return _checked(_mended(file, packages))
 
 
@@ -121,7 +117,17 @@ def read_shapes(file: Path, packages: Mapping[str, str]) -> Model:
     Raises:
         InvalidInputError: If the file cannot be read any more.
     """
+    _require_files(file, packages)
     return _mended(file, packages, for_distances=True)
+
+
+def _require_files(file: Path, packages: Mapping[str, str]) -> None:
+    """Raise an InvalidInputError if a model file or the folder of a package does not exist."""
+    if not file.is_file():
+        raise InvalidInputError(f"arm.model: no file {str(file)!r}")
+    for package, folder in packages.items():
+        if not Path(folder).is_dir():
+            raise InvalidInputError(f"arm.packages.{package}: no folder {folder!r}")
 
 
 def _mended(file: Path, packages: Mapping[str, str], for_distances: bool = False) -> Model:

@@ -108,7 +108,8 @@ class ArmShapes:
             most = sorted(beyond, key=lambda body: -beyond[body])
             named = ", ".join(f"{body} by {1e3 * beyond[body]:.0f} mm" for body in most)
             told.append(
-                f"the model's collision shapes hold less than it draws; both are kept clear: {named}"
+                "the model's collision shapes hold less than it draws; both are kept clear: "
+                + named
             )
         return told
 

@@ -36,7 +36,6 @@ from drake_rnn.inputs.fields import Array
 from drake_rnn.robot.arm import Arm
 from drake_rnn.robot.clearance import Clearance
 from drake_rnn.robot.clearance.arm_capsules import capsules_of, fitted_capsules, place_capsules
-from drake_rnn.robot.clearance.arm_clearance import TOUCHING
 from drake_rnn.robot.clearance.arm_shapes import parts_of
 from drake_rnn.robot.clearance.capsules import Capsule, numbered
 from drake_rnn.robot.clearance.enclosing_capsule import Enclosing, enclosing_capsule
@@ -48,6 +47,8 @@ from mesh_distance import Joints, least_distance
 # Postures in which it is looked whether capsules come close, and the distance [m] that meshes keep
 # of which the pair is left out.
 POSTURES, FLOOR = 5000, 0.005
+# Capsules that come nearer than this are close [m].
+CLOSE = 0.01
 # Most joints between two bodies that the search goes through.
 MOST_JOINTS = 3
 
@@ -155,7 +156,7 @@ def fit(name: str, surfaces: dict[str, Surface]) -> tuple[list[Capsule], list[Su
 
 
 def close_pairs(arm: Arm, capsules: list[Capsule]) -> list[tuple[int, int]]:
-    """Return the pairs of capsules that come close in some posture, of bodies that no joint joins."""
+    """Return the pairs of capsules that come close somewhere, of bodies that no joint joins."""
     placed = place_capsules(arm, capsules)
     own = np.array(
         [
@@ -165,7 +166,7 @@ def close_pairs(arm: Arm, capsules: list[Capsule]) -> list[tuple[int, int]]:
         ]
     )
     q = random_postures(arm, POSTURES)
-    near = Clearance(placed, own, Solids.of([])).gaps(q).min(axis=0) < TOUCHING
+    near = Clearance(placed, own, Solids.of([])).gaps(q).min(axis=0) < CLOSE
     return [(int(a), int(b)) for a, b in own[near]]
 
 
@@ -200,10 +201,8 @@ def written(
     """Return the text of a file of capsules."""
     lines = [*(f"# {line}" for line in sources), "capsules:"]
     for capsule in capsules:
-        ends = [
-            f"[{', '.join(f'{x:.6g}' for x in np.round(end, 6) + 0.0)}]" for end in capsule.ends
-        ]
-        lines += [f"- body: {capsule.body}", "  ends:", *(f"  - {end}" for end in ends)]
+        numbers = [", ".join(f"{x:.6g}" for x in np.round(e, 6) + 0.0) for e in capsule.ends]
+        lines += [f"- body: {capsule.body}", "  ends:", *(f"  - [{x}]" for x in numbers)]
         lines.append(f"  radius: {capsule.radius:.6f}")
     labels = numbered([capsule.body for capsule in capsules])
     lines.append("left_out:" if left_out else "left_out: []")
@@ -247,7 +246,7 @@ def fit_model(options: argparse.Namespace) -> None:
         ]
     )
     home = np.zeros(arm.n) if arm.home is None else arm.home
-    near = Clearance(placed, own, Solids.of([])).gaps(home) < TOUCHING
+    near = Clearance(placed, own, Solids.of([])).gaps(home) < CLOSE
     for a, b in own[near]:
         names = f"{capsules[a].body} and {capsules[b].body}"
         print(f"# {names} touch where the arm is at home: give them smaller ones")

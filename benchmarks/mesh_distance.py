@@ -1,9 +1,9 @@
 """How near two bodies of an arm come within its limits, by their meshes, with a proof.
 
 A pair's distance depends on the joints between its bodies alone. Boxes of these joints are halved,
-the most doubtful first: from the middle of a box, joint i brings no point nearer than half the box's
-width times the largest distance of a point from its axis. What remains is a bound that no posture
-undercuts. Distances are coal's: of convex hulls first, of the triangles where the hulls touch.
+the most doubtful first: from the middle of a box, joint i brings no point nearer than half the
+box's width times the largest distance of a point from its axis. What remains is a bound that no
+posture undercuts. Distances are coal's: of convex hulls first, of the triangles where these touch.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from drake_rnn.robot.arm import Arm
 from makers_meshes import Surface, poses_of
 
 # Boxes that are looked at before the search ends, and a nearness that ends it as well [m].
-MOST, NEAR = 10_000, 0.005
+MOST, NEAR = 200_000, 0.005
 
 
 class Least(NamedTuple):
@@ -108,7 +108,7 @@ def triangles(vertices: Array, faces: Array) -> coal.CollisionGeometry:
 
 
 def least_distance(
-    joints: Joints, first: tuple[int, Surface], second: tuple[int, Surface], share: float = 0.5
+    joints: Joints, first: tuple[int, Surface], second: tuple[int, Surface], share: float = 0.9
 ) -> Least:
     """Return how near two bodies come, each given by its number from the base and its surface.
 
@@ -149,7 +149,7 @@ def _searched(
     best, where = distance(middle), middle
     boxes = [(best - float(half @ reach), 0, middle, half)]
     for count in range(1, MOST, 2):
-        if best <= NEAR or boxes[0][0] >= share * best:
+        if best <= NEAR or boxes[0][0] >= max(share * best, NEAR):
             break
         _, _, middle, half = heapq.heappop(boxes)
         widest = int((half * reach).argmax())

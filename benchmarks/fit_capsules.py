@@ -8,8 +8,9 @@ vertex inside; the sources are those of `makers_meshes.SOURCES`::
     python benchmarks/fit_capsules.py fr3 --check --folder franka_description=...
 
 ``--check`` writes nothing and says how far vertices are outside of the capsules that the arm has;
-with ``--capsules FILE`` of another file. An arm of which no meshes are known, and an arm of your
-own, is fitted to its model::
+with ``--capsules FILE`` of another file. With ``--postures N`` it is counted in how many random
+postures two links are in contact by the meshes while all capsules are 5 mm apart. An arm of which
+no meshes are known, and an arm of your own, is fitted to its model::
 
     python benchmarks/fit_capsules.py my.urdf capsules.yaml --frame tool
 
@@ -23,7 +24,7 @@ from __future__ import annotations
 import argparse
 import sys
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 from pathlib import Path
 
 import numpy as np
@@ -36,13 +37,14 @@ from drake_rnn.inputs.fields import Array
 from drake_rnn.robot.arm import Arm
 from drake_rnn.robot.clearance import Clearance
 from drake_rnn.robot.clearance.arm_capsules import capsules_of, fitted_capsules, place_capsules
+from drake_rnn.robot.clearance.arm_clearance import arm_clearance
 from drake_rnn.robot.clearance.arm_shapes import parts_of
 from drake_rnn.robot.clearance.capsules import Capsule, numbered
 from drake_rnn.robot.clearance.enclosing_capsule import Enclosing, enclosing_capsule
 from drake_rnn.robot.clearance.solids import Solids
 from makers_meshes import SOURCES, Surface, add_folders, bodies_of, sources_of, surfaces_of
 from markdown_table import head, row
-from mesh_distance import Joints, least_distance
+from mesh_distance import Joints, least_distance, meshes_touch, triangles
 
 # Postures in which it is looked whether capsules come close, and the distance [m] that meshes keep
 # of which the pair is left out.
@@ -222,6 +224,34 @@ def print_table(surfaces: dict[str, Surface], capsules: list[Capsule]) -> None:
         row(body, len(own), radii, f"{out:.4f}", f"{ratio:.2f}")
 
 
+def print_postures(arm: Arm, surfaces: dict[str, Surface], count: int) -> None:
+    """Print in how many random postures meshes touch, and what the law says of these."""
+    joints, parts = Joints(arm), enumerate(surfaces.values())
+    shapes = [triangles(joints.world(k, part.vertices), part.faces) for k, part in parts]
+    clearance, _ = arm_clearance(arm, [], arm.home)
+    q = random_postures(arm, count, seed=1)
+    apart = clearance.gaps(q).min(axis=1) >= FLOOR
+    touch = np.array([meshes_touch(joints, shapes, posture) is not None for posture in q])
+    head("postures", "apart by capsules", "meshes touch", "apart by capsules and meshes touch")
+    row(count, int(apart.sum()), int(touch.sum()), int((apart & touch).sum()))
+
+
+def extremes(surface: Surface) -> Array:
+    """Return the points of a body that are farthest in 26 directions, shape (k, 3) [m]."""
+    directions = np.array([d for d in product((-1, 0, 1), repeat=3) if any(d)])
+    points = surface.points
+    return points[np.unique((points @ directions.T).argmax(axis=0))]
+
+
+def write_extremes(file: Path, name: str, surfaces: dict[str, Surface]) -> None:
+    """Write the farthest points of each body, in its frame, with their source."""
+    lines = [*(f"# {source}" for source in SOURCES[name])]
+    for body, surface in surfaces.items():
+        lines.append(f"{body}:")
+        lines += [f"- [{x:.6f}, {y:.6f}, {z:.6f}]" for x, y, z in extremes(surface)]
+    file.write_text("\n".join(lines) + "\n")
+
+
 def fit_model(options: argparse.Namespace) -> None:
     """Fit capsules to what an arm's own model has, and write them."""
     changes = {} if options.frame is None else {"frame": options.frame}
@@ -264,13 +294,19 @@ def main() -> None:
     parser.add_argument("--frame", help="frame of a model file's end effector")
     parser.add_argument("--check", action="store_true", help="check the capsules that the arm has")
     parser.add_argument("--capsules", type=Path, help="a file of capsules to check")
+    parser.add_argument("--postures", type=int, help="compare meshes and capsules in so many")
+    parser.add_argument("--points", type=Path, help="write the farthest points of the meshes here")
     add_folders(parser)
     options = parser.parse_args()
-    if options.arm not in SOURCES and not options.check:
+    if options.arm not in SOURCES and not (options.check or options.points or options.postures):
         return fit_model(options)
     changes = {} if options.capsules is None else {"capsules": str(options.capsules)}
     arm = load_arm(options.arm, tool=None, **changes)
     surfaces = makers_surfaces(options.arm, arm, options.folder)
+    if options.postures:
+        return print_postures(arm, surfaces, options.postures)
+    if options.points is not None:
+        return write_extremes(options.points, options.arm, surfaces)
     if options.check:
         return print_table(surfaces, capsules_of(arm)[0])
     capsules, pieces = fit(options.arm, surfaces)

@@ -9,7 +9,7 @@ posture undercuts. Distances are coal's: of convex hulls first, of the triangles
 from __future__ import annotations
 
 import heapq
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import NamedTuple
 
 import coal
@@ -162,3 +162,22 @@ def _searched(
             # A number that no two have keeps arrays from being compared.
             heapq.heappush(boxes, (gap - float(half @ reach), 2 * count + side, at, half))
     return Least(best, boxes[0][0], where)
+
+
+def meshes_touch(
+    joints: Joints, shapes: list[coal.CollisionGeometry], q: Array
+) -> tuple[int, int] | None:
+    """Return two bodies that touch in a posture, and that no joint joins; None if there are none.
+
+    Args:
+        joints: The arm's joints.
+        shapes: The triangles of each body in the world where all joints are at zero.
+        q: Joint positions, shape (n,) [rad].
+    """
+    request, result = coal.CollisionRequest(), coal.CollisionResult()
+    X = [coal.Transform3s(), *(joints.motion(0, q[: k + 1]) for k in range(len(q)))]
+    for i, j in combinations(range(len(shapes)), 2):
+        result.clear()
+        if j - i > 1 and coal.collide(shapes[i], X[i], shapes[j], X[j], request, result):
+            return i, j
+    return None

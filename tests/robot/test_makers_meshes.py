@@ -1,0 +1,93 @@
+"""The capsules of shipped arms hold their makers' robots, and pairs that can touch are kept."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drake_rnn import load_arm
+from drake_rnn.inputs.documents import read_yaml
+from drake_rnn.robot.clearance.arm_capsules import capsules_of
+from drake_rnn.robot.clearance.arm_clearance import arm_clearance
+
+HERE = Path(__file__).parent
+POINTS = sorted((HERE / "makers_points").glob("*.yaml"))
+
+
+def outside(capsules, points):
+    """How far a point is outside of all of a body's capsules at most [m]."""
+    gaps = []
+    for capsule in capsules:
+        p, d = capsule.ends[0], capsule.ends[1] - capsule.ends[0]
+        s = np.clip((points - p) @ d / max(float(d @ d), 1e-300), 0.0, 1.0)
+        gaps.append(np.linalg.norm(points - p - s[:, None] * d, axis=1) - capsule.radius)
+    return np.min(gaps, axis=0).max()
+
+
+@pytest.mark.parametrize("file", POINTS, ids=lambda file: file.stem)
+def test_capsules_hold_the_farthest_points_of_the_makers_meshes(file):
+    """In 26 directions of each link's frame; the file says of which meshes."""
+    arm = load_arm(file.stem)
+    capsules, _ = capsules_of(arm)
+    farthest = read_yaml(file)
+    assert len(farthest) == arm.n + 1
+    for body, points in farthest.items():
+        own = [capsule for capsule in capsules if capsule.body == body]
+        assert outside(own, np.array(points)) <= 1e-6, body
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["panda", "ur5"])
+def test_capsules_hold_every_vertex_of_the_meshes_of_example_robot_data(name, monkeypatch):
+    """Collision and visual meshes, 8 and 7 links."""
+    pytest.importorskip("example_robot_data")
+    pytest.importorskip("trimesh")
+    monkeypatch.setattr(sys, "path", [*sys.path, str(HERE.parents[1] / "benchmarks")])
+    from makers_meshes import SOURCES, sources_of, surfaces_of
+
+    monkeypatch.setitem(SOURCES, name, SOURCES[name][:1])
+    arm = load_arm(name, tool=None)
+    capsules, _ = capsules_of(arm)
+    [(source, folder)] = sources_of(name, [])
+    surfaces = surfaces_of(arm, source, folder)
+    assert {(s.body, s.role) for s in surfaces} == {
+        (capsule.body, role) for capsule in capsules for role in ("collision", "visual")
+    }
+    for surface in surfaces:
+        own = [capsule for capsule in capsules if capsule.body == surface.body]
+        assert outside(own, surface.vertices) <= 1e-6, (surface.body, surface.role)
+
+
+# Postures in which two links are in contact by the meshes of example-robot-data.
+CONTACTS = {
+    "panda": [
+        ("panda_link5", "panda_link7", [0, 0, 0, -1.5, 0, 0.377, 2.173]),
+        ("panda_link2", "panda_link5", [1.188, 0.1478, 1.2765, -2.9371, -1.894, 0.9925, -0.1939]),
+    ],
+    "ur5": [
+        ("base_link", "upper_arm_link", [-2.74889357, 1.57079633, 0, 0, 0, 0]),
+        ("forearm_link", "wrist_2_link", [0, 0, 0, 1.57079633, 0, 0]),
+    ],
+}
+
+
+@pytest.mark.parametrize("name", CONTACTS)
+def test_links_that_touch_are_not_called_apart(name):
+    arm = load_arm(name)
+    clearance, doubts = arm_clearance(arm, [], arm.home)
+    assert doubts == ()
+    for first, second, q in CONTACTS[name]:
+        pairs = [k for k, names in enumerate(clearance.names) if set(names) == {first, second}]
+        assert clearance.gaps(np.array(q, dtype=float), pairs=np.array(pairs)).min() < 0.005
+
+
+def test_one_capsule_of_a_body_that_has_several_can_be_left_out():
+    """The barrel of the UR5's upper arm cannot touch the base, the rest of the link can."""
+    arm = load_arm("ur5", tool=None)
+    clearance, _ = arm_clearance(arm, [], arm.home)
+    upper = [k for k, body in enumerate(clearance.arm.bodies) if body == "upper_arm_link"]
+    base = [k for k, body in enumerate(clearance.arm.bodies) if body == "base_link"]
+    own = {tuple(pair) for pair in clearance.own.tolist()}
+    assert (len(base), len(upper)) == (2, 4)
+    assert own & {(a, b) for a in base for b in upper} == {(a, b) for a in base for b in upper[1:]}

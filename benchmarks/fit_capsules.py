@@ -201,7 +201,9 @@ def written(
     capsules: list[Capsule], left_out: list[tuple[int, int, float]], sources: list[str]
 ) -> str:
     """Return the text of a file of capsules."""
-    lines = [*(f"# {line}" for line in sources), "capsules:"]
+    lines = ["# Every vertex of these is inside, collision and visual ones."] if sources else []
+    lines += ["source:", *(f"- {source}" for source in sources)] if sources else []
+    lines.append("capsules:")
     for capsule in capsules:
         numbers = [", ".join(f"{x:.6g}" for x in np.round(e, 6) + 0.0) for e in capsule.ends]
         lines += [f"- body: {capsule.body}", "  ends:", *(f"  - [{x}]" for x in numbers)]
@@ -284,7 +286,7 @@ def fit_model(options: argparse.Namespace) -> None:
         rounded(c.body, Enclosing(np.array(c.ends), c.radius), part.points)
         for c, part in zip(capsules, parts, strict=True)
     ]
-    options.file.write_text(written(exact, [], [f"Fitted to what {arm.model.name} has."]))
+    options.file.write_text(written(exact, [], []))
 
 
 def main() -> None:
@@ -312,8 +314,6 @@ def main() -> None:
     capsules, pieces = fit(options.arm, surfaces)
     print_table(surfaces, capsules)
     sources = [str(source) for source in SOURCES[options.arm]]
-    sources[0] = f"Every vertex of these meshes is inside: {sources[0]}"
-    sources.append("left_out: proven by a search over the joints between the two meshes")
     text = written(capsules, left_out_pairs(arm, capsules, pieces), sources)
     options.file.write_text(text)
     return None

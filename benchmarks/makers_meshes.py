@@ -59,8 +59,9 @@ class Source:
     more: Mapping[str, str] = field(default_factory=dict)
 
     def __str__(self) -> str:
-        some = "" if self.bodies is None else f" (links {', '.join(map(str, self.bodies))} alone)"
-        return f"{self.package} {self.version}, {self.model}{some}"
+        some = "" if self.bodies is None else f", links {', '.join(map(str, self.bodies))} alone"
+        more = "".join(f", {file}" for file in self.more.values())
+        return f"{self.package} {self.version}, {self.model}{some}{more}"
 
 
 _FRANKA = ("franka_description", "commit 566ba44")

@@ -42,7 +42,7 @@ def enclosing_capsule(points: Array) -> Enclosing:
     Args:
         points: At least one point, shape (k, 3) [m].
     """
-    _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=True)
+    _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
     tried = np.concatenate((axes, _half_sphere(_DIRECTIONS)))
     best = min((_along(points, d) for d in tried), key=lambda found: found.volume)
     width = 2.0 / np.sqrt(_DIRECTIONS)

@@ -74,6 +74,8 @@ class Guard:
         self._inputs = law.safety.inputs
         self._moving = sum(shape[0] for shape in self._inputs.values())
         self._late_stops, self._q = 0, q
+        # How often obstacles had jumped when that was told.
+        self._told = np.zeros(self._moving)
         # Whether calls tell the time, None before the first; that of the last call; and when the
         # next command is due.
         self._is_timed = None if t is None else True
@@ -90,6 +92,7 @@ class Guard:
         period: float,
         clearance: Clearance | None = None,
         p_WO: Array | None = None,
+        t: float | None = None,
     ) -> Guard:
         """Return a guard with the defaults of `JointStream`.
 
@@ -99,9 +102,10 @@ class Guard:
             period: Time between two calls of `command` [s].
             clearance: What the arm is to stay clear of; None for nothing.
             p_WO: How far obstacles have moved, as measured now, shape (m, 3) [m].
+            t: Time now [s]; None if it is not known.
         """
         law = JointStream(limits=limits, home=start, clearance=clearance)
-        return cls(law, period, p_WO=p_WO)
+        return cls(law, period, p_WO=p_WO, t=t)
 
     def command(
         self, target: Array | None = None, p_WO: Array | None = None, t: float | None = None
@@ -138,10 +142,11 @@ class Guard:
         x = self._stepped(signals, late, stands=stands)
         if not stands and self._is_too_late(x):
             stands, x = True, self._stepped(signals, late, stands=True)
-        jumps, self._x = self.jumps, x
-        self._late_stops += int(stands)
+        self._late_stops += int(stands and np.count_nonzero(self.velocity) > 0)
+        self._x = x
         self._called(t, self.period)
-        self._warn(jumps)
+        if self._moving and self.part("jumps").sum() > self._told.sum():
+            self._warn()
         return self.position
 
     def resume(self, q: Array, v: Array, a: Array, t: float | None = None) -> None:
@@ -190,7 +195,7 @@ class Guard:
 
     @property
     def late_stops(self) -> int:
-        """How many calls came so late that the arm stood at the last command."""
+        """How many calls came so late that an arm on its way had to stop at the last command."""
         return self._late_stops
 
     @property
@@ -282,10 +287,11 @@ class Guard:
         if t is not None:
             self._last, self._due = float(t), float(t) + holds
 
-    def _warn(self, before: dict[str, int]) -> None:
+    def _warn(self) -> None:
         """Warn of obstacles that were measured for the first time where they cannot be."""
-        for name, count in self.jumps.items():
-            if count and not before[name]:
+        before, self._told = self._told, self.part("jumps")
+        for (name, count), told in zip(self.jumps.items(), before, strict=True):
+            if count and not told:
                 warn(
                     f"p_WO: {name} was measured farther away than its speed and its error allow; "
                     "the places before and after both count for a while",

@@ -22,7 +22,7 @@ from drake_rnn.inputs.fields import field_names
 from drake_rnn.robot.limits_file import read_limits
 
 #: What else a snippet may import.
-OTHERS = {"concurrent", "numpy", "pydrake"}
+OTHERS = {"concurrent", "numpy", "pydrake", "time"}
 
 
 def blocks(language: str) -> list:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import InvalidInputError, load_experiment, simulate
+from drake_rnn.laws.parts.held_clear import NO_STOP
 from drake_rnn.live.play import Play
 from drake_rnn.live.session import Session
 from drake_rnn.playback import write_playback
@@ -273,3 +274,13 @@ def test_a_recording_outlives_its_simulation_and_others_do_not():
     assert len(session._segments) == 2
     session.set("record", True)
     assert len(session._segments) == 1
+
+
+def test_a_law_that_takes_over_knows_where_obstacles_were_and_has_certified_nothing():
+    session = advanced(played("adaptive_moving_obstacle"), 0.1)
+    segment = session._segment
+    layout = segment.controller.reading.state
+    x = segment.carried(session._law).into(layout, segment.x, type(session._law), anew=True)
+    for name in ("gaps", "obstacle_p", "obstacle_time", "anchor_p"):
+        assert np.array_equal(layout.part(x, name), layout.part(segment.x, name))
+    assert layout.part(x, "stop_delay").item() == NO_STOP

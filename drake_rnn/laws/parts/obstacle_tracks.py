@@ -168,9 +168,11 @@ class ObstacleTracks:
             fits &= _apart(p_WO, kept["obstacle_p"]) <= allowed
             if np.count_nonzero(fits) == fits.size:
                 longer = np.minimum(kept["obstacle_time"] + time, LONGEST)
-                parts = {"obstacle_p": p_WO, "obstacle_time": longer}
-                parts |= _anchored(kept, p_WO, age, age > LONGEST)
-                return {name: kept[name] for name in TRACKS} | parts, None
+                parts = {name: kept[name] for name in TRACKS}
+                parts |= {"obstacle_p": p_WO, "obstacle_time": longer, "anchor_age": age}
+                if np.count_nonzero(age > LONGEST):
+                    parts |= _anchored(kept, p_WO, age, age > LONGEST)
+                return parts, None
         found = [
             self._one(kept, m, p, time, way[m], allowed[m] - way[m]) for m, p in enumerate(p_WO)
         ]

@@ -438,7 +438,19 @@ class AdaptiveReading(SampledReading):
             # A lever of each robot's own gives all its leading axis.
             turning = np.ones(3) * law.lever
             scales = joined((turning, 0.0 * turning + 1.0))
-        return ReachEdge(law.limits, scales, self.seen_after, REACH * self._share)
+        return ReachEdge(law.limits, scales, self.seen_after)
+
+    @property
+    def _knows_edge(self) -> bool:
+        """Whether a small singular value tells of the edge of reach.
+
+        Directions that are not learned yet, or of which a camera sees little, look like it. An arm
+        without a bound of the jerk comes to rest all the same.
+        """
+        law = self.law
+        if law.jacobian == "known":
+            return True
+        return law.points is None and law.J_hat_initial != "zero" and law.limits.jerk is not None
 
     @property
     def _share(self) -> float:
@@ -502,6 +514,8 @@ class AdaptiveReading(SampledReading):
         """
         law, task, edge = self.law, self._task, self._edge
         whole, firm = task.back(error), task.weighed(self._softness, u)
+        if not self._knows_edge:
+            return whole, g, softened(J, firm, self._share)
         softness, added = edge.softness(softened(J, firm, self._share), whole)
         free = edge.free(J, error, q)
         at = edge.at(free, edge.length(whole))
@@ -511,7 +525,7 @@ class AdaptiveReading(SampledReading):
             at, whole, error, task.back, lambda v: task.sliding(v, u), softness
         )
         g = freed(g, J, free, firm, added | at.near)
-        if law.jacobian == "learned" and law.limits.jerk is not None:
+        if law.jacobian == "learned":
             # What J_hat takes for a motion that leaves the task alone moves it nonetheless, and
             # what that teaches moves it again.
             g = g * share

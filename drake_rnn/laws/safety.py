@@ -29,6 +29,8 @@ from .law import SampledReading
 from .layout import Layout, Signals
 from .parts.held_clear import Avoidance, Within, require_free, within_safe
 from .parts.held_within import Program, kept_limits
+from .parts.measurement import LEVER
+from .parts.reach_edge import ReachEdge
 from .parts.reached_limits import reached_limits
 from .parts.world import seen_signals
 
@@ -123,7 +125,10 @@ class Safety:
             raise InvalidInputError(
                 f"safety: has limits of {self.limits.size} joints; the law moves {n}"
             )
-        return SafeReading(reading, self.within(period), self.inputs)
+        rows = reading.inputs.parts["J"][1][0] if "J" in reading.inputs else 0
+        scales = np.where(np.arange(rows) < rows - 3, LEVER, 1.0)
+        edge = ReachEdge(reached_limits(self.limits, period), scales, period)
+        return SafeReading(reading, self.within(period), self.inputs, edge)
 
 
 def nearest(v: Array, J: Array | None = None) -> Program:
@@ -149,11 +154,13 @@ class SafeReading(SampledReading):
         wanting: The reading that wants a velocity.
         within: What chooses the one that is safe.
         seen: What that sees besides ``position``, with the shapes.
+        edge: The edge of reach, before which what a law wants is braked if it sees J.
     """
 
     wanting: SampledReading
     within: Within
     seen: dict[str, tuple[int, ...]]
+    edge: ReachEdge
 
     @property
     def inputs_with_gaps(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -191,7 +198,8 @@ class SafeReading(SampledReading):
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
         kept, at = self._own.named(x[self.wanting.state.size :]), self._v
         wanted = self._step(t, self._theirs(x), u, period)
-        q, program = kept["commanded"], nearest(wanted[at], u.get("J"))
+        q, J = kept["commanded"], u.get("J")
+        program = nearest(wanted[at] if J is None else self.edge.braked(wanted[at], J, q), J)
         safe, held = self.within.chosen(program, q, x[at], kept, period, u)
         own = {"commanded": q + period * safe, "wanted": wanted[at], **held}
         return self._joined(self.wanting.state.replaced(wanted, v=safe), own)

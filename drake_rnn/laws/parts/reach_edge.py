@@ -57,7 +57,7 @@ from .secondary import is_in_zone
 Approach = Callable[[Array], Array]
 
 # Share nu of the bounds of acceleration and jerk: one part of this many brakes.
-_SHARE = 4.0
+_SHARE = 8.0
 #: Largest slope k of the joint velocity over the way left [1/s], and its share of one over the time
 #: after which a command is seen.
 _SLOPE, _SEEN = 20.0, 0.25
@@ -65,6 +65,9 @@ _SLOPE, _SEEN = 20.0, 0.25
 _ZONE = 0.01
 # Times a / j for which the way of the feedback counts, and the way that does not count [m].
 _TURNS, _SHORT = 2.0, 0.01
+# Way below which anything is braked [rad], at least; and ways that a joint goes at its largest
+# velocity while it turns its acceleration round.
+_BEGINS, _COASTS = 0.3, 4.0
 # Stands for an acceleration that is not bounded [rad/s^2].
 _UNBOUNDED = 1e6
 # What is no larger is nothing [m, m/s].
@@ -177,14 +180,14 @@ class ReachEdge:
         near: Any = True
         if not one:
             least = root(xp.maximum(xp.linalg.eigvalsh(gram)[..., :1], 0.0))
-            near = least * self.speed(least / self.reach) < fastest
+            near = least * self._most(least) < fastest
             if xp is np and not near.any():
                 return None
             # Others keep out of it: in JAX, equal eigenvalues have no derivative.
             gram = xp.where(near[..., None], gram, np.diag(1.0 + np.arange(gram.shape[-1])))
         squares, axes = xp.linalg.eigh(gram)
         singular = root(xp.maximum(squares, 0.0))
-        most = self.speed(singular / self.reach)
+        most = self._most(singular)
         if one and singular[0] * most[0] >= fastest:
             return None
         return Edge(axes, singular, most, near)
@@ -192,10 +195,18 @@ class ReachEdge:
     def _is_far(self, least: float, fastest: float) -> bool:
         """Return whether a singular value lets one robot want a velocity, in plain numbers."""
         way = least / self.reach
+        if way >= self._begins:
+            return True
         speed = min(self._slope * way, sqrt(2.0 / _SHARE * self._acceleration * way))
         if self.limits.jerk is not None:
             speed = min(speed, cbrt(4.5 / _SHARE * self._jerk * way * way))
         return least * speed >= fastest
+
+    def _most(self, singular: Array) -> Array:
+        """Return the largest joint velocities along directions, shape (..., m) [rad/s]."""
+        xp = functions_of(singular)
+        way = singular / self.reach
+        return self.speed(way) / xp.maximum(1.0 - (way / self._begins) ** 2, _TINY)
 
     def feedback(
         self,
@@ -234,6 +245,28 @@ class ReachEdge:
         bent = edge.near & (least < 1.0)
         return xp.where(bent, braked, whole), xp.where(bent, least, 1.0)
 
+    def braked(self, v: Array, J: Array, q: Array) -> Array:
+        """Return joint velocities of one robot that can be braked near the edge, shape (n,).
+
+        Args:
+            v: Joint velocities that a law wants, shape (n,) [rad/s].
+            J: Jacobian of its task, shape (m, n).
+            q: Joint positions, shape (n,) [rad].
+        """
+        rows = self.scales[:, None] * J
+        begins = self._begins * self.reach
+        if least_square(rows.dot(rows.T)) >= begins**2 and not is_in_zone(q, self.limits, _ZONE):
+            return v
+        rows = rows * self._room(v, q)
+        squares, axes = np.linalg.eigh(rows.dot(rows.T))
+        singular = np.sqrt(np.maximum(squares, 0.0))
+        most = singular * self._most(singular)
+        wanted = rows.dot(v).dot(axes)
+        beyond = wanted - clipped(wanted, -most, most)
+        if not beyond.any():
+            return v
+        return v - (axes.dot(beyond / np.maximum(squares, _TINY**2))).dot(rows)
+
     @cached_property
     def _slope(self) -> float:
         return min(_SLOPE, _SEEN / self.seen_after)
@@ -246,6 +279,17 @@ class ReachEdge:
     @cached_property
     def _jerk(self) -> Any:
         return _least(self.limits.require("jerk", "its bound"))
+
+    @cached_property
+    def _begins(self) -> Any:
+        """Way below which anything is braked [rad], a number or shape (..., 1)."""
+        if self.limits.jerk is None:
+            return _BEGINS
+        fastest = -_least(-self.limits.velocity)
+        coasts = _COASTS * fastest * self._turn
+        if isinstance(coasts, float):
+            return max(_BEGINS, coasts)
+        return functions_of(coasts).maximum(_BEGINS, coasts)
 
     @cached_property
     def _turn(self) -> Any:

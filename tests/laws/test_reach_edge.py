@@ -1,0 +1,150 @@
+"""Rest where a target is out of reach, and what can be braked before the edge of reach."""
+
+import numpy as np
+import pytest
+from adaptive_helpers import HOME, LIMITS, PANDA, adaptive
+
+from drake_rnn import load_experiment, run_many
+from drake_rnn.laws.parts.approach import approach
+from drake_rnn.laws.parts.reach_edge import ReachEdge, freed
+
+JERKY = LIMITS.replace(jerk=20.0)
+EDGE = ReachEdge(JERKY, np.ones(3), 1e-3)
+# Of an arm that is stretched out but for 0.08 rad.
+_LEFT, _RIGHT = (np.linalg.qr(np.random.default_rng(k).normal(size=(k, k)))[0] for k in (3, 7))
+STRETCHED = _LEFT @ np.diag([0.04, 0.5, 0.6]) @ _RIGHT[:3]
+OUT = {
+    "arm": "iiwa14",
+    "path": {"kind": "line", "by": [0.9, 0.0, 0.2], "period": 3, "timing": "quintic"},
+    "on_unreachable": "follow",
+    "limits": {"velocity": 1.0, "acceleration": 3.0, "jerk": 60.0},
+    "period": 4e-3,
+    "duration": 9,
+    "window": None,
+    "accept": None,
+}
+
+
+def runs(*changes):
+    many = run_many([load_experiment("adaptive_nephroid_known", OUT | each) for each in changes])
+    return many, many.metrics["rest_swing_max_rad_s"], many.metrics["rest_velocity_max_rad_s"]
+
+
+def law(**fields):
+    return {"law": {"kind": "adaptive", **fields}}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("case", [{}, {"task": "pose"}])
+def test_an_arm_comes_to_rest_where_its_target_is_out_of_reach(case):
+    """Without the bound of the jerk it did so before."""
+    many, swing, last = runs(law() | case)
+    assert swing[0] < 1e-3
+    assert last[0] < 0.01
+    for name in ("position", "velocity", "acceleration"):
+        unit = {"position": "rad", "velocity": "rad_s", "acceleration": "rad_s2"}[name]
+        assert many.metrics[f"{name}_violation_max_{unit}"][0] < 1e-9
+    assert many.metrics["held_jerk_violation_max_rad_s3"][0] < 1e-9
+
+
+@pytest.mark.long
+def test_without_braking_before_the_edge_it_swings(monkeypatch):
+    monkeypatch.setattr(ReachEdge, "at", lambda *_: None)
+    monkeypatch.setattr(ReachEdge, "softness", lambda _, softness, __: (softness, False))
+    _, swing, last = runs(law())
+    assert swing[0] > 0.2
+    assert last[0] > 0.2
+
+
+@pytest.mark.long
+def test_with_a_learned_jacobian_it_comes_to_rest_too():
+    _, swing, last = runs(law(jacobian="learned"))
+    assert swing[0] < 0.01
+    assert last[0] < 0.02
+
+
+def test_what_is_left_of_a_way_can_be_braked():
+    """At most a quarter of the acceleration is needed, and as much of the jerk."""
+    way = np.geomspace(1e-4, 3.0, 4000)
+    speed = EDGE.speed(way)
+    assert (np.diff(speed) > 0.0).all()
+    acceleration = np.gradient(speed, way) * speed
+    jerk = np.gradient(acceleration, way) * speed
+    assert acceleration.max() <= 0.25 * JERKY.acceleration.min() * 1.01
+    # But for corners of the acceleration.
+    assert np.quantile(abs(jerk), 0.99) <= 0.25 * JERKY.jerk.min() * 1.01
+
+
+def met(edge, J, error, q, softness):
+    whole = approach(error, 100.0, 0.05, 0.1)
+    free = edge.free(J, error, q)
+    at = edge.at(free, edge.length(whole))
+    if at is None:
+        return whole
+    return edge.feedback(
+        at, whole, error, lambda e: approach(e, 100.0, 0.05, 0.1), lambda v: v, softness
+    )[0]
+
+
+def test_the_feedback_is_braked_in_the_direction_out_of_reach_alone():
+    J, S = STRETCHED, 1e-6 * np.eye(3)
+    squares, axes = np.linalg.eigh(J @ J.T)
+    error = 0.5 * axes[:, 0] + 0.01 * axes[:, 2]
+    back = met(EDGE, J, error, HOME, S)
+    least = squares[0] ** 0.5
+    joints = least * abs(axes[:, 0] @ back) / (squares[0] + 1e-6)
+    most = EDGE.speed(np.array([least / EDGE.reach]))[0]
+    assert joints <= 1.2 * most
+    # The other direction is no longer slowed by what cannot be taken back.
+    whole = approach(error, 100.0, 0.05, 0.1)
+    assert axes[:, 2] @ back > 5.0 * axes[:, 2] @ whole > 0.0
+    np.testing.assert_array_equal(met(EDGE, PANDA.J(HOME), error, HOME, S), whole)
+
+
+def test_many_robots_get_what_each_gets_alone():
+    postures = np.array([HOME, HOME, HOME + 0.02, HOME + 0.1])
+    J = np.array([PANDA.J(HOME), STRETCHED, 0.9 * STRETCHED, PANDA.J(HOME + 0.1)])
+    error = np.array([[0.5, 0.1, 0.0]] * 4)
+    S = 1e-6 * np.eye(3)
+    many = met(EDGE, J, error, postures, np.broadcast_to(S, (4, 3, 3)))
+    for robot in range(4):
+        one = slice(robot, robot + 1)
+        alone = met(EDGE, J[one], error[one], postures[one], S[None])
+        np.testing.assert_array_equal(alone[0], many[robot])
+        single = met(EDGE, J[robot], error[robot], postures[robot], S)
+        np.testing.assert_allclose(single, many[robot], rtol=1e-9, atol=1e-12)
+
+
+def test_a_joint_at_its_limit_brings_nothing():
+    limits = JERKY.replace(position_upper=np.append(HOME[:1] + 1e-12, JERKY.position_upper[1:]))
+    J = PANDA.J(HOME)
+    for way, brings in ((0.1, False), (-0.1, True)):
+        error = way * J[:, 0]
+        free = ReachEdge(limits, np.ones(3), 1e-3).free(J, error, HOME)
+        assert (abs(free[:, 0]).max() > 1e-6) == brings
+        np.testing.assert_array_equal(free[:, 1:], J[:, 1:])
+
+
+def test_preferred_velocities_are_freed_of_what_acts_on_the_task():
+    J, g = PANDA.J(HOME), np.linspace(-1.0, 1.0, 7)
+    left = freed(g, J, J, 1e-9 * np.eye(3), True)
+    np.testing.assert_allclose(J @ left, 0.0, atol=1e-7)
+    np.testing.assert_allclose(left + J.T @ np.linalg.solve(J @ J.T, J @ g), g, atol=1e-7)
+    assert freed(g, J, J, 1e-9 * np.eye(3), False) is g
+
+
+def test_what_a_law_wants_behind_a_safety_is_braked_near_the_edge_alone():
+    wild = 3.0 * _RIGHT[0] + 2.0 * _RIGHT[1]
+    v = EDGE.braked(wild, STRETCHED, HOME)
+    most = EDGE.speed(np.array([0.08]))[0]
+    assert 0.0 < _RIGHT[0] @ v < 1.2 * most < 0.3
+    np.testing.assert_allclose(_RIGHT[1:] @ v, [2.0, 0.0, 0.0, 0.0, 0.0, 0.0], atol=1e-9)
+    calm = 1e-4 * _RIGHT[0]
+    assert EDGE.braked(calm, STRETCHED, HOME) is calm
+    assert EDGE.braked(wild, PANDA.J(HOME), HOME) is wild
+
+
+def test_the_numbers_that_a_law_gives():
+    edge = adaptive(task_size=6, lever=0.2, limits=JERKY).sampled(2e-3)._edge
+    np.testing.assert_array_equal(edge.scales, [0.2, 0.2, 0.2, 1.0, 1.0, 1.0])
+    assert edge.seen_after == 2e-3

@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 _MEGABYTE = 1_000_000
 # Largest size of a file of JSON, and of what the arrays of a file may take [bytes].
 _MOST_JSON, _MOST_ARRAYS = 64 * _MEGABYTE, 4000 * _MEGABYTE
+# Size of what is read at a time [bytes].
+_PART = 2**20
 # Kinds of numbers: logical, signed, unsigned and real ones.
 _NUMBERS = "biuf"
 # Largest size of the head of an array in a file [bytes].
@@ -55,12 +57,14 @@ def opened(file: str | Path, most: int) -> BinaryIO:
 
 def content_of(file: str | Path, most: int) -> bytes:
     """Return what a file holds; arguments and errors are those of `opened`."""
+    content = bytearray()
     with opened(file, most) as stream:
         # Some files that the system makes up, and some that grow, are longer than they say.
-        content = stream.read(most + 1)
-    if len(content) > most:
-        raise ValueError(f"has more than {most / _MEGABYTE:g} MB, which it may have")
-    return content
+        while part := stream.read(_PART):
+            content += part
+            if len(content) > most:
+                raise ValueError(f"has more than {most / _MEGABYTE:g} MB, which it may have")
+    return bytes(content)
 
 
 def json_of(file: str | Path) -> Any:

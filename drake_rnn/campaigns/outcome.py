@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
@@ -88,6 +89,35 @@ class Outcome:
         if contents["method"] not in get_args(Method):
             raise ValueError(f"no method of a run: {contents['method']!r}")
         values = {name: contents[name] for name in names}
+        _require_kinds(values)
         values["accepted"] = tuple(values["accepted"])
         values["learning"] = tuple(values["learning"])
         return cls(**values)
+
+
+def _require_kinds(values: Mapping[str, Any]) -> None:
+    """Raise a ValueError unless the contents of an outcome are of the kinds that a run writes."""
+    metrics, kept, learning = values["metrics"], values["kept"], values["learning"]
+    right = (
+        isinstance(values["failure"], str),
+        all(map(_is_number, (values["until_s"], values["wall_time_s"]))),
+        isinstance(metrics, dict) and all(map(_is_number, metrics.values())),
+        isinstance(kept, dict) and all(isinstance(each, bool) for each in kept.values()),
+        isinstance(values["accepted"], list)
+        and all(isinstance(each, str) for each in values["accepted"]),
+        isinstance(learning, list)
+        and len(learning) in (0, 2)
+        and all(isinstance(each, list) and all(map(_is_number, each)) for each in learning),
+    )
+    if not all(right):
+        raise ValueError("no outcome of a run")
+
+
+def _is_number(value: Any) -> bool:
+    """Return whether a value is a number that a float can hold."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return False
+    try:
+        return isinstance(float(value), float)
+    except OverflowError:
+        return False

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ..errors import InvalidInputError
+from ..inputs.given_file import json_of
 from ..runs.folder import claimed
 from ..runs.whole_file import written_whole
 from .outcome import Order, Outcome
@@ -37,8 +38,8 @@ class RowStore:
     def get(self, key: str) -> Outcome | None:
         """Return the outcome kept under a key; None if it is missing or damaged."""
         try:
-            return Outcome.of(json.loads(self._file(key).read_text()))
-        except (OSError, ValueError, KeyError, TypeError):
+            return Outcome.of(json_of(self._file(key)))
+        except (OSError, ValueError):
             return None
 
     def put(self, order: Order, outcome: Outcome) -> None:

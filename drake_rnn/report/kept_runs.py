@@ -22,6 +22,7 @@ from ..diagrams import EXPERIMENTS
 from ..errors import DrakeRnnError, InvalidInputError
 from ..experiment import read_document
 from ..experiment.fingerprint import stamp
+from ..inputs.given_file import json_of
 from ..runs.result import Result
 from ..runs.whole_file import written_whole
 
@@ -185,7 +186,7 @@ class KeptRuns(RunSource):
     def _known(self, name: str) -> float | None:
         """Return a number that was measured before, if its runs are still kept."""
         try:
-            told = json.loads(self._file(name).read_text())
+            told = json_of(self._file(name))
             asked = [self.asked(each, changes) for each, changes, _ in told["runs"]]
             value = float(told["value"])
         except (OSError, ValueError, KeyError, TypeError):

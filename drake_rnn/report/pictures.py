@@ -16,6 +16,7 @@ from ..campaigns.engine import carry_out
 from ..errors import DrakeRnnError
 from ..experiment.fingerprint import stamp
 from ..figures import drawable, write_figures
+from ..inputs.given_file import json_of
 from ..inputs.own_code import described
 from ..playback import write_playback
 from ..runs.folder import RECORD
@@ -78,7 +79,7 @@ def draw_missing(
 def pictures_of(folder: Path) -> Pictures | None:
     """Return the pictures in the folder of a run; None without any, or if other code drew them."""
     try:
-        told = json.loads((folder / _RECORD).read_text())
+        told = json_of(folder / _RECORD)
         found = Pictures(**{**told, "size": tuple(told["size"])})
     except (OSError, ValueError, KeyError, TypeError):
         return None

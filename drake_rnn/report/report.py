@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ..errors import InvalidInputError
+from ..inputs.given_file import json_of
 from ..runs.folder import claimed
 from ..runs.whole_file import written_whole
 from .contents import contents_of, failures, main_runs
@@ -163,7 +164,7 @@ def _refuse_others(folder: Path, names: set[str]) -> None:
 def _pages_before(folder: Path) -> list[str]:
     """Return the pages that an earlier report has written."""
     try:
-        told = json.loads((folder / _DATA).read_text())
+        told = json_of(folder / _DATA)
         names = [Path(name).name for name in told["pages"]]
     except (OSError, ValueError, KeyError, TypeError):
         return []

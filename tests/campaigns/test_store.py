@@ -1,6 +1,7 @@
 """Rows on disk: whole or not there."""
 
 import json
+import os
 
 import pytest
 
@@ -39,6 +40,41 @@ def test_half_a_row_is_none(tmp_path, damage):
     store.put(ORDER, OUTCOME)
     (file,) = tmp_path.rglob("*.json")
     file.write_text(damage)
+    assert store.get("ab12") is None
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("metrics", {"a": "1"}),
+        ("metrics", {"a": 10**400}),
+        ("metrics", [1.0]),
+        ("kept", {"a": 1}),
+        ("failure", None),
+        ("until_s", "1"),
+        ("accepted", "a"),
+        ("learning", [[0.0]]),
+        ("learning", [[0.0], ["a"]]),
+    ],
+)
+def test_a_row_of_other_kinds_is_none(tmp_path, key, value):
+    store = RowStore(tmp_path)
+    store.put(ORDER, OUTCOME)
+    (file,) = tmp_path.rglob("*.json")
+    file.write_text(json.dumps({**json.loads(file.read_text()), key: value}))
+    assert store.get("ab12") is None
+
+
+@pytest.mark.parametrize("make", ["pipe", "nested"])
+def test_what_is_no_row_is_none(tmp_path, make):
+    store = RowStore(tmp_path)
+    store.put(ORDER, OUTCOME)
+    (file,) = tmp_path.rglob("*.json")
+    file.unlink()
+    if make == "pipe":
+        os.mkfifo(file)
+    else:
+        file.write_text("[" * 100_000)
     assert store.get("ab12") is None
 
 

@@ -18,6 +18,8 @@ from .dataclass_fields import field_names
 
 # Names that a message tells if none is close: all up to this number, of more than that some.
 _MOST_NAMES, _SOME_NAMES = 40, 8
+# Errors that are looked at; each is compared with each other one.
+_MOST_ERRORS = 200
 
 
 def sentence(cls: type, error: ValidationError, key: str) -> str:
@@ -28,8 +30,10 @@ def sentence(cls: type, error: ValidationError, key: str) -> str:
         error: Error that pydantic raised.
         key: Key of the values in a document; may be empty.
     """
-    errors = _fitting(cls, error.errors(include_url=False))
+    found = error.errors(include_url=False)
     # A misspelt key often makes another one missing: report the misspelt one.
+    unknown = [each for each in found if each["type"] in _UNKNOWN_KEY]
+    errors = _fitting(cls, [*unknown[:1], *found[:_MOST_ERRORS]])
     first = next((e for e in errors if e["type"] in _UNKNOWN_KEY), errors[0])
     place = _place(cls, first)
     keys = place.keys

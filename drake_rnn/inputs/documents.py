@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import lru_cache
 from io import StringIO
 from pathlib import Path
 from typing import Any, TypeVar
+from warnings import catch_warnings
 
 from pydantic import TypeAdapter, ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.constructor import DuplicateKeyError
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.nodes import MappingNode, SequenceNode
 from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
 from ..errors import InvalidInputError
@@ -43,26 +46,71 @@ def parse_yaml(text: str, source: str) -> Any:
         InvalidInputError: If it is not YAML, holds a key twice, is nested without measure or
             refers to itself.
     """
-    try:
+    # Anchors may be used again, and version 1.1 of YAML has other ways to write numbers.
+    with _refusals(source), catch_warnings(action="ignore"):
+        if "<<" in text:
+            _require_few_merges(YAML(typ="safe", pure=True).compose(text), source)
         content = YAML(typ="safe", pure=True).load(text)
+    _require_measure(content, source)
+    return content
+
+
+@contextmanager
+def _refusals(source: str) -> Iterator[None]:
+    """Turn what a reader of YAML raises into a sentence that names the document."""
+    try:
+        yield
     except RecursionError:
         raise InvalidInputError(f"{source}: nested too deeply") from None
     except DuplicateKeyError as error:
         key = str(error.problem).split('"')[1]
         raise InvalidInputError(f"{source}: the key {key!r} is given twice") from None
-    except ValueError:
-        # Python reads no whole number of more than 4300 digits.
-        raise InvalidInputError(f"{source}: {_TOO_LONG}") from None
+    except InvalidInputError:
+        raise
+    except (ValueError, KeyError) as error:
+        # Python reads no whole number of more than 4300 digits; a tag may not fit its value.
+        told = _TOO_LONG if "digits" in str(error) else f"a value is not as its tag says: {error}"
+        raise InvalidInputError(f"{source}: {told}") from None
     except YAMLError as error:
-        place, problem = "", str(error)
-        if isinstance(error, MarkedYAMLError):
-            problem = error.problem or problem
-            if (mark := error.problem_mark) is not None:
-                place = f"line {mark.line + 1}, column {mark.column + 1}: "
-        problem = " ".join(problem.split()).removeprefix("but ")
-        raise InvalidInputError(f"{source}: not a YAML document: {place}{problem}") from None
-    _require_measure(content, source)
-    return content
+        raise InvalidInputError(f"{source}: not a YAML document: {_problem(error)}") from None
+
+
+def _problem(error: YAMLError) -> str:
+    """Return what is wrong with a document, and where."""
+    place, problem = "", str(error)
+    if isinstance(error, MarkedYAMLError):
+        problem = error.problem or problem
+        if (mark := error.problem_mark) is not None:
+            place = f"line {mark.line + 1}, column {mark.column + 1}: "
+    return place + " ".join(problem.split()).removeprefix("but ")
+
+
+def _require_few_merges(document: Any, source: str) -> None:
+    """Raise an InvalidInputError if merges (<<) of merges repeat keys beyond measure.
+
+    Args:
+        document: Node of the document, of which nothing is merged yet.
+        source: Name of the document in messages.
+    """
+    counts: dict[int, int] = {}
+
+    def count(node: Any) -> int:
+        """Return the number of keys that a mapping, or a list of mappings, has when merged."""
+        if id(node) not in counts:
+            # One that merges itself is told of elsewhere.
+            counts[id(node)] = 0
+            if isinstance(node, MappingNode):
+                keys = (count(v) if key.value == "<<" else 1 for key, v in node.value)
+                counts[id(node)] = sum(keys)
+                for _, value in node.value:
+                    count(value)
+            elif isinstance(node, SequenceNode):
+                counts[id(node)] = sum(map(count, node.value))
+        return counts[id(node)]
+
+    count(document)
+    if sum(counts.values()) > _MOST_VALUES:
+        raise InvalidInputError(f"{source}: its merges (<<) repeat more than {_MOST_VALUES} keys")
 
 
 def _require_measure(content: Any, source: str) -> None:
@@ -135,17 +183,20 @@ def read_named(
 
 def _require_no_store(document: Mapping[str, Any], cls: type) -> None:
     """Raise an InvalidInputError for an unknown key to whose value others refer by an alias."""
+    users: dict[int, set[str]] = {}
+    for name, value in document.items():
+        inside = [value]
+        while inside:
+            each = inside.pop()
+            if isinstance(each, (dict, list)):
+                users.setdefault(id(each), set()).add(name)
+                inside += each.values() if isinstance(each, dict) else each
     for key in without_extensions(document).keys() - set(field_names(cls)):
-        others = [value for name, value in document.items() if name != key]
-        while others:
-            other = others.pop()
-            if other is document[key] and isinstance(other, (dict, list)):
-                raise InvalidInputError(
-                    f"{key}: no such key; give what several keys share under a key that begins "
-                    f"with {EXTENSION}, such as {EXTENSION}{key}"
-                )
-            if isinstance(other, (dict, list)):
-                others += other.values() if isinstance(other, dict) else other
+        if users.get(id(document[key]), set()) - {key}:
+            raise InvalidInputError(
+                f"{key}: no such key; give what several keys share under a key that begins "
+                f"with {EXTENSION}, such as {EXTENSION}{key}"
+            )
 
 
 def to_yaml(document: Mapping[str, Any]) -> str:

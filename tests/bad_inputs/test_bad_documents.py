@@ -34,6 +34,34 @@ DOCUMENTS = {
     "a number of 5000 digits": (PLANAR + f"seed: {'9' * 5000}\n", "holds a number of too many"),
     "one in hexadecimals": (PLANAR + f"seed: 0x{'f' * 5000}\n", "holds a number of too many"),
     "a document of two megabytes": (PLANAR + "#" * 2_000_000, "has 2 MB, and may have 1 MB"),
+    "merges of merges": (
+        "x-a: &a {k: 1}\n"
+        + "".join(
+            f"x-{c}: &{c} {{<<: [{', '.join(['*' + b] * 9)}]}}\n"
+            for b, c in zip("abcdefgh", "bcdefghi", strict=True)
+        )
+        + PLANAR,
+        "its merges (<<) repeat more than 1000000 keys",
+    ),
+    "lists of lists": (
+        "x-a: &a [1]\n"
+        + "".join(
+            f"x-{c}: &{c} [{', '.join(['*' + b] * 9)}]\n"
+            for b, c in zip("abcdefgh", "bcdefghi", strict=True)
+        )
+        + PLANAR,
+        "refers to itself, or holds more than 1000000 values",
+    ),
+    "a value that is not as its tag": (PLANAR + "seed: !!bool x\n", "not as its tag says: 'x'"),
+    "a whole number that is none": (PLANAR + "seed: !!int x\n", "not as its tag says: invalid"),
+    "a class of Python": (PLANAR + "name: !!python/object:os.system x\n", "not a YAML document"),
+    "many unknown keys": (
+        PLANAR + "".join(f"k{number}: 1\n" for number in range(10_000)),
+        "k0: no such key",
+    ),
+    "a key that is a list": (PLANAR + "? [a, b]\n: 3\n", "keys should be strings, not ['a', 'b'"),
+    "a tab": (PLANAR + "\taccept: {}\n", "line 8, column 1: found character"),
+    "a date": (PLANAR + "seed: 2020-01-01\n", "seed: must be an integer, not datetime.date(2020"),
     "a document 3000 deep": (f"arm: {'[' * 3000}{']' * 3000}", "nested too deeply"),
 }
 

@@ -34,11 +34,13 @@ class CapsulesFile:
             their capsules touch where they do not. ``link 2`` is the second capsule of a body that
             has several.
         tools: Bodies of tools. What is stated of one counts only where the arm has it.
+        source: The meshes that they hold, where these are not the model's own.
     """
 
     capsules: list[Capsule]
     left_out: list[tuple[str, str]] = Field(default_factory=list)
     tools: list[str] = Field(default_factory=lambda: ["tool"])
+    source: list[str] = Field(default_factory=list)
 
 
 def fitted_capsules(parts: Iterable[Part]) -> list[Capsule]:

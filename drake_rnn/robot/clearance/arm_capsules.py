@@ -98,7 +98,8 @@ def _stated(arm: Arm) -> tuple[list[Capsule], list[tuple[str, str]]]:
     read = construct(CapsulesFile, read_yaml(Path(file)), file)
     names = _names(arm.plant())
     absent = set(read.tools) - set(names)
-    known = {*names, *absent, *numbered([capsule.body for capsule in read.capsules])}
+    bodies = [capsule.body for capsule in read.capsules if capsule.body in names]
+    known = {*names, *absent, *numbered(bodies)}
     for name in (name for pair in read.left_out for name in pair):
         if name not in known:
             raise InvalidInputError(

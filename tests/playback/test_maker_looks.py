@@ -150,8 +150,8 @@ def test_an_arm_or_file_that_is_not_there_is_refused():
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["panda", "ur5"])
-def test_the_makers_meshes_lie_about_the_capsules_of_the_arm(name):
-    """Capsules were fitted to simpler shapes; a Panda's shoulder is 49 mm beyond its capsule."""
+def test_the_makers_meshes_lie_in_the_capsules_of_the_arm(name):
+    """But for what the meshes that are drawn lose with most of their triangles."""
     arm = load_arm(name, looks="example-robot-data", triangles=5000)
     if arm.looks is None:
         pytest.skip("needs example-robot-data")
@@ -162,7 +162,7 @@ def test_the_makers_meshes_lie_about_the_capsules_of_the_arm(name):
         points = X_BG @ (points[:, [0, 2, 1]] * [1, -1, 1]).T
         own = [each for each in capsules if each.body == body.name()]
         away = np.min([outside(points.T, each) for each in own], axis=0)
-        assert away.max() < 0.055
+        assert away.max() < 0.002
         assert away.min() < 0.0
 
 

@@ -29,7 +29,7 @@ class CapsulesFile:
     """The contents of a file of capsules.
 
     Args:
-        capsules: The capsules.
+        capsules: The capsules; a body may have several.
         left_out: Pairs of bodies that are not looked at, because they cannot collide, or because
             their capsules touch where they do not. ``link 2`` is the second capsule of a body that
             has several.

@@ -22,9 +22,10 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from drake_rnn import Experiment, load_experiment, proposed_home, run_many
+from drake_rnn import Experiment, load_experiment, run_many
 from drake_rnn.experiment import Arms
 from drake_rnn.robot.load_arm import load_arm
+from drake_rnn.robot.postures import proposed_home
 from drake_rnn.robot.rotation import rotation_error
 from markdown_table import head, row
 

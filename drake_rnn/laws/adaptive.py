@@ -488,6 +488,7 @@ class AdaptiveReading(SampledReading):
         along, error = self._task.asked(u, since, period)
         law = self.law
         g = law.secondary.preferred(law.limits, law.home, q, v, J, u, period)
+        g = self._edge.preferred(g)
         back, g, softness = self._within_reach(J, error, g, q, u)
         along, back = self._task.pressing({**kept, **felt}, u, along, back)
         program = Program(J, along + back, along, g, softness)
@@ -525,8 +526,8 @@ class AdaptiveReading(SampledReading):
             at, whole, error, task.back, lambda v: task.sliding(v, u), softness
         )
         g = freed(g, J, free, firm, added | at.near)
-        if law.jacobian == "learned":
-            # What J_hat takes for a motion that leaves the task alone moves it nonetheless, and
-            # what that teaches moves it again.
+        if law.limits.jerk is not None:
+            # At the edge joints rest where they are: what the preferred velocities, or a motion
+            # that only J_hat takes for one that leaves the task alone, do there moves them again.
             g = g * share
         return back, g, softness

@@ -68,6 +68,8 @@ _TURNS, _SHORT = 2.0, 0.01
 # Way below which anything is braked [rad], at least; and ways that a joint goes at its largest
 # velocity while it turns its acceleration round.
 _BEGINS, _COASTS = 0.3, 4.0
+# Time in which a joint may turn its acceleration round at the usual gains of what is preferred [s].
+_PULLED = 0.125
 # Stands for an acceleration that is not bounded [rad/s^2].
 _UNBOUNDED = 1e6
 # What is no larger is nothing [m, m/s].
@@ -137,6 +139,19 @@ class ReachEdge:
         added = functions_of(way).maximum(way * way - _SHORT**2, 0.0)
         rows = (added * self.scales**-2)[..., None] * np.eye(feedback.shape[-1])
         return softness + rows, added > 0.0
+
+    def preferred(self, g: Array) -> Array:
+        """Return preferred joint velocities, slower where the jerk is low, shape (..., n) [rad/s].
+
+        Args:
+            g: The velocities, shape (..., n) [rad/s].
+        """
+        if self.limits.jerk is None:
+            return g
+        part = _PULLED / self._turn
+        if isinstance(part, float):
+            return g if part >= 1.0 else part * g
+        return functions_of(part).minimum(part, 1.0) * g
 
     def length(self, velocity: Array) -> Any:
         """Return the length of a task velocity, a float or shape (..., 1) [m/s]."""

@@ -22,7 +22,8 @@ free: one at a position limit, which the task wants beyond it, brings nothing. N
 more things are done. The preferred velocities are freed of all that acts on the task, which would
 hold the arm short of the nearest point. With the jerk bounded, the task is softer by the square of
 the way that the feedback goes while a joint turns its acceleration round, as far as that is more
-than a centimetre. Where none of this acts, no bit changes.
+than a centimetre. The preferred velocities are slower where the jerk is low, everywhere. Where none
+of this acts, no bit changes.
 """
 
 from __future__ import annotations

@@ -149,8 +149,8 @@ class Cycles:
             self._account(status)
             raise StopError(
                 "clock",
-                f"the robot's clock went by {passed:.4g} s in a cycle, ours by {here:.4g} s; "
-                f"{self._settings.late:g} s may",
+                f"the robot's clock went by {passed:.4g} s in a cycle, ours by {here:.3g} s; "
+                f"{self._settings.late:g} s are allowed",
             )
         return passed
 

@@ -66,8 +66,8 @@ class Channels:
 
     def __init__(self, position, script=lambda t, data: [data], pace=1):
         self.position, self.velocity, self.script = position, 0.0 * position, script
-        self.time, self.cycles, self.pace = 0.0, 0, pace
-        self.first, self.sent, self.hear = None, [], {}
+        self.time, self.last, self.cycles, self.pace = 0.0, 0.0, 0, pace
+        self.first, self.sent, self.hear, self.kept = None, [], {}, []
 
     def Subscribe(self, channel, handler):
         self.hear[channel] = handler
@@ -76,12 +76,23 @@ class Channels:
         assert channel == COMMAND
         self.first = self.time if self.first is None else self.first
         position = np.array(lcmt_iiwa_command.decode(data).joint_position)
-        self.velocity, self.position = (position - self.position) / PERIOD, position
+        passed = max(self.time - self.last, PERIOD)
+        self.velocity, self.position = (position - self.position) / passed, position
+        self.last = self.time
         self.sent.append(position)
         self.hear[COMMAND](data)
 
+    def busy(self, length):
+        """Time passes in which nobody reads: of what comes, LCM keeps the oldest."""
+        self.kept = [status_bytes((self.cycles + 1) * PERIOD, self.position, self.velocity)]
+        self.cycles += round(length / PERIOD)
+        self.time = self.cycles * PERIOD
+
     def wait(self, timeout):
         """Some time passes, until the next message at most."""
+        if self.kept:
+            self.hear[STATUS](self.kept.pop())
+            return
         due = (self.cycles + 1) * self.pace * PERIOD
         if timeout < due - self.time - 1e-9:
             self.time += timeout

@@ -1,10 +1,11 @@
 """An FR3 that follows its commands exactly and judges them, for a pacer's process; no NumPy.
 
 Its address says what goes wrong, e.g. ``lose=500:7``: from its 500th cycle on it takes no command
-for 7 of them, and goes on with its last acceleration, as in a cycle that is not answered.
+for 7 of them, and goes on with its last acceleration, as in a cycle that is not answered;
+``nan=500``, ``joints=500`` or ``clock=500``: in its 500th cycle it tells what is no state.
 """
 
-from math import pi
+from math import nan, pi
 from time import monotonic, sleep
 
 from drake_rnn.drive.pacer import State
@@ -18,6 +19,13 @@ ACCELERATION, JERK = 10.0, 5000.0
 #: Cycles in a row after which the robot gives up.
 PATIENCE = 20
 
+#: What is no state.
+WRONG = {
+    "nan": lambda state: state._replace(q=[nan] * 7),
+    "joints": lambda state: state._replace(q=state.q[:6]),
+    "clock": lambda state: state._replace(time=state.time + 5.0),
+}
+
 
 class RefusedError(Exception):
     """What the robot refuses."""
@@ -26,7 +34,8 @@ class RefusedError(Exception):
 class StandIn:
     def __init__(self, address):
         name, _, numbers = address.partition("=")
-        self.lost = range(0)
+        self.lost, self.kind = range(0), name
+        self.wrong = int(numbers) if name in WRONG else -1
         if name == "lose":
             at, count = map(int, numbers.split(":"))
             self.lost = range(at, at + count)
@@ -55,7 +64,8 @@ class StandIn:
             if lost == PATIENCE:
                 raise RefusedError("communication_constraints_violation")
             self._go_on()
-        return self.look()
+        state = self.look()
+        return WRONG[self.kind](state) if self.moved == self.wrong else state
 
     def _go_on(self):
         """Hold the acceleration for a cycle."""

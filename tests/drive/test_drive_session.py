@@ -128,6 +128,33 @@ def test_whoever_wants_it_to_end_waits_until_the_robot_rests():
     assert not (robot.sent[-1] - robot.sent[-2]).any()
 
 
+def test_whoever_wants_it_to_end_while_it_listens_has_nothing_sent():
+    robot = Scripted(known().start)
+    (result, made), _ = driven(robot, is_told_to_stop=lambda: robot.now() > 0.2)
+    assert (result.status, made.stopped.watch) == ("interrupted", "interrupted")
+    assert robot.sent == []
+
+
+def test_a_program_that_commands_it_too_is_a_reason_to_stop():
+    robot = Scripted(known().start)
+    robot.others = lambda: 2 * (robot.first is not None and robot.now() - robot.first > 0.6)
+    (result, made), _ = driven(robot)
+    assert made.stopped.watch == "others"
+    assert "another program commands the robot, 2 times" in result.failure
+    assert derivatives(made.log)[1] <= 1.0 + 1e-4
+
+
+def test_a_robot_that_has_moved_since_it_was_listened_to_is_sent_nothing():
+    def moves(t, status):
+        away = 0.03 if robot.now() > 0.51 else 0.0
+        return replace(status, position=status.position + away)
+
+    robot = Scripted(known().start, moves)
+    with pytest.raises(RobotError, match=r"has moved by 0\.03 rad since it was listened to"):
+        driven(robot)
+    assert robot.sent == []
+
+
 def test_a_robot_that_stood_for_long_is_told_to_stay_where_it_was():
     # This side slept for a second, in which the robot has stopped by itself.
     def sleeps(t, status):
@@ -195,10 +222,21 @@ def jumps(task, until):
     return task.start + 0.5
 
 
+def ends_the_process(task, until):
+    # As Drake does where one of its own conditions fails.
+    raise SystemExit("condition failed")
+
+
+def is_wrong(task, until):
+    raise KeyError("q")
+
+
 @pytest.mark.parametrize(
     ("watch", "wrong", "sentence"),
     [
         ("law", fails, "the law failed"),
+        ("law", is_wrong, "KeyError: 'q'"),
+        ("law", ends_the_process, "SystemExit: condition failed"),
         ("command", jumps, "is to move by"),
     ],
 )

@@ -8,6 +8,8 @@ from drive_helpers import Channels, known, status_bytes, stopped_within
 
 from drake_rnn import RobotError
 from drake_rnn.drive import IIWA, DriveSettings, drive_experiment
+from drake_rnn.drive.approach import Approach
+from drake_rnn.drive.driven_law import DrivenLaw
 from drake_rnn.drive.iiwa_lcm import decoded_status
 
 JOINTS = 7
@@ -235,3 +237,40 @@ def test_whoever_hears_nothing_stops_nothing():
     robot = Channels(known().start)
     result, made = drive_experiment(known(), IIWA, robot.connection(), say=say)
     assert (result.status, made.stopped) == ("complete", None)
+
+
+def test_a_drive_begins_with_a_status_that_has_just_come(monkeypatch):
+    """The way to the start takes its time, in which LCM keeps the oldest status alone."""
+    robot = Channels(known().start)
+
+    class Slow(Approach):
+        def __init__(self, *arguments):
+            robot.busy(0.4)
+            super().__init__(*arguments)
+
+    monkeypatch.setattr("drake_rnn.drive.session.Approach", Slow)
+    result, made = drive_experiment(known(0.5), IIWA, robot.connection())
+    assert (result.status, made.stopped) == ("complete", None)
+    assert result.timings["cycles_lost"] == result.timings["cycles_late"] == 0
+
+
+def test_the_newest_status_is_waited_for_where_this_side_was_late(monkeypatch):
+    """What has waited is older than what it is asked for."""
+
+    def slow(since, data):
+        status = decoded_status(data)
+        return [status_bytes(status.time, status.position, 0.0 * status.velocity)]
+
+    robot = Channels(known().start, slow)
+    right, slept = DrivenLaw.advance, []
+
+    def sleeps(task, until, position, velocity):
+        if until > 0.3 and not slept and robot.first is not None:
+            slept.append(until)
+            robot.busy(0.03)
+        return right(task, until, position, velocity)
+
+    monkeypatch.setattr(DrivenLaw, "advance", sleeps)
+    result, made = drive_experiment(known(0.5), IIWA, robot.connection())
+    assert (result.status, made.stopped) == ("complete", None)
+    assert np.diff(made.log.of("run")["time"]).max() == pytest.approx(0.035)

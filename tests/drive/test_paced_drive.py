@@ -130,6 +130,19 @@ def test_a_pacer_or_robot_that_ends_is_told():
 
 
 @pytest.mark.long
+@pytest.mark.parametrize(
+    ("kind", "watch"), [("nan", "status"), ("joints", "status"), ("clock", "clock")]
+)
+def test_what_is_no_state_ends_in_a_bounded_stop(kind, watch):
+    connection = Paced(f"{kind}=400", robot=STAND_IN)
+    result, driven = drive_experiment(experiment(), FR3, connection, PATIENT)
+    assert (result.status, driven.stopped.watch) == ("failed", watch)
+    cycles = connection.cycles()
+    require_bounds(cycles)
+    assert not cycles["velocity_commanded"][-20:].any()
+
+
+@pytest.mark.long
 def test_a_third_partys_controller_takes_a_motion(tmp_path):
     """It is looked at whether it runs, not how late anybody is."""
     pytest.importorskip("pylibfranka", reason="pylibfranka, extra franka, is not installed")

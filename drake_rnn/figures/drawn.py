@@ -96,10 +96,10 @@ def write_figures(
     folder = Path(folder)
     names = names or fitting(drawable(result), paper)
     files = [folder / f"{name}.{paper.form}" for name in names]
-    for file in files:
-        require_replaceable(file)
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        for file in files:
+            require_replaceable(file)
         for file in files:
             with drawn_for(paper), drawn_of(f"figure {file.stem}"):
                 save(figure(result, file.stem, paper), file)

@@ -188,7 +188,7 @@ def _simulator(lcm: DrakeLcm, start: Array | None) -> Simulator:
     arm = load_arm(IIWA.arm)
     posture = start_posture(arm, start)
     builder = DiagramBuilder()
-    plant, _ = AddMultibodyPlantSceneGraph(builder, STEP)
+    plant, _ = AddMultibodyPlantSceneGraph(builder, MultibodyPlant(STEP))
     instance = arm.add_to(plant)
     known = {motor.joint().name(): motor for motor in motors_of(plant, instance)}
     for name in arm.joints:

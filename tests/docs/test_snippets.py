@@ -16,9 +16,10 @@ from drake_rnn import (
     simulate,
 )
 from drake_rnn.campaigns import plan_campaign, read_campaign
-from drake_rnn.inputs.documents import parse_yaml
+from drake_rnn.inputs.documents import construct, parse_yaml
 from drake_rnn.inputs.extensions import without_extensions
 from drake_rnn.inputs.fields import field_names
+from drake_rnn.robot.clearance.arm_capsules import CapsulesFile
 from drake_rnn.robot.limits_file import read_limits
 
 #: What else a snippet may import.
@@ -76,6 +77,9 @@ def test_a_document_can_be_run_or_is_a_part_of_one(page, line, code, tmp_path, m
     if "joints" in document:
         (tmp_path / "my.limits.yaml").write_text(code)
         read_limits(tmp_path / "my.limits.yaml", document["joints"], document["joints"])
+        return
+    if "capsules" in document:
+        construct(CapsulesFile, document, f"{page}:{line}")
         return
     assert document.keys() <= set(field_names(ExperimentDocument))
     if "duration" in document:

@@ -15,6 +15,7 @@ from ..inputs.complaints import nearest, require_type
 from ..inputs.documents import construct, read_named
 from ..inputs.extensions import without_extensions
 from ..inputs.fields import Count, Seed, validated
+from ..inputs.given_file import is_file
 from ..inputs.names import require_folder_name
 from ..measures import METRIC_NAMES
 from .variation import Axis, Distribution, variation_of
@@ -187,7 +188,7 @@ def _read(name: str) -> dict[str, Any]:
     shipped = {file.stem: file for file in CAMPAIGNS.glob("*.yaml")}
     contents, file = read_named(name, shipped, "campaign", CampaignDocument)
     experiment = contents.get("experiment")
-    if isinstance(experiment, str) and (file.parent / experiment).is_file():
+    if isinstance(experiment, str) and is_file(file.parent / experiment):
         # Relative to the campaign, as files in an experiment are relative to it.
         contents["experiment"] = str((file.parent / experiment).resolve())
     return {**contents, "name": contents.get("name") or file.stem}

@@ -15,6 +15,7 @@ from ..experiment import Experiment, load_experiment
 from ..figures import drawn_for
 from ..figures.comparison import comparison_figure
 from ..inputs.complaints import drawn_of
+from ..inputs.given_file import is_file
 from ..measures import METRIC_NAMES
 from ..runs.effort import effort_of
 from ..runs.result import Result
@@ -85,7 +86,7 @@ def _print_plan(loaded: Mapping[str, Experiment | Result], folder: Path, as_json
 
 def _load(run: str, changes: Mapping[str, object]) -> Experiment | Result:
     """Return an experiment that is ready to run, or a result that a folder holds."""
-    if not Path(run, "experiment.yaml").is_file():
+    if not is_file(Path(run, "experiment.yaml")):
         experiment = load_experiment(run, changes)
         check_experiment(experiment)
         return experiment

@@ -11,7 +11,7 @@ from pydrake.multibody.plant import MultibodyPlant
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Angles, Array, Point, validated, zeros
-from ..inputs.given_file import content_of
+from ..inputs.given_file import content_of, is_file
 from ..robot.contact_mesh import require_coarse_balls
 from ..robot.model.still import require_finite_meshes
 from ..robot.model.xml_text import MOST_BYTES, parse_xml
@@ -41,7 +41,7 @@ class ModelSurface(ContactModel):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not Path(self.model).is_file():
+        if not is_file(self.model):
             raise ValueError(f"model: no file {self.model!r}")
         root = parse_xml(content_of(self.model, MOST_BYTES))
         if root is not None:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..inputs.complaints import plain
+from ..inputs.given_file import is_file
 from ..inputs.versions import versions
 
 #: Subpackages and files on which no number of a run depends.
@@ -99,7 +100,7 @@ def _file_of(text: str) -> str:
             return ""
         return "" if spec is None or spec.origin is None else str(spec.origin)
     try:
-        return text if Path(text).is_file() else ""
+        return text if is_file(text) else ""
     except OSError:
         # The text is too long for a file name.
         return ""

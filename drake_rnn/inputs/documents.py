@@ -21,7 +21,7 @@ from ..errors import InvalidInputError
 from .complaints import nearest, plain, sentence, short
 from .dataclass_fields import field_names
 from .extensions import EXTENSION, without_extensions
-from .given_file import content_of
+from .given_file import content_of, is_file
 from .own_code import naming
 
 T = TypeVar("T")
@@ -164,7 +164,7 @@ def read_named(
             key that only holds what others refer to.
     """
     file = shipped.get(name, Path(name))
-    if (file / f"{section}.yaml").is_file():
+    if is_file(file / f"{section}.yaml"):
         raise InvalidInputError(
             f"{section}: {name} is the folder of a run; its document is {file / section}.yaml, and "
             f"`drake-rnn plot`, `replay`, `film` and `compare` take the folder"

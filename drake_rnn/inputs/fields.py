@@ -27,6 +27,10 @@ from .numbers import is_number
 Array = NDArray[np.float64]
 
 
+# Entry of a point or direction, whose square is still far from the largest number.
+_FARTHEST = 1e9
+
+
 def _vector(value: Any) -> Array:
     """Return a read-only copy of ``value`` as floats, so that it cannot change later."""
     if not isinstance(value, (list, tuple, np.ndarray)):
@@ -80,6 +84,8 @@ def _point(value: Any) -> Array:
     vector = _finite_vector(value)
     if vector.size != 3:
         raise ValueError(f"must have 3 entries, not {vector.size}")
+    if (np.abs(vector) > _FARTHEST).any():
+        raise ValueError(f"may have entries up to {_FARTHEST:g}")
     return vector
 
 

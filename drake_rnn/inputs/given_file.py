@@ -26,6 +26,14 @@ _NUMBERS = "biuf"
 _MOST_HEAD = 10_000
 
 
+def is_file(file: str | Path) -> bool:
+    """Return whether a name is that of a file; one that no file can have is not."""
+    try:
+        return Path(file).is_file()
+    except (OSError, ValueError):
+        return False
+
+
 def opened(file: str | Path, most: int) -> BinaryIO:
     """Open a regular file of at most a size for reading.
 

@@ -20,6 +20,7 @@ from ..errors import InvalidInputError
 from ..inputs.complaints import nearest, require_type
 from ..inputs.documents import construct
 from ..inputs.fields import Array
+from ..inputs.given_file import is_file
 from ..inputs.html import html_table
 from .arm_description import ArmDescription
 from .drake_log import quiet_drake
@@ -71,6 +72,8 @@ class Arm:
         self._model = self._with_errors()
         self._held: Mapping[str, RigidTransform] = {}
         self.looks, without = looks_file(description.looks, self.model)
+        if description.capsules is not None and not is_file(description.capsules):
+            raise InvalidInputError(f"arm.capsules: no file {description.capsules!r}")
         self.triangles = description.triangles
         self.warnings = (*self._model.warnings, *((without,) if without else ()))
         self.frame = description.frame

@@ -26,6 +26,7 @@ from ..errors import InvalidInputError
 from ..inputs.complaints import nearest
 from ..inputs.documents import construct, read_yaml
 from ..inputs.fields import Array, Bounds, validated
+from ..inputs.given_file import is_file
 from .limits import FIELD_UNITS, JointLimits
 
 _UNPUBLISHED = "unpublished"
@@ -146,7 +147,7 @@ def read_limits(file: Path, movable: Sequence[str], joints: Sequence[str]) -> Li
         InvalidInputError: If the file cannot be read, or a key, a joint, a value or a unit in it is
             wrong; the message names the file.
     """
-    if not file.is_file():
+    if not is_file(file):
         raise InvalidInputError(f"arm.limits: no file {str(file)!r}")
     contents = read_yaml(file)
     if not isinstance(contents, Mapping):
@@ -175,7 +176,7 @@ def limits_beside(model: Path) -> Path | None:
     another model in the folder, and must be named in the description.
     """
     file = model.parent / f"{model.stem}.limits.yaml"
-    return file if model.is_file() and file.is_file() else None
+    return file if is_file(model) and is_file(file) else None
 
 
 def _check_entry(name: str, entry: PublishedLimit, joints: Sequence[str] | None) -> None:

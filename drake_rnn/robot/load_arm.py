@@ -13,6 +13,7 @@ from pydrake.multibody.tree import BodyIndex
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest
 from ..inputs.documents import construct, read_yaml
+from ..inputs.given_file import is_file
 from ..models import MODELS
 from .arm import Arm
 from .arm_description import ArmDescription
@@ -100,7 +101,7 @@ def load_arm(model: str | Path, **changes: Any) -> Arm:
 
 def _ends(file: Path, fields: Mapping[str, Any]) -> str:
     """Return the ends of a model's chains, as a part of a sentence about its frames."""
-    if not file.is_file():
+    if not is_file(file):
         return ""
     plant = MultibodyPlant(0.0)
     with quiet_drake(logging.ERROR):

@@ -9,6 +9,7 @@ from pathlib import Path
 from ..errors import InvalidInputError
 from ..inputs.complaints import nearest
 from ..inputs.extras import not_installed
+from ..inputs.given_file import is_file
 
 #: Name of the package of robot models, and the files in it of shipped arms, by the arm's model.
 PACKAGE = "example-robot-data"
@@ -38,7 +39,7 @@ def looks_file(looks: str | None, model: Path) -> tuple[Path | None, str]:
     if looks is None:
         return None, ""
     if looks != PACKAGE:
-        if not Path(looks).is_file():
+        if not is_file(looks):
             raise InvalidInputError(
                 f"arm.looks: no file {looks!r}; it may be {PACKAGE}, or a URDF file of the arm"
             )

@@ -129,3 +129,9 @@ def test_a_name_is_enough_for_a_run():
     """In Python as on the command line."""
     with pytest.raises(AssertionError, match="a run was started"):
         simulate("pinv_line")
+
+
+@pytest.mark.parametrize("key", ["model", "limits", "looks", "capsules"])
+def test_a_name_that_no_file_can_have_is_that_of_none(key):
+    arm = {"model": "panda", key: "x" * 5000}
+    assert refusal(lambda: load_experiment("pinv_line", {"arm": arm})).startswith("arm")

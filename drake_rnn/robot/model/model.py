@@ -15,7 +15,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 
 from ...errors import InvalidInputError
-from ...inputs.given_file import content_of
+from ...inputs.given_file import content_of, is_file
 from ..contact_mesh import require_coarse_balls
 from ..drake_log import drake_warnings
 from .expansion import expand_xacro, is_xacro
@@ -123,7 +123,7 @@ def read_shapes(file: Path, packages: Mapping[str, str]) -> Model:
 
 def _require_files(file: Path, packages: Mapping[str, str]) -> None:
     """Raise an InvalidInputError if a model file or the folder of a package does not exist."""
-    if not file.is_file():
+    if not is_file(file):
         raise InvalidInputError(f"arm.model: no file {str(file)!r}")
     for package, folder in packages.items():
         if not Path(folder).is_dir():

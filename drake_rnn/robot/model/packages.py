@@ -11,6 +11,7 @@ from urllib.parse import unquote, urlparse
 
 from pydrake.multibody.parsing import PackageMap
 
+from ...inputs.given_file import is_file
 from .xml_text import parse_xml
 
 # ROS packages of models are often renamed by adding or removing one of these.
@@ -45,7 +46,7 @@ class Packages:
             uri: ``package://`` or ``model://`` and a package, ``file://`` and an absolute name, or
                 a name relative to the model.
         """
-        return next((place.resolve() for place in self._places(uri) if place.is_file()), None)
+        return next((place.resolve() for place in self._places(uri) if is_file(place)), None)
 
     def what_else(self, uri: str) -> str:
         """Return what there is instead of a file that a model means; empty for nothing."""

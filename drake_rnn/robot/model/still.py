@@ -13,7 +13,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex
 
 from ...errors import InvalidInputError
-from ...inputs.given_file import content_of
+from ...inputs.given_file import content_of, is_file
 from ..drake_log import drake_warnings
 from .conversion import obj_file, require_finite
 from .geometry import MeshName
@@ -78,7 +78,7 @@ class StillModel:
 
 def _root(file: Path) -> Element:
     """Return the root element of a model file."""
-    if not file.is_file():
+    if not is_file(file):
         raise ValueError(f"no file {str(file)!r}")
     try:
         root = parse_xml(content_of(file, MOST_BYTES))

@@ -90,7 +90,7 @@ from .parts.measurement import EXACT, LEVER, REACH, Measurement, feedback_gain, 
 from .parts.near_singular import OF_PIXELS, row_softness, softened
 from .parts.path_task import PathTask
 from .parts.pixels import FIRMER, PIXELS, in_metres
-from .parts.reach_edge import ReachEdge, freed
+from .parts.reach_edge import BEGINS, BEGINS_LEARNED, ReachEdge, freed
 from .parts.reached_limits import reached_limits
 from .parts.secondary import Secondary, posture_doubts
 from .parts.surface_task import SurfaceTask
@@ -438,7 +438,8 @@ class AdaptiveReading(SampledReading):
             # A lever of each robot's own gives all its leading axis.
             turning = np.ones(3) * law.lever
             scales = joined((turning, 0.0 * turning + 1.0))
-        return ReachEdge(law.limits, scales, self.seen_after)
+        begins = BEGINS if law.jacobian == "known" else BEGINS_LEARNED
+        return ReachEdge(law.limits, scales, self.seen_after, begins=begins)
 
     @property
     def _knows_edge(self) -> bool:

@@ -66,9 +66,11 @@ _SLOPE, _SEEN = 20.0, 0.25
 _ZONE = 0.01
 # Times a / j for which the way of the feedback counts, and the way that does not count [m].
 _TURNS, _SHORT = 2.0, 0.01
-# Way below which anything is braked [rad], at least; and ways that a joint goes at its largest
-# velocity while it turns its acceleration round.
-_BEGINS, _COASTS = 0.3, 4.0
+# Ways that a joint goes at its largest velocity while it turns its acceleration round.
+_COASTS = 4.0
+#: Way below which anything is braked, with a J that is known, and one that is learned [rad]: while it
+#: is learned, directions look worse than they are.
+BEGINS, BEGINS_LEARNED = 0.3, 0.1
 # Time in which a joint may turn its acceleration round at the usual gains of what is preferred [s].
 _PULLED = 0.125
 # Stands for an acceleration that is not bounded [rad/s^2].
@@ -102,12 +104,14 @@ class ReachEdge:
         scales: Lengths that make the rows count alike, shape (..., m): the lever for rotations.
         seen_after: Time after which the effect of a command is seen [s].
         reach: Growth c of a singular value over the way from where it is 0 [m/rad].
+        begins: Way below which anything is braked [rad], at least.
     """
 
     limits: JointLimits
     scales: Array
     seen_after: float
     reach: float = REACH
+    begins: float = BEGINS
 
     def speed(self, way: Array) -> Array:
         """Return the largest joint velocities that can be braked on a way, shape (..., m) [rad/s].
@@ -300,12 +304,12 @@ class ReachEdge:
     def _begins(self) -> Any:
         """Way below which anything is braked [rad], a number or shape (..., 1)."""
         if self.limits.jerk is None:
-            return _BEGINS
+            return self.begins
         fastest = -_least(-self.limits.velocity)
         coasts = _COASTS * fastest * self._turn
         if isinstance(coasts, float):
-            return max(_BEGINS, coasts)
-        return functions_of(coasts).maximum(_BEGINS, coasts)
+            return max(self.begins, coasts)
+        return functions_of(coasts).maximum(self.begins, coasts)
 
     @cached_property
     def _turn(self) -> Any:

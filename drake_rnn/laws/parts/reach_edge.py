@@ -68,7 +68,7 @@ _ZONE = 0.01
 _TURNS, _SHORT = 2.0, 0.01
 # Ways that a joint goes at its largest velocity while it turns its acceleration round.
 _COASTS = 4.0
-#: Way below which anything is braked, with a J that is known, and one that is learned [rad]: while it
+#: Way below which anything is braked, with a J that is known, and one that is learned [rad]: while
 #: is learned, directions look worse than they are.
 BEGINS, BEGINS_LEARNED = 0.3, 0.1
 # Time in which a joint may turn its acceleration round at the usual gains of what is preferred [s].

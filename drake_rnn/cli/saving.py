@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -44,7 +44,6 @@ def write_result(
     folder: Path,
     pictures: Pictures,
     beside: Sequence[Result] = (),
-    also: Callable[[Path], None] = lambda folder: None,
 ) -> None:
     """Write a result with its pictures, and print what came out.
 
@@ -53,8 +52,6 @@ def write_result(
         folder: Folder to write to.
         pictures: What is made to look at.
         beside: Results whose paths the playback shows too.
-        also: Called with the folder when the result is written; writes more numbers, before
-            pictures.
 
     Raises:
         InvalidInputError: If the result cannot be written, or something beside it; it is kept then.
@@ -64,7 +61,6 @@ def write_result(
 
     def draw(place: Path) -> None:
         try:
-            also(place)
             if room_in(place) < _ROOM and result.status != "interrupted":
                 forget(place)
             _make(pictures, result, place, beside)

@@ -20,7 +20,7 @@ from pydantic import (
 from pydantic.dataclasses import dataclass
 
 from ..errors import InvalidInputError
-from .complaints import require_type, sentence
+from .complaints import require_type, sentence, short
 from .dataclass_fields import field_names
 from .numbers import is_number
 
@@ -129,13 +129,6 @@ def zeros() -> Array:
     return _point([0.0, 0.0, 0.0])
 
 
-def _no_array(value: Any) -> Any:
-    # Some versions of NumPy make a float of an array of one number.
-    if isinstance(value, np.ndarray):
-        raise ValueError("must be a number")
-    return value
-
-
 def _number_or_vector(value: Any) -> float | Array:
     if isinstance(value, (list, tuple, np.ndarray)):
         vector = _finite_vector(value)
@@ -166,15 +159,14 @@ _THREE = WithJsonSchema({**_NUMBERS, "minItems": 3, "maxItems": 3})
 Bounds = Annotated[Array, BeforeValidator(_vector), WithJsonSchema(_NUMBERS)]
 Vector = Annotated[Array, BeforeValidator(_finite_vector), WithJsonSchema(_NUMBERS)]
 Point = Annotated[Array, BeforeValidator(_point), _THREE]
-_ONE = BeforeValidator(_no_array)
 # Strict: 4 is a number; true and "4" are not.
-Finite = Annotated[float, Field(strict=True, allow_inf_nan=False), _ONE]
-Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False), _ONE]
-NonNegative = Annotated[float, Field(strict=True, ge=0, allow_inf_nan=False), _ONE]
+Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(strict=True, ge=0, allow_inf_nan=False)]
 # Of signals that are stored until they are due [s].
-Delay = Annotated[float, Field(strict=True, ge=0, le=5, allow_inf_nan=False), _ONE]
+Delay = Annotated[float, Field(strict=True, ge=0, le=5, allow_inf_nan=False)]
 # Of two bodies in contact; rubber on rubber has hardly more than 2.
-Friction = Annotated[float, Field(strict=True, ge=0, le=10, allow_inf_nan=False), _ONE]
+Friction = Annotated[float, Field(strict=True, ge=0, le=10, allow_inf_nan=False)]
 # What follows is wide for any robot; what lies outside is a slip, of a unit or of an exponent.
 # Of a network, a feedback or a pull [1/s], and of what weighs one aim against another.
 Gain = Annotated[Positive, between(1e-6, 1e9)]
@@ -199,7 +191,7 @@ Angles = Annotated[Array, BeforeValidator(_angles), _THREE]
 # Neither 1 nor "yes".
 Flag = Annotated[bool, Field(strict=True)]
 # Of what a robot traces or touches: from a micrometre to a kilometre [m].
-Length = Annotated[float, Field(strict=True, ge=1e-6, le=1e3, allow_inf_nan=False), _ONE]
+Length = Annotated[float, Field(strict=True, ge=1e-6, le=1e3, allow_inf_nan=False)]
 # One number for all joints, or one for each.
 FiniteEach = Annotated[float | Array, BeforeValidator(_number_or_vector)]
 PositiveEach = Annotated[float | Array, BeforeValidator(_positive)]
@@ -232,6 +224,12 @@ def validated(cls: type) -> type:
             construct(self, **fields)
         except ValidationError as error:
             raise InvalidInputError(sentence(made, error, cls.__name__)) from None
+        for name, given in fields.items():
+            # Some versions of NumPy make a number of an array that holds one.
+            if isinstance(given, np.ndarray) and given.ndim and isinstance(vars(self)[name], float):
+                raise InvalidInputError(
+                    f"{cls.__name__}.{name}: must be a number, not {short(given)}"
+                )
 
     setattr(made, "__init__", init)  # noqa: B010  mypy forbids the assignment
     return made

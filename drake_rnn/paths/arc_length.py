@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,14 @@ from .pieces import quintic_pieces
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 # Pieces into which the rounding of a corner is divided.
 _PIECES = 24
+# Points at which a curve is given, and at which its length is looked at before.
+_POINTS, _LOOKED_AT = 25, 129
+# Turn between two chords above which points are too far apart, and up to which a curve is looked at
+# to place more [rad].
+_TURN, _FINE_TURN = np.deg2rad(8.0), np.deg2rad(3.0)
+# Length of a chord, relative to its curve, below which a turn is a corner; how often chords are
+# halved until then; length, relative to the shorter one beside it, up to which no point is added.
+_CHORD, _HALVINGS, _LONG = 1e-6, 24, 2.5
 #: Angle between two chords from which the point between them is a corner, not of a curve [rad].
 CORNER = np.deg2rad(55.0)
 
@@ -126,3 +135,79 @@ def _by_arc_length(curve: PiecewisePolynomial, u: Array) -> Arc:
     tangent = d / speed
     across = dd - np.sum(dd * tangent, axis=1, keepdims=True) * tangent
     return Arc(at, curve.vector_values(u).T, tangent, across / speed**2)
+
+
+def points_along(curve: Callable[[Array], Array], none: float) -> Array | None:
+    """Return points through which a plane curve is drawn, shape (k, 2).
+
+    These are 25 at equal distances; more, and the tips of its bends, where it turns sharply.
+
+    Args:
+        curve: Points, shape (k, 2), of parameters from 0 to 1, shape (k,).
+        none: Length up to which it is none.
+
+    Returns:
+        The points, or None if it has no length.
+
+    Raises:
+        ValueError: If a point is not finite.
+    """
+    shares = np.linspace(0.0, 1.0, _LOOKED_AT)
+    looked_at = curve(shares)
+    if not np.isfinite(looked_at).all():
+        raise ValueError("has a point that is not finite")
+    way = np.cumsum([0.0, *_chords(looked_at)])
+    if way[-1] <= none:
+        return None
+    points = curve(np.interp(np.linspace(0.0, way[-1], _POINTS), way, shares))
+    if _turns(points).max() <= _TURN:
+        return points
+    return curve(_spread(curve, shares, _CHORD * float(way[-1])))
+
+
+def _chords(points: Array) -> Array:
+    return np.asarray(np.linalg.norm(np.diff(points, axis=0), axis=1))
+
+
+def _turns(points: Array) -> Array:
+    """Return the angles between chords, 0 at both ends, shape (k,) [rad]."""
+    ways = np.diff(points, axis=0)
+    cross = ways[:-1, 0] * ways[1:, 1] - ways[:-1, 1] * ways[1:, 0]
+    inner = np.arctan2(np.abs(cross), np.sum(ways[:-1] * ways[1:], axis=1))
+    return np.concatenate(([0.0], inner, [0.0]))
+
+
+def _spread(curve: Callable[[Array], Array], shares: Array, least: float) -> Array:
+    """Return parameters of a curve, evenly spread over its length and its turn together.
+
+    A point at which it turns by a corner, even between chords of length ``least``, is one of them.
+    """
+    for _ in range(_HALVINGS):
+        points = curve(shares)
+        sharp = _turns(points) > _FINE_TURN
+        halved = (sharp[:-1] | sharp[1:]) & (_chords(points) > least)
+        if not halved.any():
+            break
+        shares = np.sort(np.concatenate((shares, (shares[:-1] + shares[1:])[halved] / 2.0)))
+    shares = shares[np.concatenate(([True], _chords(curve(shares)) > 0.0))]
+    points = curve(shares)
+    turns = _turns(points)
+    corners = turns >= CORNER
+    turns[corners] = 0.0
+    way = np.cumsum([0.0, *_chords(points)])
+    spread = way / way[-1] * (_POINTS - 1) + np.cumsum(turns) / _TURN
+    at = np.linspace(0.0, spread[-1], int(np.ceil(spread[-1])) + 1)
+    even = np.interp(at, spread, shares)
+    # The nearest point is moved to a corner; another beside it would leave a chord of no length.
+    for corner in shares[corners]:
+        even[np.abs(even[1:-1] - corner).argmin() + 1] = corner
+    even = np.unique(even)
+    # Where a chord is long beside the next, a spline would swing.
+    for _ in range(_HALVINGS):
+        chords = _chords(curve(even))
+        framed = np.concatenate(([np.inf], chords, [np.inf]))
+        long = chords > _LONG * np.minimum(framed[:-2], framed[2:])
+        if not long.any():
+            break
+        even = np.sort(np.concatenate((even, (even[:-1] + even[1:])[long] / 2.0)))
+    return even

@@ -1,38 +1,66 @@
 """Drawings in SVG files."""
 
 # No postponed annotations: see `path`.
+import math
 import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cached_property
-from io import StringIO
-from typing import Any, Literal
-from xml.etree.ElementTree import ParseError
+from typing import Any, Literal, NamedTuple
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from ..inputs.complaints import nearest
+from ..inputs.complaints import nearest, short
 from ..inputs.csv_rows import require_few
 from ..inputs.extras import needed
 from ..inputs.fields import Array, Length, validated
 from ..inputs.given_file import content_of
+from .arc_length import points_along
 from .drawing import Drawing
 from .strokes import Stroke, divided
+from .svg_document import MOST_SEGMENTS, label, numbers, path_data, read_tree
 
-#: Lines and curves that a drawing may have.
-MOST_SEGMENTS = 2000
 _MOST_BYTES = 10_000_000
-# Points of a curve through which a spline leads, and at which its length is looked at before.
-_POINTS, _LOOKED_AT = 25, 129
-# Length, relative to the drawing's, of a line that is none.
+# Elements that are displayed, each counted as often as it is used; how often uses are nested.
+_MOST_DISPLAYED, _MOST_USES = 20_000, 30
+# Functions of one transform, its characters, and the largest number of a map.
+_MOST_FUNCTIONS, _MOST_CHARACTERS, _MOST_SCALE = 100, 5000, 1e15
+# Length of a line, relative to the drawing's, that is none; least extent of a drawing, relative to
+# its distance from the page's origin.
 _NONE = 1e-9
-# Commands of a path, and how many numbers each takes; arcs may write their flags without spaces.
-_NUMBERS = {"m": 2, "l": 2, "h": 1, "v": 1, "c": 6, "s": 4, "q": 4, "t": 2, "z": 0}
-_COMMAND = re.compile(r"\s*([MLHVCSQTAZ])([^MLHVCSQTAZ]*)", re.IGNORECASE)
-_NUMBER = re.compile(r"[\s,]*([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)", re.IGNORECASE)
+# Size of a page that gives none.
+_PAGE = (1000.0, 1000.0)
+_GROUPS = {"svg", "g", "a", "switch"}
+# Classes of svgelements for shapes, and the lengths that these have.
+_SHAPES = {
+    "path": ("Path", ()),
+    "rect": ("Rect", ("x", "y", "width", "height", "rx", "ry")),
+    "circle": ("Circle", ("cx", "cy", "r")),
+    "ellipse": ("Ellipse", ("cx", "cy", "rx", "ry")),
+    "line": ("SimpleLine", ("x1", "y1", "x2", "y2")),
+    "polyline": ("Polyline", ()),
+    "polygon": ("Polygon", ()),
+}
+_DRAWN = {*_GROUPS, *_SHAPES, "use"}
+_SIZES = {"width", "height", "r", "rx", "ry"}
+_PPI = 96.0
+_LENGTH = re.compile(r"([-+.\d]+(?:e[-+]?\d+)?)\s*(px|in|cm|mm|pt|pc|%)?", re.ASCII | re.IGNORECASE)
+_FUNCTION = re.compile(r"[\s,]*([a-z]+)\s*\(([^()]*)\)[\s,]*", re.ASCII | re.IGNORECASE)
+_UNIT = re.compile(r"(?<=[\d.])(deg|grad|rad|turn|px|pt|pc)", re.ASCII | re.IGNORECASE)
+_ASPECT = re.compile(r"none|x(Min|Mid|Max)Y(Min|Mid|Max)( (meet|slice))?")
+# How many numbers the functions of a transform take.
+_FUNCTIONS = {"matrix": (6,), "translate": (1, 2), "scale": (1, 2), "rotate": (1, 3)}
+_FUNCTIONS |= dict.fromkeys(
+    ("skewx", "skewy", "translatex", "translatey", "scalex", "scaley"), (1,)
+)
+# What svgelements raises where it does not expect what it reads.
+_ERRORS = (ArithmeticError, LookupError, AttributeError, TypeError, RuntimeError)
 
 
 @validated
 class Svg(Drawing):
-    """The shapes of an SVG file: paths, lines, polygons, rectangles, circles, ellipses.
+    """The shapes that an SVG file displays: paths, lines, polygons, rectangles, circles, ellipses.
 
     They are drawn in their order, with their transforms, each as its outline. Text, images, clips
     and the width of lines are no part of it. The origin is the centre of what is drawn.
@@ -40,7 +68,8 @@ class Svg(Drawing):
     Args:
         file: The SVG file.
         size: Width or height of what is drawn, whichever is larger [m].
-        element: Id of the shape or group that is drawn; None for the whole file.
+        element: Id of the shape or group that is drawn, also if it is hidden or a definition; None
+            for the whole file.
     """
 
     kind: Literal["svg"] = "svg"
@@ -52,15 +81,15 @@ class Svg(Drawing):
     def _strokes(self) -> list[Stroke]:
         try:
             text = content_of(self.file, _MOST_BYTES).decode("utf-8-sig")
-            lines = _lines(_shapes(text, self.element))
+            lines = _lines(_paths(text, self.element))
         except OSError as error:
             raise ValueError(f"file {self.file}: cannot be read: {error.strerror}") from None
         except UnicodeDecodeError:
             raise ValueError(f"file {self.file}: is not a text file") from None
-        except ParseError as error:
-            raise ValueError(f"file {self.file}: is no SVG: {error}") from None
         except ValueError as error:
             raise ValueError(f"file {self.file}: {error}") from None
+        except _ERRORS as error:
+            raise ValueError(f"file {self.file}: {_unread(error)}") from None
         points = np.concatenate([points for stroke in lines for points in stroke])
         low, high = points.min(axis=0), points.max(axis=0)
         # A page's y points down.
@@ -72,87 +101,333 @@ class Svg(Drawing):
         ]
 
 
-def _shapes(text: str, element: str | None) -> list[Any]:
-    """Return the shapes of a file, or of its element of this id, as paths.
+def _paths(text: str, element: str | None) -> list[Any]:
+    """Return the shapes of a file, or of its element of this id, as paths on the page.
 
     Raises:
-        ValueError: If the file is no SVG, has no such element or no shapes, or has a path that
+        ValueError: If the file is no SVG, has no such element or no shapes, or has something that
             cannot be read.
     """
     (svg,) = needed("path.kind: svg", "svg", "svgelements")
-    drawing = svg.SVG.parse(StringIO(text), reify=True)
-    if not isinstance(drawing, svg.SVG):
-        raise ValueError("is no SVG: its outermost element must be svg")
-    within: Any = drawing
-    if element is not None:
-        within = drawing.get_element_by_id(element)
-        if within is None:
-            ids = sorted({each.id for each in drawing.elements() if each.id})
-            hint = nearest(element, ids) if ids else "it has no ids"
-            raise ValueError(f"has no element {element!r}; {hint}")
-    each = within.select() if isinstance(within, svg.Group) else [within]
-    shapes = [shape for shape in each if isinstance(shape, svg.Shape)]
-    if not shapes:
+    given: list[tuple[Element, _Place, dict[str, Any]]] = []
+    count = 0
+    for shape, place in _displayed(svg, read_tree(text), element):
+        with _named(shape):
+            values, lines = _values(svg, shape, place.size)
+        count += lines
+        if count > MOST_SEGMENTS:
+            raise ValueError(
+                f"{label(place.uses[0] if place.uses else shape)}: with it the drawing has more "
+                f"than {MOST_SEGMENTS} lines and curves, which it may have"
+            )
+        given.append((shape, place, values if lines and place.matrix.determinant else {}))
+    if not given:
         raise ValueError("has no path, and no other shape, to be drawn")
-    for shape in shapes:
-        if isinstance(shape, svg.Path):
-            _require_readable(str(shape.values.get("d", "")), shape.id)
-    return [svg.Path(shape) for shape in shapes]
+    return [_path(svg, *each) for each in given if each[2]]
 
 
-def _require_readable(data: str, name: str | None) -> None:
-    """Raise a ValueError for data of a path that a reader would cut short without a word."""
-    where = f"path {name}" if name else "a path"
-    at = 0
-    while data[at:].strip():
-        found = _COMMAND.match(data, at)
+def _values(svg: Any, shape: Element, size: tuple[float, float]) -> tuple[dict[str, Any], int]:
+    """Return what svgelements is given for a shape, and how many lines and curves it has.
+
+    Raises:
+        ValueError: If something is not valid, or there are too many.
+    """
+    if shape.tag == "path":
+        data, count = path_data(shape.get("d", ""))
+        return {"d": data}, count
+    if shape.tag in ("polyline", "polygon"):
+        try:
+            found = numbers(shape.get("points", ""), 2 * MOST_SEGMENTS + 2)
+        except ValueError as error:
+            raise ValueError(f"points: {error}") from None
+        if len(found) % 2:
+            raise ValueError(f"points: must be pairs of numbers, not {len(found)} numbers")
+        return {"points": " ".join(map(repr, found))}, len(found) // 2
+    keys = [key for key in _SHAPES[shape.tag][1] if shape.get(key, "").strip() != "auto"]
+    values = {key: _length(svg, shape, key, size) for key in keys if key in shape.attrib}
+    radii = {key: values[key] for key in ("rx", "ry") if key in values}
+    if len(radii) == 1:
+        values |= dict.fromkeys(("rx", "ry"), *radii.values())
+    sides = {"rect": ("width", "height"), "circle": ("r",), "ellipse": ("rx", "ry")}
+    drawn = all(values.get(key) for key in sides.get(shape.tag, ()))
+    curves = 8 if shape.tag == "rect" and radii else 1 if shape.tag == "line" else 4
+    return values, curves if drawn else 0
+
+
+def _path(svg: Any, shape: Element, place: "_Place", values: dict[str, Any]) -> Any:
+    """Return a shape as a path on the page, as svgelements reads it."""
+    try:
+        read = getattr(svg, _SHAPES[shape.tag][0])({**values, "transform": place.matrix})
+        read.reify()
+        return svg.Path(read)
+    except (ValueError, *_ERRORS) as error:
+        raise ValueError(f"{label(shape)}: {_unread(error)}") from None
+
+
+def _unread(error: Exception) -> str:
+    return " ".join(f"cannot be read as SVG: {type(error).__name__} {error}".split())
+
+
+def _length(svg: Any, element: Element, key: str, size: tuple[float, float]) -> float:
+    """Return one of an element's lengths in pixels; 0 if it is not given.
+
+    Args:
+        svg: The module svgelements.
+        element: The element.
+        key: The attribute.
+        size: Width and height to which percentages refer.
+    """
+    text = element.get(key, "").strip()
+    if not text or text == "auto":
+        return 0.0
+    found = _LENGTH.fullmatch(text[:_MOST_CHARACTERS])
+    try:
+        given = numbers(found[1], 1) if found else []
+    except ValueError as error:
+        raise ValueError(f"{key}: {error}") from None
+    if len(given) != 1:
+        raise ValueError(
+            f"{key}: must be a length in px, pt, pc, mm, cm, in or %, not {short(text)}"
+        )
+    if given[0] < 0.0 and key in _SIZES:
+        raise ValueError(f"{key}: must not be negative, not {short(text)}")
+    whole = size[0] if key in ("x", "cx", "x1", "x2", "rx", "width") else size[1]
+    if key == "r":
+        whole = math.hypot(*size) / math.sqrt(2.0)
+    unit = (found[2] or "").lower() if found else ""
+    return float(svg.Length(given[0], unit).value(ppi=_PPI, relative_length=whole))
+
+
+def _matrix(svg: Any, element: Element, outer: Any) -> Any:
+    """Return the map from an element's own coordinates to the page.
+
+    Args:
+        svg: The module svgelements.
+        element: The element.
+        outer: Map from the coordinates around it, as svgelements' Matrix.
+    """
+    text = element.get("transform", "").strip()
+    if not text or text == "none":
+        return outer
+    end = count = 0
+    while end < len(text) <= _MOST_CHARACTERS and count < _MOST_FUNCTIONS:
+        found = _FUNCTION.match(text, end)
         if not found:
-            raise ValueError(f"{where}: no command at {data[at : at + 20].strip()!r}")
-        command, rest = found.groups()
-        count, end = 0, 0
-        while number := _NUMBER.match(rest, end):
-            count, end = count + 1, number.end()
-        if rest[end:].strip(" \t\r\n,"):
-            raise ValueError(f"{where}: no number at {rest[end : end + 20].strip()!r}")
-        each = _NUMBERS.get(command.lower())
-        wrong = count if not each else count % each or not count
-        if each is not None and wrong:
-            raise ValueError(f"{where}: {command} takes {each} numbers, and has {count}")
-        at = found.end()
+            break
+        given = numbers(_UNIT.sub("", found[2]), 6)
+        if len(given) not in _FUNCTIONS.get(found[1].lower(), ()):
+            raise ValueError(f"transform: no {found[1][:40]} of {len(given)} numbers")
+        count, end = count + 1, found.end()
+    if end < len(text):
+        raise ValueError(
+            f"transform: must be up to {_MOST_FUNCTIONS} of matrix, translate, scale, rotate, "
+            f"skewX and skewY, not {short(text[end : end + 40])}"
+        )
+    matrix = svg.Matrix(text, ppi=_PPI) * outer
+    # Not so for NaN.
+    if not all(abs(matrix[k]) <= _MOST_SCALE for k in range(6)):
+        raise ValueError(f"transform: must not enlarge beyond {_MOST_SCALE:g}")
+    return matrix
+
+
+def _viewport(svg: Any, element: Element, place: "_Place") -> "_Place":
+    """Return where the contents of an svg or symbol are displayed, by its viewport and viewBox."""
+    box = numbers(element.get("viewBox", ""), 4)
+    if box and (len(box) != 4 or min(box[2:]) <= 0.0):
+        raise ValueError(
+            f"viewBox: must be x, y, width and height, these above 0, not "
+            f"{short(element.get('viewBox'))}"
+        )
+    given = Element(element.tag, {"width": "100%", "height": "100%"} | element.attrib)
+    given.attrib |= {k: v for k, v in (place.sized or {}).items() if k in ("width", "height")}
+    x, y, width, height = (
+        _length(svg, given, k, place.size) for k in ("x", "y", "width", "height")
+    )
+    if not box:
+        return place._replace(
+            matrix=svg.Matrix.translate(x, y) * place.matrix, size=(width, height)
+        )
+    aspect = element.get("preserveAspectRatio", "xMidYMid").strip()
+    if not _ASPECT.fullmatch(aspect):
+        raise ValueError(f"preserveAspectRatio: must be as xMidYMid meet, not {short(aspect)}")
+    text = svg.Viewbox.viewbox_transform(x, y, width, height, *box, aspect)
+    return place._replace(matrix=svg.Matrix(text) * place.matrix, size=(box[2], box[3]))
 
 
 def _lines(paths: list[Any]) -> list[list[Array]]:
     """Return the strokes of paths, as points of their lines and curves, shape (k, 2).
 
     Raises:
-        ValueError: If there are none, too many, or ones that are not finite.
+        ValueError: If there are none, too many, or ones that have no shape.
     """
-    strokes: list[list[Array]] = []
-    for path in paths:
-        for part in path.as_subpaths():
-            stroke = [_points(segment) for segment in part if type(segment).__name__ != "Move"]
-            strokes.append([points for points in stroke if points is not None])
-    strokes = [stroke for stroke in strokes if stroke]
-    if not strokes:
+    parts = [list(part) for path in paths for part in path.as_subpaths()]
+    drawn = [[each for each in part if type(each).__name__ != "Move"] for part in parts]
+    require_few(sum(map(len, drawn)), "lines and curves", MOST_SEGMENTS)
+    ends = [[p.x, p.y] for part in drawn for each in part for p in each if p is not None]
+    if not np.isfinite(ends).all():
+        raise ValueError("has a point that is not finite")
+    extent = float(np.ptp(ends, axis=0).max()) if ends else 0.0
+    if extent < _NONE * np.abs(ends).max(initial=0.0):
+        raise ValueError(
+            f"is {extent:.3g} large on its page, too small at its distance from the origin"
+        )
+    found = [[_points(each, _NONE * extent) for each in part] for part in drawn]
+    strokes = [[points for points in stroke if points is not None] for stroke in found]
+    if not any(strokes):
         raise ValueError("has no line that is drawn")
-    require_few(sum(map(len, strokes)), "lines and curves", MOST_SEGMENTS)
-    return strokes
+    return [stroke for stroke in strokes if stroke]
 
 
-def _points(segment: Any) -> Array | None:
+def _points(segment: Any, none: float) -> Array | None:
     """Return the points of a line or curve, shape (k, 2); None for one without length."""
-    ends = [segment.start, segment.end]
-    if not all(end is not None and np.isfinite([end.x, end.y]).all() for end in ends):
-        raise ValueError("has a point that is not finite")
     if type(segment).__name__ in ("Line", "Close"):
-        line = np.array([[end.x, end.y] for end in ends])
-        return line if np.ptp(line, axis=0).max() > _NONE else None
-    shares = np.linspace(0.0, 1.0, _LOOKED_AT)
-    looked_at = np.asarray(segment.npoint(shares))
-    if not np.isfinite(looked_at).all():
-        raise ValueError("has a point that is not finite")
-    way = np.cumsum([0.0, *np.linalg.norm(np.diff(looked_at, axis=0), axis=1)])
-    if way[-1] <= _NONE:
-        return None
-    even = np.interp(np.linspace(0.0, way[-1], _POINTS), way, shares)
-    return np.asarray(segment.npoint(even))
+        line = np.array([[end.x, end.y] for end in (segment.start, segment.end)])
+        return line if np.ptp(line, axis=0).max() > none else None
+    return points_along(lambda shares: np.asarray(segment.npoint(shares)), none)
+
+
+class _Place(NamedTuple):
+    """Where and how an element is displayed.
+
+    Attributes:
+        matrix: Map from the coordinates around it to those of the page, as svgelements' Matrix.
+        size: Width and height of its viewport, to which percentages refer.
+        visible: Whether ``visibility`` lets it be seen.
+        uses: Elements by whose use it is displayed, from the outermost on.
+        sized: Attributes of the use that displays a symbol or svg.
+    """
+
+    matrix: Any
+    size: tuple[float, float]
+    visible: bool = True
+    uses: tuple[Element, ...] = ()
+    sized: Mapping[str, str] | None = None
+
+
+def _displayed(svg: Any, root: Element, named: str | None) -> Iterator[tuple[Element, _Place]]:
+    """Give the shapes that are displayed, and where, in the order in which they are painted.
+
+    Args:
+        svg: The module svgelements.
+        root: The outermost element.
+        named: Id of the element that is drawn, also if it is hidden or a definition; None for all.
+
+    Raises:
+        ValueError: If there is no such element, something is not valid, or more is displayed than
+            a drawing may have.
+    """
+    ids: dict[str, Element] = {}
+    for element in root.iter():
+        if name := element.get("id"):
+            ids.setdefault(name, element)
+    first = root if named is None else _target(ids, named)
+    waiting = [(first, _around(svg, root, first))] if named or _is_displayed(root) else []
+    count = 0
+    while waiting:
+        element, place = waiting.pop()
+        with _named(element):
+            place = _placed(svg, element, place, shown=named is not None and element is first)
+            inner = _inner(svg, ids, element, place, is_group=element is first)
+        if element.tag in _SHAPES and place.visible:
+            yield element, place
+        # Each function of a transform takes its time, too.
+        count += len(inner) + element.get("transform", "").count("(")
+        if count > _MOST_DISPLAYED:
+            raise ValueError(
+                f"{label(place.uses[0] if place.uses else element)}: with it more than "
+                f"{_MOST_DISPLAYED} elements and transforms are displayed, each counted as often as "
+                "it is used"
+            )
+        waiting += reversed(inner)
+
+
+def _target(ids: Mapping[str, Element], name: str) -> Element:
+    if name not in ids:
+        hint = nearest(name, sorted(ids)) if ids else "it has no ids"
+        raise ValueError(f"has no element {short(name)}; {hint}")
+    return ids[name]
+
+
+@contextmanager
+def _named(element: Element) -> Iterator[None]:
+    """Name an element in what is said of it."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"{label(element)}: {error}") from None
+
+
+def _page(root: Element) -> tuple[float, float]:
+    """Return the width and height of a page that are 100 % of it."""
+    with _named(root):
+        box = numbers(root.get("viewBox", ""), 4)
+    return (box[2], box[3]) if len(box) == 4 else _PAGE
+
+
+def _around(svg: Any, root: Element, element: Element) -> _Place:
+    """Return where an element lies by all that it is in, however that is hidden."""
+    place = _Place(svg.Matrix(), _page(root))
+    if element is root:
+        return place
+    parents = {child: parent for parent in root.iter() for child in parent}
+    outer = [element]
+    while outer[-1] is not root:
+        outer.append(parents[outer[-1]])
+    for parent in outer[:0:-1]:
+        with _named(parent):
+            place = _placed(svg, parent, place, shown=True)
+            if parent.tag == "svg":
+                place = _viewport(svg, parent, place)
+    return place
+
+
+def _placed(svg: Any, element: Element, place: _Place, shown: bool) -> _Place:
+    """Return where an element is displayed: its own transform and visibility in those around it."""
+    visibility = element.get("visibility", "inherit").strip().lower()
+    own = place.visible if visibility == "inherit" else visibility == "visible"
+    matrix = _matrix(svg, element, place.matrix)
+    return place._replace(matrix=matrix, visible=shown or own)
+
+
+def _is_displayed(element: Element) -> bool:
+    hidden = element.get("display", "").strip().lower() == "none"
+    return not hidden and not element.get("requiredExtensions", "").strip()
+
+
+def _inner(
+    svg: Any, ids: Mapping[str, Element], element: Element, place: _Place, is_group: bool
+) -> Sequence[tuple[Element, _Place]]:
+    """Return what a group or a use displays, and where; nothing for other elements."""
+    if element.tag == "use":
+        return _used(svg, ids, element, place)
+    is_viewport = element.tag == "svg" or place.sized is not None
+    if element.tag in _SHAPES or not (is_group or is_viewport or element.tag in _GROUPS):
+        return ()
+    if is_viewport:
+        place = _viewport(svg, element, place)._replace(sized=None)
+    children = [child for child in element if _is_displayed(child)]
+    if element.tag == "switch":
+        children = [child for child in children if "systemLanguage" not in child.attrib][:1]
+    return [(c, place) for c in children if c.tag in _DRAWN]
+
+
+def _used(
+    svg: Any, ids: Mapping[str, Element], element: Element, place: _Place
+) -> Sequence[tuple[Element, _Place]]:
+    """Return what a use displays, and where."""
+    href = element.get("href", "").strip()
+    if not href.startswith("#"):
+        if href:
+            raise ValueError(f"may use an element of its own file, as #id, not {short(href)}")
+        return ()
+    target = _target(ids, href[1:])
+    if element in place.uses:
+        raise ValueError("uses itself, or an element in which it is")
+    if len(place.uses) == _MOST_USES:
+        raise ValueError(f"is used by {_MOST_USES} uses, each by the next; no more may be")
+    if not _is_displayed(target) or target.tag not in {*_DRAWN, "symbol"}:
+        return ()
+    x, y = (_length(svg, element, key, place.size) for key in ("x", "y"))
+    sized = element.attrib if target.tag in ("svg", "symbol") else None
+    moved = svg.Matrix.translate(x, y) * place.matrix
+    return [(target, place._replace(matrix=moved, uses=(*place.uses, element), sized=sized))]

@@ -98,15 +98,15 @@ def test_a_line_that_goes_back_is_stopped_at_even_where_corners_are_rounded(draw
         ('<path d="M 5 5"/>', {}, "has no line that is drawn"),
         ('<path id="p" d="M 0 0 L 5 x"/>', {}, "path p: no number at 'x'"),
         ('<path d="0 0 L 5 5"/>', {}, "a path: no command at '0 0 L 5 5'"),
-        ('<path d="M 0 0 L 5 5 6"/>', {}, "a path: L takes 2 numbers, and has 3"),
-        ('<path d="M 0 0 L"/>', {}, "a path: L takes 2 numbers, and has 0"),
-        ('<path d="M 0 0 L 1e400 3"/>', {}, "has a point that is not finite"),
+        ('<path d="M 0 0 L 5 5 6"/>', {}, "a path: L takes 2 numbers at a time, and has 1 in"),
+        ('<path d="M 0 0 L"/>', {}, "a path: L takes 2 numbers at a time, and has 0 in"),
+        ('<path d="M 0 0 L 1e400 3"/>', {}, "a path: has the number '1e400'; it may be up to 1"),
         (SHAPES, {"element": "bnet"}, "has no element 'bnet'; nearest: bent"),
         ("<g", {}, "is no SVG: "),
         (
             '<path d="M 0 0' + " L 1 1 L 2 0" * 1001 + '"/>',
             {},
-            "has 2002 lines and curves, and may",
+            "a path: has more than 2000 lines and curves, which it may have",
         ),
     ],
 )
@@ -127,10 +127,192 @@ def test_files_that_are_no_drawings_are_refused(tmp_path):
         Svg(file=str(tmp_path / "missing.svg"), size=0.1, period=4.0)
 
 
+#: Contents that are drawn as a line of 10 by 10 on the page, or twice that.
+LINE = '<path d="M 0 0 L 10 10"/>'
+BIG = '<path id="big" d="M 0 0 L 90 0"/>'
+DISPLAYED = {
+    "a mask": f'<mask id="k">{BIG}</mask>{LINE}',
+    "a symbol that nothing uses": f'<symbol id="s">{BIG}</symbol>{LINE}',
+    "a marker": f'<marker id="m">{BIG}</marker>{LINE}',
+    "a pattern": f'<pattern id="p">{BIG}</pattern>{LINE}',
+    "a clip": f'<clipPath id="c">{BIG}</clipPath>{LINE}',
+    "definitions": f"<defs>{BIG}</defs>{LINE}",
+    "elements of no SVG": f'<title>{BIG}</title><x:g xmlns:x="other">{BIG}</x:g>{LINE}',
+    "no display": f'<g display="none">{BIG}</g>{LINE}',
+    "no display by style": f'<g style="fill:red; display : none">{BIG}</g>{LINE}',
+    "no display by sheet": f"<style>/* {{ */ .h, #o {{display: none}}</style>"
+    f'<g class="a h">{BIG}</g>{LINE}',
+    "the style that wins": "<style>#l {display: inline} path.x {display: none} path {display: no}"
+    '</style><path class="x" d="M 0 0 L 90 0"/><path id="l" class="x" d="M 0 0 L 10 10"/>',
+    "no visibility": f'<g visibility="hidden">{BIG}<g style="visibility:visible">{LINE}</g></g>',
+    "a switch": f'<switch><g requiredExtensions="x">{BIG}</g>{LINE}{BIG}</switch>',
+    "no extent": f'<circle r="0"/><rect width="0" height="90"/><g transform="scale(0 1)">{BIG}</g>'
+    + LINE,
+    "a use": f'<defs><g id="d" transform="scale(2)">{LINE}</g></defs>'
+    '<use href="#d" transform="scale(.5)"/>',
+    "a symbol that is used": f'<symbol id="s" viewBox="0 0 90 90">{LINE}</symbol>'
+    '<use href="#s" width="90" height="90"/>',
+    "an svg in it": '<svg width="20" height="10" viewBox="0 0 5 5"><path d="M 0 0 L 5 5"/></svg>',
+}
+
+
+@pytest.mark.parametrize("inside", DISPLAYED.values(), ids=DISPLAYED)
+def test_what_svg_does_not_display_is_not_drawn(drawing, inside):
+    path = Svg(file=drawing(inside), size=0.1, period=4.0)
+    assert path.length == pytest.approx(0.1 * np.sqrt(2.0), rel=1e-12)
+
+
+@pytest.mark.parametrize("outer", ["defs", "symbol", "g display='none'", "g visibility='hidden'"])
+def test_a_hidden_element_is_drawn_by_its_name(drawing, outer):
+    file = drawing(f"<{outer}>{BIG}</{outer.split()[0]}>{LINE}")
+    assert Svg(file=file, element="big", size=0.1, period=4.0).length == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    ("inside", "length"),
+    [
+        ('<path d="M1.77,1.77 a 0 0 0 1 0 100 100Z"/>', 0.2 * np.sqrt(2.0)),
+        ('<path d="M 0 0 A 5 0 0 0 1 10 0"/>', 0.1),
+        # Radii that are too small to reach grow.
+        ('<path d="M 0 0 A 1 1 0 0 1 10 0"/>', 0.05 * np.pi),
+        ('<path d="M0 0a5 5 0 015 5 5 5 0 01-5 5"/>', 0.1 * np.pi / 2),
+        ('<ellipse rx="5"/>', 0.1 * np.pi),
+        ('<circle r="50%" cx="50%" cy="1in"/>', 0.1 * np.pi),
+        ('<rect width="50%" height="10" rx="5"/>', 2 * 0.1 * 0.8 + np.pi * 0.02),
+        ('<polygon points="0,0 10,0 10,10"/>', 0.2 + 0.1 * np.sqrt(2.0)),
+        ('<path d="M 5 5 m 1 1 2 0 0 2 z l 2 0"/>', 0.1 * (3 + np.sqrt(2.0))),
+        ('<g transform="rotate(0.25turn) translate(3px,4px)"><path d="M 0 0 H 9"/></g>', 0.1),
+    ],
+)
+def test_a_shape_is_as_long_as_it_is_drawn(drawing, inside, length):
+    path = Svg(file=drawing(inside), size=0.1, period=4.0, blend_radius=None)
+    assert path.length == pytest.approx(length, rel=1e-5)
+
+
+@pytest.mark.parametrize("width", [0.01, 0.1, 1.0, 10.0, 100.0])
+def test_a_hairpin_is_drawn_to_its_tip(drawing, width):
+    """It was cut short by 1 mm of 100 mm."""
+    path = Svg(file=drawing(f'<path d="M 0 0 Q 200 {width} 0 {2 * width}"/>'), size=0.1, period=4.0)
+    s = np.linspace(0.0, 1.0, 100001)
+    curve = np.column_stack((400 * s * (1 - s), -2 * width * s))
+    curve *= 0.1 / np.ptp(curve, axis=0).max()
+    shown = path.sample(2001)[:, :2]
+    tip = np.argmax(curve[:, 0])
+    assert np.linalg.norm(shown - curve[tip], axis=1).min() < 1e-6 + path.length / 4000
+    assert shown[:, 0].max() == pytest.approx(0.1, abs=1e-6) or width > 50.0
+    nearest = np.array([np.linalg.norm(curve - p, axis=1).min() for p in shown[::20]])
+    assert nearest.max() < 2e-6
+
+
+def test_a_curve_that_goes_back_on_itself_turns_at_its_end(drawing):
+    path = Svg(file=drawing('<path d="M 0 0 Q 200 0 0 0"/>'), size=0.1, period=4.0)
+    assert path.length == pytest.approx(0.2, rel=1e-9)
+    cusp = Svg(file=drawing('<path d="M 0 0 C 100 100 0 100 100 0"/>'), size=0.1, period=4.0)
+    assert len(cusp.knots(9.0)) == 3
+
+
+def uses(levels: int, each: int, leaf: str) -> str:
+    """Groups of which each uses the one before it several times."""
+    groups = [f'<g id="u0">{leaf}</g>']
+    for k in range(levels):
+        used = f'<use href="#u{k}"/>' * each
+        groups.append(f'<g id="u{k + 1}">{used}</g>')
+    return f'<defs>{"".join(groups)}</defs><use href="#u{levels}"/>'
+
+
+#: Contents that nobody draws, and what is said of them.
+HOSTILE = {
+    "uses without end": (uses(6, 10, LINE), "more than 2000 lines and curves, which it may have"),
+    "uses of nothing": (
+        uses(6, 10, ""),
+        "a use: with it more than 20000 elements and transforms are displayed",
+    ),
+    "uses of uses": (uses(100, 1, LINE), "a use: is used by 30 uses, each by the next"),
+    "a use of itself": ('<use id="a" href="#a"/>', "use a: uses itself, or an element in which"),
+    "a use of its group": (f'<g id="a">{LINE}<use href="#a"/></g>', "a use: uses itself, or an"),
+    "uses of each other": (
+        '<g id="a"><use href="#b"/></g><g id="b"><use href="#a"/></g>',
+        "a use: uses itself, or an element in which it is",
+    ),
+    "a use of another file": ('<use href="o.svg#a"/>', "a use: may use an element of its own file"),
+    "a use of nothing": (f'<use href="#lin"/><g id="line">{LINE}</g>', "'lin'; nearest: line"),
+    "a path of 200000 lines": (
+        f'<path id="p" d="M 0 0{" L 1 1 L 2 0" * 100_000}"/>',
+        "path p: has more than 2000 lines and curves, which it may have",
+    ),
+    "moves alone": (f'<path d="{"M 0 0" * 100_000}"/>', "a path: has more than 2000 lines"),
+    "a polygon of many points": (f'<polygon points="{"1 1 " * 10**5}"/>', "more than 4002 numbers"),
+    "groups in groups": ("<g>" * 9999 + "</g>" * 9999, "'g': elements may be nested 100 deep"),
+    "elements without number": (
+        "<g/>" * 101_000,
+        "has more than 100000 elements and attributes together",
+    ),
+    "a length in em": (
+        '<rect width="3em" height="1"/>',
+        "width: must be a length in px, pt, pc, mm, cm, in or %, not '3em'",
+    ),
+    "NaN": (
+        '<circle r="nan"/>',
+        "a circle: r: must be a length in px, pt, pc, mm, cm, in or %, not 'nan'",
+    ),
+    "a negative radius": ('<circle r="-3"/>', "a circle: r: must not be negative, not '-3'"),
+    "an infinite number": ('<circle r="1e999"/>', "r: has the number '1e999'; it may be up to 1e"),
+    "a small drawing far away": ('<path d="M 1e12 0 l 1 1"/>', "is 1 large on its page, too small"),
+    "transforms that grow": (
+        f'<g transform="{"scale(1e12)" * 40}">{LINE}</g>',
+        "a g: transform: must not enlarge beyond 1e+15",
+    ),
+    "no transform": (f'<g transform="turn(3)">{LINE}</g>', "a g: transform: no turn of 1 numbers"),
+    "an unfinished transform": (f'<g transform="scale(3">{LINE}</g>', "a g: transform: must be up"),
+    "nothing but zeros": (f'<g transform="scale(0)">{LINE}</g>', "has no line that is drawn"),
+    "a sheet for a printer": (
+        "<style>@media print{g{display:none}}</style>",
+        "rules in '@media print' are not read",
+    ),
+    "a path without a move": ('<path d="L 1 1"/>', "a path: must begin with M, not L"),
+    "a flag of 2": ('<path d="M0 0A1 1 0 2 0 3 3"/>', "a path: no flag, 0 or 1, at '2 0 3 3'"),
+}
+
+
+@pytest.mark.parametrize(("inside", "said"), HOSTILE.values(), ids=HOSTILE)
+def test_what_nobody_draws_is_refused_before_it_is_read(drawing, inside, said):
+    with pytest.raises(InvalidInputError, match="Svg: file") as caught:
+        Svg(file=drawing(inside), size=0.1, period=4.0)
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+#: Document types of files, and what is said of them.
+ENTITIES = {
+    "laughs": (
+        '<!ENTITY a "ha"><!ENTITY b "&a;&a;">',
+        "has the entity 'b', which is made of others",
+    ),
+    "a long one": (
+        f'<!ENTITY a "{"x" * 2_000_000}">',
+        "entities that stand for more than 1000000 characters",
+    ),
+    "another file": ('<!ENTITY a SYSTEM "file:///etc/hostname">', "'a', which is in another file"),
+    "a parameter": ('<!ENTITY % b "x"> %b;', "has the entity 'b', which is in another file"),
+    "a short one": ('<!ENTITY a "M 0 0 L 10 10">', None),
+}
+
+
+@pytest.mark.parametrize(("entities", "said"), ENTITIES.values(), ids=ENTITIES)
+def test_entities_are_those_that_drawing_programs_write(tmp_path, entities, said):
+    file = tmp_path / "e.svg"
+    file.write_text(f'<!DOCTYPE svg [{entities}]><svg><path d="&a;"/></svg>')
+    if said is None:
+        assert Svg(file=str(file), size=0.1, period=4.0).length > 0.1
+    else:
+        with pytest.raises(InvalidInputError, match=said):
+            Svg(file=str(file), size=0.1, period=4.0)
+
+
 def test_without_its_package_the_path_says_what_to_install(drawing, monkeypatch):
     file = drawing(SHAPES)
     monkeypatch.setitem(sys.modules, "svgelements", None)
-    with pytest.raises(InvalidInputError, match=r"needs svgelements.*pip install drake-rnn\[svg\]"):
+    with pytest.raises(InvalidInputError, match=r"needs svgelements.*pip install 'svgelements"):
         Svg(file=file, size=0.1, period=4.0)
 
 

@@ -66,6 +66,7 @@ DYNAMIC = {
     "drake_rnn/inputs/lending.py",  # lends names that a stub lists
     "drake_rnn/inputs/arguments.py",  # asks whether an object of any class has some methods
     "drake_rnn/inputs/complaints.py",  # looks into annotations, which need not be classes
+    "drake_rnn/paths/svg.py",  # makes each shape of the class of its name in svgelements
     "drake_rnn/systems/block.py",  # what pydrake adds to its own objects, whatever these are
 }
 

@@ -68,7 +68,7 @@ class CampaignResult:
 
 @checked(
     folder=instance(str, Path),
-    jobs=whole(1),
+    jobs=whole(),
     perform=function(),
     batch=optional(whole(1)),
     done=optional(function()),

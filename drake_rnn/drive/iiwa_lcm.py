@@ -15,10 +15,10 @@ from urllib.parse import parse_qsl
 
 import numpy as np
 from drake import lcmt_iiwa_command, lcmt_iiwa_status
-from pydrake.lcm import DrakeLcm, DrakeLcmInterface
+from pydrake.lcm import DrakeLcm
 
 from ..errors import RobotError
-from ..inputs.arguments import checked, function, instance, optional
+from ..inputs.arguments import checked, function, offering, optional
 from ..inputs.fields import Array
 from .connection import Command, Connection, RobotStatus
 from .priority import LAW_BESIDE, Scheduled, prioritize, prioritized, restore
@@ -88,7 +88,7 @@ class IiwaLcm(Connection):
         now: Clock of this side [s].
     """
 
-    @checked(lcm=instance(DrakeLcmInterface), wait=optional(function()), now=function())
+    @checked(lcm=offering("Publish", "Subscribe"), wait=optional(function()), now=function())
     def __init__(
         self,
         lcm: DrakeLcm,

@@ -16,7 +16,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.lcm import LcmInterfaceSystem
 
 from ..errors import RobotError
-from ..inputs.arguments import checked, instance, optional, vector, whole
+from ..inputs.arguments import checked, function, instance, optional, vector, whole
 from ..inputs.fields import Array
 from ..robot.load_arm import load_arm
 from ..systems import start_posture
@@ -60,6 +60,7 @@ class SimulatedIiwa:
         start=optional(vector),
         faults=instance(Faults, None),
         seed=whole(),
+        say=function(),
     )
     def __init__(
         self,

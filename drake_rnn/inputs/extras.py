@@ -37,13 +37,13 @@ def not_installed(what: str, extra: str, package: str) -> str:
         extra: The optional dependencies of this package that it belongs to.
         package: Its name.
     """
-    return f"{what}: needs {package}, which is not installed: {install_command(extra)}"
+    return f"{what}: needs {package}, which is not installed: pip install {packages_of(extra)}"
 
 
-def install_command(extra: str) -> str:
-    """Return the command that installs the packages of an extra.
+def packages_of(extra: str) -> str:
+    """Return what pip is to install for an extra.
 
-    It names the packages themselves, not ``drake-rnn[extra]``: pip would look for that name on
+    These are the packages themselves, not ``drake-rnn[extra]``: pip would look for that name on
     PyPI, where others could have taken it.
     """
     try:
@@ -55,4 +55,4 @@ def install_command(extra: str) -> str:
         for requirement in stated
         if requirement.replace("'", '"').endswith(f'extra == "{extra}"')
     ]
-    return " ".join(["pip install", *(packages or [extra])])
+    return " ".join(packages or [extra])

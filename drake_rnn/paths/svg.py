@@ -335,8 +335,8 @@ def _displayed(svg: Any, root: Element, named: str | None) -> Iterator[tuple[Ele
         if count > _MOST_DISPLAYED:
             raise ValueError(
                 f"{label(place.uses[0] if place.uses else element)}: with it more than "
-                f"{_MOST_DISPLAYED} elements and transforms are displayed, each counted as often as "
-                "it is used"
+                f"{_MOST_DISPLAYED} elements and transforms are displayed, each counted as often "
+                "as it is used"
             )
         waiting += reversed(inner)
 

@@ -161,10 +161,16 @@ def test_every_row_of_a_run_is_a_shipped_experiment(page):
 
 @pytest.mark.parametrize("page", PAGES)
 def test_every_target_of_make_exists(page):
-    targets = re.search(r"^\.PHONY: (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)[1]
+    makefile = (ROOT / "Makefile").read_text()
+    targets = re.search(r"^\.PHONY: (.*)$", makefile, re.MULTILINE)[1].split()
+    targets += re.findall(r"^\$\(VENV\)(/installed[-\w]*):", makefile, re.MULTILINE)
+    variables = set(re.findall(r"^(\w+) \?=", makefile, re.MULTILINE))
     for text in [*shell_lines(page), *spans(prose(page))]:
         if text.startswith("make "):
-            assert set(text.split()[1:]) <= set(targets.split()), text
+            words = [word.removeprefix(".venv") for word in text.split()[1:]]
+            given = {word.partition("=")[0] for word in words if "=" in word}
+            assert given <= variables, text
+            assert {word for word in words if "=" not in word} <= set(targets), text
 
 
 # What is shipped.

@@ -54,5 +54,5 @@ def test_a_tool_that_is_added_is_seen(tmp_path):
 def test_a_folder_that_cannot_be_written_to_is_told(tmp_path):
     (tmp_path / "file").write_text("")
     arm = load_arm("planar6")
-    with pytest.raises(InvalidInputError, match=r"^picture .*arm\.png: "):
+    with pytest.raises(InvalidInputError, match=r"^picture: .*arm\.png: "):
         write_arm_picture(arm, arm.home, tmp_path / "file" / "arm.png")

@@ -244,7 +244,7 @@ def test_a_time_that_cannot_be_is_refused_and_changes_nothing(t, message):
 
 def test_other_arguments_that_cannot_be_are_refused():
     _, guard = made(IN_THE_WAY + ASIDE)
-    with pytest.raises(InvalidInputError, match="p_WO: must be numbers, not 'here'"):
+    with pytest.raises(InvalidInputError, match="p_WO: must be real numbers, not 'here'"):
         guard.command(GOAL, "here")
     with pytest.raises(InvalidInputError, match="v: must be finite"):
         guard.resume(HOME, np.full(7, np.nan), np.zeros(7))

@@ -130,8 +130,8 @@ def many(screws, robots):
         (lambda s: with_link_errors(s, None), "errors: must be of class LinkErrors, not None"),
         (lambda s: with_link_errors(many(s, 3), errors_of(s, 2)), "errors: are for robots of sh"),
         (lambda s: random_link_errors(s, 0, 1), "rng: must be of class Generator, not 0"),
-        (lambda s: random_link_errors(s, np.random.default_rng(0), 1.5), "robots: must be of cl"),
-        (lambda s: random_link_errors(s, np.random.default_rng(0), -1), "robots: must be at least"),
+        (lambda s: random_link_errors(s, np.random.default_rng(0), 1.5), "robots: must be a whole"),
+        (lambda s: random_link_errors(s, np.random.default_rng(0), -1), "robots: must be a whole"),
         (
             lambda s: random_link_errors(s, np.random.default_rng(0), 1, np.inf),
             "translation: must be",

@@ -294,14 +294,6 @@ AT_THE_START = {
         having(joint_preview=3),
         r"Mine\.joint_preview: must be of class JointPreview or None, not 3",
     ),
-    "joint_preview: no time": (
-        having(joint_preview=JointPreview(0.0, 3)),
-        r"Mine\.joint_preview\.interval: must be a positive time \[s\], not 0",
-    ),
-    "joint_preview: one and a half": (
-        having(joint_preview=JointPreview(0.1, 1.5)),
-        r"Mine\.joint_preview\.count: must be a whole number of at least 1, not 1\.5",
-    ),
     "joint_preview: none": (
         having(joint_preview=JointPreview(0.1, 0)),
         r"Mine\.joint_preview\.count: must be a whole number of at least 1, not 0",

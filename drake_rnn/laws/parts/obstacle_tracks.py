@@ -176,11 +176,11 @@ class ObstacleTracks:
         found = [
             self._one(kept, m, p, time, way[m], allowed[m] - way[m]) for m, p in enumerate(p_WO)
         ]
-        here, there = ([f[k] for f in found] for k in (0, 1))
+        here, there = [f[0] for f in found], [f[1] for f in found]
         parts = {
-            f"{name}_{part}": np.array([getattr(ball, part) for ball in balls])
+            f"{name}_{part}": np.array([ball[place] for ball in balls])
             for name, balls in (("obstacle", here), ("other", there))
-            for part in Ball._fields
+            for place, part in enumerate(Ball._fields)
         }
         # Nearer than all that was known of the last measurement, or of the anchor.
         sound = np.isfinite(p_WO).all(axis=1)

@@ -9,7 +9,7 @@ from typing import Any
 from xml.etree.ElementTree import Element
 
 from ...errors import InvalidInputError
-from ...inputs.extras import install_command
+from ...inputs.extras import packages_of
 from .late_import import late_import
 from .packages import Packages
 
@@ -36,7 +36,7 @@ def expand_xacro(file: Path, packages: Packages) -> bytes:
     by_hand = f"expand it with `xacro {file.name} > {stem}.urdf`"
     if xacro is None:
         raise InvalidInputError(
-            f"arm.model: {file} is a xacro file; {by_hand}, or {install_command('xacro')}"
+            f"arm.model: {file} is a xacro file; {by_hand}, or pip install {packages_of('xacro')}"
         )
     with _finding(packages) as lost:
         try:

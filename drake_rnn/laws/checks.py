@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from numbers import Integral
 from types import MethodType, NoneType
 from typing import Any, Literal, TypeVar
 
@@ -68,15 +67,6 @@ def _of_gains(gains: Mapping[str, Any], law: Reading) -> Iterator[str]:
     return (said(k, short(g)) for k, g in gains.items() if not (is_number(g) and g >= 0.0))
 
 
-def _of_preview(preview: JointPreview | None, law: Reading) -> Iterator[str]:
-    if preview is None:
-        return
-    if not (is_number(preview.interval) and preview.interval > 0.0):
-        yield f".interval: must be a positive time [s], not {short(preview.interval)}"
-    if not (isinstance(preview.count, Integral) and preview.count >= 1):
-        yield f".count: must be a whole number of at least 1, not {short(preview.count)}"
-
-
 def _of_keeps(names: tuple[object, ...], law: Reading) -> Iterator[str]:
     said = f": may name {', '.join(LIMIT_UNITS)}, not {{}}".format
     return (said(short(name)) for name in names if name not in LIMIT_UNITS)
@@ -98,7 +88,7 @@ _DECLARED: tuple[tuple[type, str, Callable[[Any], Any], tuple[type, ...], _Flaws
     (Reading, "integration_scheme", lambda law: law.integration_scheme, (str,), _fine),
     (Law, "loop_gains", lambda law: law.loop_gains, (Mapping,), _of_gains),
     (Law, "sampled_gains", lambda law: law.sampled_gains, (Mapping,), _of_gains),
-    (Law, "joint_preview", lambda law: law.joint_preview, (JointPreview, NoneType), _of_preview),
+    (Law, "joint_preview", lambda law: law.joint_preview, (JointPreview, NoneType), _fine),
     (Law, "keeps", lambda law: law.keeps, (tuple,), _of_keeps),
     (Law, "keeps_distance", lambda law: law.keeps_distance, (float, NoneType), _fine),
     (Law, "stays_on_path", lambda law: law.stays_on_path, (bool,), _fine),

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
+from itertools import islice
 from typing import Any, Literal, NamedTuple
 from xml.etree.ElementTree import Element
 
@@ -24,6 +25,8 @@ from .svg_document import MOST_SEGMENTS, label, numbers, path_data, read_tree
 _MOST_BYTES = 10_000_000
 # Elements that are displayed, each counted as often as it is used; how often uses are nested.
 _MOST_DISPLAYED, _MOST_USES = 20_000, 30
+# Ids that are compared with one that is not found.
+_MOST_COMPARED = 2000
 # Functions of one transform, its characters, and the largest number of a map.
 _MOST_FUNCTIONS, _MOST_CHARACTERS, _MOST_SCALE = 100, 5000, 1e15
 # Length of a line, relative to the drawing's, that is none; least extent of a drawing, relative to
@@ -260,8 +263,8 @@ def _lines(paths: list[Any]) -> list[list[Array]]:
     Raises:
         ValueError: If there are none, too many, or ones that have no shape.
     """
-    parts = [list(part) for path in paths for part in path.as_subpaths()]
-    drawn = [[each for each in part if type(each).__name__ != "Move"] for part in parts]
+    parts = [part for path in paths for part in path.as_subpaths()]
+    drawn = [[each for each in part if _is_drawn(each)] for part in parts]
     require_few(sum(map(len, drawn)), "lines and curves", MOST_SEGMENTS)
     ends = [[p.x, p.y] for part in drawn for each in part for p in each if p is not None]
     if not np.isfinite(ends).all():
@@ -276,6 +279,11 @@ def _lines(paths: list[Any]) -> list[list[Array]]:
     if not any(strokes):
         raise ValueError("has no line that is drawn")
     return [stroke for stroke in strokes if stroke]
+
+
+def _is_drawn(segment: Any) -> bool:
+    kind = type(segment).__name__
+    return kind != "Move" and (kind != "Close" or segment.start != segment.end)
 
 
 def _points(segment: Any, none: float) -> Array | None:
@@ -335,15 +343,17 @@ def _displayed(svg: Any, root: Element, named: str | None) -> Iterator[tuple[Ele
         if count > _MOST_DISPLAYED:
             raise ValueError(
                 f"{label(place.uses[0] if place.uses else element)}: with it more than "
-                f"{_MOST_DISPLAYED} elements and transforms are displayed, each counted as often "
-                "as it is used"
+                f"{_MOST_DISPLAYED} elements and transforms are displayed, each counted as "
+                "often as it is used"
             )
         waiting += reversed(inner)
 
 
 def _target(ids: Mapping[str, Element], name: str) -> Element:
     if name not in ids:
-        hint = nearest(name, sorted(ids)) if ids else "it has no ids"
+        # Comparison takes its time.
+        some = sorted(each for each in islice(ids, _MOST_COMPARED) if len(each) <= len(name) + 20)
+        hint = nearest(name, some) if some and len(name) <= 60 else "no id is like it"
         raise ValueError(f"has no element {short(name)}; {hint}")
     return ids[name]
 

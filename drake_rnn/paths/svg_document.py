@@ -16,8 +16,16 @@ MOST_NUMBER = 1e12
 _SVG = "http://www.w3.org/2000/svg"
 _HREF = "http://www.w3.org/1999/xlink href"
 # Elements and attributes of a file, how deep elements are nested, rules of its style sheets that
-# count, and characters for which its entities stand.
-_MOST_NODES, _MOST_DEEP, _MOST_RULES, _MOST_EXPANDED = 100_000, 100, 100, 1_000_000
+# count, characters of these or for which its entities stand, and its entities.
+_MOST_NODES, _MOST_DEEP, _MOST_RULES, _MOST_CHARACTERS, _MOST_ENTITIES = (
+    100_000,
+    100,
+    100,
+    1_000_000,
+    100,
+)
+# Characters of the value that an attribute has by default.
+_MOST_DEFAULT = 100
 # Properties of styles that change what is drawn.
 _PROPERTIES = {"display", "visibility", "transform", "x", "y", "width", "height"}
 _PROPERTIES |= {"cx", "cy", "r", "rx", "ry"}
@@ -68,9 +76,11 @@ class _Reader:
         self.parser.EndElementHandler = lambda _: self._open.pop()
         self.parser.CharacterDataHandler = self._data
         self.parser.EntityDeclHandler = self._entity
+        self.parser.AttlistDeclHandler = self._default
         self._text = text
         self._open: list[Element | None] = []
-        self._nodes = self._expanded = 0
+        self.parser.buffer_text = True
+        self._nodes = self._entities = self._expanded = self._styled = 0
 
     def _start(self, name: str, attributes: dict[str, str]) -> None:
         space, _, local = name.rpartition(" ")
@@ -99,8 +109,16 @@ class _Reader:
     def _data(self, text: str) -> None:
         element = self._open[-1]
         if element is not None and element.tag == "style":
+            self._styled += len(text)
+            if self._styled > _MOST_CHARACTERS:
+                raise ValueError(f"style: may have {_MOST_CHARACTERS} characters")
             # A part of the text each; as children they need no text to be copied.
             element.append(Element("text", {"": text}))
+
+    def _default(self, element: str, name: str, kind: str, value: str | None, _: object) -> None:
+        """Refuse values that each element of a name is given without writing them."""
+        if value is not None and len(value) > _MOST_DEFAULT:
+            raise ValueError(f"has a default of {short(name)} of {len(value)} characters")
 
     def _entity(self, name: str, parameter: int, value: str | None, *_: object) -> None:
         """Refuse entities that lead out of the file or grow; drawing programs write short ones."""
@@ -108,9 +126,12 @@ class _Reader:
             raise ValueError(f"has the entity {short(name)}, which is in another file")
         if "&" in value:
             raise ValueError(f"has the entity {short(name)}, which is made of others")
+        self._entities += 1
+        if self._entities > _MOST_ENTITIES:
+            raise ValueError(f"has more than {_MOST_ENTITIES} entities")
         self._expanded += self._text.count(f"&{name};") * len(value)
-        if self._expanded > _MOST_EXPANDED:
-            raise ValueError(f"has entities that stand for more than {_MOST_EXPANDED} characters")
+        if self._expanded > _MOST_CHARACTERS:
+            raise ValueError(f"has entities that stand for more than {_MOST_CHARACTERS} characters")
 
 
 def _apply_styles(root: Element) -> None:

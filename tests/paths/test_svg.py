@@ -211,6 +211,25 @@ def test_a_curve_that_goes_back_on_itself_turns_at_its_end(drawing):
     assert len(cusp.knots(9.0)) == 3
 
 
+def test_a_hidden_shape_is_drawn_by_its_own_name(drawing):
+    file = drawing(f'{LINE}<path id="l" visibility="hidden" display="none" d="M 0 0 V 9"/>')
+    assert Svg(file=file, element="l", size=0.1, period=4.0).length == pytest.approx(0.1)
+
+
+def test_what_svgelements_raises_is_told_in_one_sentence(drawing, monkeypatch):
+    """Whatever it does not expect, such as an arc of zero radius before it was a line."""
+    import svgelements
+
+    def fails(*_: object) -> None:
+        raise IndexError("list index\nout of range")
+
+    file = drawing(LINE)
+    monkeypatch.setattr(svgelements.Path, "reify", fails)
+    said = "a path: cannot be read as SVG: IndexError list index out of range"
+    with pytest.raises(InvalidInputError, match=f"file {file}: {said}"):
+        Svg(file=file, size=0.1, period=4.0)
+
+
 def uses(levels: int, each: int, leaf: str) -> str:
     """Groups of which each uses the one before it several times."""
     groups = [f'<g id="u0">{leaf}</g>']
@@ -269,6 +288,18 @@ HOSTILE = {
         "<style>@media print{g{display:none}}</style>",
         "rules in '@media print' are not read",
     ),
+    "a long sheet": (f"<style>{'}' * 1_000_001}</style>", "style: may have 1000000 characters"),
+    "many transforms": (
+        f'<g id="g"><g transform="{"skewX(1)" * 90}"/></g>' * 250,
+        "with it more than 20000 elements and transforms are displayed",
+    ),
+    "a long transform": (f'<g transform="{"skewX(1)" * 101}"/>', "transform: must be up to 100 of"),
+    "a viewBox without area": ('<svg viewBox="0 0 0 1"/>', "a svg: viewBox: must be x, y, width"),
+    "half a point": ('<polyline points="1 1 2"/>', "a polyline: points: must be pairs of numbers"),
+    "no aspect": (
+        '<svg viewBox="0 0 1 1" preserveAspectRatio="mid"/>',
+        "a svg: preserveAspectRatio: must be as xMidYMid meet, not 'mid'",
+    ),
     "a path without a move": ('<path d="L 1 1"/>', "a path: must begin with M, not L"),
     "a flag of 2": ('<path d="M0 0A1 1 0 2 0 3 3"/>', "a path: no flag, 0 or 1, at '2 0 3 3'"),
 }
@@ -294,6 +325,8 @@ ENTITIES = {
     ),
     "another file": ('<!ENTITY a SYSTEM "file:///etc/hostname">', "'a', which is in another file"),
     "a parameter": ('<!ENTITY % b "x"> %b;', "has the entity 'b', which is in another file"),
+    "very many": ("".join(f'<!ENTITY a{k} "x">' for k in range(101)), "more than 100 entities"),
+    "a default": (f'<!ATTLIST path x CDATA "{"x" * 101}">', "has a default of 'x' of 101"),
     "a short one": ('<!ENTITY a "M 0 0 L 10 10">', None),
 }
 

@@ -294,14 +294,6 @@ AT_THE_START = {
         having(joint_preview=3),
         r"Mine\.joint_preview: must be of class JointPreview or None, not 3",
     ),
-    "joint_preview: none": (
-        having(joint_preview=JointPreview(0.1, 0)),
-        r"Mine\.joint_preview\.count: must be a whole number of at least 1, not 0",
-    ),
-    "joint_preview: half of one": (
-        having(joint_preview=JointPreview(0.1, 0.5)),
-        r"Mine\.joint_preview\.count: must be a whole number of at least 1, not 0\.5",
-    ),
     "integration_scheme: unknown": (
         having(integration_scheme="runge_kuta3"),
         r"Mine\.integration_scheme: must be one of Drake's, .*nearest: runge_kutta3",

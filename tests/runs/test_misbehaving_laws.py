@@ -16,7 +16,6 @@ from drake_rnn import (
     IdealArm,
     InvalidInputError,
     JointLimits,
-    JointPreview,
     Layout,
     PathSource,
     SampledController,

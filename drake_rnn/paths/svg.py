@@ -226,11 +226,22 @@ def _matrix(svg: Any, element: Element, outer: Any) -> Any:
             f"transform: must be up to {_MOST_FUNCTIONS} of matrix, translate, scale, rotate, "
             f"skewX and skewY, not {short(text[end : end + 40])}"
         )
-    matrix = svg.Matrix(text, ppi=_PPI) * outer
+    matrix = _about_origin(svg, element, svg.Matrix(text, ppi=_PPI)) * outer
     # Not so for NaN.
     if not all(abs(matrix[k]) <= _MOST_SCALE for k in range(6)):
         raise ValueError(f"transform: must not enlarge beyond {_MOST_SCALE:g}")
     return matrix
+
+
+def _about_origin(svg: Any, element: Element, matrix: Any) -> Any:
+    """Return a transform about the origin that an element gives for it."""
+    if "transform-origin" not in element.attrib:
+        return matrix
+    origin = numbers(_UNIT.sub("", element.attrib["transform-origin"].strip()), 2)
+    if len(origin) != 2:
+        raise ValueError(f"transform-origin: must be two numbers, not {len(origin)}")
+    x, y = origin
+    return svg.Matrix.translate(-x, -y) * matrix * svg.Matrix.translate(x, y)
 
 
 def _viewport(svg: Any, element: Element, place: "_Place") -> "_Place":

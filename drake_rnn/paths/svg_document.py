@@ -28,7 +28,7 @@ _MOST_NODES, _MOST_DEEP, _MOST_RULES, _MOST_CHARACTERS, _MOST_ENTITIES = (
 _MOST_DEFAULT = 100
 # Properties of styles that change what is drawn.
 _PROPERTIES = {"display", "visibility", "transform", "x", "y", "width", "height"}
-_PROPERTIES |= {"cx", "cy", "r", "rx", "ry"}
+_PROPERTIES |= {"transform-origin", "cx", "cy", "r", "rx", "ry"}
 _SELECTOR = re.compile(r"(?:\*|[\w-]+)?(?:[.#][\w-]+)*")
 _PART = re.compile(r"\*|[.#]?[\w-]+")
 # Numbers that each command of a path takes.

@@ -152,6 +152,8 @@ DISPLAYED = {
     '<use href="#d" transform="scale(.5)"/>',
     "a symbol that is used": f'<symbol id="s" viewBox="0 0 90 90">{LINE}</symbol>'
     '<use href="#s" width="90" height="90"/>',
+    "an origin": '<path d="M 0 0 L 5 5"/>'
+    '<path transform="rotate(180)" transform-origin="5px 5" d="M 5 5 L 0 0"/>',
     "an svg in it": '<svg width="20" height="10" viewBox="0 0 5 5"><path d="M 0 0 L 5 5"/></svg>',
 }
 
@@ -296,6 +298,10 @@ HOSTILE = {
     "a long transform": (f'<g transform="{"skewX(1)" * 101}"/>', "transform: must be up to 100 of"),
     "a viewBox without area": ('<svg viewBox="0 0 0 1"/>', "a svg: viewBox: must be x, y, width"),
     "half a point": ('<polyline points="1 1 2"/>', "a polyline: points: must be pairs of numbers"),
+    "an origin in words": (
+        '<g transform="scale(2)" transform-origin="center"/>',
+        "a g: no number at 'center'",
+    ),
     "no aspect": (
         '<svg viewBox="0 0 1 1" preserveAspectRatio="mid"/>',
         "a svg: preserveAspectRatio: must be as xMidYMid meet, not 'mid'",

@@ -199,7 +199,8 @@ class World:
         """Return the least that all pairs can be apart in a posture of all, shape (p,) [m]."""
         if self.places is None:
             return self.clearance.gaps(q)
-        return np.min([self.clearance.gaps(q, p) - doubt for p, doubt in self._places], axis=0)
+        gaps = [self.clearance.gaps(q, p) - doubt for p, doubt in self._places]
+        return np.stack(gaps).min(axis=0)
 
     @cached_property
     def _places(self) -> tuple[tuple[Array, Array], ...]:

@@ -19,6 +19,7 @@ from drake_rnn import Circumstances, InvalidInputError, JointLimits, Secondary, 
 from drake_rnn.laws.parts import near_singular
 from drake_rnn.laws.parts.known_jacobian import MiddleJacobian
 from drake_rnn.laws.parts.measurement import EXACT, KAPPA
+from drake_rnn.laws.parts.reach_edge import ReachEdge
 
 JERKY = LIMITS.replace(jerk=20.0)
 P_START = PANDA.p_WE(HOME)
@@ -168,7 +169,7 @@ def test_behind_its_position_limits_an_arm_waits_and_comes_back_with_the_target(
 
 @pytest.mark.long
 def test_stretched_out_towards_what_is_out_of_reach_it_comes_to_rest(monkeypatch):
-    """Without the softer task near the singular posture it passes to and fro through that.
+    """Without braking and the softer task near the singular posture it passes to and fro there.
 
     Whether it comes back with the target depends on where the elbow is left, which may straighten
     on into its limit: a local law does not plan.
@@ -178,6 +179,7 @@ def test_stretched_out_towards_what_is_out_of_reach_it_comes_to_rest(monkeypatch
     assert np.abs(motion.v[-1000:]).max() < 0.02
     assert max(excess(motion, LIMITS).values()) < HELD
     monkeypatch.setattr(near_singular, "_MOST", 0.0)
+    monkeypatch.setattr(ReachEdge, "at", lambda *_: None)
     restless = moved(adaptive(), lambda t: out, 10.0)
     assert np.abs(restless.v[-1000:]).max() > 0.3
     assert max(excess(restless, LIMITS).values()) < HELD

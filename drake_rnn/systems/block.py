@@ -16,20 +16,27 @@ _PEERS = "_pydrake_internal_ref_cycle_peers"
 _CALLED = "_called"
 
 
-class Collectable(type(LeafSystem)):  # type: ignore[misc]  # the metaclass of pydrake's classes
-    """Metaclass of systems whose reference cycles Python's garbage collector finds.
+try:
 
-    In Python 3.11 the collector counts the attributes of an instance twice if its class is derived
-    from one of pydrake's and has a dictionary of its own, and so never frees it. With ``__slots__``
-    a class has none: attributes are kept in the dictionary that pydrake's class has.
-    """
+    class Collectable(type(LeafSystem)):  # type: ignore[misc]  # the metaclass of pydrake's classes
+        """Metaclass of systems whose reference cycles Python's garbage collector finds.
 
-    def __new__(
-        mcs, name: str, bases: tuple[type, ...], namespace: dict[str, Any], **options: Any
-    ) -> Any:
-        """Return a class without a dictionary of its own."""
-        namespace.setdefault("__slots__", ())
-        return super().__new__(mcs, name, bases, namespace, **options)
+        In Python 3.11 the collector counts the attributes of an instance twice if its class is
+        derived from one of pydrake's and has a dictionary of its own, and so never frees it. With
+        ``__slots__`` a class has none: attributes are kept in the dictionary of pydrake's class.
+        """
+
+        def __new__(
+            mcs, name: str, bases: tuple[type, ...], namespace: dict[str, Any], **options: Any
+        ) -> Any:
+            """Return a class without a dictionary of its own."""
+            namespace.setdefault("__slots__", ())
+            return super().__new__(mcs, name, bases, namespace, **options)
+
+except TypeError:
+    # pydrake made with nanobind, for Python 3.12 and later: its metaclass has no subclasses, and
+    # Python 3.12 counts attributes once.
+    Collectable: Any = type(LeafSystem)  # type: ignore[no-redef]
 
 
 class Block(LeafSystem, metaclass=Collectable):

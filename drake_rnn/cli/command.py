@@ -7,6 +7,7 @@ imported, and each command imports what it needs.
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import MISSING, dataclass, fields
 from inspect import Parameter, Signature, getdoc
 from typing import Any, TypeVar, dataclass_transform, get_type_hints
@@ -27,19 +28,19 @@ def options(cls: type[T]) -> type[T]:
     return dataclass(frozen=True, kw_only=True)(cls)
 
 
-def add_command(app: typer.Typer, name: str, place: str, asked: type) -> None:
+def add_command(app: typer.Typer, name: str, asked: type, find: Callable[[], Any]) -> None:
     """Add a command to the command line.
 
     Args:
         app: The command line.
         name: Name of the command.
-        place: Function that carries it out, ``module:function`` in this folder; it is given an
-            object of the class.
         asked: Class made by `options`. Its docstring is the help of the command.
+        find: Returns the function that carries it out, which is given an object of the class; it
+            is called when the command runs.
     """
 
     def carry_out(**given: Any) -> None:
-        function = lent(f"{__package__}.{place}")
+        function = find()
         # Every command imports it, as it prints.
         errors = lent(f"{__package__}.console:errors")
         begun()

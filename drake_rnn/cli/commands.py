@@ -1,15 +1,28 @@
-"""The command line ``drake-rnn`` and its commands."""
+"""The command line ``drake-rnn`` and its commands, those of installed packages among them.
+
+A package offers a command as an entry point of the group ``drake_rnn.commands``: its name, and a
+class made by `drake_rnn.cli.command.options` with a method ``run``. Its options are the fields of
+the class, and its help is the docstring. Such a package is loaded when its command is named, or
+when the commands are listed.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated
+from dataclasses import is_dataclass
+from functools import partial
+from importlib.metadata import EntryPoint
+from typing import Annotated, Any
 
 import typer
 
 from ..inputs.lending import lent
+from ..inputs.offers import offered
+from ..inputs.own_code import described
 from . import asked
 from .command import add_command
-from .usage import Commands
+from .usage import Commands, UsageError
+
+_GROUP = "drake_rnn.commands"
 
 
 def _print_version(wanted: bool) -> None:
@@ -29,8 +42,65 @@ def common(
     """Take the options that stand before a command."""
 
 
+class _AllCommands(Commands):
+    """The shipped commands, and those that installed packages offer."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """See `TyperGroup.list_commands`."""
+        return [*super().list_commands(ctx), *sorted(offered(_GROUP).names - {*self.commands})]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """See `TyperGroup.get_command`."""
+        command = super().get_command(ctx, cmd_name)
+        if command is not None:
+            return command
+        offers = list(offered(_GROUP).select(name=cmd_name))
+        if len(offers) > 1:
+            packages = " and by ".join(map(_package, offers))
+            raise UsageError(f"command {cmd_name!r} is offered by {packages}; keep one", ctx)
+        return _loaded(offers[0], ctx) if offers else None
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """See `TyperGroup.format_commands`; a package that cannot be loaded is told."""
+        super().format_commands(ctx, formatter)
+        rows: list[tuple[str, str]] = []
+        for offer in sorted(offered(_GROUP)):
+            if offer.name in self.commands:
+                rows.append((offer.name, f"not that of {_package(offer)}: the name is taken"))
+                continue
+            try:
+                rows += self.help_rows([(offer.name, self.get_command(ctx, offer.name))])
+            except UsageError as error:
+                rows.append((offer.name, error.format_message()))
+        if rows:
+            with formatter.section("Commands of installed packages"):
+                formatter.write_dl(rows)
+
+
+def _loaded(offer: EntryPoint, ctx: Any) -> Any:
+    """Return the command of an installed package."""
+    what = f"command {offer.name!r} of {_package(offer)}"
+    try:
+        cls = offer.load()
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        raise UsageError(f"{what} cannot be loaded: {described(error)}", ctx) from error
+    if not (isinstance(cls, type) and is_dataclass(cls) and callable(vars(cls).get("run"))):
+        raise UsageError(
+            f"{what} is no class made by drake_rnn.cli.command.options with a method run", ctx
+        )
+    alone = typer.Typer(rich_markup_mode=None, pretty_exceptions_enable=False)
+    add_command(alone, offer.name, cls, lambda: cls.run)
+    return typer.main.get_command(alone)
+
+
+def _package(offer: EntryPoint) -> str:
+    return "an installed package" if offer.dist is None else f"the package {offer.dist.name}"
+
+
 app = typer.Typer(
-    cls=Commands,
+    cls=_AllCommands,
     no_args_is_help=True,
     rich_markup_mode=None,  # it would read [s] as a style
     pretty_exceptions_enable=False,
@@ -63,4 +133,4 @@ for _name, _place, _options in (
     ("claims", "claims:show_claims", asked.ShowClaims),
     ("report", "report:report", asked.Report),
 ):
-    add_command(app, _name, _place, _options)
+    add_command(app, _name, _options, partial(lent, f"{__package__}.{_place}"))

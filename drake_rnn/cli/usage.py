@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
 from typing import Any
@@ -14,8 +14,8 @@ from .statuses import BAD_INPUT, INTERRUPTED
 
 # Length up to which the help of a command is shown among the others [characters].
 _LONGEST = 300
-# The class that typer's errors of usage share has no public name.
-_UsageError: Any = typer.BadParameter.__mro__[1]
+#: The class that typer's errors of usage share, which has no public name.
+UsageError: Any = typer.BadParameter.__mro__[1]
 
 
 class Command(TyperCommand):
@@ -28,7 +28,7 @@ class Command(TyperCommand):
         for option in given:
             one = isinstance(option, TyperOption) and not (option.multiple or option.is_flag)
             if one and given.count(option) > 1:
-                raise _UsageError(f"option {option.opts[0]!r} is given twice", ctx)
+                raise UsageError(f"option {option.opts[0]!r} is given twice", ctx)
         return super().parse_args(ctx, args)
 
 
@@ -54,14 +54,17 @@ class Commands(TyperGroup):
         if self.get_command(ctx, name) is None:
             meant = [_ALSO[name]] if name in _ALSO else get_close_matches(name, self.commands, 1)
             hint = f"; perhaps {meant[0]!r} is meant" if meant else ""
-            raise _UsageError(f"no such command {name!r}{hint}", ctx)
+            raise UsageError(f"no such command {name!r}{hint}", ctx)
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """See `TyperGroup.format_commands`; help that is longer than a line is not cut."""
-        rows = [(name, self.commands[name].get_short_help_str(_LONGEST)) for name in self.commands]
         with formatter.section("Commands"):
-            formatter.write_dl(rows)
+            formatter.write_dl(self.help_rows(self.commands.items()))
+
+    def help_rows(self, commands: Iterable[tuple[str, Any]]) -> list[tuple[str, str]]:
+        """Return the name and the short help of each command."""
+        return [(name, command.get_short_help_str(_LONGEST)) for name, command in commands]
 
     def make_context(self, *args: Any, **options: Any) -> Any:
         """See `TyperGroup.make_context`."""
@@ -78,7 +81,7 @@ class Commands(TyperGroup):
 def _plainly() -> Iterator[None]:
     try:
         yield
-    except _UsageError as error:
+    except UsageError as error:
         # Without any argument the message is the help itself.
         if type(error).__name__ == "NoArgsIsHelpError":
             raise

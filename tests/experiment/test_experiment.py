@@ -12,7 +12,6 @@ from drake_rnn import (
     check_reach,
     load_experiment,
     make_experiment,
-    shipped_experiments,
     simulate,
 )
 from drake_rnn.experiment import parse_change, read_document
@@ -34,10 +33,6 @@ def refusal(experiment=KNOWN, changes=None):
     return message
 
 
-# One is there to be refused.
-RUNNABLE = [name for name in shipped_experiments() if name != "state_adjustment_printed"]
-
-
 @pytest.fixture
 def file(tmp_path):
     def write(text):
@@ -48,26 +43,6 @@ def file(tmp_path):
 
 
 # Reading.
-
-
-@pytest.mark.parametrize("name", RUNNABLE)
-def test_shipped_experiments_load_and_say_what_they_are(name):
-    experiment = load_experiment(name)
-    assert experiment.name == name
-    assert experiment.document.paper
-    assert experiment.document.expect
-    assert experiment.law.inputs.parts
-    assert not any("does nothing here" in text for text in experiment.warnings)
-
-
-@pytest.mark.parametrize("name", RUNNABLE)
-def test_an_experiment_written_and_read_is_the_same(name):
-    experiment = load_experiment(name)
-    text = experiment.document.to_yaml()
-    again = make_experiment(parse_yaml(text, name))
-    assert again.document.contents() == experiment.document.contents()
-    assert again.document.to_yaml() == text
-    np.testing.assert_array_equal(again.start, experiment.start)
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from drake_rnn import (
     make_experiment,
     shipped_experiments,
 )
+from drake_rnn.cli.showing import commented
 from drake_rnn.experiment import read_document
 from drake_rnn.inputs.documents import parse_yaml
 
@@ -33,6 +34,8 @@ VARIED = [
     "null_space_adjustment_dynamic",
     "recursive_circle",
 ]
+# There to be refused.
+REFUSED = "state_adjustment_printed"
 numbers = st.floats(-3.0, 3.0)
 
 
@@ -64,7 +67,7 @@ def assert_same(one, other):
 
 
 @pytest.mark.parametrize("name", shipped_experiments())
-def test_a_document_reads_back_from_its_own_yaml(name):
+def test_a_shipped_document_is_read_written_shown_and_made_again(name):
     """Also the one whose meaning is refused: reading comes first."""
     document = written(name)
     text = document.to_yaml()
@@ -72,6 +75,24 @@ def test_a_document_reads_back_from_its_own_yaml(name):
     assert again.contents() == document.contents()
     assert again.to_yaml() == text
     assert_same(again, document)
+
+    shown = commented(name)
+    assert parse_yaml(shown, name) == read_document(name)
+    assert all(len(line) <= 80 for line in shown.splitlines() if line.lstrip().startswith("#"))
+
+    if name == REFUSED:
+        return
+    experiment = load_experiment(name)
+    assert experiment.name == name
+    assert experiment.document.paper
+    assert experiment.document.expect
+    assert experiment.law.inputs.parts
+    assert not any("does nothing here" in text for text in experiment.warnings)
+    made = experiment.document.to_yaml()
+    again = make_experiment(parse_yaml(made, name))
+    assert again.document.contents() == experiment.document.contents()
+    assert again.document.to_yaml() == made
+    np.testing.assert_array_equal(again.start, experiment.start)
 
 
 @given(st.lists(numbers, min_size=7, max_size=7), numbers, st.floats(1e-9, 10.0))

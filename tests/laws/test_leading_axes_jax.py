@@ -28,24 +28,27 @@ LONG = (
 )
 
 
+def _mark(name):
+    return pytest.mark.long if name in LONG else pytest.mark.nightly
+
+
 def _marked(name, *more):
     """Return the parameters of a test of a law, with the mark of that law."""
-    mark = pytest.mark.long if name in LONG else pytest.mark.nightly
-    return pytest.param(name, *more, marks=mark)
+    return pytest.param(name, *more, marks=_mark(name))
 
 
-@pytest.fixture(params=[_marked(name) for name in LAWS])
-def law(request):
-    """The name of a law."""
-    return request.param
+#: Every reading of every law, by the method that steps it.
+CASES = [
+    pytest.param((name, method), marks=_mark(name), id=f"{name}-{method}")
+    for name, law in LAWS.items()
+    for method in readings(law)
+]
 
 
-@pytest.fixture(params=["step", "derivatives"])
-def case(request, law):
+@pytest.fixture(params=CASES)
+def case(request):
     """A method of a reading, that reading, and states and signals of a few robots."""
-    name, method = law, request.param
-    if method not in readings(LAWS[name]):
-        pytest.skip(f"{name} is no differential equation")
+    name, method = request.param
     rng = np.random.default_rng([9, len(name), len(method)])
     reading = readings(LAWS[name])[method]
     return method, reading, states(reading, rng, COUNT), signals(reading.inputs, rng, COUNT)

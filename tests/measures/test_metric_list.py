@@ -5,7 +5,6 @@ from dataclasses import replace
 from typing import get_args
 
 import numpy as np
-import pytest
 
 from drake_rnn import METRICS, JointLimits
 from drake_rnn.measures import (
@@ -53,32 +52,31 @@ def test_names_are_unique():
     assert len({*METRIC_NAMES}) == len(METRICS)
 
 
-@pytest.mark.parametrize("metric", METRICS, ids=METRIC_NAMES)
-def test_a_name_ends_in_its_unit(metric):
+def test_a_name_ends_in_its_unit():
     """The longest unit that it ends in: ``_m_s`` is no time."""
-    ends = [unit for unit, end in ENDINGS.items() if metric.name.endswith(end)]
-    longest = max(ends, key=lambda unit: len(ENDINGS[unit]), default=None)
-    if metric.unit == "1":
-        assert longest is None
-    elif metric.name in OF_THE_JACOBIAN:
-        assert (longest, metric.unit) == (None, "m")
-    else:
-        assert longest == metric.unit
+    for metric in METRICS:
+        ends = [unit for unit, end in ENDINGS.items() if metric.name.endswith(end)]
+        longest = max(ends, key=lambda unit: len(ENDINGS[unit]), default=None)
+        if metric.name in OF_THE_JACOBIAN:
+            assert (longest, metric.unit) == (None, "m"), metric.name
+        else:
+            assert (longest or "1") == metric.unit, metric.name
 
 
-@pytest.mark.parametrize("metric", METRICS, ids=METRIC_NAMES)
-def test_a_metric_says_what_it_is(metric):
-    assert re.fullmatch("[a-z][a-z0-9_]*(_N)?", metric.name)
-    assert metric.meaning
-    assert metric.over in get_args(Over)
-    assert {*metric.shown} <= {*get_args(Shown)}
+def test_a_metric_says_what_it_is():
+    for metric in METRICS:
+        assert re.fullmatch("[a-z][a-z0-9_]*(_N)?", metric.name)
+        assert metric.meaning, metric.name
+        assert metric.over in get_args(Over), metric.name
+        assert {*metric.shown} <= {*get_args(Shown)}, metric.name
 
 
-@pytest.mark.parametrize("metric", METRICS, ids=METRIC_NAMES)
-def test_a_metric_of_differences_says_over_what_time(metric):
+def test_a_metric_of_differences_says_over_what_time():
     """Beyond the acceleration they are taken over 10 ms, and up to it over a tick or step."""
-    beyond = re.search("^(?!held).*(jerk|snap|crackle)|limit_ratio_[345]", metric.name) is not None
-    assert metric.meaning.endswith("over 10 ms") == beyond
+    for metric in METRICS:
+        name = metric.name
+        beyond = re.search("^(?!held).*(jerk|snap|crackle)|limit_ratio_[345]", name) is not None
+        assert metric.meaning.endswith("over 10 ms") == beyond, name
 
 
 def test_what_is_shown_comes_in_the_order_of_the_list():

@@ -132,7 +132,7 @@ def run(place: Place) -> Cell:
         return Cell(*place, reason=str(error))
     return Cell(
         *place,
-        (*experiment.kept_limits, *experiment.commanded_limits),
+        (*experiment.guarantees.arm.limits, *experiment.guarantees.command_only),
         {name: result.metrics[name] for name in _SHOWN if name in result.metrics},
         tuple(result.warnings),
         pace=result.timings["real_time_factor"],

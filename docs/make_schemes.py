@@ -88,7 +88,7 @@ def traits(experiment: Experiment) -> tuple[str, str, str, str, str]:
     sees = [signal for signal in _STRUCTURE if signal in law.inputs.parts]
     sees += ["J by its reference"] if law.joint_preview is not None else []
     # Noise on top of the law's command is not the law's, a filter behind it is.
-    kept = law.keeps if document.filter is None else experiment.kept_limits
+    kept = law.keeps if document.filter is None else experiment.guarantees.arm.limits
     return (
         ", ".join(sees) or "none",
         _span_of(kept),

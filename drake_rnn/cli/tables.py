@@ -120,8 +120,9 @@ def metrics_table(result: Result) -> Table:
 def _commanded_bounds(result: Result) -> Iterator[tuple[str, tuple[str, str]]]:
     """Yield ratios to limits that the law keeps of its command alone, with what the arm did."""
     judged = {verdict.metric for verdict in result.verdicts}
+    commanded = result.experiment.guarantees.command_only
     for use in uses(result):
-        if use.name in result.experiment.commanded_limits and use.name in DERIVATIVE_UNITS:
+        if use.name in commanded and use.name in DERIVATIVE_UNITS:
             metric = share_metric(use.name)
             if metric not in judged:
                 passed = "[yellow]the arm passed it[/]" if use.broken else ""

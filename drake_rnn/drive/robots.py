@@ -144,7 +144,7 @@ def driven_experiment(
     if robot.paced:
         _require_paced(wanted, robot)
     document["limits"] = _stricter(wanted.limits, robot.commanded)
-    if robot.without_jerk is not None and "jerk" not in wanted.keeps:
+    if robot.without_jerk is not None and "jerk" not in wanted.guarantees.command.limits:
         # Without a bound of the jerk, the stop has none either.
         slow = np.minimum(document["limits"]["acceleration"], robot.without_jerk)
         document["limits"] |= {"acceleration": slow.tolist(), "jerk": None}

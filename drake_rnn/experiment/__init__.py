@@ -15,6 +15,7 @@ from .document import (
 )
 from .expected_bounds import expected_bounds as expected_bounds
 from .experiment import Experiment as Experiment, make_experiment as make_experiment
+from .guarantees import Guarantee as Guarantee, Guarantees as Guarantees
 from .files import (
     Described as Described,
     load_experiment as load_experiment,

@@ -16,7 +16,7 @@ def expected_bounds(experiment: Experiment) -> dict[str, Acceptance]:
     Only limits that the law or a filter behind it keeps by construction are expected to be kept.
     They become bounds on ratios, because joints may differ in their limits.
     """
-    limits, kept = experiment.limits, experiment.kept_limits
+    limits, kept = experiment.limits, experiment.guarantees.arm.limits
     bounds = {}
     if "position" in kept and np.isfinite(limits.position_upper - limits.position_lower).any():
         bounds["joint_limit_margin_min_rad"] = Acceptance(at_least=0.0)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import NoneType
 from typing import Any
+from warnings import warn
 
 from pydrake.trajectories import Trajectory
 
@@ -27,17 +28,16 @@ from ..robot.kinematics import ArmKinematics
 from ..robot.limits import JointLimits
 from ..robot.task import Task, named_task
 from ..systems import BODIES, Body, Contact, Feedback, ObstacleMotions
-from ..systems.moving_average import averaged_limits
 from .arms import Arms
 from .camera import check_seen
 from .contact import contact_doubts
 from .document import ExperimentDocument
-from .faults import kept_through_locks, lock_doubts
+from .faults import lock_doubts
 from .filter import FilterDelay, filter_delay
+from .guarantees import Guarantees, command_guarantee, guarantees_of
 from .idle_keys import idle_keys
 from .judged import judged_doubts
 from .path import GIVEN
-from .safety import kept_by
 from .second import Base, StandingArm, second_document, side_by_side
 from .sections import Sections, read_sections
 from .target import with_reachable_target
@@ -64,6 +64,7 @@ class Experiment:
         second: The experiment of another arm beside this one; None without one. Of both, obstacles
             and distances are in the base frame of this one.
         base: Where that arm stands; None without one.
+        guarantees: Which limits and distances the command and the arm keep by construction.
         safety: What is kept of the law's command; None if it is taken as it is.
         locks: When joints lock; None if none does.
         feedback: Arm that the law sees.
@@ -91,6 +92,17 @@ class Experiment:
     warnings: tuple[str, ...] = ()
     second: Experiment | None = None
     base: Base | None = None
+    guarantees: Guarantees = field(init=False)
+
+    def __post_init__(self) -> None:
+        found = guarantees_of(
+            self.document,
+            command_guarantee(self.law, self.safety),
+            limits=self.limits,
+            feedback=self.feedback,
+            locks=self.locks,
+        )
+        object.__setattr__(self, "guarantees", found)
 
     @property
     def name(self) -> str:
@@ -124,46 +136,27 @@ class Experiment:
 
     @property
     def keeps(self) -> tuple[str, ...]:
-        """Names of the limits that the command keeps, as `Law.keeps` has them."""
-        return kept_by(self.law, self.safety)
+        """Deprecated: ``guarantees.command.limits``."""
+        _moved("keeps", "guarantees.command.limits")
+        return self.guarantees.command.limits
 
     @property
     def keeps_distance(self) -> float | None:
-        """Distance that the command keeps [m]; None if nothing is avoided."""
-        kept = (each.keeps_distance for each in (self.law, self.safety) if each is not None)
-        return max((distance for distance in kept if distance is not None), default=None)
+        """Deprecated: ``guarantees.command.distance`` [m]."""
+        _moved("keeps_distance", "guarantees.command.distance")
+        return self.guarantees.command.distance
 
     @property
     def kept_limits(self) -> tuple[str, ...]:
-        """Names of the limits of the arm that the law or a filter behind it keeps by construction.
-
-        There are none for an arm that does not move as commanded, because of its motors, of an
-        actuated dither or of a disturbance. Behind a filter the arm's positions are means of those
-        of an unfiltered arm that the law sees, if neither a bound on the velocity nor a
-        precompensation changes the command before. A law that sees positions with errors of
-        measurement can keep no limit of the true ones. A joint that locks stops within the limits
-        that the command kept, but not within higher ones.
-        """
-        return kept_through_locks(self._kept_by_command, self.locks, self.limits)
-
-    @property
-    def _kept_by_command(self) -> tuple[str, ...]:
-        """Names of the limits that are kept of an arm whose joints follow their commands."""
-        noise, settings, keeps = self.document.joint_noise, self.document.filter, self.keeps
-        if self.level.has_motors or (noise is not None and noise.moves_arm):
-            return ()
-        if settings is None:
-            sensed = self.document.sensing is not None
-            unsure = ("position", "envelope") if sensed else ()
-            return tuple(name for name in keeps if name not in unsure)
-        kept = averaged_limits(self.limits)
-        means = self.feedback == "unfiltered" and not settings.precompensate
-        return ("position", *kept) if means and {"position", "velocity"} <= {*keeps} else kept
+        """Deprecated: ``guarantees.arm.limits``."""
+        _moved("kept_limits", "guarantees.arm.limits")
+        return self.guarantees.arm.limits
 
     @property
     def commanded_limits(self) -> tuple[str, ...]:
-        """Names of the limits that the law keeps of its command, but nothing keeps of the arm."""
-        return tuple(name for name in self.keeps if name not in self.kept_limits)
+        """Deprecated: ``guarantees.command_only``."""
+        _moved("commanded_limits", "guarantees.command_only")
+        return self.guarantees.command_only
 
     @property
     def target(self) -> Array | None:
@@ -184,6 +177,12 @@ class Experiment:
     def level(self) -> type[Body]:
         """Class of the body that simulates the arm."""
         return BODIES[self.document.level]
+
+
+def _moved(name: str, place: str) -> None:
+    """Warn that an attribute of an experiment has moved, once for each line that reads it."""
+    text = f"Experiment.{name} is deprecated; read Experiment.{place}"
+    warn(text, DeprecationWarning, stacklevel=3)
 
 
 def make_experiment(
@@ -241,7 +240,7 @@ def make_experiment(
     )
     circumstances = _circumstances(found, delay, kinematics)
     unsure += warnings_of(law, "doubts", lambda: law.doubts(circumstances))
-    judged = judged_doubts(found.limits, found.keeps, document.period)
+    judged = judged_doubts(found.limits, found.guarantees.command.limits, document.period)
     idle = idle_keys(document, law=law, path=parts.path, arm=parts.arm.description)
     warnings = (*parts.warnings, *idle, *late, *moved, *unsafe, *unsure, *judged, *doubts)
     found = replace(found, warnings=warnings)
@@ -310,7 +309,7 @@ def _unsafe(parts: Sections) -> list[str]:
     document = parts.document
     if parts.clearance is None:
         return []
-    if parts.law.keeps_distance is None and not (parts.safety and parts.safety.keeps_distance):
+    if command_guarantee(parts.law, parts.safety).distance is None:
         return [
             "obstacles: this law does not avoid them; distances are measured alone; with "
             "safety.collisions any law avoids them"

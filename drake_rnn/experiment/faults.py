@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from ..diagrams import check_locks
@@ -11,15 +9,9 @@ from ..errors import InvalidInputError
 from ..laws import PostureLaw
 from ..laws.checks import sampled_reading
 from ..laws.told_of_locks import tellable
-from ..robot.joint_locks import JointLocks
-from ..robot.limits import JointLimits
 from ..robot.task import named_task
+from .guarantees import command_guarantee
 from .sections import Sections
-
-#: Limits of what is commanded that the stop of a joint keeps if the command before it did.
-_STOPS_WITHIN = ("acceleration", "jerk")
-#: Limits that a stop keeps only if the command left it room.
-_ROOM = ("position", "envelope")
 
 
 def lock_doubts(parts: Sections) -> list[str]:
@@ -37,7 +29,7 @@ def lock_doubts(parts: Sections) -> list[str]:
     check_locks(locks, document.period, parts.feedback, document.dither)
     if document.second is not None:
         raise InvalidInputError("second: must be left out with faults")
-    if parts.law.keeps_distance is not None or (parts.safety and parts.safety.keeps_distance):
+    if command_guarantee(parts.law, parts.safety).distance is not None:
         raise InvalidInputError(
             "obstacles: must not be avoided with faults; what is certified to stay clear of them "
             "is a stop of all joints at once, and a brake stops one of them alone"
@@ -64,22 +56,3 @@ def lock_doubts(parts: Sections) -> list[str]:
 def _tellable(parts: Sections) -> bool:
     period = parts.document.period
     return period is not None and tellable(sampled_reading(parts.law, period))
-
-
-def kept_through_locks(
-    names: Sequence[str], locks: JointLocks | None, limits: JointLimits
-) -> tuple[str, ...]:
-    """Return the names of the limits that stay kept where joints lock.
-
-    Args:
-        names: Limits that are kept where none does.
-        locks: When joints lock; None if none does.
-        limits: The limits.
-    """
-    if locks is None:
-        return tuple(names)
-    able = ("velocity", *_STOPS_WITHIN) if not locks.at_once.any() else ("velocity",)
-    given = [name for name in _STOPS_WITHIN if limits.bounds[name] is not None]
-    # A command within fewer bounds than its stop may need more way than it has.
-    room = set(given) <= set(names)
-    return tuple(name for name in names if name in able or (room and name in _ROOM))

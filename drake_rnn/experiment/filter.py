@@ -7,7 +7,7 @@ from typing import NamedTuple, get_args
 from ..diagrams import check_filter
 from ..errors import InvalidInputError
 from ..systems.moving_average import Kept, averaging_delay, averaging_windows
-from .safety import kept_by
+from .guarantees import command_guarantee
 from .sections import Sections
 
 
@@ -47,7 +47,7 @@ def _delay(parts: Sections) -> FilterDelay:
         raise InvalidInputError(
             "filter: needs a sampled law; give a period instead of an integrator"
         )
-    _require_kept(settings.above, kept_by(law, parts.safety))
+    _require_kept(settings.above, command_guarantee(law, parts.safety).limits)
     windows = averaging_windows(parts.arm.limits, document.period, settings.above)
     delay = averaging_delay(windows, document.period)
     if delay >= document.duration:

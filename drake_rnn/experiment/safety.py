@@ -35,12 +35,6 @@ class SafetySettings:
             )
 
 
-def kept_by(law: Law, safety: Safety | None) -> tuple[str, ...]:
-    """Return the names of the limits that a law's command keeps, or what safety makes of it."""
-    # What safety changes keeps no higher limit that the law's own command kept.
-    return law.keeps if safety is None else safety.keeps
-
-
 def make_safety(
     settings: SafetySettings | None,
     law: Law,

@@ -106,7 +106,7 @@ def plot_distance(ax: Axes, result: Result) -> None:
     distance = result.series["distance"]
     shown, scale = prefixed(largest(distance), "m")
     ax.plot(result.time, scale * distance, color=INK)
-    floor = result.experiment.keeps_distance
+    floor = result.experiment.guarantees.command.distance
     ax.axhline(scale * (floor or 0.0), **BOUND)
     ax.set_ylim(bottom=min(0.0, 1.06 * scale * float(np.nanmin(distance, initial=0.0))))
     time_axis(ax, result, f"least distance [{shown}]")

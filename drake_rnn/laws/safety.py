@@ -28,7 +28,8 @@ from .called import unchecked
 from .law import SampledReading
 from .layout import Layout, Signals
 from .parts.held_clear import Avoidance, Within, require_free, within_safe
-from .parts.held_within import Program, kept_limits
+from .parts.held_within import Program
+from .parts.kept_limits import kept_within_bounds
 from .parts.measurement import LEVER
 from .parts.reach_edge import ReachEdge
 from .parts.reached_limits import reached_limits
@@ -71,7 +72,7 @@ class Safety:
     @property
     def keeps(self) -> tuple[str, ...]:
         """See `Law.keeps`."""
-        return kept_limits(self.limits)
+        return kept_within_bounds(self.limits)
 
     @property
     def keeps_distance(self) -> float | None:

@@ -68,7 +68,7 @@ class Variants:
         self._arms = Arms()
         contents = experiment.document.contents()
         self._contents = {k: v for k, v in contents.items() if k not in _OF_A_RUN}
-        self._avoids = experiment.keeps_distance is not None
+        self._avoids = experiment.guarantees.command.distance is not None
         if self._avoids and obstacle_speed > 0.0:
             self._contents["obstacles"] = [
                 {"speed": obstacle_speed, **each} if _SOLID & each.keys() else each

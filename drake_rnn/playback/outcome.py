@@ -58,7 +58,7 @@ def _limits(result: Result) -> Iterator[dict[str, Any]]:
             margin = result.metrics.get("joint_limit_margin_min_rad", np.nan)
             text = f"{'exceeded by' if use.broken else 'at least'} {told(abs(margin), 'rad')}"
             text += "" if use.broken else " left"
-        if use.broken and use.name in result.experiment.commanded_limits:
+        if use.broken and use.name in result.experiment.guarantees.command_only:
             text += " by the arm; the law keeps it of its command alone"
         yield {
             "name": use.name,

@@ -43,11 +43,11 @@ def limit_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[
     no arm can exceed; higher ones count if the law keeps them of its command. Of what the path
     itself asks for too much there was a warning before the run.
     """
-    caveats = []
-    counted = {"position", "velocity", *experiment.commanded_limits}
+    caveats, guarantees = [], experiment.guarantees
+    counted = {"position", "velocity", *guarantees.command_only}
     for name, unit in LIMIT_UNITS.items():
         excess = metrics.get(violation_metric(name), 0.0)
-        if name in counted and excess > _BEYOND and name not in experiment.kept_limits:
+        if name in counted and excess > _BEYOND and name not in guarantees.arm.limits:
             caveats.append(
                 f"limits: the arm exceeds a limit of {name} by {excess:.3g} {unit}; "
                 f"{_why(name, experiment)}"
@@ -57,7 +57,7 @@ def limit_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[
 
 def _why(name: str, experiment: Experiment) -> str:
     """Return why a limit is not kept."""
-    if name not in experiment.keeps:
+    if name not in experiment.guarantees.command.limits:
         remedy = experiment.law.limits_remedy
         return f"this law does not keep it{remedy and '; ' + remedy}"
     if experiment.level.has_motors:
@@ -68,7 +68,7 @@ def _why(name: str, experiment: Experiment) -> str:
 def distance_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[str]:
     """Return a warning if the arm collided, or came nearer than the law lets its command come."""
     distance = metrics.get("distance_min_m", np.inf)
-    floor = experiment.keeps_distance or 0.0
+    floor = experiment.guarantees.command.distance or 0.0
     moving = metrics.get("distance_moving_min_m", distance)
     if distance < floor <= moving:
         return [

@@ -55,7 +55,7 @@ def counted_limits(experiment: Experiment) -> list[str]:
         others = _METRICS[name] if name in _METRICS else (share_metric(name),)
         if {violation_metric(name), *others} & document.accept.keys():
             asked.add(name)
-    counted = asked | {*experiment.kept_limits, *experiment.commanded_limits}
+    counted = asked | {*experiment.guarantees.arm.limits, *experiment.guarantees.command.limits}
     return [name for name in LIMIT_UNITS if name in counted and _is_bounded(experiment, name)]
 
 

@@ -190,7 +190,7 @@ def test_safety_keeps_what_a_law_does_not():
         load_experiment({**given, "period": 1e-3, "duration": 0.2, **changes})
         for changes in ({}, {"safety": {}})
     )
-    assert safe.kept_limits == ("position", "velocity", "acceleration", "jerk")
+    assert safe.guarantees.arm.limits == ("position", "velocity", "acceleration", "jerk")
     assert simulate(jumps).metrics["acceleration_violation_max_rad_s2"] > 1.0
     metrics = simulate(safe).metrics
     for name in ("acceleration_violation_max_rad_s2", "held_jerk_violation_max_rad_s3"):
@@ -200,7 +200,7 @@ def test_safety_keeps_what_a_law_does_not():
 
 def test_with_safety_any_law_avoids_and_the_arm_itself_if_nothing_else():
     experiment = load("slc_nephroid_known", obstacles=[BALL], safety=SAFE)
-    assert experiment.keeps_distance == Avoidance().floor
+    assert experiment.guarantees.command.distance == Avoidance().floor
     assert not any("does not avoid" in text for text in experiment.warnings)
     alone = load("slc_nephroid_known", safety=SAFE)
     assert alone.clearance is not None

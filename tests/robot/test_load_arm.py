@@ -46,7 +46,7 @@ def test_a_document_may_name_limits_of_another_arm():
     experiment = make_experiment({**DOCUMENT, "limits": "fr3"})
     np.testing.assert_array_equal(experiment.limits.jerk, [4999.9] * 7)
     assert experiment.limits.envelope is not None
-    assert "envelope" in experiment.kept_limits
+    assert "envelope" in experiment.guarantees.arm.limits
 
 
 @pytest.mark.parametrize(

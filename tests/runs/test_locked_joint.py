@@ -98,7 +98,7 @@ def test_without_faults_there_are_none_of_their_metrics(sound):
 def test_every_bound_is_held_through_the_lock(joint, told):
     result = run(joint=joint, told=told, time=0.4 + 0.1 * joint, duration=1.6)
     kept = {"position", "velocity", "acceleration", "jerk"}
-    assert kept <= set(result.experiment.kept_limits)
+    assert kept <= set(result.experiment.guarantees.arm.limits)
     metrics = result.metrics
     assert metrics["position_violation_max_rad"] == 0.0
     assert metrics["velocity_violation_max_rad_s"] <= 0.5e-9
@@ -110,7 +110,7 @@ def test_a_stop_at_once_breaks_acceleration_and_jerk_and_is_known_to():
     result = run(stop="at_once", duration=1.2)
     assert result.metrics["acceleration_violation_max_rad_s2"] > 1.0
     assert result.metrics["velocity_violation_max_rad_s"] == 0.0
-    assert {"acceleration", "jerk"}.isdisjoint(result.experiment.kept_limits)
+    assert {"acceleration", "jerk"}.isdisjoint(result.experiment.guarantees.arm.limits)
 
 
 def test_a_stop_that_a_law_did_not_leave_room_for_promises_no_position():
@@ -119,9 +119,9 @@ def test_a_stop_that_a_law_did_not_leave_room_for_promises_no_position():
     limits = {"velocity": 0.5, "acceleration": 2.0, "jerk": None}
     with_room = load_experiment({**DOCUMENT, "law": SLC, "limits": limits, "faults": faults})
     without = load_experiment({**DOCUMENT, "law": SLC, "faults": faults})
-    assert "position" in with_room.keeps
-    assert "position" in with_room.kept_limits
-    assert "position" not in without.kept_limits
+    assert "position" in with_room.guarantees.command.limits
+    assert "position" in with_room.guarantees.arm.limits
+    assert "position" not in without.guarantees.arm.limits
 
 
 def test_two_joints_may_lock_one_after_the_other():
@@ -162,7 +162,7 @@ def test_an_arm_with_motors_holds_a_locked_joint():
     assert np.ptp(locked.series["position"][rest][:, 1]) < 1e-4
     assert np.ptp(sound.series["position"][rest][:, 1]) > 1e-2
     assert locked.metrics["position_error_lasting_max_m"] < 2e-3
-    assert locked.experiment.kept_limits == ()
+    assert locked.experiment.guarantees.arm.limits == ()
 
 
 def test_a_filter_and_noise_that_moves_the_arm_pass_through_the_brakes():
@@ -170,7 +170,7 @@ def test_a_filter_and_noise_that_moves_the_arm_pass_through_the_brakes():
     filtered = {"law": {"kind": "pseudoinverse", "feedback": 2.0}, "filter": {}, "limits": limits}
     result = run(duration=1.8, **filtered)
     assert np.ptp(result.series["position"][result.time >= 1.5][:, 1]) == 0.0
-    assert "acceleration" in result.experiment.kept_limits
+    assert "acceleration" in result.experiment.guarantees.arm.limits
     assert result.metrics["acceleration_violation_max_rad_s2"] <= 2e-9
     dither = {"model": "actuated", "sigma": 0.02, "hold": 4e-3}
     shaken = run(duration=1.6, dither=dither, law={**SLC, "jacobian": "learned"})

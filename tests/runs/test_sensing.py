@@ -223,8 +223,8 @@ def test_with_sensors_no_law_is_said_to_keep_positions():
         load_experiment("state_adjustment", {"integrator": None, "period": 1e-3, **more})
         for more in ({}, {"sensing": {"position_noise": 1e-3}})
     )
-    assert "position" in ideal.kept_limits
-    assert set(sensed.kept_limits) == set(ideal.kept_limits) - {"position"}
+    assert "position" in ideal.guarantees.arm.limits
+    assert set(sensed.guarantees.arm.limits) == set(ideal.guarantees.arm.limits) - {"position"}
 
 
 @pytest.mark.parametrize(

@@ -327,7 +327,7 @@ FAR = {
 def test_an_arm_that_cycles_keeps_its_position_limits(reading):
     """An integrator keeps them too: the way left is never used up."""
     experiment = load_experiment("slc_nephroid_known", FAR | reading)
-    assert "position" in experiment.kept_limits
+    assert "position" in experiment.guarantees.arm.limits
     assert any("cycle for ever" in said for said in experiment.warnings)
     got = simulate(experiment).metrics
     assert got["position_error_max_m"] > 0.1, "it is meant to cycle"

@@ -329,12 +329,6 @@ class WithinJerk:
         return choice.taken(choice.chosen(z))
 
 
-def kept_limits(limits: JointLimits) -> tuple[str, ...]:
-    """Return the names of the limits that are kept: all that are known, up to the jerk."""
-    higher = (name for name in ("acceleration", "jerk") if limits.bounds[name] is not None)
-    return ("position", "velocity", *higher, *(("envelope",) if limits.envelope else ()))
-
-
 def within_limits(limits: JointLimits, smoothing: Any) -> WithinAcceleration | WithinJerk:
     """Return what keeps limits, those of `drake_rnn.laws.parts.reached_limits`.
 

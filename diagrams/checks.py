@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import NoneType
+from typing import Any
 
 from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 
 from ..errors import InvalidInputError
+from ..features.pairs import Combination, refuse
 from ..inputs.complaints import nearest, require_type
 from ..inputs.dataclass_fields import field_names
 from ..laws import Law
@@ -55,48 +57,81 @@ def _require_added(key: str, system: System, builder: DiagramBuilder) -> None:
         )
 
 
+# Arguments of `AddLoop` that are features, with their types.
+_FEATURES: dict[str, type] = {
+    "dither": JointNoise,
+    "filter": MovingAverage,
+    "sensing": SensingSettings,
+    "locks": JointLocks,
+    "camera": ToolCamera,
+}
+
+
 def check_parts(
     body: Body,
     controller: Controller,
     task: str,
-    dither: JointNoise | None,
-    filter: MovingAverage | None,
     feedback: Feedback,
-    sensing: SensingSettings | None,
-    camera: ToolCamera | None,
+    features: Mapping[str, Any],
 ) -> None:
-    """Raise an InvalidInputError if the parts of a loop do not fit together."""
+    """Raise an InvalidInputError if the parts of a loop do not fit together.
+
+    Args:
+        body: The arm.
+        controller: Controller that runs the law.
+        task: Task of the loop.
+        feedback: Arm that the law sees.
+        features: Dither, filter, sensing, locks and camera by name; None for what is left out.
+    """
     require_type("controller", controller, Controller)
-    require_type("dither", dither, JointNoise, NoneType)
-    require_type("filter", filter, MovingAverage, NoneType)
-    require_type("sensing", sensing, SensingSettings, NoneType)
+    for name, feature in features.items():
+        require_type(name, feature, _FEATURES[name], NoneType)
     _require_joints(controller, body)
-    body.check_loop(controller.period, feedback, sensed=sensing is not None)
-    check_sensing(sensing, controller.law)
-    check_camera(camera, controller.law, feedback, body.contact is not None)
+    body.check_loop(controller.period, feedback, sensed=features["sensing"] is not None)
+    refuse(_combination(body, controller, task, feedback, features))
+    _require_points(features["camera"], controller.law)
     body.check_task(task)
     body.check_plant(body.settings, controller.period)
-    check_filter(filter is not None, feedback, dither)
-    period = controller.period
+    period, filter = controller.period, features["filter"]
     if filter is not None and period is not None and filter.period != period:
         raise InvalidInputError(
             f"filter: its period, {filter.period:g} s, must be the controller's, {period:g} s"
         )
 
 
-def check_sensing(sensing: SensingSettings | None, law: Law) -> None:
-    """Raise an InvalidInputError if a law needs ``v_WE`` where a sensor measures poses alone.
+def _combination(
+    body: Body,
+    controller: Controller,
+    task: str,
+    feedback: Feedback,
+    features: Mapping[str, Any],
+) -> Combination:
+    """Return what a loop combines, as the table of pairs asks for it."""
+    noise, contact, law = features["dither"], body.contact, controller.law
+    return Combination(
+        documented=False,
+        level=type(body),
+        task=task,
+        feedback=feedback,
+        period=controller.period,
+        kind=type(law),
+        law=law,
+        camera=features["camera"],
+        faults=features["locks"],
+        **({} if noise is None else {noise.section: noise}),
+        sensing=features["sensing"],
+        filter=features["filter"] is not None,
+        environment=contact is not None,
+        force=contact is not None,
+        sensor=contact is not None and contact.sensor is not None,
+    )
 
-    Args:
-        sensing: Measurement of the arm that the law sees; None for an ideal one.
-        law: The law.
-    """
-    if sensing is None or not sensing.from_outside or sensing.secant_samples:
-        return
-    if "v_WE" in law.inputs:
+
+def _require_points(camera: ToolCamera | None, law: Law) -> None:
+    """Raise an InvalidInputError if a law sees another number of points than a camera."""
+    if camera is not None and law.inputs.parts["pixels"][1] != (camera.size,):
         raise InvalidInputError(
-            "sensing.secant_samples: must be at least 1 with p_WE_noise or R_WE_noise, because "
-            f"{type(law).__name__} sees v_WE, which is a difference of measured positions then"
+            f"camera.points: must be as many as the law's, not {len(camera.points)}"
         )
 
 
@@ -114,92 +149,6 @@ def given_signals(signals: Mapping[str, OutputPort] | None, controller: Controll
                 f"signals.{name}: nothing in this loop asks for it; {nearest(name, asked)}"
             )
     return given
-
-
-def check_filter(filtered: bool, feedback: Feedback, dither: JointNoise | None) -> None:
-    """Raise an InvalidInputError if feedback or dither does not fit the filter, or its absence.
-
-    Args:
-        filtered: Whether the command passes through a filter.
-        feedback: Arm that the law sees.
-        dither: Excitation or disturbance of the joints; None for none.
-    """
-    if feedback == "unfiltered" and not filtered:
-        raise InvalidInputError("feedback: unfiltered needs a filter")
-    if filtered and feedback != "unfiltered" and dither is not None and dither.moves_arm:
-        raise InvalidInputError(
-            f"{_moving(dither)} would move the arm behind the filter, beyond its bounds; "
-            "it may be virtual"
-        )
-    if feedback == "measured" and dither is not None and not dither.moves_arm:
-        raise InvalidInputError(
-            f"dither.model: must be actuated with feedback: measured, not {dither.model}"
-        )
-
-
-def _moving(noise: JointNoise) -> str:
-    """Return what makes a noise move the arm, for messages."""
-    return "disturbance:" if noise.section == "disturbance" else "dither.model: actuated"
-
-
-def check_locks(
-    locks: JointLocks | None,
-    period: float | None,
-    feedback: Feedback,
-    dither: JointNoise | None,
-) -> None:
-    """Raise an InvalidInputError if joints cannot lock in such a loop.
-
-    Args:
-        locks: When joints lock; None for sound joints.
-        period: Sampling period of the controller [s]; None for a law that Drake integrates.
-        feedback: Arm that the law sees.
-        dither: Excitation or disturbance of the joints; None for none.
-    """
-    require_type("locks", locks, JointLocks, NoneType)
-    if locks is None:
-        return
-    if period is None:
-        raise InvalidInputError("faults: need a sampled law; give a period, not an integrator")
-    if feedback == "unfiltered":
-        raise InvalidInputError(
-            "feedback: must not be unfiltered with faults; the virtual arm that the law would see "
-            "does not lock"
-        )
-    if dither is not None and not dither.moves_arm:
-        raise InvalidInputError(
-            f"dither.model: must be actuated with faults, not {dither.model}; a locked joint "
-            "shows no noise"
-        )
-
-
-def check_camera(camera: ToolCamera | None, law: Law, feedback: Feedback, in_contact: bool) -> None:
-    """Raise an InvalidInputError if a camera cannot see for such a loop.
-
-    Args:
-        camera: The camera; None without one.
-        law: The law.
-        feedback: Arm that the law sees.
-        in_contact: Whether the tool may touch something.
-    """
-    require_type("camera", camera, ToolCamera, NoneType)
-    if camera is None:
-        return
-    if "pixels" not in law.inputs:
-        raise InvalidInputError(
-            f"camera: {type(law).__name__} sees no pixels; leave the camera out, or give a law "
-            "that does: adaptive, with jacobian: learned"
-        )
-    if law.inputs.parts["pixels"][1] != (camera.size,):
-        raise InvalidInputError(
-            f"camera.points: must be as many as the law's, not {len(camera.points)}"
-        )
-    if feedback == "unfiltered":
-        raise InvalidInputError(
-            "feedback: must not be unfiltered with a camera, which sees the arm itself"
-        )
-    if in_contact:
-        raise InvalidInputError("environment: must be left out with a camera")
 
 
 _HINTS = {

@@ -31,7 +31,7 @@ from ..systems.moving_average import MovingAverage
 from ..systems.normal_force import NormalForce
 from ..systems.pose_sensor import PoseSensor
 from ..systems.sensing_settings import SensingSettings
-from .checks import check_arguments, check_locks, check_offers, check_parts, given_signals
+from .checks import check_arguments, check_offers, check_parts, given_signals
 from .wiring import Ports, Wiring, ports_of
 
 #: Samples from one check of the force sensor to the next: each costs time, and a stuck sensor stays
@@ -126,8 +126,8 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
     check_arguments(builder, reference, signals, seed, prefix)
     require_type("body", body, Body)
     feedback = body.chosen_feedback(feedback, sensed=sensing is not None)
-    check_parts(body, controller, task, dither, filter, feedback, sensing, camera)
-    check_locks(locks, controller.period, feedback, dither)
+    features = {"dither": dither, "filter": filter, "sensing": sensing, "locks": locks}
+    check_parts(body, controller, task, feedback, {**features, "camera": camera})
     given = given_signals(signals, controller)
     wiring = Wiring(builder, prefix)
     wiring.add("controller", controller)
@@ -343,7 +343,6 @@ def _offer_contact(
         wiring.connect(normal, pressing.GetInputPort("normal_WE"))
     wiring.connect(tool_force, pressing.get_input_port(0))
     normal_force = pressing.get_output_port()
-    contact.check_period(period)
     if contact.sensor is not None and period is not None:
         sensor = wiring.add("force_sensor", ForceSensor(contact.sensor, period, seed))
         wiring.connect(normal_force, sensor.get_input_port())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib import import_module
 from math import isfinite
 from typing import Any
@@ -12,6 +13,7 @@ from ..arrays.jax_module import require_jax
 from ..arrays.namespace import AnyArray
 from ..errors import InvalidInputError
 from ..experiment import Described
+from ..features.pairs import refuse
 from ..inputs.complaints import short
 from ..inputs.fields import Array
 from ..laws.called import unchecked
@@ -51,7 +53,7 @@ class CompiledStep:
         jax = require_jax()
         robots = compilable([experiment])
         self.document = robots[0].experiment.document
-        self._refuse_what_is_not_the_laws()
+        refuse(replace(robots[0].experiment.combination, host="compiled step"))
         self._robots = Robots(robots)
         schedule = self._robots.schedule
         self.samples, self.period = int(schedule.samples.sum()), schedule.period
@@ -76,19 +78,6 @@ class CompiledStep:
     def start(self) -> SteppedRobot:
         """Return a robot at the start of the experiment; there may be several."""
         return SteppedRobot(self)
-
-    def _refuse_what_is_not_the_laws(self) -> None:
-        if self.document.environment is not None:
-            raise InvalidInputError("environment: a compiled step sees no contact")
-        if self.document.sensing is not None:
-            raise InvalidInputError(
-                "sensing: is for simulations; a compiled step sees the positions that it is given"
-            )
-        if self.document.dither is not None and self.document.dither.model != "actuated":
-            raise InvalidInputError(
-                f"dither.model: {self.document.dither.model} is for simulations; a compiled step "
-                "sees the velocities that it is given"
-            )
 
     def _step(
         self, table: AnyArray, state: AnyArray, q: AnyArray, velocity: AnyArray | None

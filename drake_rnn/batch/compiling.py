@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
 from ..arrays.jax_module import require_jax
 from ..errors import InvalidInputError
 from ..experiment import Described
+from ..features.pairs import refusal
 from .grouping import Robot
 from .run import robots_of
 
@@ -27,10 +29,8 @@ def compilable(described: Sequence[Described]) -> list[Robot]:
     """
     robots = robots_of(described)
     for number, robot in enumerate(robots):
-        if robot.experiment.document.filter is not None:
-            raise InvalidInputError(
-                f"experiments[{number}]: filter: a compiled run has none; run_many has"
-            )
+        if (why := refusal(replace(robot.experiment.combination, host="compiled run"))) is not None:
+            raise InvalidInputError(f"experiments[{number}]: {why}")
     return robots
 
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from ..errors import InvalidInputError
 from ..experiment import Described, Experiment, ExperimentDocument, load_experiment
+from ..experiment.document import combination_of
+from ..features.pairs import refuse
 from ..laws import Law, SampledReading
 from ..laws.called import require_many
 from ..robot.arm import Arm
 from ..robot.arm_screws import screws_of
-from ..systems import BODIES
 from .signals import PREVIEWS
 
 #: Signals that a law in a batch may see.
@@ -68,38 +70,13 @@ def able_reading(document: ExperimentDocument, law: Law) -> SampledReading:
     Raises:
         InvalidInputError: If a batch cannot run the experiment; the message says why.
     """
-    if BODIES[document.level].has_motors:
-        raise InvalidInputError(
-            f"level: {document.level} needs Drake's plant; a batch has kinematics alone"
-        )
-    if document.period is None:
-        raise InvalidInputError(
-            "integrator: is Drake's; a batch needs a sampled law, with a period"
-        )
-    for section, why in (
-        (document.sensor, "sensor: a batch has none; simulate has"),
-        (document.faults or None, "faults: a batch has none; simulate has"),
-        (document.camera, "camera: a batch has none; simulate has"),
-        (document.obstacles, "obstacles: a batch does not look at distances; simulate does"),
-        (document.safety, "safety: a batch takes commands as they are; simulate has it"),
-    ):
-        if section is not None:
-            raise InvalidInputError(why)
-    if document.sensing is not None and (
-        not document.sensing.of_position_alone or document.filter is not None
-    ):
-        raise InvalidInputError(
-            "sensing: a batch has p_WE_noise alone, without a filter; simulate has the rest"
-        )
-    if document.filter is not None and document.environment is not None:
-        raise InvalidInputError("filter: a batch has none in contact; simulate has")
+    refuse(replace(combination_of(document, type(law), law), host="batch"))
+    assert document.period is not None
     return _able_reading(law, document.period)
 
 
 def _able_reading(law: Law, period: float) -> SampledReading:
     name = type(law).__name__
-    if law.joint_preview is not None:
-        raise InvalidInputError(f"law: {name} plans ahead; a batch knows no future joint positions")
     # The law's declarations were checked when the experiment was made.
     reading = law.sampled(period)
     require_many(reading)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import InvalidInputError
 from ..experiment import Described, Experiment, make_experiment, read_document
+from ..features.pairs import refuse
 from ..inputs.arguments import checked, flag, instance, number, optional
 from ..inputs.complaints import require_type
 from ..inputs.fields import Array
@@ -152,14 +153,7 @@ def driven_experiment(
     if found.limits.violation(found.start).any():
         why = found.limits.complaint(found.start, 0.0, found.arm.joints, found.arm.units)
         raise InvalidInputError(f"start: {why}")
-    for section, why in (
-        (found.second, "second: must be left out; one robot is driven at a time"),
-        (found.document.camera, "camera: must be left out; a driven robot is seen by none"),
-        (found.locks, "faults: must be left out; the joints of a robot are not locked"),
-        (found.motions, "obstacles: none may move; a drive is not told where they are"),
-    ):
-        if section is not None:
-            raise InvalidInputError(why)
+    refuse(replace(found.combination, host="drive", robot=robot.name))
     return found
 
 
@@ -171,13 +165,7 @@ def _require_paced(experiment: Experiment, robot: Robot) -> None:
             f"period: must be {robot.period:g} s, the cycle of the {robot.name}, not "
             f"{document.period}"
         )
-    behind = {"filter": document.filter, "dither": document.dither}
-    for name, given in {**behind, "disturbance": document.disturbance}.items():
-        if given is not None:
-            raise InvalidInputError(
-                f"{name}: must be left out for the {robot.name}, which does not wait: what comes "
-                "behind the law does not know when a cycle was answered without it"
-            )
+    refuse(replace(experiment.combination, host="paced drive", robot=robot.name))
 
 
 def _stricter(wanted: JointLimits, own: JointLimits) -> dict[str, list[float]]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..diagrams import check_camera
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..paths import PlacedPath
@@ -28,10 +27,6 @@ def check_seen(parts: Sections, desired: PlacedPath, kinematics: ArmKinematics) 
     document = parts.document
     if (camera := document.camera) is None:
         return
-    check_camera(camera, parts.law, parts.feedback, parts.contact is not None)
-    for name, given in (("second", document.second), ("filter", document.filter)):
-        if given is not None:
-            raise InvalidInputError(f"{name}: must be left out with a camera")
     for number, swap in enumerate(camera.swaps):
         if swap.time >= document.duration:
             raise InvalidInputError(

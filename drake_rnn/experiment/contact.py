@@ -1,4 +1,4 @@
-"""The contact of an experiment's tool with a surface, checked together with law and path."""
+"""The contact of an experiment's tool with a surface, checked together with its path."""
 
 from __future__ import annotations
 
@@ -21,30 +21,18 @@ _STUCK = 1e-3
 
 
 def contact_doubts(parts: Sections, desired: PlacedPath) -> list[str]:
-    """Return warnings about the contact of an experiment, checked together with law and path.
+    """Return warnings about the contact of an experiment, checked together with its path.
 
     Args:
         parts: What the sections of the experiment's document describe.
         desired: Path of the experiment, placed at the start.
 
     Raises:
-        InvalidInputError: If a key is missing, wrong or must be left out.
+        InvalidInputError: If arm or path do not fit the surface.
     """
-    document, law, arm, start = parts.document, parts.law, parts.arm, parts.start
-    contact = parts.contact
+    document, arm, start, contact = parts.document, parts.arm, parts.start, parts.contact
     if contact is None:
-        if "normal_WE" in law.inputs:
-            raise InvalidInputError(
-                "environment: must be given; this law presses against a surface"
-            )
-        for name, given in (("force", document.force), ("sensor", document.sensor)):
-            if given is not None:
-                raise InvalidInputError(f"{name}: only with an environment")
         return []
-    if document.sensor is not None and "normal_force" not in law.inputs:
-        raise InvalidInputError(
-            "sensor: must be left out; with these settings the law does not use the measured force"
-        )
     _require_mobility(contact.surface, arm, start)
     _require_along(contact.surface, desired)
     doubts = _doubts(contact, desired, arm, start)

@@ -9,11 +9,13 @@ import numpy as np
 from pydantic import Field
 from pydrake.systems.analysis import GetIntegrationSchemes
 
+from ..features.pairs import Combination
 from ..inputs.complaints import nearest, plain
 from ..inputs.dataclass_fields import field_names, fields_of
 from ..inputs.documents import to_yaml
 from ..inputs.fields import Finite, NonNegative, Positive, Seed, Vector, between, validated
 from ..inputs.names import require_folder_name
+from ..laws import Law
 from ..measures import METRIC_NAMES
 from ..paths import RecordedTargets
 from ..robot.joint_locks import JointLock
@@ -218,9 +220,6 @@ class ExperimentDocument:
             if value not in known:
                 raise ValueError(f"{key}: may be {', '.join(known)}, not {value!r}")
 
-        if self.dither is not None and self.disturbance is not None:
-            raise ValueError("disturbance: cannot be combined with dither; give one of them")
-
     def _check_times(self) -> None:
         if self.period is not None and self.integrator is not None:
             raise ValueError("period: cannot be combined with integrator; give one of them")
@@ -265,6 +264,47 @@ class ExperimentDocument:
     def to_yaml(self) -> str:
         """Return the document as YAML text that reads back bit for bit."""
         return to_yaml(self.contents())
+
+
+def combination_of(
+    document: ExperimentDocument, kind: type[Law] | None = None, law: Law | None = None
+) -> Combination:
+    """Return what a document combines, as the table of pairs asks for it.
+
+    Args:
+        document: The document.
+        kind: Class of its law; None as long as it is not known.
+        law: The law; None as long as it is not known.
+    """
+    level, sensed = BODIES[document.level], document.sensing is not None
+    settings, obstacles, safety = document.filter, document.obstacles, document.safety
+    return Combination(
+        level=level,
+        task=document.task,
+        feedback=level.chosen_feedback(document.feedback, sensed=sensed),
+        period=document.period,
+        kind=kind,
+        law=law,
+        law_keys=document.law,
+        camera=document.camera,
+        faults=document.faults,
+        dither=document.dither,
+        disturbance=document.disturbance,
+        sensing=document.sensing,
+        filter=settings is not None,
+        precompensate=settings is not None and settings.precompensate,
+        delay_desired=settings is not None and settings.delay_desired,
+        environment=document.environment is not None,
+        force=document.force is not None,
+        sensor=document.sensor is not None,
+        obstacles=obstacles is not None,
+        safety=safety is not None,
+        collisions=safety is not None and safety.collisions,
+        second=document.second is not None,
+        path=document.path is not None,
+        targets=document.targets is not None,
+        on_unreachable=document.on_unreachable,
+    )
 
 
 # Sections that need not be given; an empty one is given, with the defaults of its keys.

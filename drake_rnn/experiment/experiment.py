@@ -10,8 +10,8 @@ from warnings import warn
 
 from pydrake.trajectories import Trajectory
 
-from ..diagrams import check_sensing
 from ..errors import InvalidInputError
+from ..features.pairs import Combination
 from ..inputs.complaints import require_type
 from ..inputs.documents import construct
 from ..inputs.extensions import without_extensions
@@ -31,7 +31,7 @@ from ..systems import BODIES, Body, Contact, Feedback, ObstacleMotions
 from .arms import Arms
 from .camera import check_seen
 from .contact import contact_doubts
-from .document import ExperimentDocument
+from .document import ExperimentDocument, combination_of
 from .faults import lock_doubts
 from .filter import FilterDelay, filter_delay
 from .guarantees import Guarantees, command_guarantee, guarantees_of
@@ -135,6 +135,12 @@ class Experiment:
         return make_experiment(self.document, path)
 
     @property
+    def combination(self) -> Combination:
+        """What it combines, as the table of pairs asks for it; its host is a diagram."""
+        made = combination_of(self.document, type(self.law), self.law)
+        return replace(made, moving=self.motions is not None)
+
+    @property
     def keeps(self) -> tuple[str, ...]:
         """Deprecated: ``guarantees.command.limits``."""
         _moved("keeps", "guarantees.command.limits")
@@ -166,7 +172,7 @@ class Experiment:
     @property
     def holds_orientation(self) -> bool:
         """Whether the end effector is to keep its orientation, or to turn along with its path."""
-        return self.task.with_orientation or "R_WE_desired" in self.law.inputs
+        return self.task.with_orientation or self.law.follows_orientation
 
     @property
     def task(self) -> Task:
@@ -211,7 +217,6 @@ def make_experiment(
     document = _checked(document, path)
     arms = Arms() if arms is None else arms
     parts = read_sections(document, arms, path, modules)
-    check_sensing(document.sensing, parts.law)
     delay, late = filter_delay(parts)
     law, moved = with_reachable_target(parts)
     unsafe, unsure = _unsafe(parts), lock_doubts(parts)
@@ -249,8 +254,7 @@ def make_experiment(
 
 def _placed(desired: PlacedPath, law: Law) -> PlacedPath:
     """Return the path, which must not turn if its law cannot see that."""
-    sees_turning = {"R_WE_desired", "pixels_desired"} & law.inputs.parts.keys()
-    if desired.turns and not sees_turning:
+    if desired.turns and not law.sees_turning:
         raise InvalidInputError(
             "path: carries an orientation, which this law does not see; give task: pose, or a law "
             "with the input R_WE_desired, or leave the orientation out"
@@ -274,12 +278,11 @@ def _beside(found: Experiment, modules: Modules, arms: Arms) -> Experiment:
         InvalidInputError: If the second arm's section is wrong, or the two do not fit together.
     """
     document, base, follows = second_document(found.document)
-    if found.clearance is None:
-        raise InvalidInputError("obstacles: must be given with second; the list may be empty")
     try:
         other = make_experiment(document, modules=modules, arms=arms)
     except InvalidInputError as error:
         raise InvalidInputError(f"second: {error}") from None
+    assert found.clearance is not None
     assert other.clearance is not None
     one, two = side_by_side(
         StandingArm(found.law, found.clearance, found.start, found.limits),
@@ -301,12 +304,7 @@ def _beside(found: Experiment, modules: Modules, arms: Arms) -> Experiment:
 
 
 def _unsafe(parts: Sections) -> list[str]:
-    """Return a warning if a law does not look at what is in the arm's way.
-
-    Raises:
-        InvalidInputError: If the arm does not move as a law that does commands it to.
-    """
-    document = parts.document
+    """Return a warning if a law does not look at what is in the arm's way."""
     if parts.clearance is None:
         return []
     if command_guarantee(parts.law, parts.safety).distance is None:
@@ -314,21 +312,6 @@ def _unsafe(parts: Sections) -> list[str]:
             "obstacles: this law does not avoid them; distances are measured alone; with "
             "safety.collisions any law avoids them"
         ]
-    if document.filter is not None:
-        raise InvalidInputError(
-            "filter: must be left out with obstacles that are avoided; a mean of postures may "
-            "collide where none of them does"
-        )
-    if document.disturbance is not None:
-        raise InvalidInputError(
-            "disturbance: must be left out with obstacles that are avoided; nothing is known of "
-            "the motion that it adds to the command"
-        )
-    if document.dither is not None and document.dither.moves_arm:
-        raise InvalidInputError(
-            "dither.model: must not be actuated with obstacles that are avoided; nothing is known "
-            "of the motion that it adds to the command"
-        )
     return []
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import NamedTuple, get_args
 
-from ..diagrams import check_filter
 from ..errors import InvalidInputError
 from ..systems.moving_average import Kept, averaging_delay, averaging_windows
 from .guarantees import command_guarantee
@@ -30,8 +29,8 @@ def filter_delay(parts: Sections) -> tuple[FilterDelay, list[str]]:
         parts: What the sections of the experiment's document describe.
 
     Raises:
-        InvalidInputError: If the filter does not fit feedback, dither, law or duration; or if a
-            gain of the law is too high for the delays of filter and sensing.
+        InvalidInputError: If the filter does not fit law or duration; or if a gain of the law is
+            too high for the delays of filter and sensing.
     """
     delay = _delay(parts)
     return delay, _loop_doubts(parts, delay.loop)
@@ -40,13 +39,8 @@ def filter_delay(parts: Sections) -> tuple[FilterDelay, list[str]]:
 def _delay(parts: Sections) -> FilterDelay:
     document, feedback, law = parts.document, parts.feedback, parts.law
     settings = document.filter
-    check_filter(settings is not None, feedback, document.joint_noise)
-    if settings is None:
+    if settings is None or document.period is None:
         return FilterDelay()
-    if document.period is None:
-        raise InvalidInputError(
-            "filter: needs a sampled law; give a period instead of an integrator"
-        )
     _require_kept(settings.above, command_guarantee(law, parts.safety).limits)
     windows = averaging_windows(parts.arm.limits, document.period, settings.above)
     delay = averaging_delay(windows, document.period)
@@ -56,15 +50,7 @@ def _delay(parts: Sections) -> FilterDelay:
             f"than that, not {document.duration:g}"
         )
     if feedback == "unfiltered":
-        if settings.delay_desired:
-            raise InvalidInputError("filter.delay_desired: only with feedback: commanded")
         return FilterDelay(path=delay)
-    if settings.precompensate:
-        raise InvalidInputError("filter.precompensate: only with feedback: unfiltered")
-    if settings.delay_desired and not {"p_WE_desired", "v_WE_desired"} <= law.inputs.parts.keys():
-        raise InvalidInputError(
-            "filter.delay_desired: only for a law that sees p_WE_desired and v_WE_desired"
-        )
     return FilterDelay(path=delay * settings.delay_desired, loop=delay)
 
 

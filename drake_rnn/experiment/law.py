@@ -8,6 +8,7 @@ from typing import Any, get_args
 import numpy as np
 
 from ..errors import InvalidInputError
+from ..features.pairs import refuse
 from ..inputs.dataclass_fields import field_names
 from ..inputs.documents import construct, without_kind
 from ..inputs.fields import Array
@@ -17,7 +18,7 @@ from ..laws.parts.measurement import LEVER, REACH, Measurement
 from ..robot.clearance import Clearance
 from ..robot.limits import JointLimits
 from ..robot.task import TASKS, tasks_suiting
-from .document import ExperimentDocument
+from .document import ExperimentDocument, combination_of
 
 #: Sections that determine the fields of a law which a document must not give.
 ORIGINS = {
@@ -50,7 +51,7 @@ def make_law(
 
     Raises:
         InvalidInputError: If a field is wrong, or given although it follows from something else;
-            if the law does not fit the task or the dither; or if it cannot be sampled at this
+            if the law does not fit the task or a feature; or if it cannot be sampled at this
             period, or not be integrated.
     """
     task, camera = document.task, document.camera
@@ -59,7 +60,6 @@ def make_law(
     known |= {"measurement": _measurement(document), "clearance": clearance}
     known |= {"other": None}
     if camera is not None:
-        _require_seeing(document, kind)
         known |= {"points": len(camera.points), "pixel_size": camera.pixel_size}
     fields = field_names(kind)
     filled = {name: value for name, value in known.items() if name in fields}
@@ -69,6 +69,7 @@ def make_law(
     _require_size(task, kind)
     law: Law = construct(kind, {**filled, **without_kind(document.law)}, "law")
     check_declared(law)
+    refuse(combination_of(document, kind, law))
     parts = {**law.state.parts, **law.inputs.parts}
     able = tasks_suiting({name: shape for name, (_, shape) in parts.items()})
     if task not in able and camera is None:
@@ -77,39 +78,7 @@ def make_law(
         sampled_reading(law, document.period)
     else:
         continuous_reading(law)
-    if document.dither is not None and "velocity" not in law.inputs:
-        raise InvalidInputError(
-            "dither: must be left out; this law does not learn, so there is nothing to excite"
-        )
     return law
-
-
-def _sees_pixels(kind: type[Law]) -> bool:
-    return {"points", "pixel_size"} <= set(field_names(kind))
-
-
-def _require_seeing(document: ExperimentDocument, kind: type[Law]) -> None:
-    """Raise an InvalidInputError if no camera can see for such a document."""
-    if not _sees_pixels(kind):
-        raise InvalidInputError(
-            f"camera: {kind.__name__} sees no pixels; leave the camera out, or give a law that "
-            "does: adaptive, with jacobian: learned"
-        )
-    if document.law.get("jacobian") != "learned":
-        raise InvalidInputError(
-            "law.jacobian: must be learned with a camera, whose image Jacobian nothing knows"
-        )
-    if document.task != "xyz":
-        raise InvalidInputError(
-            f"task: must be xyz, or be left out, with a camera, not {document.task}; the task is "
-            "the pixels of camera.points"
-        )
-    sensing = document.sensing
-    if sensing is not None and sensing.from_outside:
-        name = "p_WE_noise" if sensing.p_WE_noise is not None else "R_WE_noise"
-        raise InvalidInputError(
-            f"sensing.{name}: must be left out with a camera, whose errors are camera.noise"
-        )
 
 
 def _measurement(document: ExperimentDocument) -> Measurement:

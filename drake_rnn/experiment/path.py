@@ -41,21 +41,7 @@ def path_of(
             begin after the run's end.
     """
     if seeks_posture:
-        if document.path is not None:
-            raise InvalidInputError(
-                "path: this law holds the end effector where it is; leave the path out"
-            )
-        if document.on_unreachable == "follow":
-            raise InvalidInputError(
-                "on_unreachable: follow is only for a path; the target posture of this law may be "
-                "refused or projected"
-            )
         return Rest(), []
-    if document.on_unreachable == "project":
-        raise InvalidInputError(
-            "on_unreachable: project is only for a law that seeks a target posture; a path may be "
-            "refused or followed"
-        )
     if given is not None:
         path = as_path(given)
         require_type("path", path, Path)

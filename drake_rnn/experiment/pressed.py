@@ -37,9 +37,7 @@ def described_contact(document: ExperimentDocument, modules: Modules) -> Contact
     if document.force is None:
         raise InvalidInputError("force: must be given with an environment")
     surface: Surface = construct(kind, without_kind(section), "environment")
-    contact = Contact(surface, document.force, document.sensor)
-    contact.check_period(document.period)
-    return contact
+    return Contact(surface, document.force, document.sensor)
 
 
 def pressed_solids(

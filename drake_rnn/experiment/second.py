@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import InvalidInputError
+from ..features.pairs import SIDE_BY_SIDE
 from ..inputs.complaints import nearest, short
 from ..inputs.dataclass_fields import field_names
 from ..inputs.documents import construct
@@ -28,10 +29,6 @@ SHARED = (
     *("second", "obstacles", "period", "integrator", "duration", "log_period", "seed", "name"),
     *("over", "environment", "force", "sensor", "level", "plant", "safety", "filter", "dither"),
     *("disturbance", "camera"),
-)
-_NEEDS = (
-    "second: needs laws that keep clear of what is beside their arms: adaptive, with a period and "
-    "without avoidance: none"
 )
 
 
@@ -92,10 +89,6 @@ def second_document(document: ExperimentDocument) -> SecondDocument:
         InvalidInputError: If it has a key that both arms share, or a wrong one; or if the document
             has an environment.
     """
-    if document.environment is not None:
-        raise InvalidInputError(
-            "environment: must be left out with second; which of two arms presses cannot be said"
-        )
     given = dict(document.second or {})
     base = construct(Base, given.pop("base", {}), "second.base")
     follows = given.pop("follows", False)
@@ -149,11 +142,11 @@ def side_by_side(
     ):
         floor, clearance = own.law.keeps_distance, beside(mine, theirs.arm)
         if period is None or floor is None:
-            raise InvalidInputError(_NEEDS)
+            raise InvalidInputError(SIDE_BY_SIDE)
         # The second one sees what the first has just chosen.
         neighbour = Neighbour(reached_limits(other.limits, period), has_chosen=own is second)
         if (law := own.law.beside(clearance, neighbour)) is None:
-            raise InvalidInputError(_NEEDS)
+            raise InvalidInputError(SIDE_BY_SIDE)
         require_free(clearance, floor, np.concatenate((own.start, other.start)))
         found.append(own._replace(law=law, clearance=clearance))
     return found[0], found[1]

@@ -10,6 +10,7 @@ import numpy as np
 from pydrake.trajectories import Trajectory
 
 from ..errors import InvalidInputError
+from ..features.pairs import refuse
 from ..inputs.complaints import nearest
 from ..inputs.dataclass_fields import field_names
 from ..inputs.documents import construct
@@ -27,7 +28,7 @@ from ..robot.limits import JointLimits
 from ..robot.load_arm import named_limits
 from ..systems import BODIES, Contact, Feedback, ObstacleMotions, start_posture
 from .arms import Arms
-from .document import ExperimentDocument
+from .document import ExperimentDocument, combination_of
 from .law import make_law
 from .locks import joint_locks
 from .moving import obstacle_motions
@@ -97,13 +98,14 @@ def read_sections(
     Raises:
         InvalidInputError: If a key is wrong; the message names it, its value and what it may be.
     """
-    feedback = _level(document)
-    arm, known = arms.shared(
-        "arm", [document.arm, document.limits], lambda: _limited_arm(document, arms)
-    )
     # Searching the installed packages for a law takes longer than everything else here.
     kind = arms.shared(
         "kind", document.law.get("kind"), lambda: LAWS.named_by(document.law, modules)
+    )
+    feedback = _level(document)
+    refuse(combination_of(document, kind))
+    arm, known = arms.shared(
+        "arm", [document.arm, document.limits], lambda: _limited_arm(document, arms)
     )
     seeks_posture = issubclass(kind, PostureLaw)
     start = start_posture(arm, document.start, OUTSIDE if seeks_posture else 0.0)

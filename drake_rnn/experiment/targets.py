@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import InvalidInputError
-from ..laws import LAWS, Law
+from ..laws import Law
 from ..paths import JointTargets
 from ..robot.arm import Arm
 from .document import ExperimentDocument
@@ -22,27 +22,10 @@ def followed_targets(
         arm: The arm, with the limits of the experiment.
 
     Raises:
-        InvalidInputError: If targets are given to a law that follows none, or a path to one that
-            follows targets; if they are not those of the arm; or if none comes during the run.
+        InvalidInputError: If targets are not those of the arm, or none comes during the run.
     """
-    if not kind.follows_joint_targets:
-        if document.targets is not None:
-            able = ", ".join(name for name, law in LAWS.items() if law.follows_joint_targets)
-            raise InvalidInputError(
-                f"targets: this law follows none; leave them out, or give law.kind: {able}"
-            )
+    if not kind.follows_joint_targets or document.targets is None:
         return None, []
-    if document.path is not None:
-        raise InvalidInputError("path: this law follows joint targets; leave the path out")
-    if document.targets is None:
-        raise InvalidInputError("targets: must be given, the joint targets that this law follows")
-    if document.on_unreachable != "refuse":
-        raise InvalidInputError(
-            f"on_unreachable: {document.on_unreachable} is only for a path or a target posture; "
-            "joint targets are followed as far as limits and obstacles let the arm"
-        )
-    if document.integrator is not None:
-        raise InvalidInputError("integrator: joint targets come to a sampled law; give a period")
     targets = document.targets.of_arm(arm.joints)
     if not (targets.followed.time < document.duration).any():
         raise InvalidInputError(

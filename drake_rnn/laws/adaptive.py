@@ -229,6 +229,21 @@ class Adaptive(Law):
         return self.avoids is None
 
     @property
+    def learns_jacobian(self) -> bool:
+        """See `Law.learns_jacobian`."""
+        return self.jacobian == "learned"
+
+    @property
+    def sees_pixels(self) -> bool:
+        """See `Law.sees_pixels`."""
+        return self.points is not None
+
+    @property
+    def presses(self) -> bool:
+        """See `Law.presses`."""
+        return self.force_control is not None
+
+    @property
     def keeps(self) -> tuple[str, ...]:
         """See `Law.keeps`; all limits that are known, up to the jerk."""
         return kept_within_bounds(self.limits)
@@ -266,7 +281,7 @@ class Adaptive(Law):
         """Gain of the feedback, the one given or the one that suits the measurement [1/s]."""
         if self.kappa is not None:
             return self.kappa
-        gain = feedback_gain(self.measurement, self.jacobian == "learned")
+        gain = feedback_gain(self.measurement, self.learns_jacobian)
         if self.limits.jerk is None:
             return gain
         jerk = float(np.min(self.limits.jerk))
@@ -282,7 +297,7 @@ class Adaptive(Law):
             InvalidInputError: If ``kappa`` would overshoot at this period, or the delay of the
                 measurements is no multiple of it.
         """
-        learned = self.jacobian == "learned"
+        learned = self.learns_jacobian
         suits = suited(self.measurement, period) if learned else EXACT
         if self.points is not None:
             suits = suits._replace(softness=max(EXACT.softness, FIRMER * suits.softness))
@@ -307,7 +322,7 @@ class Adaptive(Law):
     @cached_property
     def state(self) -> Layout:
         m, n = self.task_size, self.limits.size
-        return Layout(v=(n,), **({"J_hat": (m, n)} if self.jacobian == "learned" else {}))
+        return Layout(v=(n,), **({"J_hat": (m, n)} if self.learns_jacobian else {}))
 
     @cached_property
     def inputs(self) -> Layout:
@@ -344,7 +359,7 @@ class Adaptive(Law):
             InvalidInputError: If the pressing force would count as no contact.
         """
         found = []
-        if self.jacobian == "learned" and self.J_hat_initial == "zero":
+        if self.learns_jacobian and self.J_hat_initial == "zero":
             found.append(_UNMOVED)
         if acts(self.secondary.posture):
             given = self.secondary.target

@@ -25,6 +25,7 @@ import numpy as np
 
 from ..errors import InvalidInputError
 from ..inputs.arguments import checked, number, whole
+from ..inputs.dataclass_fields import field_names
 from ..inputs.fields import Array
 from ..robot.clearance import Clearance
 from ..robot.clearance.neighbour import Neighbour
@@ -208,6 +209,75 @@ class Law(Reading):
     stays_on_path = False
     #: Whether it follows joint targets that come to its input ``target``, and no path.
     follows_joint_targets = False
+
+    # What it can do, by name. The defaults are what its state and inputs declare, which serves laws
+    # that do not say more; ask these properties, and nowhere else for the name of a signal.
+
+    @classmethod
+    def can_see_pixels(cls) -> bool:
+        """Return whether, as set by a document with a camera, it sees pixels.
+
+        Such a law has the fields ``points`` and ``pixel_size``, which follow from the camera.
+        """
+        return {"points", "pixel_size"} <= set(field_names(cls))
+
+    @property
+    def learns_jacobian(self) -> bool:
+        """Whether it learns the Jacobian, as the part ``J_hat`` of its state."""
+        return "J_hat" in self.state
+
+    @property
+    def sees_jacobian(self) -> bool:
+        """Whether it is given the Jacobian of the position or of the orientation."""
+        return self._sees("J", "J_omega")
+
+    @property
+    def sees_velocity(self) -> bool:
+        """Whether it is given the velocities of the joints, to which dither is added."""
+        return self._sees("velocity")
+
+    @property
+    def sees_tool_velocity(self) -> bool:
+        """Whether it is given the velocity of the end effector."""
+        return self._sees("v_WE")
+
+    @property
+    def sees_pixels(self) -> bool:
+        """Whether it is given pixels of a camera in place of the end effector's position."""
+        return self._sees("pixels")
+
+    @property
+    def sees_turning(self) -> bool:
+        """Whether it is given the desired orientation, itself or by the pixels of points."""
+        return self._sees("R_WE_desired", "pixels_desired")
+
+    @property
+    def follows_position(self) -> bool:
+        """Whether it is given the desired position of the end effector."""
+        return self._sees("p_WE_desired")
+
+    @property
+    def sees_desired_motion(self) -> bool:
+        """Whether it is given the desired position and velocity of the end effector."""
+        return self.follows_position and self._sees("v_WE_desired")
+
+    @property
+    def follows_orientation(self) -> bool:
+        """Whether it is given the desired orientation of the end effector."""
+        return self._sees("R_WE_desired")
+
+    @property
+    def presses(self) -> bool:
+        """Whether it presses against a surface, whose normal it is given."""
+        return self._sees("normal_WE")
+
+    @property
+    def measures_force(self) -> bool:
+        """Whether it is given the measured force along the normal of a surface."""
+        return self._sees("normal_force")
+
+    def _sees(self, *names: str) -> bool:
+        return any(name in self.inputs for name in names)
 
     @property
     def keeps(self) -> tuple[str, ...]:

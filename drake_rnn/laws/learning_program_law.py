@@ -44,7 +44,7 @@ class LearningProgramLaw(ProgramLaw):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.manipulability and self._learns:
+        if self.manipulability and self.learns_jacobian:
             raise ValueError("manipulability: needs jacobian: known; leave it out")
 
     @property
@@ -53,12 +53,13 @@ class LearningProgramLaw(ProgramLaw):
         """The network that the law runs."""
 
     @property
-    def _learns(self) -> bool:
+    def learns_jacobian(self) -> bool:
+        """See `Law.learns_jacobian`."""
         return self.jacobian == "learned"
 
     def _suited(self, period: float) -> tuple[Self, int, float]:
         """Return the law with the numbers that suit its measurement, samples and least speed."""
-        suits = suited(self.measurement, period) if self._learns else EXACT
+        suits = suited(self.measurement, period) if self.learns_jacobian else EXACT
         law = replace(
             self,
             variance=suits.variance if self.variance is None else self.variance,
@@ -68,12 +69,12 @@ class LearningProgramLaw(ProgramLaw):
 
     @property
     def _learning_doubts(self) -> list[str]:
-        return [_UNMOVED] if self._learns and self.J_hat_initial == "zero" else []
+        return [_UNMOVED] if self.learns_jacobian and self.J_hat_initial == "zero" else []
 
     @property
     def inputs(self) -> Layout:
         shapes = self.scheme.inputs
-        if self._learns:
+        if self.learns_jacobian:
             del shapes["J"]
             shapes |= {"position": (self.limits.size,)}
         return Layout(**shapes)
@@ -81,7 +82,7 @@ class LearningProgramLaw(ProgramLaw):
     @property
     def state(self) -> Layout:
         n, m = self.limits.size, self.task_size
-        learned = {"J_hat": (m, n)} if self._learns else {}
+        learned = {"J_hat": (m, n)} if self.learns_jacobian else {}
         return Layout(v=(n,), **self.dynamics.shapes, **learned)
 
 

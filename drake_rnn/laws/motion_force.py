@@ -186,8 +186,14 @@ class MotionForce(SampledLaw, ContinuousLaw):
             raise ValueError("return_gain: needs home, the posture to return to")
 
     @property
-    def _learns(self) -> bool:
+    def learns_jacobian(self) -> bool:
+        """See `Law.learns_jacobian`; also the Jacobian that is printed is learned in part."""
         return self.jacobian != "known"
+
+    @property
+    def presses(self) -> bool:
+        """See `Law.presses`."""
+        return True
 
     @cached_property
     def _task(self) -> SurfaceTask:
@@ -208,7 +214,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
     @cached_property
     def state(self) -> Layout:
         network = {name: shape for name, (_, shape) in self._dual.parts.items()}
-        learned = {"J_hat": (3, self.limits.size)} if self._learns else {}
+        learned = {"J_hat": (3, self.limits.size)} if self.learns_jacobian else {}
         return Layout(**network, **learned, **self._task.parts())
 
     @cached_property
@@ -227,7 +233,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
         }
         if self.jacobian != "learned":
             parts["J"] = (3, n)
-        if self._learns:
+        if self.learns_jacobian:
             parts |= {"velocity": (n,), "v_WE": (3,)}
         return Layout(**parts)
 
@@ -241,7 +247,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
         parts = {name: np.zeros(shape) for name, (_, shape) in self.state.parts.items()}
-        if self._learns:
+        if self.learns_jacobian:
             parts["J_hat"] = first_J_hat(self.J_hat_initial, parts["J_hat"].shape, rng, u)
         if self.multipliers_initial > 0.0:
             for name in ("multipliers", "orientation_multipliers"):
@@ -291,10 +297,10 @@ class MotionForce(SampledLaw, ContinuousLaw):
     def derivatives(self, t: float, x: Array, u: Signals) -> Array:
         """Return the right-hand side of (19), (21) or (22)."""
         self.continuous()  # refuses a law that is not
-        J_hat = self.state.part(x, "J_hat") if self._learns else u["J"]
+        J_hat = self.state.part(x, "J_hat") if self.learns_jacobian else u["J"]
         z = x[..., : self._dual.size]
         z_dot = self._bounded_rate(self._network(x, u, J_hat).rate(z), z, u)
-        if not self._learns:
+        if not self.learns_jacobian:
             return z_dot
         rate = gradient(J_hat, u["velocity"], u["v_WE"], self.rho)
         return joined((z_dot, flat(rate)))
@@ -302,7 +308,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
         """Integrate the learning exactly, with its inputs held; then the network by Runge-Kutta."""
         x = self._learn(x, u, period)
-        J_hat = self.state.part(x, "J_hat") if self._learns else u["J"]
+        J_hat = self.state.part(x, "J_hat") if self.learns_jacobian else u["J"]
         end = self._dual.size
         z = self._bounded(self._network(x, u, J_hat).after(x[..., :end], period), u)
         return z if end == self.state.size else joined((z, x[..., end:]))
@@ -385,7 +391,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
     def _learn(self, x: Array, u: Signals, period: float) -> Array:
         """Return the state with Jacobian, stiffness and contact updated from one sample."""
         known: dict[str, Array] = {}
-        if self._learns:
+        if self.learns_jacobian:
             J_hat = self.state.part(x, "J_hat")
             known["J_hat"] = rank_one_update(J_hat, u["velocity"], u["v_WE"], self.rho, period)
         known |= self._task.felt(self.state.named(x), u, period)

@@ -163,8 +163,9 @@ class Projection(LearningProgramLaw):
                 f"integrator: Drake integrates the joint velocities alone; with cost: {self.cost} "
                 "give a period instead"
             )
-        if self.discretization != "implicit" or self._learns:
-            told = "jacobian: learned" if self._learns else f"discretization: {self.discretization}"
+        if self.discretization != "implicit" or self.learns_jacobian:
+            learned, exact = "jacobian: learned", f"discretization: {self.discretization}"
+            told = learned if self.learns_jacobian else exact
             raise InvalidInputError(f"integrator: {told} is of samples; give a period instead")
         return ContinuousProjection(self)
 

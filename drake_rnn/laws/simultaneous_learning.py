@@ -208,10 +208,15 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
             "keeps the bound, and the arm may lose the path; consider acceleration_bound: none"
         ]
 
+    @property
+    def learns_jacobian(self) -> bool:
+        """See `Law.learns_jacobian`."""
+        return self.jacobian == "learned"
+
     @cached_property
     def state(self) -> Layout:
         n, m = self.limits.size, self.task_size
-        if self.jacobian == "known":
+        if not self.learns_jacobian:
             return Layout(v=(n,), multipliers=(m,))
         return Layout(v=(n,), multipliers=(m,), J_hat=(m, n))
 

@@ -36,11 +36,6 @@ _JACOBIANS = ("J", "J_omega")
 _LEARNED = "J_hat"
 
 
-def tellable(reading: SampledReading) -> bool:
-    """Return whether a reading has a Jacobian, seen or learned, that may be told of locks."""
-    return any(name in reading.inputs for name in _JACOBIANS) or _LEARNED in reading.state
-
-
 @dataclass(frozen=True, eq=False)
 class ToldOfLocks(SampledReading):
     """A reading around another one.

@@ -127,7 +127,7 @@ class Zeroing(LearningProgramLaw):
         if self.cost != "velocity" or self.manipulability:
             name = "cost" if self.cost != "velocity" else "manipulability"
             raise ValueError(f"{name}: prescribed has a cost of its own; leave one of them out")
-        if self._learns:
+        if self.learns_jacobian:
             raise ValueError(
                 "jacobian: prescribed needs jacobian: known, for a residual of a J that is not "
                 "learned yet is outside of any funnel"

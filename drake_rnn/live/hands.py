@@ -37,7 +37,7 @@ class Hands:
 
     def __init__(self, experiment: Experiment) -> None:
         self.target = HandledPath(experiment.desired, _FASTEST, _MOST)
-        self._follows = "p_WE_desired" in experiment.law.inputs
+        self._follows = experiment.law.follows_position
         self._contact = experiment.contact
         self._p_WS = np.zeros(3)
         self.force: HandledForce | None = None

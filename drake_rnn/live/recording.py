@@ -111,7 +111,7 @@ class Recording:
             "duration": float(steps.time[-1]),
             "law": _described(document["law"], self.law),
         }
-        if "p_WE_desired" in played.law.inputs:
+        if played.law.follows_position:
             document["path"] = _waypoints(played, hands, self.begin, float(steps.time[-1]))
         if played.document.obstacles is not None:
             document["obstacles"] = self._obstacles(hands, float(steps.time[-1]))

@@ -9,6 +9,7 @@ from typing import Any
 from ..errors import InvalidInputError
 from ..experiment import Experiment, load_experiment
 from ..experiment.arms import Arms
+from ..features.pairs import refuse
 from ..inputs.dataclass_fields import field_names, fields_of
 from ..laws import LAWS
 from ..laws.checks import sampled_reading
@@ -64,7 +65,7 @@ class Variants:
     """
 
     def __init__(self, experiment: Experiment, obstacle_speed: float = OBSTACLE_SPEED) -> None:
-        _require_playable(experiment)
+        refuse(replace(experiment.combination, host="live"))
         self._arms = Arms()
         contents = experiment.document.contents()
         self._contents = {k: v for k, v in contents.items() if k not in _OF_A_RUN}
@@ -77,7 +78,7 @@ class Variants:
         self.document = document = experiment.document
         self.base = Setup(
             law=str(contents["law"]["kind"]),
-            learned=_learns(experiment),
+            learned=experiment.law.learns_jacobian,
             level=document.level,
             noisy=document.sensing is not None,
         )
@@ -136,27 +137,25 @@ class Variants:
         changed = setup != self.base
         contents = self._changed(setup)
         made = load_experiment(contents, arms=self._arms)
-        _require_playable(made)
+        refuse(replace(made.combination, host="switch" if changed else "live"))
         if changed:
             self._require_switchable(made)
-        if _learns(made) != setup.learned:
+        if made.law.learns_jacobian != setup.learned:
             raise InvalidInputError("law: learns no Jacobian, or no other one")
         return self._kept(made, contents, changed)
 
     def _require_switchable(self, made: Experiment) -> None:
         """Raise an InvalidInputError if a variant cannot take over from another one."""
-        if self._contents.get("filter") is not None:
-            raise InvalidInputError("filter: its means cannot be handed on to another law or arm")
         if not self.kept:
             raise InvalidInputError(
                 "law: varies its command between samples, so that nothing can be kept of it where "
                 "another one takes over"
             )
-        lacking = {"p_WE_desired"} - {*made.law.inputs.parts}
-        if made.contact is not None:
-            lacking |= {"normal_force"} - {*made.law.inputs.parts}
+        lacking = [] if made.law.follows_position else ["p_WE_desired"]
+        if made.contact is not None and not made.law.measures_force:
+            lacking = ["normal_force", *lacking]
         if lacking:
-            raise InvalidInputError(f"law: does not see {', '.join(sorted(lacking))}")
+            raise InvalidInputError(f"law: does not see {', '.join(lacking)}")
 
     def _changed(self, setup: Setup) -> dict[str, Any]:
         """Return the contents of the document of a setup."""
@@ -208,25 +207,3 @@ def _is_certain(made: Experiment) -> bool:
     bounded = {name for name, bound in made.limits.bounds.items() if bound is not None}
     kept = bounded & {"velocity", "acceleration", "jerk"}
     return kept <= {*made.law.keeps}
-
-
-def _learns(made: Experiment) -> bool:
-    return fields_of(made.law).get("jacobian", _KNOWN) != _KNOWN
-
-
-def _require_playable(made: Experiment) -> None:
-    """Raise an InvalidInputError if an experiment cannot be played with."""
-    if made.document.period is None:
-        raise InvalidInputError(
-            "integrator: a law that is played with is sampled; give a period instead"
-        )
-    if made.second is not None:
-        raise InvalidInputError("second: a single arm can be played with; leave it out")
-    if made.locks is not None:
-        raise InvalidInputError("faults: no joint locks while one plays; leave them out")
-    if made.document.camera is not None:
-        raise InvalidInputError("camera: what is played with has none; leave it out")
-    if made.law.joint_preview is not None:
-        raise InvalidInputError(
-            "law: this one follows joint positions that are known ahead, and a hand's are not"
-        )

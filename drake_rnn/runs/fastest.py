@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ..errors import InvalidInputError
 from ..experiment import Experiment, make_experiment
+from ..features.pairs import refuse
 from ..inputs.arguments import checked, function, instance, optional
 from ..laws import LAWS
 from ..paths import Curve
@@ -125,10 +126,7 @@ def _require_that_it_scales(experiment: Experiment) -> None:
             f"law.kind: may be {able} for stretching a path in time, not "
             f"{experiment.document.law['kind']}: its class does not say that it stays_on_path"
         )
-    if experiment.document.filter is not None:
-        raise InvalidInputError(
-            "filter: keeps the bounds at any speed, by leaving the path; leave it out"
-        )
+    refuse(replace(experiment.combination, host="fastest"))
     away = experiment.desired.position(0.0)[0] - experiment.p_WE_start
     if (distance := float(np.linalg.norm(away[list(experiment.task.axes)]))) > _ASIDE:
         raise InvalidInputError(

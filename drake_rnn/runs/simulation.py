@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from pydrake.systems.framework import Context
 
 from ..errors import InterruptedRunError, InvalidInputError, SimulationError
 from ..experiment import Described, Experiment, check_reach, forecasts, load_experiment
+from ..features.pairs import refuse
 from ..inputs.arguments import checked, flag, instance
 from ..inputs.complaints import require_type, short
 from ..inputs.signals_held import uninterrupted
@@ -252,11 +254,7 @@ def _watch(
 
 def _simulated(experiment: Experiment) -> Experiment:
     """Return an experiment, or raise an InvalidInputError if only a robot can move its arm."""
-    if not experiment.level.is_simulated:
-        raise InvalidInputError(
-            f"level: {experiment.document.level} is for `drake-rnn drive`, which moves a robot; a "
-            "run without one is at level: kinematic or dynamic"
-        )
+    refuse(replace(experiment.combination, host="simulate"))
     return experiment
 
 

@@ -164,12 +164,6 @@ class Body(Diagram, metaclass=Collectable):
         if feedback not in get_args(Feedback):
             may_be = ", ".join(get_args(Feedback))
             raise InvalidInputError(f"feedback: may be {may_be}, not {feedback!r}")
-        if sensed and feedback != "measured":
-            raise InvalidInputError(f"sensing: only with feedback: measured, not {feedback}")
-        if sensed and period is None:
-            raise InvalidInputError(
-                "sensing: needs a sampled law; give a period instead of an integrator"
-            )
 
     @classmethod
     def check_surface(cls, kind: type[Surface]) -> None:

@@ -41,17 +41,6 @@ class Contact:
         require_type("Contact.sensor", self.sensor, SensorSettings, NoneType)
         _check_own(self.surface)
 
-    def check_period(self, period: float | None) -> None:
-        """Raise an InvalidInputError if there is a sensor but no period to sample it with.
-
-        Args:
-            period: Sampling period of the controller [s]; None if Drake integrates the law.
-        """
-        if self.sensor is not None and period is None:
-            raise InvalidInputError(
-                "sensor: needs a sampled law; give a period instead of an integrator"
-            )
-
     def place(self, arm: Arm, start: Array) -> Array:
         """Return the point of the surface below the tool at the start, shape (3,) [m].
 

@@ -14,6 +14,9 @@ from .block import Block
 from .body import Body, Feedback
 from .plant_settings import PlantSettings
 
+#: Why such an arm presses on nothing.
+NO_FORCE = "environment: must be left out at level: robot, where no force is measured"
+
 
 class RobotArm(Body):
     """An arm that another program moves: a robot's own controller, behind its messages.
@@ -56,23 +59,17 @@ class RobotArm(Body):
 
     @classmethod
     def check_loop(cls, period: float | None, feedback: Feedback, *, sensed: bool = False) -> None:
-        """Raise an InvalidInputError if the law is not sampled, or sensors are to be simulated."""
+        """Raise an InvalidInputError if the law is not sampled."""
         super().check_loop(period, feedback, sensed=sensed)
         if period is None:
             raise InvalidInputError(
                 "period: must be given at level: robot, instead of an integrator"
             )
-        if sensed:
-            raise InvalidInputError(
-                "sensing: must be left out at level: robot, which measures with its own sensors"
-            )
 
     @classmethod
     def check_surface(cls, kind: type[Surface]) -> None:
         """Raise an InvalidInputError: no force is measured of a robot yet."""
-        raise InvalidInputError(
-            "environment: must be left out at level: robot, where no force is measured"
-        )
+        raise InvalidInputError(NO_FORCE)
 
     def measure(self, root: Context, position: Array, velocity: Array) -> None:
         """Write what the robot has measured.

@@ -234,6 +234,11 @@ def test_the_page_of_metrics_is_what_the_script_makes():
     assert text_of("docs/metrics.md") == page()
 
 
+def test_the_page_of_pairs_is_what_the_script_makes():
+    page = runpy.run_path(str(ROOT / "docs" / "make_pairs.py"))["page"]
+    assert text_of("docs/compatibility.md") == page()
+
+
 def test_every_metric_has_one_row():
     ((_, rows),) = tables("docs/metrics.md")
     assert [spans(row[0]) for row in rows] == [[metric.name] for metric in METRICS]

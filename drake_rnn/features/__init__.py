@@ -1,0 +1,1 @@
+"""Features: what an experiment may have besides a law, an arm and a path."""

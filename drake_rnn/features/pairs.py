@@ -1,0 +1,753 @@
+"""Which features, laws and hosts cannot be combined, and why: one table.
+
+`PAIRS` is asked first, before anything of an experiment is made, and by `drake_rnn.AddLoop`; hosts
+other than a diagram (a batch, a compiled run, a live page, a driven robot) ask it for themselves.
+The page docs/compatibility.md is made from it. A row that is missing here is refused nowhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from ..errors import InvalidInputError
+from ..laws import LAWS, Law, PostureLaw
+from ..robot.tool_camera import ToolCamera
+from ..systems import BODIES, Body
+from ..systems.joint_noise import JointNoise
+from ..systems.robot_arm import NO_FORCE
+from ..systems.sensing_settings import SensingSettings
+
+#: Where an experiment may run besides a diagram that is simulated.
+Host = Literal[
+    "diagram", "simulate", "fastest", "batch", "compiled run", "compiled step", "live", "switch",
+    "drive", "paced drive",
+]  # fmt: skip
+
+
+def _following() -> str:
+    """Return the kinds of laws that follow joint targets."""
+    return ", ".join(name for name, law in LAWS.items() if law.follows_joint_targets)
+
+
+@dataclass(frozen=True)
+class Combination:
+    """What is combined: sections of a document or arguments of a loop, with law and host.
+
+    Attributes:
+        host: Where it is to run.
+        documented: Whether it comes from a document, not from a call of `drake_rnn.AddLoop`.
+        level: Class of the body.
+        task: Task of the end effector.
+        feedback: Arm that the law sees.
+        period: Sampling period [s]; None for a law that Drake integrates.
+        kind: Class of the law; None as long as it is not known.
+        law: The law; None as long as it is not known.
+        law_keys: Section of the law in a document.
+        robot: Name of the robot that is driven.
+        camera, faults, dither, disturbance, sensing: Sections or arguments of these names; None
+            for what is left out.
+        filter, precompensate, delay_desired: Whether there is a filter, and what it does besides.
+        environment, force, sensor: Whether there is a surface, a desired force, a force sensor.
+        obstacles, moving: Whether there is a list of obstacles, and whether one of them may move.
+        safety, collisions: Whether there is a safety filter, and whether it avoids collisions.
+        second: Whether there is a second arm.
+        path, targets: Whether a path, or joint targets, are given.
+        on_unreachable: What to do about a path or posture out of reach.
+    """
+
+    host: Host = "diagram"
+    documented: bool = True
+    level: type[Body] = BODIES["kinematic"]
+    task: str = "xyz"
+    feedback: str = "commanded"
+    period: float | None = None
+    kind: type[Law] | None = None
+    law: Law | None = None
+    law_keys: Mapping[str, Any] | None = None
+    robot: str = ""
+    camera: ToolCamera | None = None
+    faults: object = None
+    dither: JointNoise | None = None
+    disturbance: JointNoise | None = None
+    sensing: SensingSettings | None = None
+    filter: bool = False
+    precompensate: bool = False
+    delay_desired: bool = False
+    environment: bool = False
+    force: bool = False
+    sensor: bool = False
+    obstacles: bool = False
+    moving: bool = False
+    safety: bool = False
+    collisions: bool = False
+    second: bool = False
+    path: bool = False
+    targets: bool = False
+    on_unreachable: str = "refuse"
+
+    @property
+    def avoids(self) -> bool:
+        """Whether the arm is kept clear of obstacles, by its law or by its safety filter."""
+        return self.collisions or (self.law is not None and self.law.keeps_distance is not None)
+
+    @property
+    def words(self) -> dict[str, str]:
+        """What the sentences of the table name of a combination."""
+        law = self.kind if self.law is None else type(self.law)
+        noise = self.dither
+        return {
+            "law": "this law" if law is None else law.__name__,
+            "level": self.level.level,
+            "task": self.task,
+            "feedback": self.feedback,
+            "model": "" if noise is None else noise.model,
+            "on_unreachable": self.on_unreachable,
+            "robot": self.robot,
+            "kinds": _following(),
+        }
+
+
+#: What the sentences name where they are about any combination.
+ANY = {
+    "law": "this law",
+    "level": "dynamic",
+    "task": "pose",
+    "feedback": "commanded",
+    "model": "virtual",
+    "on_unreachable": "follow",
+    "robot": "fr3",
+    "kinds": _following(),
+}
+
+
+@dataclass(frozen=True)
+class Trait:
+    """Something that a combination may have.
+
+    Attributes:
+        name: Its name in the page.
+        of: The feature that it belongs to, by its section of a document; ``law`` or ``host``.
+        has: Whether a combination has it.
+    """
+
+    name: str
+    of: str
+    has: Callable[[Combination], bool]
+
+
+def _law(has: Callable[[Law], bool]) -> Callable[[Combination], bool]:
+    return lambda c: c.law is not None and has(c.law)
+
+
+def _kind(has: Callable[[type[Law]], bool]) -> Callable[[Combination], bool]:
+    return lambda c: c.kind is not None and has(c.kind)
+
+
+def _host(*hosts: Host) -> Callable[[Combination], bool]:
+    return lambda c: c.host in hosts
+
+
+def _moves(noise: JointNoise | None) -> bool:
+    return noise is not None and noise.moves_arm
+
+
+_TRAITS = (
+    Trait("camera", "camera", lambda c: c.camera is not None),
+    Trait("joint locks", "faults", lambda c: bool(c.faults)),
+    Trait("dither", "dither", lambda c: c.dither is not None),
+    Trait("actuated dither", "dither", lambda c: _moves(c.dither)),
+    Trait("virtual dither", "dither", lambda c: c.dither is not None and not _moves(c.dither)),
+    Trait("disturbance", "disturbance", lambda c: c.disturbance is not None),
+    Trait("filter", "filter", lambda c: c.filter),
+    Trait("filter in the loop", "filter", lambda c: c.filter and c.feedback != "unfiltered"),
+    Trait("filter in contact", "filter", lambda c: c.filter and c.environment),
+    Trait("filter.precompensate", "filter", lambda c: c.filter and c.precompensate),
+    Trait("filter.delay_desired", "filter", lambda c: c.filter and c.delay_desired),
+    Trait("sensing", "sensing", lambda c: c.sensing is not None),
+    Trait(
+        "sensing.p_WE_noise",
+        "sensing",
+        lambda c: c.sensing is not None and c.sensing.p_WE_noise is not None,
+    ),
+    Trait(
+        "sensing.R_WE_noise",
+        "sensing",
+        lambda c: c.sensing is not None and c.sensing.R_WE_noise is not None,
+    ),
+    Trait(
+        "sensing of more than p_WE, or with a filter",
+        "sensing",
+        lambda c: c.sensing is not None and (not c.sensing.of_position_alone or c.filter),
+    ),
+    Trait(
+        "poses measured without secant_samples",
+        "sensing",
+        lambda c: (
+            c.sensing is not None and c.sensing.from_outside and not c.sensing.secant_samples
+        ),
+    ),
+    Trait("contact", "environment", lambda c: c.environment),
+    # Of a law that presses, it is told first that it needs a surface.
+    Trait("desired force", "environment", lambda c: c.force and c.law is not None),
+    Trait("force sensor", "environment", lambda c: c.sensor and c.law is not None),
+    Trait("list of obstacles", "obstacles", lambda c: c.obstacles),
+    Trait("avoided obstacles", "obstacles", lambda c: c.avoids),
+    Trait("moving obstacles", "obstacles", lambda c: c.moving),
+    Trait("safety", "safety", lambda c: c.safety),
+    Trait("second arm", "second", lambda c: c.second),
+    Trait("path", "path", lambda c: c.path),
+    Trait("joint targets", "targets", lambda c: c.targets),
+    Trait("on_unreachable: follow", "path", lambda c: c.on_unreachable == "follow"),
+    Trait("on_unreachable: project", "path", lambda c: c.on_unreachable == "project"),
+    Trait(
+        "on_unreachable: follow or project", "path", lambda c: c.on_unreachable != "refuse"
+    ),
+    Trait("integrator", "integrator", lambda c: c.period is None),
+    Trait("task: other than xyz", "task", lambda c: c.task != "xyz"),
+    Trait("feedback: unfiltered", "feedback", lambda c: c.feedback == "unfiltered"),
+    Trait("feedback: measured", "feedback", lambda c: c.feedback == "measured"),
+    Trait("level: dynamic", "level", lambda c: c.level.has_motors),
+    Trait("level: robot", "level", lambda c: not c.level.is_simulated),
+    Trait("law that presses", "law", _law(lambda law: law.presses)),
+    Trait("law without measured force", "law", _law(lambda law: not law.measures_force)),
+    Trait("law that sees no pixels", "law", _kind(lambda kind: not kind.can_see_pixels())),
+    Trait(
+        "law that sees no pixels as it is set", "law", _law(lambda law: not law.sees_pixels)
+    ),
+    Trait(
+        "known Jacobian",
+        "law",
+        lambda c: c.law_keys is not None and c.law_keys.get("jacobian") != "learned",
+    ),
+    Trait(
+        "law without learning",
+        "law",
+        _law(lambda law: not law.learns_jacobian and not law.sees_velocity),
+    ),
+    Trait(
+        "law that learns from positions",
+        "law",
+        _law(lambda law: law.learns_jacobian and not law.sees_velocity),
+    ),
+    Trait("law that sees v_WE", "law", _law(lambda law: law.sees_tool_velocity)),
+    Trait(
+        "law without desired position and velocity",
+        "law",
+        _law(lambda law: not law.sees_desired_motion),
+    ),
+    Trait("law without avoidance", "law", _law(lambda law: law.keeps_distance is None)),
+    Trait("law that plans ahead", "law", _law(lambda law: law.joint_preview is not None)),
+    Trait("law of a target posture", "law", _kind(lambda kind: issubclass(kind, PostureLaw))),
+    Trait(
+        "law of a path", "law", _kind(lambda kind: not issubclass(kind, PostureLaw))
+    ),
+    Trait("law of joint targets", "law", _kind(lambda kind: kind.follows_joint_targets)),
+    Trait(
+        "law without joint targets", "law", _kind(lambda kind: not kind.follows_joint_targets)
+    ),
+    Trait("run in Drake", "host", _host("simulate")),
+    Trait("fastest", "host", _host("fastest")),
+    Trait("batch", "host", _host("batch")),
+    Trait("compiled run", "host", _host("compiled run", "compiled step")),
+    Trait("compiled step", "host", _host("compiled step")),
+    Trait("live page", "host", _host("live", "switch")),
+    Trait("switch of a live page", "host", _host("switch")),
+    Trait("driven robot", "host", _host("drive", "paced drive")),
+    Trait("driven FR3", "host", _host("paced drive")),
+)  # fmt: skip
+#: What a combination may have, by name.
+TRAITS = {trait.name: trait for trait in _TRAITS}
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A row of the table: two traits that cannot be combined, or one that needs the other.
+
+    Attributes:
+        one: Name of the first trait.
+        other: Name of the second one.
+        key: Key of a document that the refusal begins with.
+        text: The refusal after this key: what is asked, and why.
+        needs: Whether the first one needs the second one, instead of excluding it.
+        documents_only: Whether a loop of one's own may have it all the same.
+    """
+
+    one: str
+    other: str
+    key: str
+    text: str
+    needs: bool = False
+    documents_only: bool = False
+
+    def applies(self, combination: Combination) -> bool:
+        """Return whether this row refuses a combination."""
+        if self.documents_only and not combination.documented:
+            return False
+        one, other = TRAITS[self.one].has, TRAITS[self.other].has
+        return one(combination) and other(combination) is not self.needs
+
+    def sentence(self, words: Mapping[str, str] = ANY) -> str:
+        """Return the refusal, for a combination with these words."""
+        return f"{self.key}: {self.text.format_map(words)}"
+
+
+_SAMPLED = "needs a sampled law; give a period instead of an integrator"
+_STOPS = (
+    "what is certified to stay clear of them is a stop of all joints at once, and a brake stops "
+    "one of them alone"
+)
+_UNKNOWN_MOTION = "nothing is known of the motion that it adds to the command"
+_UNPACED = (
+    "must be left out for the {robot}, which does not wait: what comes behind the law does not "
+    "know when a cycle was answered without it"
+)
+#: What is said of two arms whose laws do not count with each other.
+SIDE_BY_SIDE = (
+    "second: needs laws that keep clear of what is beside their arms: adaptive, with a period and "
+    "without avoidance: none"
+)
+
+_FEATURES = (
+    Pair(
+        "disturbance",
+        "dither",
+        "disturbance",
+        "cannot be combined with dither; give one of them: both are added to the same command",
+    ),
+    # Joints that lock.
+    Pair(
+        "joint locks",
+        "integrator",
+        "faults",
+        "need a sampled law; give a period, not an integrator",
+    ),
+    Pair(
+        "joint locks",
+        "feedback: unfiltered",
+        "feedback",
+        "must not be unfiltered with faults; the virtual arm that the law would see does not lock",
+    ),
+    Pair(
+        "joint locks",
+        "virtual dither",
+        "dither.model",
+        "must be actuated with faults, not {model}; a locked joint shows no noise",
+    ),
+    Pair(
+        "joint locks",
+        "second arm",
+        "second",
+        "must be left out with faults; both arms count on a stop of all joints at once, and a "
+        "brake stops one of them alone",
+    ),
+    Pair(
+        "joint locks",
+        "avoided obstacles",
+        "obstacles",
+        f"must not be avoided with faults; {_STOPS}",
+    ),
+    # The camera.
+    Pair("camera", "integrator", "camera", _SAMPLED),
+    Pair(
+        "camera",
+        "second arm",
+        "second",
+        "must be left out with a camera, which sees points of one arm alone",
+    ),
+    Pair(
+        "camera",
+        "filter",
+        "filter",
+        "must be left out with a camera, which sees the arm itself and not a mean of its motion",
+    ),
+    Pair(
+        "camera",
+        "feedback: unfiltered",
+        "feedback",
+        "must not be unfiltered with a camera, which sees the arm itself",
+    ),
+    Pair(
+        "camera",
+        "contact",
+        "environment",
+        "must be left out with a camera; no law presses on what it sees by pixels",
+    ),
+    Pair(
+        "camera",
+        "sensing.p_WE_noise",
+        "sensing.p_WE_noise",
+        "must be left out with a camera, whose errors are camera.noise",
+    ),
+    Pair(
+        "camera",
+        "sensing.R_WE_noise",
+        "sensing.R_WE_noise",
+        "must be left out with a camera, whose errors are camera.noise",
+    ),
+    Pair(
+        "camera",
+        "task: other than xyz",
+        "task",
+        "must be xyz, or be left out, with a camera, not {task}; the task is the pixels of "
+        "camera.points",
+        documents_only=True,
+    ),
+    # The second arm.
+    Pair(
+        "second arm",
+        "contact",
+        "environment",
+        "must be left out with second; which of two arms presses cannot be said",
+    ),
+    Pair(
+        "second arm",
+        "list of obstacles",
+        "obstacles",
+        "must be given with second; the list may be empty",
+        needs=True,
+    ),
+    Pair(
+        "second arm",
+        "safety",
+        "safety",
+        "must be left out with second; the laws of two arms keep bounds and distances themselves",
+    ),
+    Pair("second arm", "integrator", "second", SIDE_BY_SIDE.partition(": ")[2]),
+    # The contact.
+    Pair("force sensor", "integrator", "sensor", _SAMPLED),
+    # The filter.
+    Pair("feedback: unfiltered", "filter", "feedback", "unfiltered needs a filter", needs=True),
+    Pair("filter", "integrator", "filter", _SAMPLED, documents_only=True),
+    Pair(
+        "filter in the loop",
+        "actuated dither",
+        "dither.model",
+        "actuated would move the arm behind the filter, beyond its bounds; it may be virtual",
+    ),
+    Pair(
+        "filter in the loop",
+        "disturbance",
+        "disturbance",
+        "would move the arm behind the filter, beyond its bounds; with feedback: unfiltered it "
+        "acts before the filter",
+    ),
+    Pair(
+        "filter.precompensate",
+        "filter in the loop",
+        "filter.precompensate",
+        "only with feedback: unfiltered",
+        documents_only=True,
+    ),
+    Pair(
+        "filter.delay_desired",
+        "feedback: unfiltered",
+        "filter.delay_desired",
+        "only with feedback: commanded",
+        documents_only=True,
+    ),
+    Pair(
+        "feedback: measured",
+        "virtual dither",
+        "dither.model",
+        "must be actuated with feedback: measured, not {model}",
+    ),
+    # Sensors, distances, the safety filter.
+    Pair("sensing", "level: robot", "sensing", "must be left out at level: robot, which measures "
+         "with its own sensors"),
+    Pair("sensing", "feedback: measured", "sensing", "only with feedback: measured, not {feedback}",
+         needs=True),
+    Pair("sensing", "integrator", "sensing", _SAMPLED),
+    Pair("contact", "level: robot", "environment", NO_FORCE.partition(": ")[2]),
+    Pair(
+        "filter",
+        "avoided obstacles",
+        "filter",
+        "must be left out with obstacles that are avoided; a mean of postures may collide where "
+        "none of them does",
+    ),
+    Pair(
+        "disturbance",
+        "avoided obstacles",
+        "disturbance",
+        f"must be left out with obstacles that are avoided; {_UNKNOWN_MOTION}",
+    ),
+    Pair(
+        "actuated dither",
+        "avoided obstacles",
+        "dither.model",
+        f"must not be actuated with obstacles that are avoided; {_UNKNOWN_MOTION}",
+    ),
+    Pair(
+        "safety",
+        "integrator",
+        "safety",
+        "needs a sampled law; give a period, not an integrator",
+    ),
+)  # fmt: skip
+
+_LAWS = (
+    Pair(
+        "joint targets",
+        "law without joint targets",
+        "targets",
+        "this law follows none; leave them out, or give law.kind: {kinds}",
+    ),
+    Pair(
+        "law of joint targets",
+        "path",
+        "path",
+        "this law follows joint targets; leave the path out",
+    ),
+    Pair(
+        "law of joint targets",
+        "joint targets",
+        "targets",
+        "must be given, the joint targets that this law follows",
+        needs=True,
+        documents_only=True,
+    ),
+    Pair(
+        "law of joint targets",
+        "on_unreachable: follow or project",
+        "on_unreachable",
+        "{on_unreachable} is only for a path or a target posture; joint targets are followed as "
+        "far as limits and obstacles let the arm",
+    ),
+    Pair(
+        "law of joint targets",
+        "integrator",
+        "integrator",
+        "joint targets come to a sampled law; give a period",
+    ),
+    Pair(
+        "law of a target posture",
+        "path",
+        "path",
+        "this law holds the end effector where it is; leave the path out",
+    ),
+    Pair(
+        "law of a target posture",
+        "on_unreachable: follow",
+        "on_unreachable",
+        "follow is only for a path; the target posture of this law may be refused or projected",
+    ),
+    Pair(
+        "law of a path",
+        "on_unreachable: project",
+        "on_unreachable",
+        "project is only for a law that seeks a target posture; a path may be refused or followed",
+    ),
+    Pair(
+        "camera",
+        "law that sees no pixels",
+        "camera",
+        "{law} sees no pixels; leave the camera out, or give a law that does: adaptive, with "
+        "jacobian: learned",
+    ),
+    Pair(
+        "camera",
+        "known Jacobian",
+        "law.jacobian",
+        "must be learned with a camera, whose image Jacobian nothing knows",
+    ),
+    Pair(
+        "camera",
+        "law that sees no pixels as it is set",
+        "camera",
+        "{law} sees no pixels; leave the camera out, or give a law that does: adaptive, with "
+        "jacobian: learned",
+    ),
+    Pair(
+        "dither",
+        "law without learning",
+        "dither",
+        "must be left out; this law does not learn, so there is nothing to excite",
+        documents_only=True,
+    ),
+    Pair(
+        "dither",
+        "law that learns from positions",
+        "dither",
+        "must be left out; this law learns from positions, and does not use the velocity that "
+        "dither excites",
+        documents_only=True,
+    ),
+    Pair(
+        "poses measured without secant_samples",
+        "law that sees v_WE",
+        "sensing.secant_samples",
+        "must be at least 1 with p_WE_noise or R_WE_noise, because {law} sees v_WE, which is a "
+        "difference of measured positions then",
+    ),
+    Pair(
+        "filter.delay_desired",
+        "law without desired position and velocity",
+        "filter.delay_desired",
+        "only for a law that sees p_WE_desired and v_WE_desired",
+        documents_only=True,
+    ),
+    Pair(
+        "law that presses",
+        "contact",
+        "environment",
+        "must be given; this law presses against a surface",
+        needs=True,
+        documents_only=True,
+    ),
+    Pair("desired force", "contact", "force", "only with an environment", needs=True),
+    Pair("force sensor", "contact", "sensor", "only with an environment", needs=True),
+    Pair(
+        "force sensor",
+        "law without measured force",
+        "sensor",
+        "must be left out; with these settings the law does not use the measured force",
+        documents_only=True,
+    ),
+    Pair("second arm", "law without avoidance", "second", SIDE_BY_SIDE.partition(": ")[2]),
+)
+
+_HOSTS = (
+    Pair(
+        "run in Drake",
+        "level: robot",
+        "level",
+        "robot is for `drake-rnn drive`, which moves a robot; a run without one is at level: "
+        "kinematic or dynamic",
+    ),
+    Pair(
+        "fastest",
+        "filter",
+        "filter",
+        "keeps the bounds at any speed, by leaving the path; leave it out",
+    ),
+    # A batch.
+    Pair(
+        "batch",
+        "level: dynamic",
+        "level",
+        "{level} needs Drake's plant; a batch has kinematics alone",
+    ),
+    Pair(
+        "batch",
+        "integrator",
+        "integrator",
+        "is Drake's; a batch needs a sampled law, with a period",
+    ),
+    Pair("batch", "force sensor", "sensor", "a batch has none; simulate has"),
+    Pair("batch", "joint locks", "faults", "a batch has none; simulate has"),
+    Pair("batch", "camera", "camera", "a batch has none; simulate has"),
+    Pair(
+        "batch",
+        "list of obstacles",
+        "obstacles",
+        "a batch does not look at distances; simulate does",
+    ),
+    Pair("batch", "safety", "safety", "a batch takes commands as they are; simulate has it"),
+    Pair(
+        "batch",
+        "sensing of more than p_WE, or with a filter",
+        "sensing",
+        "a batch has p_WE_noise alone, without a filter; simulate has the rest",
+    ),
+    Pair("batch", "filter in contact", "filter", "a batch has none in contact; simulate has"),
+    Pair(
+        "batch",
+        "law that plans ahead",
+        "law",
+        "{law} plans ahead; a batch knows no future joint positions",
+    ),
+    Pair("compiled run", "filter", "filter", "a compiled run has none; run_many has"),
+    Pair("compiled step", "contact", "environment", "a compiled step sees no contact"),
+    Pair(
+        "compiled step",
+        "sensing",
+        "sensing",
+        "is for simulations; a compiled step sees the positions that it is given",
+    ),
+    Pair(
+        "compiled step",
+        "virtual dither",
+        "dither.model",
+        "{model} is for simulations; a compiled step sees the velocities that it is given",
+    ),
+    # A live page.
+    Pair(
+        "live page",
+        "integrator",
+        "integrator",
+        "a law that is played with is sampled; give a period instead",
+    ),
+    Pair("live page", "second arm", "second", "a single arm can be played with; leave it out"),
+    Pair("live page", "joint locks", "faults", "no joint locks while one plays; leave them out"),
+    Pair("live page", "camera", "camera", "what is played with has none; leave it out"),
+    Pair(
+        "live page",
+        "law that plans ahead",
+        "law",
+        "this one follows joint positions that are known ahead, and a hand's are not",
+    ),
+    Pair(
+        "switch of a live page",
+        "filter",
+        "filter",
+        "its means cannot be handed on to another law or arm",
+    ),
+    # A robot that is driven.
+    *(
+        Pair("driven FR3", feature, feature, _UNPACED)
+        for feature in ("filter", "dither", "disturbance")
+    ),
+    Pair(
+        "driven robot",
+        "second arm",
+        "second",
+        "must be left out; one robot is driven at a time",
+    ),
+    Pair(
+        "driven robot",
+        "camera",
+        "camera",
+        "must be left out; a driven robot is seen by none",
+    ),
+    Pair(
+        "driven robot",
+        "joint locks",
+        "faults",
+        "must be left out; the joints of a robot are not locked",
+    ),
+    Pair(
+        "driven robot",
+        "moving obstacles",
+        "obstacles",
+        "none may move; a drive is not told where they are",
+    ),
+)
+
+#: The table: of rows that apply, the first one is said.
+PAIRS = (*_FEATURES, *_LAWS, *_HOSTS)
+
+
+def refusal(combination: Combination) -> str | None:
+    """Return why something cannot be combined, in one sentence; None if it can.
+
+    Args:
+        combination: What is combined.
+    """
+    found = (pair for pair in PAIRS if pair.applies(combination))
+    pair = next(found, None)
+    return None if pair is None else pair.sentence(combination.words)
+
+
+def refuse(combination: Combination) -> None:
+    """Raise an InvalidInputError for what cannot be combined.
+
+    Args:
+        combination: What is combined.
+
+    Raises:
+        InvalidInputError: With the sentence of the first row of the table that applies.
+    """
+    if (sentence := refusal(combination)) is not None:
+        raise InvalidInputError(sentence)

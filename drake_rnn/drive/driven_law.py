@@ -77,7 +77,7 @@ class DrivenLaw(RobotTask):
     def _accelerated(self, velocity: Array, since: float) -> Array:
         """See `RobotTask._accelerated`; the last sample's if the law bounds the jerk."""
         controller = self._loop.controller
-        if "a" not in controller.reading.state or self._loop.filter is not None:
+        if not controller.reading.knows_acceleration or self._loop.filter is not None:
             return super()._accelerated(velocity, since)
         context = controller.GetMyContextFromRoot(self._simulator.get_context())
         return controller.reading.state.part(controller.state(context), "a")

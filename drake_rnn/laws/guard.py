@@ -225,7 +225,7 @@ class Guard:
         x = self._x
         if late > 0.0 or stands:
             rest = np.zeros(self._none.size)
-            a = self.part("a") if "a" in self._reading.state else rest
+            a = self.part("a") if self._reading.knows_acceleration else rest
             v, a = (rest, rest) if stands else (self.velocity, a)
             x = self._reading.resumed(x, self.position, v, a, late)
         return self._reading.step(0.0, x, signals, self.period)

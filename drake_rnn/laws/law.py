@@ -71,6 +71,16 @@ class Reading(ABC):
         return Layout()
 
     @property
+    def knows_commanded_position(self) -> bool:
+        """Whether its state says where it has commanded the arm to be, as the part ``commanded``."""
+        return "commanded" in self.state
+
+    @property
+    def knows_acceleration(self) -> bool:
+        """Whether its state says which acceleration it has commanded, as the part ``a``."""
+        return "a" in self.state
+
+    @property
     def holds_command(self) -> bool:
         """Whether the command depends on the state alone, and not on time as well.
 

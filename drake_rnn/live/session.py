@@ -354,7 +354,7 @@ class Session:
         ):
             if len(options[key]) > 1:
                 found[name] = Switch(label, bool(vars(setup)[key]))
-        if "J_hat" in self._segment.controller.reading.state:
+        if self._segment.controller.law.learns_jacobian:
             found["reset J"] = Button("forget J")
         if "target" in found:
             found |= {"path": Button("follow the path"), "stop": Button("stop")}

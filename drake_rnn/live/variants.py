@@ -202,7 +202,7 @@ def _is_certain(made: Experiment) -> bool:
     state says where it has commanded the arm to be.
     """
     period = made.document.period
-    if period is None or "commanded" not in sampled_reading(made.law, period).state:
+    if period is None or not sampled_reading(made.law, period).knows_commanded_position:
         return False
     bounded = {name for name, bound in made.limits.bounds.items() if bound is not None}
     kept = bounded & {"velocity", "acceleration", "jerk"}

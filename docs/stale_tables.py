@@ -11,7 +11,7 @@ command, script or table name, and the files of their laws. Comments and docstri
 ::
 
     python docs/stale_tables.py                      # lists the tables that are older
-    python docs/stale_tables.py --remade docs/recursive.md
+    python docs/stale_tables.py --remade docs/schemes/recursive.md
 
 The second notes the digests of today in a page: after its tables were made again, or after
 `benchmarks/bits.py compare` has shown that no bit of their runs has changed.

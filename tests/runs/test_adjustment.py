@@ -1,7 +1,7 @@
 """Jin et al.'s experiments: whole runs of the diagram, against the paper and against measurements.
 
 The figures are those of a plain-array implementation of the same equations; see
-docs/state_adjustment.md.
+docs/schemes/state_adjustment.md.
 """
 
 from dataclasses import replace

@@ -1,7 +1,7 @@
 """Jin et al.'s joint-drift-free experiments: whole runs of the diagram, against measured figures.
 
 The figures are those of a plain-array implementation of the same equations, integrated by
-Runge-Kutta steps of 1e-5 s; see docs/joint_drift_free.md.
+Runge-Kutta steps of 1e-5 s; see docs/schemes/joint_drift_free.md.
 """
 
 from itertools import pairwise

@@ -1,7 +1,7 @@
 """Liu et al.'s experiments: whole runs of the diagram, against measured figures.
 
 The figures are those of a plain-array implementation of the same equations, with margins
-for seeds and for the discretisation: see docs/simultaneous_learning.md.
+for seeds and for the discretisation: see docs/schemes/simultaneous_learning.md.
 """
 
 import numpy as np
@@ -261,7 +261,7 @@ class TestOnAnArmWithMotors:
 
 
 class TestAsPrinted:
-    """Negative: v_WE = J v while the law sees v - n. See docs/simultaneous_learning.md."""
+    """Negative: v_WE = J v while the law sees v - n. See docs/schemes/simultaneous_learning.md."""
 
     @pytest.mark.nightly
     def test_it_does_not_follow_the_path(self):

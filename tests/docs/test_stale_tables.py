@@ -69,10 +69,20 @@ def copied(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(
     ("file", "before", "after", "older"),
     [
-        ("benchmarks/recursive_tables.py", "(1, 2, 3, 4)", "(1, 2, 3)", "docs/schemes/recursive.md"),
+        (
+            "benchmarks/recursive_tables.py",
+            "(1, 2, 3, 4)",
+            "(1, 2, 3)",
+            "docs/schemes/recursive.md",
+        ),
         ("benchmarks/recursive_tables.py", '"""Print', '"""Show', None),
         ("drake_rnn/laws/recursive.py", "class ", "# A note.\nclass ", None),
-        ("drake_rnn/laws/parts/rise.py", "return", "return 1.0 *", "docs/schemes/state_adjustment.md"),
+        (
+            "drake_rnn/laws/parts/rise.py",
+            "return",
+            "return 1.0 *",
+            "docs/schemes/state_adjustment.md",
+        ),
     ],
 )
 def test_what_is_edited_makes_its_tables_old(

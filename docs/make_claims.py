@@ -22,26 +22,27 @@ _HEAD = """\
 
 <!-- Made by `make claims`, with claims.json; nightly tests compare the verdicts. -->
 
-This page lists every numbered table, figure, theorem and remark of the papers, and what their text
-states in numbers, row by row; of *prescribed performance*, whose text was not read, what its
-authors' public code and its page say. The rows are data, a file for each paper in
-`drake_rnn/claims/papers/`. Numbers and verdicts are computed from the rows:
-`drake-rnn claims ID --judge` does so for one claim, and [`drake-rnn report`](report.md) for all
-claims, with figures and playbacks of the runs.
+This page lists every numbered table, figure, theorem and remark of the papers, and the numbers in
+their text. The text of *prescribed performance* was not available; its rows come from its authors'
+public code and its page. The rows are data, a file for each paper in `drake_rnn/claims/papers/`.
+Numbers and verdicts are computed from them: `drake-rnn claims ID --judge` does so for one claim,
+and [`drake-rnn report`](export.md#the-report-of-the-papers) for all, with figures and playbacks of
+the runs.
 
-A claim *holds* if the measurements meet all criteria of the claim as stated. "As stated" means as
-printed; where the text leaves a choice, and for a physical experiment, which is simulated, it means
-the reading that the last column names. A claim *holds with correction* if it does not hold as
-stated, but holds with the change to the printed law, parameter or formula that the last column
-names. A weaker claim is no correction: with another bound, another quantity, another time, or
-without one of its halves, the claim *does not hold*, and below *instead* stands what does. A claim
-*cannot be checked* if the text does not give what the outcome depends on; below *instead* stands
-what can be said all the same.
+- **holds**: the measurements meet all criteria of the claim as stated. "As stated" means as
+  printed; where the text leaves a choice, and for a physical experiment, which is simulated, it
+  means the reading that the last column names.
+- **holds with correction**: it does not hold as stated, but with the change to the printed law,
+  parameter or formula that the last column names.
+- **does not hold**: otherwise. A weaker claim (another bound, quantity or time, or one of its
+  halves) is no correction; below *instead* stands what does hold.
+- **cannot be checked**: the text does not give what the outcome depends on. Below *instead* stands
+  what can be said all the same.
 
-A number that the paper prints is asked for from both sides, a bound that it prints as printed. Any
-other bound is at most five times away from what was measured, or says why it is wide: *round-off*
-is a number that is zero but for the arithmetic of the computer. Claims that rest on the same number
-say so. Misprints that change nothing else are no claims; they are on the pages of the schemes.
+A number that the paper prints is required from both sides, a bound as printed. Any other bound is
+at most five times away from what was measured, or says why it is wide: *round-off* is a number that
+is zero but for the arithmetic of the computer. Claims that rest on the same number say so.
+Misprints that change nothing else are not claims; they are on the pages of the schemes.
 
 The name of a claim is made of the scheme and the place: T is a table, F a figure, Th a theorem, L a
 lemma, R a remark, S a section, C a claim in the text. Photographs and schematics state nothing to

@@ -27,12 +27,12 @@ EXPERIMENTS = "diagrams/experiments/README.md"
 CHOOSING = "docs/choosing.md"
 KEYS = "docs/experiments.md"
 REFERENCE = "docs/reference/laws.rst"
-INDEX = "docs/README.md"
+INDEX = "docs/index.md"
 #: First words of what is made: of a table its head, of a list the line before.
 _EXPERIMENTS_HEAD = "| experiment | arm | what to expect | paper |"
 _TRAITS_HEAD = "| scheme, and an experiment with it | sees |"
 _KEYS_HEAD = "| kind | keys (default) |"
-_INDEX_HEAD = "Schemes: problem and equations"
+_INDEX_HEAD = "Each page has the problem and the equations"
 # Defaults that are sections, or that no document gives.
 _ELSEWHERE = {"secondary": "see below", "measurement": "follows from `sensing`"}
 # Signals that show the arm's structure.
@@ -47,7 +47,7 @@ def pages() -> dict[str, str]:
         CHOOSING: _remade(text[CHOOSING], _TRAITS_HEAD, lambda above, rows: map(_traits_row, rows)),
         KEYS: _remade(text[KEYS], _KEYS_HEAD, lambda above, rows: map(_keys_row, sorted(LAWS))),
         INDEX: re.sub(
-            rf"(?<=\n)({_INDEX_HEAD}.*?\n\n)(?:- .*\n)*", rf"\1{_scheme_list()}", text[INDEX]
+            rf"(?<=\n)({_INDEX_HEAD}[^|]*?\n\n)(?:- .*\n)*", rf"\1{_scheme_list()}", text[INDEX]
         ),
         REFERENCE: _reference((ROOT / REFERENCE).read_text()),
         **{f"diagrams/schemas/{name}.json": schema_text(name) for name in DOCUMENTS},

@@ -84,7 +84,7 @@ def test_formulas_are_drawn_without_a_network(browser):
 
 
 @pytest.mark.parametrize("size", [DESKTOP, PHONE])
-@pytest.mark.parametrize("page", ["docs/index", "docs/claims", "docs/concepts", "docs/experiments"])
+@pytest.mark.parametrize("page", ["docs/index", "docs/claims", "docs/choosing", "docs/experiments"])
 @pytest.mark.long
 def test_no_page_is_wider_than_its_window(page, size, browser):
     set_size(browser, size)

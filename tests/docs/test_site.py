@@ -5,7 +5,7 @@ import shutil
 import subprocess
 
 import pytest
-from doc_pages import ROOT, spans, text_of
+from doc_pages import ROOT, prose, spans, text_of
 
 import drake_rnn
 from drake_rnn import build_diagram, load_experiment, wiring_graph
@@ -16,8 +16,7 @@ _DIRECTIVE = re.compile(r"^\.\. (?:autoclass|autofunction|data):: (\w+)$", re.MU
 #: The commands of drawings that pages show.
 DRAWN = dict(
     re.fullmatch(r"drake-rnn show (\w+) --diagram (docs/wiring_\w+\.svg)", span).group(2, 1)
-    for page in ("docs/concepts.md", "diagrams/README.md")
-    for span in spans(text_of(page))
+    for span in spans(prose("diagrams/README.md"))
     if span.startswith("drake-rnn show") and "--diagram docs/" in span
 )
 _TEXT = re.compile(r"<text [^>]*>([^<]*)</text>")

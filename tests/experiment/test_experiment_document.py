@@ -54,7 +54,7 @@ def assert_same(one, other):
     elif isinstance(one, Arm):
         for name in ("description", "model", "joints", "home", "limits", "effort", "gravity"):
             assert_same(getattr(one, name), getattr(other, name))
-    elif isinstance(one, dict | list):
+    elif isinstance(one, dict | list | tuple):
         one, other = (x if isinstance(x, dict) else dict(enumerate(x)) for x in (one, other))
         assert [*one] == [*other]
         for key, value in one.items():

@@ -7,7 +7,7 @@ from doc_pages import text_of
 
 PAGE = "docs/peers.md"
 # What is given to a comparison, not measured, is not looked for in a table.
-GIVEN = re.compile(r"0\.0[58] m/s\^2|\b20 rad/s\^3|1e-\d+|of 20000 samples")
+GIVEN = re.compile(r"0\.0[58] m/s²|\b20 rad/s³|1e-\d+|of 20000 samples")
 
 
 class Tables:
@@ -115,14 +115,14 @@ def stated(t):
         f" {t.settled(LEARNED)} s with J learned",
         f"placo takes {t.settled(f'{PLACO}, braking 0.08')} s, our law with J learned"
         f" {t.settled(f'{LEARNED}, braking 0.08')} s.",
-        f"{two(1e3 * t.error(KLIMITS))} and {nm(RUCKIG)} off within 20 rad/s^3, at"
+        f"{two(1e3 * t.error(KLIMITS))} and {nm(RUCKIG)} off within 20 rad/s³, at"
         f" {t.cost(KLIMITS)[0]} and {t.cost(RUCKIG)[0]} u; our law {nm(JERK)} at"
         f" {t.cost(JERK)[0]} u.",
         f"is {ours[0]} mm and {ours[1]} mrad off and back after {ours[2]} s",
         f"{klimits[0]} and {ruckig[0]} mm, {klimits[1]} and {ruckig[1]} mrad and {ruckig[2]} s.",
-        f"it is {t.most(OURS, 'jerk')} rad/s^3, with the peers and with our law",
+        f"it is {t.most(OURS, 'jerk')} rad/s³, with the peers and with our law",
         f"Without J it is {t.error(LEARNED):.2f} µm off, or"
-        f" {t.error(f'{LEARNED}, braking 0.08'):.2f} µm at 0.08 m/s^2",
+        f" {t.error(f'{LEARNED}, braking 0.08'):.2f} µm at 0.08 m/s²",
         f"on the cone {two(t.error(f'{POSED}, J unknown', 'Cone'))} µm and"
         f" {two(t.turned(f'{POSED}, J unknown', 'Cone'))} µrad",
         f"SLC is {two(t.error(FAST))} to {two(t.error(SLOW))} µm off, NALJDF"

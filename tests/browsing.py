@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ import pytest
 
 from drake_rnn import InvalidInputError
 from drake_rnn.film.browser import open_browser, require_browser
+from process_helpers import wait_for
 
 DESKTOP, PHONE = (1400, 900), (390, 800)
 
@@ -68,16 +68,6 @@ def ask(browser: Any, expression: str, *arguments: Any) -> Any:
 def messages(browser: Any) -> list[Any]:
     """Return what the browser has complained about since it was last asked."""
     return [one for one in browser.get_log("browser") if one["level"] in ("SEVERE", "WARNING")]
-
-
-def wait_for(condition: Callable[[], bool], seconds: float = 30.0) -> bool:
-    """Return whether a condition comes to hold."""
-    until = time.monotonic() + seconds
-    while time.monotonic() < until:
-        if condition():
-            return True
-        time.sleep(0.05)
-    return False
 
 
 def farthest(browser: Any, places: list[str]) -> Any:

@@ -5,7 +5,31 @@ import signal
 import time
 from contextlib import contextmanager
 
-import pytest
+#: Time after which a process or page hangs [s]: the busiest machine is quicker, and nothing that
+#: works waits for it.
+PATIENCE = 600.0
+
+
+def wait_for(condition, patience=PATIENCE):
+    """Return whether a condition comes to hold, which a busy machine may take long to."""
+    until = time.monotonic() + patience
+    while time.monotonic() < until:
+        if condition():
+            return True
+        time.sleep(0.02)
+    return False
+
+
+def wait_until_delivered(process, number):
+    """Wait until a signal has come to a process: the same one, sent before, would be lost."""
+
+    def is_delivered():
+        with open(f"/proc/{process.pid}/status") as lines:
+            fields = dict(line.split(":", 1) for line in lines)
+        waiting = int(fields["SigPnd"], 16) | int(fields["ShdPnd"], 16)
+        return not waiting >> (number - 1) & 1
+
+    assert wait_for(is_delivered)
 
 
 @contextmanager
@@ -36,11 +60,13 @@ def wait_until_kept(process, *folders):
 
 
 def assert_gone(group):
-    """No process of the group is left, a moment later at most."""
-    for _ in range(200):
+    """No process of the group is left, once those that were told to end have been scheduled."""
+
+    def is_gone():
         try:
             os.killpg(group, 0)
         except ProcessLookupError:
-            return
-        time.sleep(0.05)
-    pytest.fail("a process is left")
+            return True
+        return False
+
+    assert wait_for(is_gone, 120.0), "a process is left"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 
 from drake_rnn import Pseudoinverse, validated
 
@@ -12,8 +13,8 @@ class Fatal(Pseudoinverse):
     """The pseudoinverse, until its time comes.
 
     Args:
-        fate: What happens 10 ms after the start: ``live``, ``kill`` its process, ``fail``, or
-            ``once``, kill it unless the file ``mark`` is there.
+        fate: What happens 10 ms after the start: ``live``, ``kill`` its process, ``fail``,
+            ``once``, kill it unless the file ``mark`` is there, or ``wait`` while it is there.
         mark: A file.
     """
 
@@ -26,6 +27,8 @@ class Fatal(Pseudoinverse):
         if t > 0.01 and self.fate == "once" and not os.path.exists(self.mark):
             with open(self.mark, "w"):
                 os._exit(7)
+        while t > 0.01 and self.fate == "wait" and os.path.exists(self.mark):
+            time.sleep(0.02)
         if t > 0.01 and self.fate == "fail":
             raise ValueError("its time has come")
         return super().step(t, x, u, period)

@@ -128,6 +128,7 @@ def test_batches_are_sized_by_their_steps_and_simulations_are_alone():
     assert [len(task) for task in tasks_of(mixed, 2, batch=3)] == [3, 1]
 
 
+@pytest.mark.long
 def test_a_path_is_in_reach_beyond_doubt_only_if_a_simulation_would_begin():
     document = load_experiment("pinv_line").document.contents()
     far = [[0.1, 0.2, 0.1], [0.0, 0.0, 0.6], [0.2, 0.2, 0.2], [1.0, 0.0, 0.0]]

@@ -7,7 +7,6 @@ import shlex
 import signal
 import subprocess
 import sys
-import time
 from concurrent.futures import ThreadPoolExecutor
 from multiprocessing import active_children
 
@@ -16,12 +15,13 @@ import pytest
 from typer.testing import CliRunner
 
 from drake_rnn import InvalidInputError, simulate
-from drake_rnn.campaigns import perform, run_campaign
+from drake_rnn.campaigns import campaign, perform, run_campaign
+from drake_rnn.campaigns.workers import ThisProcess
 from drake_rnn.cli.commands import app
 from drake_rnn.experiment import load_experiment, parse_change
 from drake_rnn.figures.campaign import strongest
 from drake_rnn.inputs.documents import to_yaml
-from process_helpers import assert_gone
+from process_helpers import PATIENCE, assert_gone, wait_for
 
 DAMPING = {"kind": "log_uniform", "low": 1e-6, "high": 1e-2}
 LINE = {
@@ -47,6 +47,12 @@ def rows(folder):
         return list(csv.DictReader(stream))
 
 
+@pytest.fixture
+def in_this_process(monkeypatch):
+    """Commands run their campaigns here: a process of its own imports everything first."""
+    monkeypatch.setattr(campaign, "Processes", lambda jobs: ThisProcess())
+
+
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory):
     """The folder of a campaign that ran through, in this process."""
@@ -67,6 +73,7 @@ def test_a_table_has_a_row_for_each_with_the_numbers_of_that_run_alone(undisturb
         assert (row["not_kept"] == "") is alone.verdicts[0].met
 
 
+@pytest.mark.long
 def test_two_processes_make_the_same_table_to_the_last_bit(undisturbed, tmp_path):
     result = run_campaign(LINE, tmp_path, jobs=2)
     assert result.ending == "complete"
@@ -200,6 +207,7 @@ def test_the_command_writes_table_and_summary(file, tmp_path):
     assert again.stdout.startswith("lines: 4 rows: 4 complete, 4 of them from before\n")
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_with_check_a_bound_that_is_not_kept_ends_with_3(file, tmp_path):
     options = ("--out", tmp_path, "--samples", 1, "--check")
     loose = "accept={position_error_max_m: {at_most: 1}}"
@@ -208,6 +216,7 @@ def test_with_check_a_bound_that_is_not_kept_ends_with_3(file, tmp_path):
     assert call("campaign", file, *options, "--set", tight).exit_code == 3
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_json_holds_the_summary_alone(file, tmp_path):
     result = call("campaign", file, "--out", tmp_path, "--samples", 1, "--json")
     found = json.loads(result.stdout)
@@ -225,6 +234,7 @@ def test_a_dry_run_counts_and_runs_nothing(file, tmp_path):
     assert "6 rows; about" in call("campaign", file, "--out", tmp_path, "--dry-run").stdout
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_quiet_is_quiet(file, tmp_path):
     result = call("campaign", file, "--out", tmp_path, "--samples", 1, "--quiet")
     assert (result.exit_code, result.output) == (0, "")
@@ -278,21 +288,19 @@ def kept(out):
     return len(list((out / "campaign_lines" / "rows").rglob("*.json")))
 
 
-def wait_for(condition, process, patience=120.0):
-    until = time.monotonic() + patience
-    while not condition() and process.poll() is None and time.monotonic() < until:
-        time.sleep(0.01)
+def wait_while(process, condition):
+    """Wait until a condition holds, or the process has ended."""
+    assert wait_for(lambda: condition() or process.poll() is not None)
 
 
-@pytest.mark.parametrize(
-    "number", [signal.SIGTERM, pytest.param(signal.SIGINT, marks=pytest.mark.long)]
-)
+@pytest.mark.long
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_what_is_stopped_says_what_was_not_run_and_leaves_no_process(file, tmp_path, number):
     process = started(file, tmp_path, "--jobs", 1, "--samples", 40)
-    wait_for(lambda: kept(tmp_path) >= 2, process)
+    wait_while(process, lambda: kept(tmp_path) >= 2)
     # As Ctrl-C in a terminal, to all of its processes.
     os.killpg(process.pid, number)
-    _, complained = process.communicate(timeout=60)
+    _, complained = process.communicate(timeout=PATIENCE)
     assert process.returncode == 130, complained
     ended = kept(tmp_path)
     assert f"not run {80 - ended} of 80 rows: interrupted; run the same command again" in complained
@@ -305,7 +313,7 @@ def disturbed(file, out, victims):
     """Run a campaign and kill it each time a number of rows are kept, until it ends."""
     for count in victims:
         process = started(file, out, "--jobs", 2)
-        wait_for(lambda count=count: kept(out) >= count, process)
+        wait_while(process, lambda count=count: kept(out) >= count)
         process.kill()
         process.communicate()
         assert_gone(process.pid)

@@ -7,17 +7,23 @@ import json
 import math
 import re
 from dataclasses import replace
+from functools import cache
 
 from doc_pages import ROOT
 
 from drake_rnn.claims import SCHEMES, Finding, Judgement, read_claims
 
 MEASURED = json.loads((ROOT / "docs" / "claims.json").read_text())
-CLAIMS = {claim.id: claim for scheme in SCHEMES for claim in read_claims(scheme).claims}
 
 #: How many times a bound may be as far from zero, or as near to it, as what was measured.
 WIDEST = 5.0
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e-?\d+)?")
+
+
+@cache
+def every_claim():
+    """Return all claims by id, which are read only once they are asked for."""
+    return {claim.id: claim for scheme in SCHEMES for claim in read_claims(scheme).claims}
 
 
 def factor(bound, number):
@@ -66,13 +72,15 @@ def ten_times_wider(criterion):
 
 
 def test_criteria_are_as_narrow_as_what_was_measured():
-    assert {name: told for name, claim in CLAIMS.items() if (told := complaints(claim))} == {}
+    assert {
+        name: told for name, claim in every_claim().items() if (told := complaints(claim))
+    } == {}
 
 
 def test_a_criterion_made_ten_times_wider_is_found():
     """Each in turn; also if its number is measured anew, if it is met and has no reason."""
     tried = 0
-    for name, claim in CLAIMS.items():
+    for name, claim in every_claim().items():
         for part, criteria in claim.parts.items():
             key = {"as stated": "as_stated", "with the correction": "corrected"}.get(part, part)
             for k, criterion in enumerate(criteria):
@@ -93,7 +101,7 @@ def found(criterion, value):
 
 
 def test_the_verdict_follows_from_the_data_and_what_holds_instead_does():
-    for name, claim in CLAIMS.items():
+    for name, claim in every_claim().items():
         values = (value for _, _, value, _ in MEASURED[name]["findings"])
         parts = {part: tuple(map(found, each, values)) for part, each in claim.parts.items()}
         judgement = Judgement(claim, parts)
@@ -105,7 +113,7 @@ def test_the_verdict_follows_from_the_data_and_what_holds_instead_does():
 
 def measured():
     """Yield every criterion with its claim's name and what was measured."""
-    for name, claim in CLAIMS.items():
+    for name, claim in every_claim().items():
         findings = MEASURED[name]["findings"]
         for criterion, (_, _, value, _) in zip(claim.criteria, findings, strict=True):
             yield name, criterion, value
@@ -131,10 +139,10 @@ def test_no_claim_holds_twice_by_one_number_without_saying_so():
     """Rows of the page that rest on the same numbers name each other."""
     page = (ROOT / "docs" / "claims.md").read_text()
     rows = {line.split("`")[1]: line for line in page.splitlines() if line.startswith("| `")}
-    numbers = {name: {row[0] for row in MEASURED[name]["findings"]} for name in CLAIMS}
+    numbers = {name: {row[0] for row in MEASURED[name]["findings"]} for name in every_claim()}
     shared = 0
-    for one in CLAIMS:
-        for other in CLAIMS:
+    for one in every_claim():
+        for other in every_claim():
             if one != other and one.partition("-")[0] == other.partition("-")[0]:
                 told = re.search(r"Shares a number with ([^|]*)\. \|$", rows[one])
                 named = told[1].split(", ") if told else []

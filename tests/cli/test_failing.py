@@ -8,7 +8,7 @@ import pytest
 from cli_helpers import KNOWN, SHORT, call, run, sentence, statuses
 
 from drake_rnn import Result
-from process_helpers import wait_until_kept
+from process_helpers import PATIENCE, wait_until_kept
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -104,7 +104,7 @@ def test_a_terminated_run_keeps_what_it_had(tmp_path):
     )
     wait_until_kept(process, tmp_path / KNOWN)
     process.terminate()
-    _, said = process.communicate(timeout=120)
+    _, said = process.communicate(timeout=PATIENCE)
     assert process.returncode == 130
     assert f"failed {KNOWN}: interrupted (at t = " in said
     record = statuses(tmp_path)[KNOWN]

@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -14,16 +13,17 @@ from drake_rnn import Result
 from drake_rnn.cli import interrupting, saving
 from drake_rnn.cli.interrupting import begun, interruptible
 from drake_rnn.runs import evaluation, keeper
+from process_helpers import PATIENCE, wait_for, wait_until_delivered
 
 LAW = """
-import time
+from pathlib import Path
 from drake_rnn import Pseudoinverse, validated
 
 @validated
 class Endless(Pseudoinverse):
     def step(self, t, x, u, period):
         while t > 0.01:
-            pass
+            Path("endless").touch()
         return super().step(t, x, u, period)
 """
 #: A command without Drake, whose work never ends.
@@ -145,11 +145,12 @@ def test_what_never_returns_ends(work, signals, status):
         [sys.executable, "-c", WORK.format(work)], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
     )
     assert process.stdout.readline() == b"begun\n"
-    for _ in range(signals):
+    for left in reversed(range(signals)):
         assert process.poll() is None
-        time.sleep(0.2)
         process.send_signal(signal.SIGINT)
-    assert process.wait(20) == status
+        if left:
+            wait_until_delivered(process, signal.SIGINT)
+    assert process.wait(PATIENCE) == status
 
 
 @pytest.mark.long
@@ -163,12 +164,9 @@ def test_a_law_that_never_returns_ends_and_what_was_before_it_is_kept(tmp_path):
         stderr=subprocess.PIPE,
         text=True,
     )
-    # Its folder is made just before it runs.
-    while not (tmp_path / "runs" / "pinv_line").exists() and process.poll() is None:
-        time.sleep(0.1)
-    time.sleep(1.0)
+    assert wait_for((tmp_path / "endless").exists)
     process.send_signal(signal.SIGINT)
-    _, said = process.communicate(timeout=60)
+    _, said = process.communicate(timeout=PATIENCE)
     assert (process.returncode, said) == (130, "failed pinv_line: interrupted (at t = 0.011 s)\n")
     folder = tmp_path / "runs" / "pinv_line"
     with np.load(folder / "result.npz") as kept:

@@ -68,6 +68,7 @@ def test_a_list_is_made_without_what_a_run_needs():
 
 
 @pytest.mark.parametrize("arguments", [["show", "pinv_line"], ["arms"]], ids=" ".join)
+@pytest.mark.long
 def test_what_draws_nothing_imports_no_pictures(arguments):
     """Nor does it mind a setting of Matplotlib that is wrong."""
     found = imported(CALL, *arguments, MPLBACKEND="nope")
@@ -86,10 +87,12 @@ def test_a_run_draws_to_files_whatever_windows_are_asked_for(tmp_path):
     assert list(tmp_path.glob("*/figures/overview.png"))
 
 
+@pytest.mark.long
 def test_a_run_imports_matplotlib_only_to_draw():
     assert "matplotlib" not in imported(CALL, "run", "pinv_line", "--dry-run")
 
 
+@pytest.mark.long
 def test_the_package_is_imported_name_by_name():
     code = "import drake_rnn; {}"
     assert not imported(code.format("drake_rnn.__all__, dir(drake_rnn)")) & LARGE

@@ -7,6 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from drake_rnn.cli.commands import app
+from process_helpers import PATIENCE
 
 
 def new(*arguments):
@@ -42,7 +43,7 @@ def test_what_it_writes_passes_its_own_test(here, what, name, title):
         cwd=here,
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=PATIENCE,
         check=False,
     )
     assert run.returncode == 0, run.stdout + run.stderr
@@ -62,7 +63,7 @@ def test_what_it_writes_keeps_what_its_document_expects(here, what):
         cwd=here,
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=PATIENCE,
         check=False,
     )
     assert run.returncode == 0, run.stderr

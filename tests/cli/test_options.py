@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from drake_rnn import Result
 from drake_rnn.cli.commands import app
 from drake_rnn.runs import simulation
-from process_helpers import wait_until_kept
+from process_helpers import PATIENCE, wait_until_kept
 
 LINE, OTHER = "pinv_line", "pinv_line_ur5"
 BARE = ("--no-figures", "--no-playback")
@@ -106,7 +106,7 @@ def test_several_at_a_time_that_are_terminated_keep_what_they_had(tmp_path):
     )
     wait_until_kept(process, tmp_path / LINE, tmp_path / OTHER)
     process.send_signal(signal.SIGTERM)
-    _, said = process.communicate(timeout=120)
+    _, said = process.communicate(timeout=PATIENCE)
     assert process.returncode == 130
     assert "not run pinv_csv" in said
     for name in (LINE, OTHER):

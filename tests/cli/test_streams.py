@@ -63,6 +63,7 @@ def test_another_file_never_takes_the_place_of_a_closed_stream():
     assert int(done.stdout) > 2
 
 
+@pytest.mark.long
 def test_a_current_folder_that_was_removed_is_told(tmp_path):
     gone = tmp_path / "gone"
     gone.mkdir()

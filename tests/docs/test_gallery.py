@@ -11,6 +11,7 @@ from doc_pages import ROOT, text_of
 from PIL import Image
 
 from drake_rnn import METRICS, FilmSettings, load_experiment, shipped_experiments, simulate
+from process_helpers import PATIENCE
 
 CONTENTS = gallery_page.gallery()
 ENTRIES, OPENINGS = CONTENTS["entries"], CONTENTS["openings"]
@@ -85,7 +86,7 @@ def test_live_playbacks_are_made_and_runs_are_kept(tmp_path):
     command = [sys.executable, make_gallery.__file__, folder, *options]
     written = []
     for _ in range(2):
-        subprocess.run(command, check=True, capture_output=True, timeout=300)
+        subprocess.run(command, check=True, capture_output=True, timeout=PATIENCE)
         written.append((runs / QUICK / "result.npz").stat().st_mtime_ns)
         assert [file.name for file in folder.iterdir()] == [f"{QUICK}.html"]
     assert written[0] == written[1]

@@ -4,32 +4,49 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
+from dataclasses import replace
+from itertools import count
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from drake_rnn import FR3, Paced, RobotError, drive_experiment, driven_experiment
-from drake_rnn.drive import DriveSettings, read_record
-from drake_rnn.drive.shared_cycles import LAW, STOP
+from drake_rnn.drive import DriveSettings, paced, read_record
+from drake_rnn.drive.shared_cycles import LAW, RECORD, STOP
+from process_helpers import PATIENCE, wait_for
 
 ROOT = Path(__file__).parents[2]
 BENCHMARKS = ROOT / "benchmarks"
 QUICK = DriveSettings(approach_velocity=1.0, approach_acceleration=3.0, approach_jerk=100.0)
-PATIENT = DriveSettings(silence=0.5, late=0.5)
+# Pauses of a busy machine stop no robot.
+PATIENT = DriveSettings(silence=60.0, late=60.0)
 STAND_IN = "fr3_stand_in:StandIn"
 
 
 @pytest.fixture(autouse=True)
 def paths(monkeypatch):
-    """What the pacer's process finds its stand-in by."""
+    """What the pacer's process finds its stand-in by, and time for it to start and to end."""
+    monkeypatch.setattr(paced, "_STARTS", PATIENCE)
+    monkeypatch.setattr(paced, "_ENDS", PATIENCE)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join((str(ROOT), str(Path(__file__).parent))))
 
 
 def experiment(duration=0.6):
     return driven_experiment("adaptive_fr3", FR3, {"duration": duration})
+
+
+def once_it_runs(act):
+    """Return what is told that a run begins, and what acts in its 50th cycle, seeing no stop."""
+    said, cycles = [], count()
+
+    def is_told_to_stop():
+        if any(text.startswith("run") for text in said) and next(cycles) == 50:
+            act()
+        return False
+
+    return {"say": said.append, "is_told_to_stop": is_told_to_stop}
 
 
 def require_bounds(cycles):
@@ -54,51 +71,54 @@ def test_it_runs_and_every_cycle_is_on_record():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("length", [0.02, 1.0])
-def test_a_stalled_law_ends_in_a_stop_or_goes_on(length):
+@pytest.mark.parametrize(("length", "late"), [(0.1, 60.0), (1.0, 0.5)])
+def test_a_stalled_law_ends_in_a_stop_or_goes_on(length, late):
     connection = Paced("none", robot=STAND_IN)
-
-    def stall(said):
-        if said.startswith("run"):
-            stop = f"sleep 0.2; kill -STOP {os.getpid()}; sleep {length}; kill -CONT {os.getpid()}"
-            subprocess.Popen(["sh", "-c", stop])
-
-    result, driven = drive_experiment(experiment(), FR3, connection, PATIENT, say=stall)
+    settings = replace(PATIENT, late=late)
+    stall = once_it_runs(lambda: time.sleep(length))
+    result, driven = drive_experiment(experiment(2.0), FR3, connection, settings, **stall)
     cycles = connection.cycles()
     require_bounds(cycles)
     assert (cycles["source"] == STOP).sum() >= 15
-    if length < PATIENT.late:
+    if length < late:
         assert result.status == "complete"
     else:
         assert driven.stopped.watch == "clock"
         assert result.status == "failed"
 
 
+#: A process that ends as soon as its law moves the robot fast.
 KILLED = f"""
-import sys
+import os, signal, sys
 from drake_rnn import FR3, Paced, drive_experiment, driven_experiment
+from drake_rnn.drive import DriveSettings, paced
 from pathlib import Path
+paced._STARTS = {PATIENCE}
+said = []
+class Killed(Paced):
+    def send(self, command):
+        super().send(command)
+        runs = any(text.startswith("run") for text in said)
+        if runs and abs(command.motion.velocity).max() > 0.1:
+            os.kill(os.getpid(), signal.SIGKILL)
 experiment = driven_experiment("adaptive_fr3", FR3, {{"duration": 5.0}})
-connection = Paced("none", robot="{STAND_IN}", record=Path(sys.argv[1]))
-drive_experiment(experiment, FR3, connection, say=lambda text: print(text, flush=True))
+connection = Killed("none", robot="{STAND_IN}", record=Path(sys.argv[1]))
+settings = DriveSettings(silence=60.0, late=60.0)
+drive_experiment(experiment, FR3, connection, settings, say=said.append)
 """
 
 
 @pytest.mark.long
 def test_a_law_that_is_killed_leaves_a_robot_at_rest_and_a_record(tmp_path):
     left = tmp_path / "cycles"
-    law = subprocess.Popen(
-        [sys.executable, "-c", KILLED, left], stdout=subprocess.PIPE, text=True, cwd=ROOT
-    )
-    while not law.stdout.readline().startswith("run"):
-        assert law.poll() is None
-    time.sleep(0.3)
-    law.send_signal(signal.SIGKILL)
-    law.wait()
-    until = time.monotonic() + 20.0
-    while not left.is_file() and time.monotonic() < until:
-        time.sleep(0.1)
-    time.sleep(0.2)
+    law = subprocess.run([sys.executable, "-c", KILLED, left], cwd=ROOT)
+    assert law.returncode == -signal.SIGKILL
+
+    def is_written():
+        size = left.stat().st_size if left.is_file() else 0
+        return size > 0 and size % RECORD.size == 0
+
+    assert wait_for(is_written)
     cycles = read_record(left)
     require_bounds(cycles)
     last = np.flatnonzero(cycles["source"] == LAW)[-1]
@@ -112,12 +132,8 @@ def test_a_law_that_is_killed_leaves_a_robot_at_rest_and_a_record(tmp_path):
 @pytest.mark.long
 def test_a_pacer_or_robot_that_ends_is_told():
     connection = Paced("none", robot=STAND_IN)
-
-    def kill(said):
-        if said.startswith("run"):
-            threading.Timer(0.2, os.kill, (connection.pid, signal.SIGKILL)).start()
-
-    result, driven = drive_experiment(experiment(), FR3, connection, say=kill)
+    kill = once_it_runs(lambda: os.kill(connection.pid, signal.SIGKILL))
+    result, driven = drive_experiment(experiment(2.0), FR3, connection, PATIENT, **kill)
     assert driven.stopped.watch in ("robot", "silence")
     assert result.status == "failed"
     # It gives up after 20 lost cycles, as the robot does.

@@ -67,6 +67,7 @@ def test_shipped_scenes_come_to_what_they_expect_and_collide_without_avoidance(n
     assert blind.metrics["distance_min_m"] < 0.0
 
 
+@pytest.mark.long
 def test_an_obstacle_that_runs_into_an_arm_at_rest_is_told_of_as_that():
     """A ball comes at the tool at 0.3 m/s: the arm stops before it touches, and is then hit."""
     p = load().p_WE_start

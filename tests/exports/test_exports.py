@@ -105,6 +105,7 @@ def test_a_package_that_is_missing_is_named(result, form, tmp_path, monkeypatch)
         export(result, tmp_path, form)
 
 
+@pytest.mark.long
 def test_the_command_writes_into_the_folder(result, tmp_path):
     result.save(tmp_path / "run")
     line = [sys.executable, "-m", "drake_rnn", "export", str(tmp_path / "run"), "--series", "p_WE"]

@@ -89,6 +89,7 @@ def test_a_picture_for_a_journal_has_dots_enough(result, tmp_path):
 
 
 @pytest.mark.parametrize("look", ["screen", "journal"])
+@pytest.mark.long
 def test_no_label_of_any_figure_is_cut_off_in_a_column(result, look):
     paper = Paper("pdf", COLUMN, look)
     names = fitting(drawable(result), paper)

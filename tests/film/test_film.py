@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
@@ -17,6 +18,7 @@ from PIL import Image, ImageSequence
 
 from drake_rnn import FilmSettings, InvalidInputError, load_experiment, simulate, write_film
 from drake_rnn.film.caption import Caption
+from process_helpers import PATIENCE
 
 SHORT = {"duration": 2.0, "window": None, "accept": None}
 TINY = FilmSettings(size=(240, 180), frames_per_second=4.0, seconds=1.0, view="close")
@@ -111,7 +113,7 @@ def test_interrupted_at_any_time_it_leaves_no_file_and_no_process(run, tmp_path,
         time.sleep(0.02)
     time.sleep(after)
     process.send_signal(signal.SIGINT)
-    _, said = process.communicate(timeout=60)
+    _, said = process.communicate(timeout=PATIENCE)
     assert process.returncode == 130, said
     assert "Traceback" not in said
     assert sorted(folder.iterdir()) == before
@@ -121,15 +123,15 @@ def test_interrupted_at_any_time_it_leaves_no_file_and_no_process(run, tmp_path,
 
 
 def processes_with(text):
-    """Command lines of running processes that have a text in them."""
-    found = []
+    """Numbers and command lines of running processes that have a text in them."""
+    found = {}
     for file in Path("/proc").glob("[0-9]*/cmdline"):
         try:
             line = file.read_bytes().replace(b"\0", b" ").decode(errors="replace")
         except OSError:
             continue
         if text in line:
-            found.append(line)
+            found[int(file.parent.name)] = line
     return found
 
 
@@ -168,9 +170,9 @@ def test_a_chromium_that_ends_meanwhile_is_one_sentence(run, tmp_path, monkeypat
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
 
     def crash(done, count):
-        for file in Path("/proc").glob("[0-9]*/cmdline"):
-            if f"--user-data-dir={tmp_path}".encode() in file.read_bytes():
-                os.kill(int(file.parent.name), signal.SIGKILL)
+        for process in processes_with(f"--user-data-dir={tmp_path}"):
+            with suppress(ProcessLookupError):
+                os.kill(process, signal.SIGKILL)
 
     with pytest.raises(InvalidInputError, match="film: Chromium cannot show the playback: "):
         write_film(run, tmp_path / "film.webp", TINY, progress=crash)

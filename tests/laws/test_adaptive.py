@@ -351,9 +351,11 @@ def test_a_jacobian_of_zero_is_learned_only_once_the_joints_move():
 
 def test_of_velocities_that_do_the_task_it_takes_those_towards_its_posture():
     """After a circle the joints are where they began; without a pull they are not."""
-    laps = circle(radius=0.08, turn=3.0)
+    laps, period = circle(radius=0.08, turn=3.0), 3 * PERIOD
     drift = {
-        pull: np.abs(moved(adaptive(secondary={"posture": pull}), laps, 9.0).q[[3000, -1]] - HOME)
+        pull: np.abs(
+            moved(adaptive(secondary={"posture": pull}), laps, 9.0, period).q[[1000, -1]] - HOME
+        )
         for pull in (0.0, 1.0)
     }
     assert drift[1.0][1].max() < 1e-3

@@ -4,14 +4,14 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from contextlib import contextmanager
 
 import pytest
 
-from browsing import DESKTOP, PHONE, ask, messages, set_size, wait_for
+from browsing import DESKTOP, PHONE, ask, messages, set_size
 from drake_rnn.film.browser import open_browser, require_browser
 from drake_rnn.runs.result import Result
+from process_helpers import PATIENCE, wait_for
 
 _LOCAL = ["--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE localhost"]
 
@@ -27,7 +27,7 @@ def playing(name, folder):
         yield re.search(r"http://\S+", line)[0]
     finally:
         process.send_signal(signal.SIGINT)
-        said, _ = process.communicate(timeout=60)
+        said, _ = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0, said
     assert "ended" in said
 
@@ -37,8 +37,14 @@ def page(url):
     require_browser()
     with open_browser(DESKTOP, _LOCAL) as browser:
         browser.get(url)
-        assert wait_for(lambda: ask(browser, "Boolean(window.live && live.ready)"), 60.0)
+        assert wait_for(lambda: ask(browser, "Boolean(window.live && live.ready)"))
         yield browser
+
+
+def play_on(browser, seconds):
+    """Wait until the experiment has gone on by some seconds of its own time."""
+    until = ask(browser, "live.time") + seconds
+    assert wait_for(lambda: ask(browser, "live.time") >= until)
 
 
 def drag(browser, by):
@@ -86,7 +92,7 @@ def test_everything_is_done_on_the_page(tmp_path):
     with playing("slc_nephroid_known", tmp_path) as url, page(url) as browser:
         assert wait_for(lambda: ask(browser, "live.held"))
         press(browser, "[data-press=stop]")
-        time.sleep(1.5)
+        play_on(browser, 1.5)
         before = ask(browser, "live.desired()")
         drag(browser, (90, -60))
         assert wait_for(lambda: max(map(_far, before, ask(browser, "live.desired()"))) > 0.03)
@@ -95,10 +101,10 @@ def test_everything_is_done_on_the_page(tmp_path):
         assert wait_for(lambda: control(browser, "record"))
         browser.execute_script(_SLIDE)
         assert wait_for(lambda: control(browser, "law.kappa") > 10.0)
-        time.sleep(1.0)
+        play_on(browser, 0.6)
         press(browser, "[data-press=save]")
         said = "document.getElementById('said').textContent"
-        assert wait_for(lambda: ask(browser, said).startswith("saved"), 90.0)
+        assert wait_for(lambda: ask(browser, said).startswith("saved"))
         folder = tmp_path / "slc_nephroid_known_live_1"
         assert Result.load(folder).time[-1] > 0.3
         assert (folder / "playback.html").exists()
@@ -107,8 +113,9 @@ def test_everything_is_done_on_the_page(tmp_path):
         law = next(each for each in options if each != control(browser, "law"))
         browser.execute_script(_CHOOSE, law)
         assert wait_for(lambda: control(browser, "law") == law)
+        before = ask(browser, "live.time")
         press(browser, "[data-press=reset]")
-        assert wait_for(lambda: ask(browser, "live.time") < 3.0)
+        assert wait_for(lambda: ask(browser, "live.time") < before)
 
         set_size(browser, PHONE)
         press(browser, "#details")
@@ -123,7 +130,7 @@ def test_a_second_page_watches_and_cannot_set(tmp_path):
         assert wait_for(lambda: ask(browser, "live.held"))
         browser.switch_to.new_window("window")
         browser.get(url)
-        assert wait_for(lambda: ask(browser, "Boolean(window.live && live.ready)"), 60.0)
+        assert wait_for(lambda: ask(browser, "Boolean(window.live && live.ready)"))
         assert not ask(browser, "live.held")
         assert ask(browser, "document.getElementById('panel').disabled")
         assert ask(browser, "!document.getElementById('lent').hidden")

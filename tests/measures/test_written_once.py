@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import drake_rnn
+from process_helpers import PATIENCE
 
 ENTRY = """METRICS: tuple[Metric, ...] = (
     Metric(
@@ -55,6 +56,6 @@ def package(tmp_path):
 @pytest.mark.long
 def test_a_metric_added_to_the_list_is_taken_everywhere(package):
     done = subprocess.run(
-        [sys.executable, "-c", RUNS], cwd=package, capture_output=True, text=True, timeout=300
+        [sys.executable, "-c", RUNS], cwd=package, capture_output=True, text=True, timeout=PATIENCE
     )
     assert done.returncode == 0, done.stderr

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from browsing import ask, chromium, farthest, messages, open_page, requests, set_size, wait_for
+from browsing import ask, chromium, farthest, messages, open_page, requests, set_size
 from drake_rnn.experiment import load_experiment
 from drake_rnn.playback import playback_in_notebook, write_playback
 from drake_rnn.runs.simulation import simulate
+from process_helpers import wait_for
 
 DURATION = 2.0
 

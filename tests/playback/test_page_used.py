@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 from test_playback import Page, floats
 
-from browsing import DESKTOP, PHONE, ask, chromium, messages, set_size, wait_for
+from browsing import DESKTOP, PHONE, ask, chromium, messages, set_size
 from drake_rnn import Result, load_experiment, simulate, write_playback
+from process_helpers import wait_for
 
 Keys = pytest.importorskip("selenium.webdriver", reason="selenium is not installed").Keys
 DURATION = 0.8

@@ -11,17 +11,9 @@ import numpy as np
 import pytest
 from test_playback import Page
 
-from browsing import (
-    DESKTOP,
-    PHONE,
-    ask,
-    farthest,
-    messages,
-    open_page,
-    set_size,
-    wait_for,
-)
+from browsing import DESKTOP, PHONE, ask, farthest, messages, open_page, set_size
 from drake_rnn import Result, load_experiment, simulate, write_playback
+from process_helpers import wait_for
 
 Keys = pytest.importorskip("selenium.webdriver", reason="selenium is not installed").Keys
 

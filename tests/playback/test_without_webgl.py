@@ -4,9 +4,10 @@ from typing import Any
 
 import pytest
 
-from browsing import DESKTOP, PHONE, ask, open_page, wait_for
+from browsing import DESKTOP, PHONE, ask, open_page
 from drake_rnn import load_experiment, simulate, write_playback
 from drake_rnn.film.browser import open_browser
+from process_helpers import wait_for
 
 NAME = "pinv_line"
 #: What is seen, by its place in the page.

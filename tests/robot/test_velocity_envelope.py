@@ -188,6 +188,7 @@ def test_one_joint_and_many_have_the_same_box():
     assert_one_joint_has_the_box_of_many(limits, 4e-3, q, *moving(rng, limits))
 
 
+@pytest.mark.long
 def test_jax_has_the_same_box():
     pytest.importorskip("jax")
     jax = require_jax()

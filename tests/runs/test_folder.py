@@ -3,7 +3,7 @@
 import json
 import os
 import signal
-import time
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -27,57 +27,68 @@ def told(result, number):
     return replace(result, series=series, metrics={"mark": float(number)})
 
 
-def save_for_ever(results, folder):
-    while True:
-        for number, result in enumerate(results):
+def saved(result, folder):
+    """Save a result with a picture that tells which it is."""
 
-            def draw(place, number=number):
-                (place / "figures").mkdir(exist_ok=True)
-                (place / "figures" / f"{number}.png").write_text("a picture")
+    def draw(place):
+        (place / "figures").mkdir(exist_ok=True)
+        (place / "figures" / f"{result.metrics['mark']:g}.png").write_text("a picture")
 
-            result.save(folder, draw)
+    result.save(folder, draw)
+
+
+def calls_until(work, most=None):
+    """Do something, and return how many functions it calls; end at once with number `most`."""
+    calls = 0
+
+    def count(frame, event, argument):
+        nonlocal calls
+        if event in ("call", "c_call"):
+            calls += 1
+            if calls == most:
+                os.kill(os.getpid(), signal.SIGKILL)
+
+    sys.setprofile(count)
+    try:
+        work()
+    finally:
+        sys.setprofile(None)
+    return calls
 
 
 # JAX, where another test has loaded it, is not used by what is forked here.
 @pytest.mark.filterwarnings("ignore:os.fork:RuntimeWarning")
 @pytest.mark.long
 def test_killed_at_any_moment_it_is_one_result_or_incomplete(result, tmp_path):
-    rng = np.random.default_rng(0)
-    results = [told(result, number) for number in range(2)]
-    folder = tmp_path / "run"
-    results[0].save(folder)
-    outcomes = set()
-    for _ in range(40):
-        begun, begins = os.pipe()
+    """A moment is told by the number of functions called until then: it is the same every time."""
+    results, folder = [told(result, number) for number in range(2)], tmp_path / "run"
+    for each in results:
+        saved(each, folder)
+    calls = calls_until(lambda: saved(results[0], folder))
+    outcomes = []
+    # The first of them is nothing yet, and the last is not killed.
+    for most in (*np.linspace(1, calls, 16, dtype=int)[:-1].tolist(), None):
         child = os.fork()
         if child == 0:
             try:
-                # The first save of a new process takes long.
-                results[1].save(folder)
-                os.write(begins, b"1")
-                save_for_ever(results, folder)
+                saved(results[0], folder)
+                calls_until(lambda: saved(results[1], folder), most)
             finally:
-                os._exit(1)
-        # On a busy machine the child begins late.
-        os.read(begun, 1)
-        os.close(begun)
-        os.close(begins)
-        time.sleep(rng.uniform(0.0, 0.06))
-        os.kill(child, signal.SIGKILL)
-        os.waitpid(child, 0)
+                os._exit(0)
+        assert os.waitpid(child, 0)[1] == (0 if most is None else signal.SIGKILL)
         try:
             loaded = Result.load(folder)
         except InvalidInputError as error:
             assert "is incomplete" in str(error)  # noqa: PT017  either outcome is right
-            outcomes.add("incomplete")
+            outcomes.append("incomplete")
             continue
         number = loaded.metrics["mark"]
         assert (loaded.series["mark"] == number).all()
         pictures = {file.stem for file in (folder / "figures").glob("*")}
         assert pictures <= {f"{number:g}"}
-        outcomes.add(number)
-    assert "incomplete" in outcomes
-    assert len(outcomes) > 1
+        outcomes.append(number)
+    assert (outcomes[0], outcomes[-1]) == (0.0, 1.0)
+    assert set(outcomes) == {0.0, "incomplete", 1.0}
 
 
 def test_files_of_another_run_go_and_a_users_own_stay(result, tmp_path):

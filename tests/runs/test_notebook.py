@@ -22,6 +22,7 @@ def test_a_result_is_one_short_line(result):
     )
 
 
+@pytest.mark.long
 def test_a_result_is_a_table_with_units_the_overview_and_the_playback(result):
     shown = result._repr_html_()
     table, rest = shown.split("</table>")

@@ -11,6 +11,7 @@ import pytest
 
 from drake_rnn import InvalidInputError, Result, load_experiment, simulate, sweep
 from drake_rnn.laws.checks import RECORDED
+from process_helpers import PATIENCE
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FILTER = "filter={kind: moving_average, precompensate: true}"
@@ -42,7 +43,7 @@ def python(folder, *arguments):
         cwd=folder,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=PATIENCE,
         check=False,
     )
 

@@ -118,7 +118,9 @@ def test_what_is_released_is_not_evaluated_and_does_not_crash():
         block.get_output_port(0).Eval(block.GetMyContextFromRoot(context))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "name", [NAMES[0], *(pytest.param(name, marks=pytest.mark.long) for name in NAMES[1:])]
+)
 def test_the_systems_of_an_experiment_are_freed(name):
     experiment = load_experiment(name)
     gc.collect()

@@ -9,11 +9,11 @@ from typing import Any
 from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 
 from ..errors import InvalidInputError
+from ..features.locks import JointLocks
 from ..features.pairs import Combination, refuse
 from ..inputs.complaints import nearest, require_type
 from ..inputs.dataclass_fields import field_names
 from ..laws import Law
-from ..robot.joint_locks import JointLocks
 from ..robot.task import TASKS, tasks_suiting
 from ..robot.tool_camera import ToolCamera
 from ..systems.body import Body, Feedback

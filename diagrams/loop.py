@@ -10,8 +10,8 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import Adder, Integrator, MatrixGain
 
+from ..features.locks import JointBrakes, JointLocks
 from ..inputs.complaints import require_type
-from ..robot.joint_locks import JointLocks
 from ..robot.tool_camera import ToolCamera
 from ..systems.body import Body, Feedback
 from ..systems.camera import Camera
@@ -23,7 +23,6 @@ from ..systems.dynamics import DYNAMICS_SIGNALS, Dynamics
 from ..systems.force_sensor import ForceSensor
 from ..systems.force_watch import ForceWatch
 from ..systems.ideal_arm import IdealArm
-from ..systems.joint_brakes import JointBrakes
 from ..systems.joint_noise import JointNoise
 from ..systems.joint_sensor import JointSensor
 from ..systems.kinematics import Kinematics

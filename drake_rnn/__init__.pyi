@@ -145,7 +145,7 @@ from .robot.arm_screws import screws_of as screws_of
 from .robot.clearance import Clearance as Clearance
 from .robot.clearance.arm_clearance import arm_clearance as arm_clearance
 from .robot.clearance.described_obstacles import make_obstacles as make_obstacles
-from .robot.joint_locks import JointLock as JointLock, JointLocks as JointLocks
+from .features.locks import JointLock as JointLock, JointLocks as JointLocks
 from .robot.kinematics import ArmKinematics as ArmKinematics
 from .robot.limits import JointLimits as JointLimits
 from .robot.link_errors import (

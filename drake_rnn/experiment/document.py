@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 from pydrake.systems.analysis import GetIntegrationSchemes
 
+from ..features.locks import JointLock
 from ..features.pairs import Combination
 from ..inputs.complaints import nearest, plain
 from ..inputs.dataclass_fields import field_names, fields_of
@@ -18,7 +19,6 @@ from ..inputs.names import require_folder_name
 from ..laws import Law
 from ..measures import METRIC_NAMES
 from ..paths import RecordedTargets
-from ..robot.joint_locks import JointLock
 from ..robot.task import TASKS
 from ..robot.tool_camera import ToolCamera
 from ..systems import BODIES

@@ -11,6 +11,7 @@ from warnings import warn
 from pydrake.trajectories import Trajectory
 
 from ..errors import InvalidInputError
+from ..features.locks import JointLocks, lock_doubts
 from ..features.pairs import Combination
 from ..inputs.complaints import require_type
 from ..inputs.documents import construct
@@ -23,7 +24,6 @@ from ..paths import JointTargets, LedPath, Path, PlacedPath
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.obstacles import Obstacle
-from ..robot.joint_locks import JointLocks
 from ..robot.kinematics import ArmKinematics
 from ..robot.limits import JointLimits
 from ..robot.task import Task, named_task
@@ -32,7 +32,6 @@ from .arms import Arms
 from .camera import check_seen
 from .contact import contact_doubts
 from .document import ExperimentDocument, combination_of
-from .faults import lock_doubts
 from .filter import FilterDelay, filter_delay
 from .guarantees import Guarantees, command_guarantee, guarantees_of
 from .idle_keys import idle_keys
@@ -135,6 +134,11 @@ class Experiment:
         return make_experiment(self.document, path)
 
     @property
+    def moments(self) -> list[tuple[float, str]]:
+        """Times at which something happens to the arm [s], each with its name in figures."""
+        return [] if self.locks is None else self.locks.moments
+
+    @property
     def combination(self) -> Combination:
         """What it combines, as the table of pairs asks for it; its host is a diagram."""
         made = combination_of(self.document, type(self.law), self.law)
@@ -219,7 +223,8 @@ def make_experiment(
     parts = read_sections(document, arms, path, modules)
     delay, late = filter_delay(parts)
     law, moved = with_reachable_target(parts)
-    unsafe, unsure = _unsafe(parts), lock_doubts(parts)
+    unsafe, size = _unsafe(parts), named_task(document.task).size
+    unsure = lock_doubts(parts.locks, parts.law, parts.arm.joints, size)
     start, kinematics = parts.start, arms.shared("kinematics", document.arm, parts.arm.kinematics)
     desired = _placed(parts.path.placed_by(kinematics, start), law)
     check_seen(parts, desired, kinematics)

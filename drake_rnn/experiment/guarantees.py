@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from ..features.locks import JointLocks
 from ..laws import Law, Safety
-from ..robot.joint_locks import JointLocks
 from ..robot.limits import JointLimits
 from ..systems import BODIES, Feedback
 from ..systems.moving_average import averaged_limits

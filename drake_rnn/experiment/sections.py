@@ -10,6 +10,7 @@ import numpy as np
 from pydrake.trajectories import Trajectory
 
 from ..errors import InvalidInputError
+from ..features.locks import JointLocks
 from ..features.pairs import refuse
 from ..inputs.complaints import nearest
 from ..inputs.dataclass_fields import field_names
@@ -23,14 +24,12 @@ from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
 from ..robot.clearance.described_obstacles import make_obstacles
 from ..robot.clearance.obstacles import Obstacle
-from ..robot.joint_locks import JointLocks
 from ..robot.limits import JointLimits
 from ..robot.load_arm import named_limits
 from ..systems import BODIES, Contact, Feedback, ObstacleMotions, start_posture
 from .arms import Arms
 from .document import ExperimentDocument, combination_of
 from .law import make_law
-from .locks import joint_locks
 from .moving import obstacle_motions
 from .path import path_of
 from .pressed import described_contact, pressed_solids
@@ -135,7 +134,7 @@ def read_sections(
         safety=safety,
         motions=motions,
         contact=contact,
-        locks=joint_locks(document, arm),
+        locks=JointLocks.of_run(arm.joints, document.faults, document.duration),
         warnings=warnings,
     )
 

@@ -226,13 +226,12 @@ def corner_note(ax: Axes, text: str, look: Style = NOTE) -> None:
 
 
 def mark_times(ax: Axes, result: Result) -> None:
-    """Shade the window of the errors, and mark when joints lock, where there are any."""
+    """Shade the window of the errors, and mark when something happens to the arm."""
     experiment = result.experiment
     if (window := experiment.document.window) is not None:
         ax.axvspan(*window, label="window", **SHADE)
-    if (locks := experiment.locks) is not None:
-        for joint in locks.joints:
-            ax.axvline(locks.times[joint], label=f"joint {joint + 1} locks", **MOMENT)
+    for time, name in experiment.moments:
+        ax.axvline(time, label=name, **MOMENT)
 
 
 def log_axis(ax: Axes, curves: Iterable[Array]) -> None:

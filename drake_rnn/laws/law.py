@@ -72,12 +72,12 @@ class Reading(ABC):
 
     @property
     def knows_commanded_position(self) -> bool:
-        """Whether its state says where it has commanded the arm to be, as the part ``commanded``."""
+        """Whether its state has where it has commanded the arm to be, as the part ``commanded``."""
         return "commanded" in self.state
 
     @property
     def knows_acceleration(self) -> bool:
-        """Whether its state says which acceleration it has commanded, as the part ``a``."""
+        """Whether its state has the acceleration that it has commanded, as the part ``a``."""
         return "a" in self.state
 
     @property
@@ -156,6 +156,18 @@ class SampledReading(Reading):
         """
         commanded = {"commanded": q, "v": v, "a": a}
         return self.state.replaced(x, **{k: y for k, y in commanded.items() if k in self.state})
+
+
+class ReadingWrapper(ABC):
+    """What comes between the reading of a law and its loop."""
+
+    @abstractmethod
+    def around(self, reading: SampledReading) -> SampledReading:
+        """Return a reading that does what another one does, but for what comes in between.
+
+        Args:
+            reading: The other one.
+        """
 
 
 class ContinuousReading(Reading):

@@ -18,15 +18,9 @@ _RADIUS, _OPACITY = 0.09, 0.6
 
 
 def marks_of(motion: ReplayedMotion) -> list[dict[str, Any]]:
-    """Return when joints lock [s, since the first sample], and their names in the chart."""
-    locks = motion.result.experiment.locks
-    if locks is None:
-        return []
+    """Return when something happens to the arm [s, since the first sample], and what."""
     begin = float(motion.result.time[0])
-    return [
-        {"time": float(locks.times[joint]) - begin, "name": f"joint {joint + 1} locks"}
-        for joint in locks.joints
-    ]
+    return [{"time": time - begin, "name": name} for time, name in motion.result.experiment.moments]
 
 
 class LockedJoints:

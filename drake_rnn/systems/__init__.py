@@ -17,7 +17,6 @@ from .force_sensor import ForceSensor as ForceSensor, SensorSettings as SensorSe
 from .force_watch import ForceWatch as ForceWatch
 from .ideal_arm import IdealArm as IdealArm
 from .image_source import ImageSource as ImageSource
-from .joint_brakes import JointBrakes as JointBrakes
 from .joint_reference import (
     JointReference as JointReference,
     followed_path as followed_path,

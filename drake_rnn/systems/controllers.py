@@ -22,12 +22,10 @@ from ..laws.checks import (
     observables_of,
     sampled_reading,
 )
-from ..laws.law import ContinuousReading, Law, Reading, SampledReading
+from ..laws.law import ContinuousReading, Law, Reading, ReadingWrapper, SampledReading
 from ..laws.layout import Signals
 from ..laws.safety import Safety
-from ..laws.told_of_locks import ToldOfLocks
 from ..laws.trial import started, try_reading
-from ..robot.joint_locks import JointLocks
 from .block import Block
 from .white_noise import require_seed
 
@@ -227,7 +225,8 @@ class SampledController(Controller):
         period: Sampling period [s].
         seed: Seed of the law's random initial state.
         safety: What is kept of the law's command; None to take it as it is.
-        locks: When joints lock, which the law is told of; None for an arm of sound joints.
+        locks: When joints lock, which the law is told of, as `JointLocks`; None for an arm of
+            sound joints.
 
     Raises:
         InvalidInputError: If the law cannot be sampled at this period, or nothing can be kept of
@@ -244,15 +243,15 @@ class SampledController(Controller):
         period: float,
         seed: int = 0,
         safety: Safety | None = None,
-        locks: JointLocks | None = None,
+        locks: ReadingWrapper | None = None,
     ) -> None:
         require_type("law", law, Law)
         if not is_number(period) or period <= 0.0:
             raise InvalidInputError(f"period: must be a positive time [s], not {short(period)}")
         reading = read_sampled(law, period, safety)
-        require_type("locks", locks, JointLocks, NoneType)
+        require_type("locks", locks, ReadingWrapper, NoneType)
         if locks is not None:
-            reading = ToldOfLocks(reading, locks)
+            reading = locks.around(reading)
         super().__init__(law, reading, seed)
         self.period = period
         self._step: Any = unchecked(reading.step)

@@ -7,7 +7,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, Integrator
 
 from drake_rnn import InvalidInputError, JointLimits, JointLock, JointLocks
-from drake_rnn.systems import JointBrakes
+from drake_rnn.features.locks import JointBrakes
 
 NAMES = ("shoulder", "elbow", "wrist")
 V, H = np.array([0.4, -0.4, 0.2]), 1e-3

@@ -1,0 +1,412 @@
+r"""Joints that lock during a run: the section ``faults``, brakes, and what a law is told.
+
+`JointBrakes` stand between the command and the arm, and a `LockAwareReading` around the law's own
+tells it of joints that have locked. Both follow one `JointLocks`; no law and no body knows of them.
+
+A joint that stands still causes nothing, whatever a law wants of it: its column of the Jacobian is
+zero. In a program whose cost and bounds are those of each joint alone, as
+
+.. math::
+    \min_v \tfrac12 v^T W v + c^T v \quad \text{s.t.} \quad J v = w, \quad
+    \underline v \le v \le \overline v
+
+with a diagonal W, the other joints then get the velocities of the program whose bounds of the
+locked joint are zero; in one that couples joints, such as of their torques, they still follow the
+task, but at another cost. What the law goes on to want of the locked joint itself is cut off behind
+it, by the brake.
+
+A law that sees J sees that column of it as zero, and the column of a part ``J_hat`` of its state
+is set to zero before each step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import StrictInt
+from pydrake.systems.framework import Context, DiscreteValues
+
+from ..arrays.namespace import AnyArray
+from ..errors import InvalidInputError
+from ..inputs.arguments import is_flags, is_vector
+from ..inputs.complaints import nearest, short
+from ..inputs.fields import Array, Flag, NonNegative, validated
+from ..laws import Law, PostureLaw
+from ..laws.called import unchecked
+from ..laws.law import ReadingWrapper, SampledReading
+from ..laws.layout import Layout, Signals
+from ..robot.limits import JointLimits
+from ..robot.stop_step import stop_step
+from ..systems.block import Block
+
+# Sample times carry rounding errors [s].
+_ROUNDING = 1e-9
+# Acceleration with which a joint stops from one sample to the next [rad/s^2].
+_AT_ONCE = 1e12
+# Signals and parts of the state whose last axis is joints, with the effect of each on the task.
+_JACOBIANS = ("J", "J_omega")
+_LEARNED = "J_hat"
+
+
+@validated
+class JointLock:
+    """A joint that locks during a run, and does not move again.
+
+    Args:
+        joint: Number of the joint, from 1, or its name.
+        time: Time at which its brake closes [s]; in a sampled loop the first sample from then on.
+        stop: How it comes to rest: ``braked``, as fast as the limits of its acceleration and, if
+            there is one, of its jerk allow; ``at_once``, from one sample to the next, whatever the
+            limits are. A joint without a limit of the acceleration always stops at once.
+        told: Whether a law that sees the Jacobian sees the column of this joint as zero from then
+            on, and one that learns a Jacobian sets that column of it to zero.
+        told_after: Time after ``time`` from which it does [s], such as a detection takes.
+    """
+
+    joint: StrictInt | str
+    time: NonNegative
+    stop: Literal["braked", "at_once"] = "braked"
+    told: Flag = True
+    told_after: NonNegative = 0.0
+
+    def __post_init__(self) -> None:
+        if self.told_after > 0.0 and not self.told:
+            raise ValueError("told_after: must be left out with told: false")
+
+    def index(self, joints: Sequence[str]) -> int:
+        """Return the index of the joint, from 0, among those of an arm.
+
+        Args:
+            joints: Their names.
+
+        Raises:
+            InvalidInputError: If it is not among them.
+        """
+        if isinstance(self.joint, str):
+            if self.joint not in joints:
+                raise InvalidInputError(
+                    f"joint: there is no joint {self.joint!r}; {nearest(self.joint, list(joints))}"
+                )
+            return list(joints).index(self.joint)
+        if not 1 <= self.joint <= len(joints):
+            raise InvalidInputError(
+                f"joint: must be a number from 1 to {len(joints)}, or a name, not {self.joint}"
+            )
+        return self.joint - 1
+
+
+@dataclass(frozen=True, eq=False)
+class JointLocks(ReadingWrapper):
+    """When the joints of an arm lock, shape (n,) each.
+
+    Attributes:
+        times: Time at which each joint's brake closes [s]; infinite for one that stays free.
+        told: Time from which laws are told of it [s]; infinite if they never are.
+        at_once: Whether it stops from one sample to the next.
+    """
+
+    times: Array
+    told: Array
+    at_once: NDArray[np.bool_]
+
+    def __post_init__(self) -> None:
+        for name, given in (("times", self.times), ("told", self.told)):
+            if not is_vector(given) or not (np.asarray(given) >= 0.0).all():
+                raise InvalidInputError(
+                    f"{name}: must be times of 0 or more, one per joint, infinite for never, not "
+                    f"{short(given)}"
+                )
+        sizes: dict[str, tuple[object, int]] = {"told": (self.told, np.size(self.told))}
+        sizes["at_once"] = self.at_once, np.size(self.at_once) if is_flags(self.at_once) else 0
+        for name, (value, size) in sizes.items():
+            if size != np.size(self.times):
+                raise InvalidInputError(
+                    f"{name}: must be one per joint, {np.size(self.times)} as in times, not "
+                    f"{short(value)}"
+                )
+
+    @classmethod
+    def of(cls, joints: Sequence[str], locks: Sequence[JointLock]) -> JointLocks:
+        """Return when the joints of an arm lock.
+
+        Args:
+            joints: Names of its joints.
+            locks: Its locks, one or more.
+
+        Raises:
+            InvalidInputError: If the arm has no such joint, or one locks twice.
+        """
+        times, told = np.full((2, len(joints)), np.inf)
+        at_once = np.zeros(len(joints), dtype=bool)
+        for lock in locks:
+            joint = lock.index(joints)
+            if np.isfinite(times[joint]):
+                raise InvalidInputError(
+                    f"joint: {lock.joint} locks at {times[joint]:g} s already; give it once"
+                )
+            times[joint] = lock.time
+            told[joint] = lock.time + lock.told_after if lock.told else np.inf
+            at_once[joint] = lock.stop == "at_once"
+        return cls(times, told, at_once)
+
+    @classmethod
+    def of_run(
+        cls, joints: Sequence[str], locks: Sequence[JointLock] | None, duration: float
+    ) -> JointLocks | None:
+        """Return when the joints of an arm lock during a run; None if none does.
+
+        Args:
+            joints: Names of its joints.
+            locks: Section ``faults`` of a document.
+            duration: Duration of the run [s].
+
+        Raises:
+            InvalidInputError: If there is no such joint, one locks twice, or none does in this run.
+        """
+        if not locks:
+            return None
+        for number, lock in enumerate(locks):
+            _require_within(lock, f"faults.{number}", duration)
+            try:
+                cls.of(joints, locks[: number + 1])
+            except InvalidInputError as error:
+                raise InvalidInputError(f"faults.{number}.{error}") from None
+        return cls.of(joints, locks)
+
+    def around(self, reading: SampledReading) -> SampledReading:
+        """See `ReadingWrapper.around`."""
+        return LockAwareReading(reading, self)
+
+    @property
+    def moments(self) -> list[tuple[float, str]]:
+        """Times at which joints lock [s], each with its name in figures and pages."""
+        return [(float(self.times[joint]), f"joint {joint + 1} locks") for joint in self.joints]
+
+    @property
+    def size(self) -> int:
+        """Number of joints of the arm."""
+        return self.times.size
+
+    @property
+    def joints(self) -> list[int]:
+        """Indices of the joints that lock, from 0, in the order in which they do."""
+        order = np.argsort(self.times, kind="stable").tolist()
+        return [joint for joint in order if np.isfinite(self.times[joint])]
+
+    @cached_property
+    def span(self) -> tuple[float, float]:
+        """Times at which the first and the last of them lock [s]."""
+        finite = self.times[np.isfinite(self.times)]
+        return float(finite.min()), float(finite.max())
+
+    def locked(self, t: float) -> NDArray[np.bool_]:
+        """Return whether the brake of each joint is closed at a time [s], shape (n,)."""
+        return np.asarray(self.times <= t + _ROUNDING)
+
+    def free(self, t: float | AnyArray) -> AnyArray:
+        """Return 1 for each joint that a law takes for free at one or many times [s], 0 for others.
+
+        Args:
+            t: The times, a number or shape (k,).
+
+        Returns:
+            Factors of the columns of a Jacobian, shape (1, n) or (k, 1, n).
+        """
+        times = np.asarray(t, dtype=float)[..., np.newaxis, np.newaxis]
+        return np.where(self.told <= times + _ROUNDING, 0.0, 1.0)
+
+
+def _require_within(lock: JointLock, key: str, duration: float) -> None:
+    """Raise an InvalidInputError if a joint locks, or a law is told of it, after a run."""
+    if lock.time >= duration:
+        raise InvalidInputError(
+            f"{key}.time: must be before the end of the run, {duration:g} s, not {lock.time:g}"
+        )
+    if lock.time + lock.told_after >= duration:
+        raise InvalidInputError(
+            f"{key}.told_after: must end before the run does, at {duration:g} s, not be "
+            f"{lock.told_after:g}; for never, give told: false"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class LockAwareReading(SampledReading):
+    """A reading around another one, which tells it of joints that have locked.
+
+    Attributes:
+        reading: The other one.
+        locks: When joints lock.
+    """
+
+    reading: SampledReading
+    locks: JointLocks
+
+    @property
+    def state(self) -> Layout:
+        return self.reading.state
+
+    @property
+    def inputs(self) -> Layout:
+        return self.reading.inputs
+
+    @property
+    def inputs_with_gaps(self) -> tuple[str, ...]:  # type: ignore[override]
+        """See `Reading.inputs_with_gaps`."""
+        return self.reading.inputs_with_gaps
+
+    @property
+    def observables(self) -> Layout:
+        return self.reading.observables
+
+    @property
+    def holds_command(self) -> bool:
+        return self.reading.holds_command
+
+    @property
+    def integration_scheme(self) -> str:
+        return self.reading.integration_scheme
+
+    def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
+        return self.reading.initial_state(rng, u)
+
+    def commanded_velocity(self, t: float, x: Array) -> Array:
+        return self.reading.commanded_velocity(t, x)
+
+    def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
+        return np.asarray(self._step(t, self._known(t, x), self._seen(t, u), period))
+
+    def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
+        return self.reading.diagnostics(t, x, self._seen(t, u))
+
+    def resumed(self, x: Array, q: Array, v: Array, a: Array, elapsed: float | None = 0.0) -> Array:
+        return self.reading.resumed(x, q, v, a, elapsed)
+
+    def caveats(self, metrics: Mapping[str, float]) -> list[str]:
+        return self.reading.caveats(metrics)
+
+    @cached_property
+    def _step(self) -> Any:
+        return unchecked(self.reading.step)
+
+    def _seen(self, t: float | Array, u: Signals) -> Signals:
+        """Return the signals of a law that is told."""
+        free = self.locks.free(t)
+        if free.all():
+            return u
+        return {**u, **{name: free * u[name] for name in _JACOBIANS if name in u}}
+
+    def _known(self, t: float, x: Array) -> Array:
+        """Return the state of a law that is told."""
+        free = self.locks.free(t)
+        if _LEARNED not in self.state or free.all():
+            return x
+        return self.state.replaced(x, **{_LEARNED: free * self.state.part(x, _LEARNED)})
+
+
+class JointBrakes(Block):
+    """Joint velocities as commanded, but for joints whose brakes are closed.
+
+    From the sample at which a brake closes, its joint comes to rest in the fastest way that its
+    limits of acceleration and jerk allow, from the velocity and the acceleration that it had; then
+    it rests for good. Where it comes to rest follows from these: a command that leaves no room for
+    this stop, as some laws' commands do, may lead a joint beyond its position limit.
+
+    Input is ``commanded``, output ``braked``, both of shape (n,) [rad/s].
+
+    Args:
+        locks: When the joints lock.
+        limits: Limits of the joints.
+        period: Sampling period, for which the braked velocities are held [s].
+
+    Raises:
+        InvalidInputError: If locks and limits are of different numbers of joints.
+    """
+
+    def __init__(self, locks: JointLocks, limits: JointLimits, period: float) -> None:
+        super().__init__()
+        n = locks.size
+        if limits.size != n:
+            raise InvalidInputError(f"locks: must be of {limits.size} joints, not of {n}")
+        self._locks, self._period = locks, period
+        bounds = np.full(n, np.inf) if limits.acceleration is None else limits.acceleration
+        most = np.where(locks.at_once, np.inf, bounds)
+        jerk = np.full(n, np.inf) if limits.jerk is None else limits.jerk
+        # A stop whose acceleration is not bounded has no bound of the jerk.
+        self._smooth = np.isfinite(most) & np.isfinite(jerk)
+        self._most, self._jerk = np.minimum(most, _AT_ONCE), jerk
+        self._command = self.DeclareVectorInputPort("commanded", n)
+        # What joints with closed brakes are given; whether they have them; what all were given
+        # in the period before this one.
+        state = [self.DeclareDiscreteState(n) for _ in range(3)]
+        self._given, self._closed, self._before = state
+        self.DeclareVectorOutputPort("braked", n, self._calc_braked)
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+
+    def _calc_braked(self, context: Context, output: Any) -> None:
+        output.set_value(self._braked(context))
+
+    def _braked(self, context: Context) -> Array:
+        given, closed = (self._part(context, each) for each in (self._given, self._closed))
+        return np.where(closed > 0.0, given, self._command.Eval(context))
+
+    def _part(self, context: Context, index: Any) -> Array:
+        return context.get_discrete_state(index).value()
+
+    def _update(self, context: Context, state: DiscreteValues) -> None:
+        closed = self._locks.locked(context.get_time())
+        v = self._braked(context)
+        # The law steps at the same time: the command is still the one of the period that ends now.
+        if closed.any():
+            a = (v - self._part(context, self._before)) / self._period
+            state.set_value(self._given, self._slower(v, a, closed))
+            state.set_value(self._closed, closed.astype(float))
+        state.set_value(self._before, v)
+
+    def _slower(self, v: Array, a: Array, closed: NDArray[np.bool_]) -> Array:
+        """Return the next velocities of a stop, shape (n,); zero for joints that are free."""
+        after = np.zeros(v.size)
+        a = np.clip(a, -self._most, self._most)
+        for smooth in (False, True):
+            which = closed & (self._smooth == smooth)
+            moving = v[which].tolist(), a[which].tolist(), self._most[which].tolist()
+            jerk = self._jerk[which].tolist() if smooth else None
+            after[which], _ = stop_step(*moving, jerk, self._period)
+        return after
+
+
+def lock_doubts(
+    locks: JointLocks | None, law: Law, joints: Sequence[str], task_size: int
+) -> list[str]:
+    """Return warnings about the joints that lock.
+
+    Args:
+        locks: When joints lock; None if none does.
+        law: The law.
+        joints: Names of the arm's joints.
+        task_size: Number of dimensions of the task.
+    """
+    if locks is None:
+        return []
+    names = [joints[joint] for joint in locks.joints]
+    found, left = [], len(joints) - len(names)
+    if left < task_size:
+        found.append(
+            f"faults: with {', '.join(names)} locked, {left} joints remain for the {task_size} "
+            "dimensions of the task"
+        )
+    tellable = law.sees_jacobian or law.learns_jacobian
+    if np.isfinite(locks.told).any() and not tellable:
+        found.append(
+            f"faults: {type(law).__name__} sees and learns no Jacobian, so that it cannot be "
+            "told; it goes on as if the joints moved"
+        )
+    if isinstance(law, PostureLaw):
+        found.append(
+            f"faults: {', '.join(names)} will not reach the target posture, unless they lock there"
+        )
+    return found

@@ -16,6 +16,7 @@ from ..inputs.dataclass_fields import field_names
 from ..laws import Law
 from ..robot.task import TASKS, tasks_suiting
 from ..robot.tool_camera import ToolCamera
+from ..signals import HINTS
 from ..systems.body import Body, Feedback
 from ..systems.controllers import Controller
 from ..systems.image_source import ImageSource
@@ -151,16 +152,6 @@ def given_signals(signals: Mapping[str, OutputPort] | None, controller: Controll
     return given
 
 
-_HINTS = {
-    "R_WE_desired": "; give the PathSource R_WE",
-    "normal_WE": "; give the body a contact",
-    "position_preview": "; give a JointReference",
-    "p_preview": "; give the PathSource a preview of one period",
-    "pixels": "; give the loop a camera",
-    "pixels_desired": "; give an ImageSource as the reference",
-}
-
-
 def check_offers(
     controller: Controller, offered: Mapping[str, OutputPort], kinematics: Kinematics, task: str
 ) -> None:
@@ -177,7 +168,7 @@ def check_offers(
         if name not in offered:
             raise InvalidInputError(
                 f"{controller.get_name()}: nothing in this diagram offers {name!r}; "
-                f"available: {', '.join(sorted(offered))}{_HINTS.get(name, '')}"
+                f"available: {', '.join(sorted(offered))}{HINTS.get(name, '')}"
             )
     _require_task(controller, kinematics, task, offered)
 

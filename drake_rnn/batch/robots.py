@@ -17,20 +17,30 @@ from ..laws.stacked import stacked
 from ..laws.trial import started
 from ..measures import Pressing, Yardsticks
 from ..robot.rotation import angle_between
+from ..signals import (
+    DESIRED_ORIENTATION,
+    DESIRED_POSITION,
+    OF_EVERY_MOTION,
+    PATH_AHEAD,
+    POSITION_OF_PATH,
+    names_of,
+)
 from .desired import Tables
 from .filtering import Filters
 from .grouping import Robot, arm_of_all
 from .noise import Noises, PoseNoise
 from .pressing import Surfaces
 from .schedule import Schedule, schedule_of
-from .signals import PREVIEWS, Desired, Rows, Sight
+from .signals import Desired, Rows, Sight
 from .snapshot import Snapshot
 
+# Signals of the path that a motion has.
+_RECORDED = frozenset(OF_EVERY_MOTION) & frozenset(POSITION_OF_PATH)
 # Signals of the path that a law sees late if its arm is late.
-_LATE = frozenset(("p_WE_desired", "R_WE_desired"))
+_LATE = frozenset((DESIRED_POSITION, DESIRED_ORIENTATION))
 # Signals of the path that a late arm is compared with.
-_EVALUATED = _LATE | {"v_WE_desired"}
-_SEEN_ANYWAY = frozenset(("position", "p_WE", "J", "velocity", "v_WE"))
+_EVALUATED = _LATE | _RECORDED
+_SEEN_ANYWAY = frozenset(OF_EVERY_MOTION) & frozenset(names_of("joints", "kinematics"))
 
 
 @dataclass(frozen=True)
@@ -123,17 +133,17 @@ class Robots:
         self.law: SampledReading = stacked(self.readings)
         self._sees = frozenset(self.law.inputs.parts)
         # Observables are computed from true signals, none of them of the future.
-        self._observed = (self._sees | _SEEN_ANYWAY) - PREVIEWS
+        self._observed = (self._sees | _SEEN_ANYWAY) - PATH_AHEAD
         self.oriented = experiments[0].holds_orientation
         # Orientations of paths are evaluated only where they matter.
         turns = frozenset(("R_WE_desired",)) if self.oriented else frozenset()
-        self._around = self._observed | turns | {"p_WE_desired", "v_WE_desired"}
+        self._around = self._observed | turns | _RECORDED
         self._model = None if document.joint_noise is None else document.joint_noise.model
         self.noises = None if document.joint_noise is None else Noises(experiments)
         self._pose_noise = None if document.sensing is None else PoseNoise(experiments)
         self._task = experiments[0].task
         ahead = None
-        if self._sees & PREVIEWS:
+        if self._sees & PATH_AHEAD:
             ahead = Tables(experiments, times + period, self.oriented)
         late, delay = None, experiments[0].path_delay
         if delay > 0.0:
@@ -261,7 +271,7 @@ class Robots:
         velocity = now.dithered if self._model == "actuated" else now.command
         seen = {**sight.of_arms(self._observed, velocity, velocity), **look.around}
         desired = {**look.around, **self._desired.late(look.rows, _EVALUATED & self._around)}
-        known = {name: desired[name] for name in ("p_WE_desired", "v_WE_desired")}
+        known = {name: desired[name] for name in _RECORDED}
         if not (law.holds_command and velocity is now.command and self._filters is None):
             known["network_velocity"] = state.part(now.x, "v")
         if "J_hat" in state:
@@ -272,7 +282,7 @@ class Robots:
             filtered = self._filters.velocity(now.averages)
             virtual, arms = arms, self._of_arms(behind, now.behind, filtered, desired)
         elif len(look.rows.late):
-            seen["p_WE_desired"] = desired["p_WE_desired"]
+            seen[DESIRED_POSITION] = desired[DESIRED_POSITION]
         observed = law.diagnostics(look.time, now.x, seen) if observes else {}
         return Snapshot(look.time, {**known, **arms}, look.pressed, virtual, observed)
 

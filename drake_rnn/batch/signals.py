@@ -3,27 +3,50 @@
 from __future__ import annotations
 
 from collections.abc import Set
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ..arrays.algebra import functions_of, matvec
 from ..arrays.namespace import AnyArray, in_front, robots_first
 from ..inputs.fields import Array
 from ..robot.moved_screws import MovedScrews
 from ..robot.task import Task
+from ..signals import (
+    AHEAD,
+    ORIENTATION_OF_PATH,
+    PATH_AHEAD,
+    POSITION_OF_PATH,
+    SIGNALS,
+    Moved,
+    names_of,
+)
 from .desired import Row, Tables
 
-_AHEAD = {
-    "p_preview": "p_WE_desired",
-    "v_preview": "v_WE_desired",
-    "a_preview": "a_WE_desired",
-    "R_preview": "R_WE_desired",
-    "w_preview": "w_WE_desired",
-    "alpha_preview": "alpha_WE_desired",
-}
-#: Names of the signals that a law may see ahead of time.
-PREVIEWS = frozenset(_AHEAD)
-
 Found = dict[str, AnyArray]
+# Signals of arms that follow from their posture and velocity.
+_OF_ARMS = frozenset(names_of("joints", "kinematics"))
+
+
+class _AtPosture:
+    """Kinematics of robots side by side at one posture, as the functions of the table ask for them.
+
+    Args:
+        moved: The kinematics.
+    """
+
+    def __init__(self, moved: MovedScrews) -> None:
+        self._moved = moved
+
+    def p_WE(self, q: AnyArray) -> AnyArray:
+        return self._moved.p_WE
+
+    def R_WE(self, q: AnyArray) -> AnyArray:
+        return self._moved.R_WE
+
+    def J_omega(self, q: AnyArray) -> AnyArray:
+        return self._moved.J_omega
+
+    def Jdot_v(self, q: AnyArray, v: AnyArray) -> AnyArray:
+        return self._moved.Jdot_v(v)
 
 
 class Sight:
@@ -42,7 +65,7 @@ class Sight:
 
     def __init__(self, task: Task, moved: MovedScrews, position: Array) -> None:
         self._axes = slice(task.axes[0], task.axes[-1] + 1)
-        self._moved = moved
+        self._moved, self.kinematics = moved, _AtPosture(moved)
         self._translation = moved.J[..., self._axes, :]
         # The last joint velocities asked for, and those of the end effectors for them.
         self._moving: tuple[Array, Array] | None = None
@@ -53,8 +76,20 @@ class Sight:
         if task.with_orientation:
             self.J = _below(moved.J_omega, self._translation)
 
-    def v_WE(self, velocity: Array) -> Array:
+    def along(self, vectors: Array) -> Array:
+        """Return vectors, shape (robots, 3), along the axes of the task, shape (robots, m)."""
+        return vectors[..., self._axes]
+
+    def task_J(self, q: Array) -> Array:
+        """Return the Jacobians of the task, shape (robots, size, n); see `View.task_J`."""
+        return self.J
+
+    def tip_velocity(self, q: Array, v: Array) -> Array:
         """Return the velocities of the end effectors, shape (robots, m) [m/s]."""
+        return self.v_WE(v)
+
+    def v_WE(self, velocity: Array) -> Array:
+        """Return the same, for joint velocities, shape (robots, n) [rad/s]."""
         if self._moving is None or self._moving[0] is not velocity:
             self._moving = velocity, matvec(self._translation, velocity)
         return self._moving[1]
@@ -67,18 +102,11 @@ class Sight:
             velocity: Joint velocities that are shown, shape (robots, n) [rad/s].
             causes: Joint velocities that the others follow from, likewise.
         """
-        known: Found = {"position": self.position, "p_WE": self.p_WE, "J": self.J}
-        if "velocity" in names:
-            known["velocity"] = velocity
-        if "v_WE" in names:
-            known["v_WE"] = self.v_WE(causes)
-        if "Jdot_v" in names:
-            known["Jdot_v"] = self._moved.Jdot_v(causes)[..., self._axes]
-        if "R_WE" in names:
-            known["R_WE"] = self._moved.R_WE
-        if "J_omega" in names:
-            known["J_omega"] = self._moved.J_omega
-        return {name: value for name, value in known.items() if name in names}
+        found = {
+            name: _value(name, self, self.position, velocity if name == "velocity" else causes)
+            for name in names & _OF_ARMS
+        }
+        return found
 
     @property
     def R_WE(self) -> Array:
@@ -134,9 +162,9 @@ class Desired:
         """Return those of the signals that are seen ahead of time at a step."""
         if self._ahead is None:
             return {}
-        wanted = {_AHEAD[name] for name in names & PREVIEWS}
+        wanted = {AHEAD[name] for name in names & PATH_AHEAD}
         known = self._named(self._ahead, rows.ahead, wanted)
-        return {name: known[_AHEAD[name]] for name in names & PREVIEWS}
+        return {name: known[AHEAD[name]] for name in names & PATH_AHEAD}
 
     def late(self, rows: Rows, names: Set[str]) -> Found:
         """Return the signals that arms behind filters should have; none if they are not late."""
@@ -146,14 +174,45 @@ class Desired:
         return {name: value for name, value in known.items() if name in names}
 
     def _named(self, tables: Tables, row: Row, names: Set[str]) -> Found:
-        p, v, a = tables.position(row)
-        axes = self._axes
-        found: Found = {"p_WE_desired": p[..., axes], "v_WE_desired": v[..., axes]}
-        found["a_WE_desired"] = a[..., axes]
-        if names & {"R_WE_desired", "w_WE_desired", "alpha_WE_desired"}:
-            R, w, alpha = tables.orientation(row)
-            found |= {"R_WE_desired": R, "w_WE_desired": w, "alpha_WE_desired": alpha}
-        return found
+        view = _PathView(tables, self._axes)
+        wanted = [*POSITION_OF_PATH]
+        if not names.isdisjoint(ORIENTATION_OF_PATH):
+            wanted += ORIENTATION_OF_PATH
+        return {name: _value(name, view, t=row) for name in wanted}
+
+
+class _PathView:
+    """What the functions of the table compute signals of paths with, each motion once.
+
+    Args:
+        tables: The motions; a row stands for the time.
+        axes: Axes of the task.
+    """
+
+    def __init__(self, tables: Tables, axes: slice) -> None:
+        self.path, self._tables, self._axes = self, tables, axes
+        self._position: Moved | None = None
+        self._orientation: Moved | None = None
+
+    def along(self, vector: Array) -> Array:
+        return vector[..., self._axes]
+
+    def position(self, row: Row) -> Moved:
+        if self._position is None:
+            self._position = self._tables.position(row)
+        return self._position
+
+    def orientation(self, row: Row) -> Moved:
+        if self._orientation is None:
+            self._orientation = self._tables.orientation(row)
+        return self._orientation
+
+
+def _value(name: str, view: Any, q: Any = None, v: Any = None, t: Any = None) -> AnyArray:
+    """Return a signal by its function in the table."""
+    function = SIGNALS[name].function
+    assert function is not None
+    return function(view, q, v, t)
 
 
 def _below(first: AnyArray, second: AnyArray) -> Array:

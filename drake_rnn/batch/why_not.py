@@ -13,15 +13,10 @@ from ..laws import Law, SampledReading
 from ..laws.called import require_many
 from ..robot.arm import Arm
 from ..robot.arm_screws import screws_of
-from .signals import PREVIEWS
+from ..signals import PATH_AHEAD, names_of
 
 #: Signals that a law in a batch may see.
-SIGNALS = PREVIEWS | {
-    *("position", "velocity", "p_WE", "v_WE", "J", "R_WE", "J_omega", "Jdot_v"),
-    *("p_WE_desired", "v_WE_desired", "a_WE_desired"),
-    *("R_WE_desired", "w_WE_desired", "alpha_WE_desired"),
-    *("normal_WE", "normal_force", "normal_force_desired"),
-}
+_COMPUTED = PATH_AHEAD | {*names_of("joints", "kinematics", "path", "surface")}
 _SCHEMES = ("explicit_euler", "runge_kutta2")
 
 
@@ -80,7 +75,7 @@ def _able_reading(law: Law, period: float) -> SampledReading:
     # The law's declarations were checked when the experiment was made.
     reading = law.sampled(period)
     require_many(reading)
-    if unknown := sorted(reading.inputs.parts.keys() - SIGNALS):
+    if unknown := sorted(reading.inputs.parts.keys() - _COMPUTED):
         raise InvalidInputError(
             f"law: {name} sees {', '.join(unknown)}, which a batch does not compute"
         )

@@ -5,7 +5,7 @@ topic               message                     series
 ==================  ==========================  ==============================================
 ``/joint_states``   sensor_msgs/JointState      position, velocity, torque
 ``/end_effector``   geometry_msgs/PointStamped  p_WE
-``/target``         geometry_msgs/PointStamped  p_WE_desired
+``/target``         geometry_msgs/PointStamped  the desired position
 ``/series/NAME``    std_msgs/Float64MultiArray  each other one, row by row
 ==================  ==========================  ==============================================
 
@@ -22,6 +22,7 @@ from ..inputs.extras import needed
 from ..inputs.fields import Array
 from ..runs.columns import require_series
 from ..runs.result import Result
+from ..signals import TRACKING
 from .stamps import nanoseconds, stamp
 
 #: A message by the names of its fields.
@@ -56,7 +57,7 @@ _DEFINITIONS = {
 _BETWEEN = "\n" + 80 * "=" + "\n"
 # Series of the joints, by their field of a message.
 _JOINTS = {"position": "position", "velocity": "velocity", "effort": "torque"}
-_POINTS = {"/end_effector": "p_WE", "/target": "p_WE_desired"}
+_POINTS = dict(zip(("/end_effector", "/target"), TRACKING, strict=True))
 
 
 class _Topic(NamedTuple):

@@ -18,6 +18,7 @@ from ..inputs.fields import Array
 from ..measures import prefixed
 from ..robot.limits import DERIVATIVE_UNITS
 from ..runs.result import Result
+from ..signals import DESIRED_POSITION, TRACKING
 from .comparison import bounded_orders, plot_errors, plot_shares, shares_of_bounds
 from .looks import DESIRED, Style, nth
 from .paper import Paper, drawn_for, wide
@@ -177,7 +178,7 @@ def _plot_path(ax: Axes, runs: Runs) -> None:
 
 def _desired(run: Result) -> Array:
     """Return points of a run's desired path, passed once, shape (k, 3); NaN as in `strokes_of`."""
-    return strokes_of(run, "p_WE_desired")[first_pass(run)]
+    return strokes_of(run, DESIRED_POSITION)[first_pass(run)]
 
 
 def _one_path(paths: Sequence[Array]) -> bool:
@@ -243,11 +244,10 @@ def _drift(run: Result) -> Array:
     return np.asarray(np.abs(run.series["position"] - run.series["position"][0]).max(axis=1))
 
 
-_POSITIONS = ("p_WE", "p_WE_desired")
 #: Panels of a figure of several runs.
 PANELS: dict[str, Panel] = {
-    "path": Panel(_plot_path, _POSITIONS),
-    "error": Panel(_plot_error, _POSITIONS),
+    "path": Panel(_plot_path, TRACKING),
+    "error": Panel(_plot_error, TRACKING),
     "orientation": _values("orientation error", "rad", "orientation_error"),
     "speed": _values("end-effector speed", "m/s", "v_WE", of=_speed),
     "drift": _values("largest way of a joint\nfrom its start", "rad", "position", of=_drift),

@@ -14,6 +14,7 @@ from ..runs.limit_use import uses
 from ..runs.result import Result
 from ..runs.told_metrics import told_bound, told_value, words_of
 from ..runs.verdict import Verdict
+from ..signals import TRACKING
 from .force_panels import plot_force, plot_force_error
 from .image_panels import plot_image, plot_pixel_error
 from .jacobian_panels import plot_jacobian, plot_jacobian_error, plot_singular_value
@@ -56,8 +57,8 @@ def _plot_bounded_velocities(ax: Axes, result: Result) -> None:
 
 #: Panels of a run along a path, each with the series it needs.
 _PANELS: _Panels = [
-    ({"p_WE", "p_WE_desired"}, plot_path),
-    ({"p_WE", "p_WE_desired"}, plot_position_error),
+    ({*TRACKING}, plot_path),
+    ({*TRACKING}, plot_position_error),
     ({"orientation_error"}, plot_orientation_error),
     ({"distance"}, plot_distance),
     ({"position"}, plot_angles),
@@ -86,8 +87,8 @@ _TARGET_PANELS: _Panels = [
 #: Panels of a run in which the joints should return to their start; without torques, the last
 #: one takes their place.
 _RETURN_PANELS: _Panels = [
-    ({"p_WE", "p_WE_desired"}, plot_path),
-    ({"p_WE", "p_WE_desired"}, plot_position_error_axes),
+    ({*TRACKING}, plot_path),
+    ({*TRACKING}, plot_position_error_axes),
     ({"v_WE", "v_WE_desired"}, plot_velocity_error),
     ({"position"}, plot_drift),
     ({"acceleration_peak"}, plot_acceleration_norm),
@@ -97,9 +98,9 @@ _RETURN_PANELS: _Panels = [
 #: Panels of a run in which the tool presses against a surface; without an estimate of the Jacobian,
 #: the last one takes its place.
 _PRESSING_PANELS: _Panels = [
-    ({"p_WE", "p_WE_desired", "normal_force", "normal_force_desired"}, plot_on_surface),
+    ({*TRACKING, "normal_force", "normal_force_desired"}, plot_on_surface),
     ({"normal_force", "normal_force_desired", "normal_force_measured"}, plot_force),
-    ({"p_WE", "p_WE_desired"}, plot_position_error),
+    ({*TRACKING}, plot_position_error),
     ({"orientation_error"}, plot_orientation_error),
     ({"velocity"}, plot_velocities),
     ({"J", "J_hat", "network_velocity"}, plot_jacobian_error),
@@ -118,7 +119,7 @@ _ROW, _LIMITS, _BAR, _HEAD, _ENTRY = 2.3, 0.45, 0.16, 0.25, 0.165
 _VALUE, _VERDICT, _BOUND = 0.325, 0.332, 0.368
 
 
-@draws("p_WE", "p_WE_desired", least=6.5)
+@draws(*TRACKING, least=6.5)
 def overview(result: Result) -> Figure:
     """Draw path, joints and errors, and a table of the metrics with their expected values."""
     candidates, metrics = _contents(result)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 
 from ..runs.result import Result
+from ..signals import TRACKING
 from .force_panels import plot_force, plot_force_error, plot_force_spectrum
 from .registry import draws
 from .style import single, stacked
@@ -36,7 +37,7 @@ def force_error(result: Result) -> Figure:
     return figure
 
 
-@draws("p_WE", "p_WE_desired", "normal_force", "normal_force_desired", applies=presses)
+@draws(*TRACKING, "normal_force", "normal_force_desired", applies=presses)
 def path_on_surface(result: Result) -> Figure:
     """Draw the path on the surface as seen from above, coloured by the force."""
     figure, ax = single(height=3.0)

@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 
 from ..inputs.fields import Array
 from ..runs.result import Result
+from ..signals import TRACKING
 from .ends import mark_ends
 from .image_panels import cameras_that_saw, plot_image, plot_pixel_error
 from .jacobian_panels import plot_jacobian_error
@@ -90,10 +91,10 @@ def _has_free_path(result: Result) -> bool:
     return has_path(result) and not presses(result)
 
 
-_PATHS, _VELOCITIES = ("p_WE", "p_WE_desired"), ("v_WE", "v_WE_desired")
-_alone("path_plane", plot_path, *_PATHS, applies=_has_free_path, height=3.0)
-_alone("position_error", plot_position_error, *_PATHS)
-_alone("position_error_axes", plot_position_error_axes, *_PATHS, applies=has_path)
+_VELOCITIES = ("v_WE", "v_WE_desired")
+_alone("path_plane", plot_path, *TRACKING, applies=_has_free_path, height=3.0)
+_alone("position_error", plot_position_error, *TRACKING)
+_alone("position_error_axes", plot_position_error_axes, *TRACKING, applies=has_path)
 _alone("velocity_error", plot_velocity_error, *_VELOCITIES, applies=has_path)
 _alone("pixel_error", plot_pixel_error, "pixels", "pixels_desired")
 _alone("acceleration_norm", plot_acceleration_norm, "acceleration_peak")
@@ -119,7 +120,7 @@ def image(result: Result) -> Figure:
     return figure
 
 
-@draws("p_WE", "p_WE_desired", applies=lambda r: has_path(r) and r.series["p_WE"].shape[1] == 3)
+@draws(*TRACKING, applies=lambda r: has_path(r) and r.series["p_WE"].shape[1] == 3)
 def path_3d(result: Result) -> Figure:
     """Draw the desired and the traced path in space."""
     figure = Figure(figsize=(wide(COLUMN), 3.2))
@@ -196,7 +197,7 @@ def joint_accelerations(result: Result) -> Figure:
     return _law_and_arm(result, "acceleration", result.experiment.limits.acceleration)
 
 
-@draws("p_WE", "p_WE_desired")
+@draws(*TRACKING)
 def position(result: Result) -> Figure:
     """Draw the desired and the traced position of the end effector, a panel for each axis."""
     p_WE, desired, text = _traced_and_desired(result)
@@ -305,7 +306,7 @@ def _traced_and_desired(result: Result) -> tuple[Array, Array, str]:
     """Return the paths to compare, shape (k, m) [m] both, and a label for the desired one."""
     if presses(result):
         return result.series["p_WE"], desired_at_tool_height(result), "desired, along the surface"
-    return result.series["p_WE"], result.series["p_WE_desired"], "desired"
+    return result.series["p_WE"], result.desired_position, "desired"
 
 
 def _law_and_arm(result: Result, quantity: str, bounds: Array | None) -> Figure:

@@ -65,7 +65,7 @@ def surface_coordinates(result: Result, points: Array) -> Array:
         points: Shape (k, 3) [m].
     """
     axes, _ = surface_axes(result)
-    return np.asarray((points - result.series["p_WE_desired"][0]) @ axes.T)
+    return np.asarray((points - result.desired_position[0]) @ axes.T)
 
 
 def desired_at_tool_height(result: Result) -> Array:
@@ -75,7 +75,7 @@ def desired_at_tool_height(result: Result) -> Array:
     tool is the position error.
     """
     n = _contact(result).surface.normal_W
-    desired = result.series["p_WE_desired"]
+    desired = result.desired_position
     height = (result.series["p_WE"] - desired) @ n
     # The height of a run that diverged may not be finite.
     return np.asarray(desired + np.outer(np.where(np.isfinite(height), height, 0.0), n))
@@ -84,7 +84,7 @@ def desired_at_tool_height(result: Result) -> Array:
 def plot_on_surface(ax: Axes, result: Result) -> None:
     """Plot the path on the surface as seen from above, coloured by the normal force."""
     traced = 1e3 * surface_coordinates(result, result.series["p_WE"])
-    desired = 1e3 * surface_coordinates(result, result.series["p_WE_desired"])
+    desired = 1e3 * surface_coordinates(result, result.desired_position)
     unit, scale = prefixed(largest(result.series["normal_force_desired"]), "N")
     force = scale * result.series["normal_force"]
     edges, colours = force_scale(result)

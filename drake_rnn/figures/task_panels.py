@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from ..inputs.fields import Array
 from ..measures import prefixed
 from ..runs.result import Result
+from ..signals import TRACKING
 from .ends import mark_ends
 from .looks import BEHIND, BOUND, DESIRED, INK, MOMENT, PREDICTED, TRACED, Style, nth
 from .style import (
@@ -32,12 +33,12 @@ from .transients import in_view, keep_in_view
 
 def plot_path(ax: Axes, result: Result) -> None:
     """Plot the desired and the traced path in the plane in which the former varies most."""
-    p_WE, desired = (strokes_of(result, name) for name in ("p_WE", "p_WE_desired"))
+    p_WE, desired = (strokes_of(result, name) for name in TRACKING)
     a, b = sorted(np.argsort(np.ptp(finite(desired), axis=0), kind="stable")[-2:].tolist())
     ax.plot(p_WE[:, a], p_WE[:, b], label="traced", **TRACED)
     once = first_pass(result)
     ax.plot(desired[once, a], desired[once, b], label="desired", **DESIRED)
-    mark_ends(ax, result, *(result.series[name][:, [a, b]] for name in ("p_WE", "p_WE_desired")))
+    mark_ends(ax, result, *(result.series[name][:, [a, b]] for name in TRACKING))
     plane_axes(ax, f"{'xyz'[a]} [m]", f"{'xyz'[b]} [m]")
     legend(ax)
 
@@ -60,7 +61,7 @@ def plot_position_error(ax: Axes, result: Result) -> None:
 
 def plot_position_error_axes(ax: Axes, result: Result) -> None:
     """Plot the position error along each axis, and its norm."""
-    error = result.series["p_WE"] - result.series["p_WE_desired"]
+    error = result.series["p_WE"] - result.desired_position
     _plot_error(ax, result, error, "position error", "m", norm="norm")
     mark_times(ax, result)
     legend(ax)

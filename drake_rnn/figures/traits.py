@@ -79,7 +79,7 @@ def strokes_of(result: Result, series: str) -> Array:
 
     See `drake_rnn.paths.Path.pen_is_down`; on most paths none is.
     """
-    down = result.experiment.path.pen_is_down(result.series["p_WE_desired"])
+    down = result.experiment.path.pen_is_down(result.desired_position)
     return np.asarray(np.where(down[:, None], result.series[series], np.nan))
 
 

@@ -14,24 +14,10 @@ from ..inputs.fields import Array
 from ..inputs.numbers import is_number
 from ..inputs.own_code import naming
 from ..robot.limits import LIMIT_UNITS
+from ..signals import RESERVED
 from .called import FLOAT
 from .law import ContinuousReading, JointPreview, Law, Reading, SampledReading
 from .layout import Layout, Signals
-
-#: Names of recorded series and of ports, which parts of a state and observables must not have.
-RECORDED = frozenset(
-    {
-        *("time", "state", "commanded_velocity", "position", "velocity", "network_velocity"),
-        *("acceleration", "acceleration_peak"),
-        *("network_acceleration", "network_acceleration_peak"),
-        *("p_WE", "v_WE", "p_WE_desired", "v_WE_desired", "J", "joint_error", "orientation_error"),
-        *("position_measured", "velocity_measured"),
-        *("p_WE_measured", "v_WE_measured", "R_WE_measured"),
-        *("normal_force", "normal_force_desired", "normal_force_measured", "contact_force"),
-        # Arguments of the function that saves the series.
-        *("file", "allow_pickle"),
-    }
-)
 
 _R = TypeVar("_R", bound=Reading)
 _Flaws = Callable[[Any, Reading], Iterator[str]]
@@ -43,7 +29,7 @@ def _of_state(state: Layout, reading: Reading) -> Iterator[str]:
         yield f": must have the part v, the joint velocities that it commands; it has {parts}"
     elif len(shape := state.parts["v"][1]) != 1:
         yield f": its part v must have the shape (joints,), not {shape}"
-    yield from (_TAKEN.format(part) for part in state.parts if part in RECORDED)
+    yield from (_TAKEN.format(part) for part in state.parts if part in RESERVED)
 
 
 def _of_inputs(inputs: Layout, reading: Reading) -> Iterator[str]:
@@ -58,7 +44,7 @@ def _of_inputs(inputs: Layout, reading: Reading) -> Iterator[str]:
 
 
 def _of_observables(observables: Layout, reading: Reading) -> Iterator[str]:
-    taken = RECORDED | reading.state.parts.keys()
+    taken = RESERVED | reading.state.parts.keys()
     return (_TAKEN.format(part) for part in observables.parts if part in taken)
 
 

@@ -21,6 +21,7 @@ from ..playback.recorded import Recorded, recorded
 from ..playback.replay import replayed_contact, replayed_motion
 from ..robot.drake_log import quiet_drake
 from ..runs.result import Result
+from ..signals import DESIRED_POSITION
 from .session import Session
 
 # Number of points of the path that are drawn.
@@ -125,7 +126,7 @@ def _at_start(experiment: Experiment) -> Result:
     series = {
         "position": np.tile(experiment.start, (_POINTS, 1)),
         "p_WE": np.tile(experiment.p_WE_start[axes], (_POINTS, 1)),
-        "p_WE_desired": desired,
+        DESIRED_POSITION: desired,
     }
     if experiment.contact is not None:
         series["contact_force"] = np.zeros((_POINTS, 3))

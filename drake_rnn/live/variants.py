@@ -13,6 +13,7 @@ from ..features.pairs import refuse
 from ..inputs.dataclass_fields import field_names, fields_of
 from ..laws import LAWS
 from ..laws.checks import sampled_reading
+from ..signals import DESIRED_POSITION
 from ..systems import BODIES
 
 #: Speed of obstacles that a hand may move, where the document gives none [m/s].
@@ -151,7 +152,7 @@ class Variants:
                 "law: varies its command between samples, so that nothing can be kept of it where "
                 "another one takes over"
             )
-        lacking = [] if made.law.follows_position else ["p_WE_desired"]
+        lacking = [] if made.law.follows_position else [DESIRED_POSITION]
         if made.contact is not None and not made.law.measures_force:
             lacking = ["normal_force", *lacking]
         if lacking:

@@ -12,12 +12,12 @@ from .metrics import (
 from .motion import Motion as Motion, Pressing as Pressing
 from .recorder import PART as PART, Recorder as Recorder, Steps as Steps, Take as Take
 from .run_metrics import RunMetrics as RunMetrics, of_one_run as of_one_run
-from .series import UNITS as UNITS
 from .ticks import last_end as last_end
 from .units import (
     LEAST as LEAST,
     PREFIXED_UNITS as PREFIXED_UNITS,
     PREFIXES as PREFIXES,
+    UNITS as UNITS,
     prefixed as prefixed,
     raised as raised,
     rounded as rounded,

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import math
 
+from ..signals import SERIES_UNITS
+
+#: Units of the series of a run, by name; a series that is not listed has none.
+UNITS = SERIES_UNITS
 #: Prefixes and the factors to them, the coarsest first.
 PREFIXES = (("", 1.0), ("m", 1e3), ("µ", 1e6), ("n", 1e9))
 #: Units that take a prefix.

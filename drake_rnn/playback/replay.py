@@ -141,7 +141,7 @@ def replayed_motion(result: Result) -> ReplayedMotion:
     kinematics = experiment.arm.kinematics()
     # A planar task leaves the height as it is at the start.
     desired = np.tile(experiment.desired.position(0.0)[0], (count, 1))
-    desired[:, list(experiment.task.axes)] = result.series["p_WE_desired"][:count]
+    desired[:, list(experiment.task.axes)] = result.desired_position[:count]
     passed = experiment.desired.traversal + experiment.path_delay
     return ReplayedMotion(
         result=result,

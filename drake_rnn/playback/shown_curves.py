@@ -11,6 +11,7 @@ import numpy as np
 from ..inputs.fields import Array
 from ..robot.limits import DERIVATIVE_UNITS
 from ..runs.derivatives import derivatives_of_motion
+from ..signals import TRACKING
 from .packing import packed
 from .replay import ReplayedMotion
 
@@ -125,7 +126,7 @@ def _image(motion: ReplayedMotion) -> Iterator[Curve]:
 
 
 def _errors(motion: ReplayedMotion) -> Iterator[Curve]:
-    if _series(motion, "p_WE", "p_WE_desired") is not None:
+    if _series(motion, *TRACKING) is not None:
         error = motion.result.position_error[: len(motion.time)]
         pressed = motion.result.experiment.contact is not None
         name = "error along the surface" if pressed else "position error"

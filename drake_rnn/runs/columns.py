@@ -12,7 +12,7 @@ from ..errors import InvalidInputError
 from ..inputs.complaints import nearest
 from ..inputs.extras import needed
 from ..inputs.fields import Array
-from ..measures.series import UNITS
+from ..measures import UNITS
 from ..robot.arm import Arm
 
 #: Name of the column of times.

@@ -16,6 +16,7 @@ from ..inputs.complaints import require_type
 from ..laws import Law
 from ..measures import Recorder
 from ..paths import LedPath
+from ..signals import DESIRED_ORIENTATION, DESIRED_POSITION
 from ..systems import (
     ContinuousController,
     Controller,
@@ -198,10 +199,10 @@ def _add_previews(
         builder.AddNamedSystem(f"{prefix}joint_reference", ahead)
         signals["position_preview"] = ahead.GetOutputPort("position_preview")
     delayed = document.filter is not None and document.filter.delay_desired
-    if delayed and "p_WE_desired" in controller.reading.inputs:
+    if delayed and DESIRED_POSITION in controller.reading.inputs:
         past = PathSource(desired, task=document.task, delay=experiment.path_delay)
         builder.AddNamedSystem(f"{prefix}delayed_path", past)
-        for name in ("p_WE_desired", "R_WE_desired"):
+        for name in (DESIRED_POSITION, DESIRED_ORIENTATION):
             if name in controller.reading.inputs:
                 signals[name] = past.GetOutputPort(name)
     if experiment.targets is not None and document.period is not None:

@@ -16,7 +16,7 @@ from ..inputs.fields import Array
 from ..laws import Signals
 from ..laws.checks import warnings_of
 from ..measures import Motion, RunMetrics, Steps, Yardsticks, last_end, of_one_run
-from ..measures.series import OF_EVERY_RUN
+from ..signals import OF_EVERY_MOTION
 from .beside import of_second
 from .caveats import (
     contact_caveats,
@@ -132,7 +132,7 @@ class Evaluation:
         motion = replace(motion, observed=observed, virtual=virtual)
         self._metrics.add(motion)
         known = fields_of(motion)
-        series: dict[str, Array] = {name: known[name] for name in OF_EVERY_RUN}
+        series: dict[str, Array] = {name: known[name] for name in OF_EVERY_MOTION}
         series |= _further_series(motion, steps)
         series |= {f"{name}_measured": values for name, values in measured.items()}
         states, state = steps.series("state"), loop.controller.reading.state

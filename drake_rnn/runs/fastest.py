@@ -203,7 +203,7 @@ def _require_position_limits(result: Result) -> None:
 def _too_slow(result: Result, stretch: float, asked: float) -> str:
     smallest = np.linalg.svd(result.series["J"], compute_uv=False)[:, -1]
     k = int(np.argmin(smallest))
-    place = ", ".join(f"{value:.4g}" for value in result.series["p_WE_desired"][k])
+    place = ", ".join(f"{value:.4g}" for value in result.desired_position[k])
     return (
         f"path.period: {asked:g} s would have to be stretched by a factor of {stretch:.3g}; near "
         f"({place}) m the smallest singular value of J is {smallest[k]:.3g}; if that is not the "

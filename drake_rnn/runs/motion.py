@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -17,12 +17,19 @@ from ..measures import ImageMotion, Motion, Pressing, Steps
 from ..paths import LedPath
 from ..robot.clearance import Clearance
 from ..robot.rotation import rotation_error
+from ..signals import (
+    DESIRED_ORIENTATION,
+    OF_EVERY_MOTION,
+    POSITION_OF_PATH,
+    DelayedPath,
+    View,
+    at_steps,
+    names_of,
+)
 from .beside import PREFIX
 
 # A joint that goes less far than this from one step to the next stands still [rad].
 _MOVED = 1e-12
-# Signals that a motion has fields of.
-_OF_MOTION = ("position", "p_WE", "p_WE_desired", "v_WE_desired", "J", "velocity", "v_WE")
 
 
 def observed_signals(
@@ -41,7 +48,9 @@ def observed_signals(
         InvalidInputError: If the law fails, or returns something else than it declares.
     """
     known = fields_of(motion)
-    u: dict[str, Array] = {name: known[name] for name in _OF_MOTION}
+    u: dict[str, Array] = {
+        name: known[name] for name in OF_EVERY_MOTION if name != "network_velocity"
+    }
     u |= measured
     if motion.pressing is not None:
         u["normal_force_desired"] = motion.pressing.desired[:, np.newaxis]
@@ -58,29 +67,34 @@ def _read_only(values: Array) -> Array:
 
 def _further(experiment: Experiment, motion: Motion, names: Iterable[str]) -> Signals:
     """Return the named signals that follow from posture, velocity and time, at every step."""
-    arm, believed = experiment.arm.kinematics(), experiment.arm.believed_dynamics()
-    axes = list(experiment.task.axes)
-    of_step: dict[str, Callable[[float, Array, Array], Array]] = {
-        "a_WE_desired": lambda t, q, v: experiment.desired.position(t)[2][axes],
-        "Jdot_v": lambda t, q, v: arm.Jdot_v(q, v)[axes],
-        "M": lambda t, q, v: believed.M(q),
-        "bias": lambda t, q, v: believed.bias(q, v),
-        "gravity": lambda t, q, v: believed.gravity(q),
-        "R_WE": lambda t, q, v: arm.R_WE(q),
-        "R_WE_desired": lambda t, q, v: experiment.desired.orientation(t)[0],
-        "w_WE_desired": lambda t, q, v: experiment.desired.orientation(t)[1],
-        "alpha_WE_desired": lambda t, q, v: experiment.desired.orientation(t)[2],
-        "J_omega": lambda t, q, v: arm.J_omega(q),
-    }
-    if experiment.contact is not None:
-        normal = experiment.contact.surface.believed_normal_W
-        of_step["normal_WE"] = lambda t, q, v: normal
-    steps = list(zip(motion.time.tolist(), motion.position, motion.velocity, strict=True))
-    return {
-        name: np.array([of_step[name](*step) for step in steps])
-        for name in names
-        if name in of_step
-    }
+    normal = None if experiment.contact is None else experiment.contact.surface.believed_normal_W
+    able = {*names_of("kinematics", "dynamics", "path")}
+    able |= set() if normal is None else {"normal_WE"}
+    wanted = [name for name in names if name in able]
+    if not wanted:
+        return {}
+    view = View(
+        experiment.task,
+        experiment.arm.kinematics(),
+        DelayedPath(experiment.desired),
+        experiment.arm.believed_dynamics(),
+        normal,
+    )
+    return _at_steps(experiment, view, wanted, motion.time, motion.position, motion.velocity)
+
+
+def _at_steps(
+    experiment: Experiment,
+    view: View,
+    names: Iterable[str],
+    times: Array,
+    position: Array,
+    velocity: Array | None = None,
+) -> Signals:
+    """Return signals of the experiment's arm at every step; see `at_steps`."""
+    task = experiment.task
+    lengths = {"axes": len(task.axes), "rows": task.size}
+    return at_steps(view, names, times, position, velocity, **lengths)
 
 
 def seen_motion(experiment: Experiment, steps: Steps, loop: Loop, motion: Motion) -> Motion:
@@ -89,10 +103,10 @@ def seen_motion(experiment: Experiment, steps: Steps, loop: Loop, motion: Motion
         return motion
     if experiment.feedback == "unfiltered":
         return motion_of(experiment, steps, loop, virtual=True)
-    axes = list(experiment.task.axes)
-    desired = experiment.desired.position
-    v_WE_desired = np.array([desired(t)[1][axes] for t in steps.time.tolist()])
-    return replace(motion, v_WE_desired=v_WE_desired)
+    view = View(experiment.task, path=DelayedPath(experiment.desired))
+    _, velocity, _ = POSITION_OF_PATH
+    seen = _at_steps(experiment, view, [velocity], steps.time, motion.position)
+    return replace(motion, v_WE_desired=seen[velocity])
 
 
 def measured_signals(steps: Steps, loop: Loop) -> Signals:
@@ -217,18 +231,16 @@ def _task_motion(
         position: Joint positions at every step, shape (k, n) [rad].
         times: Time along the path at every step, shape (k,) [s].
     """
-    task, kinematics = experiment.task, experiment.arm.kinematics()
-    steps, n = position.shape
-    axes = list(task.axes)
-    p_WE, J = np.empty((steps, len(axes))), np.empty((steps, task.size, n))
-    turned = np.empty(steps) if experiment.holds_orientation else None
-    for k, q in enumerate(position):
-        p_WE[k] = kinematics.p_WE(q)[axes]
-        J[k] = task.J(kinematics, q)
-        if turned is not None:
-            R_WE_desired = experiment.desired.orientation(float(times[k]))[0]
-            turned[k] = np.linalg.norm(rotation_error(kinematics.R_WE(q), R_WE_desired))
-    return p_WE, J, turned
+    names = ["p_WE", "J"]
+    if experiment.holds_orientation:
+        names += ["R_WE", DESIRED_ORIENTATION]
+    kinematics, path = experiment.arm.kinematics(), DelayedPath(experiment.desired)
+    view = View(experiment.task, kinematics, path)
+    p_WE, J, *turned = _at_steps(experiment, view, names, times, position).values()
+    if not turned:
+        return p_WE, J, None
+    off = [np.linalg.norm(rotation_error(R, wanted)) for R, wanted in zip(*turned, strict=True)]
+    return p_WE, J, np.array(off, dtype=float)
 
 
 def _image_motion(
@@ -271,11 +283,9 @@ def _placed(experiment: Experiment, position: Array) -> Array:
 
 def _desired(experiment: Experiment, steps: Steps, delay: float) -> tuple[Array, Array]:
     """Return desired position and velocity at every step, of a path followed with a delay."""
-    axes, times = list(experiment.task.axes), steps.time - delay
-    p_WE, v_WE = np.empty((times.size, len(axes))), np.empty((times.size, len(axes)))
-    for k, t in enumerate(times.tolist()):
-        p, v, _ = experiment.desired.position(t)
-        p_WE[k], v_WE[k] = p[axes], v[axes]
+    view = View(experiment.task, path=DelayedPath(experiment.desired))
+    times, position = steps.time - delay, steps.series("position")
+    p_WE, v_WE = _at_steps(experiment, view, POSITION_OF_PATH[:2], times, position).values()
     if isinstance(experiment.desired, LedPath):
         return _led(experiment, experiment.desired, steps), v_WE
     return p_WE, v_WE

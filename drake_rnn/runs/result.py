@@ -26,6 +26,7 @@ from ..inputs.signals_held import uninterrupted
 from ..inputs.versions import versions
 from ..measures import METRICS
 from ..paths import Path as MotionPath
+from ..signals import DESIRED_POSITION
 from .beside import SECOND
 from .checkpoint import can_go_on, forget, size_of
 from .columns import columns_of, frame_of
@@ -99,9 +100,14 @@ class Result:
         return table + html_views(self)
 
     @property
+    def desired_position(self) -> Array:
+        """Desired position of the end effector along the axes of the task, shape (k, m) [m]."""
+        return self.series[DESIRED_POSITION]
+
+    @property
     def position_error(self) -> Array:
         """Norm of the position error, shape (k,) [m]; in contact, of its part along the surface."""
-        error = self.series["p_WE"] - self.series["p_WE_desired"]
+        error = self.series["p_WE"] - self.desired_position
         if (contact := self.experiment.contact) is not None:
             n = contact.surface.normal_W
             error = error - np.outer(error @ n, n)

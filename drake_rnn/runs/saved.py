@@ -12,7 +12,7 @@ from ..errors import InvalidInputError
 from ..experiment import Experiment
 from ..inputs.fields import Array
 from ..inputs.given_file import ArrayHead, arrays_of, content_of, heads_of, json_of
-from ..measures.series import OF_EVERY_RUN, SHAPES
+from ..signals import OF_EVERY_MOTION, SERIES_SHAPES
 
 #: Whether a run came to its end, and if not, what stopped it.
 Status = Literal["complete", "failed", "interrupted"]
@@ -127,7 +127,7 @@ def _require_series(heads: Mapping[str, ArrayHead], joints: int, most: int) -> N
         joints: Number of joints of the arm.
         most: Largest number of samples.
     """
-    for name in ("time", *OF_EVERY_RUN):
+    for name in ("time", *OF_EVERY_MOTION):
         if name not in heads:
             raise ValueError(f"{name} is missing")
     if len(heads["time"].shape) != 1:
@@ -146,9 +146,11 @@ def _require_shape(name: str, shape: tuple[int, ...], count: int, lengths: dict[
     """Refuse a series of another shape; lengths that were not known before are noted."""
     if shape[:1] != (count,):
         raise ValueError(f"{name} has shape {shape}, but there are {count} samples")
-    if name not in SHAPES or _fits(shape[1:], SHAPES[name], lengths):
+    if name not in SERIES_SHAPES or _fits(shape[1:], SERIES_SHAPES[name], lengths):
         return
-    expected = ", ".join(str(lengths.get(each, each)) for each in (str(count), *SHAPES[name]))
+    expected = ", ".join(
+        str(lengths.get(each, each)) for each in (str(count), *SERIES_SHAPES[name])
+    )
     raise ValueError(f"{name} has shape {shape}, not ({expected})")
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import wraps
 from typing import Any
 from weakref import proxy
 
-from pydrake.systems.framework import LeafSystem, System
+from pydrake.systems.framework import Context, InputPort, LeafSystem, System
+
+from ..signals import SIGNALS, Signal, View
 
 # Attribute in which pydrake lets systems, ports, builders and diagrams keep each other alive.
 _PEERS = "_pydrake_internal_ref_cycle_peers"
@@ -75,6 +77,45 @@ def _declaring(declare: Callable[..., Any]) -> Callable[..., Any]:
 for _name in dir(LeafSystem):
     if _name.startswith("Declare"):
         setattr(Block, _name, _declaring(getattr(LeafSystem, _name)))
+
+
+def declare_signals(
+    block: Block,
+    view: View,
+    names: Iterable[str],
+    joints: tuple[InputPort, InputPort],
+    lengths: Mapping[str, int],
+) -> None:
+    """Declare output ports of signals that follow from the joints, flattened.
+
+    Args:
+        block: The block.
+        view: What the signals are computed with.
+        names: Their names.
+        joints: Input ports of the joint positions and velocities.
+        lengths: Lengths of the axes of signals, by name.
+    """
+    # Evaluated at every sample: methods are bound once.
+    read_q, read_v = (port.Eval for port in joints)
+    tickets = {"q": joints[0].ticket(), "v": joints[1].ticket()}
+    for signal in (SIGNALS[name] for name in names):
+        calc = _of_joints(view, signal, read_q, read_v if "v" in signal.causes else None)
+        needed = {tickets[cause] for cause in sorted(signal.causes)}
+        block.DeclareVectorOutputPort(signal.name, signal.size(**lengths), calc, needed)
+
+
+def _of_joints(view: View, signal: Signal, read_q: Any, read_v: Any) -> Callable[..., None]:
+    """Return what computes a signal for a port; without ``read_v`` it needs no velocity."""
+    function = signal.function
+    assert function is not None
+
+    def at_q(context: Context, output: Any) -> None:
+        output.set_value(function(view, read_q(context), None, None).ravel())
+
+    def at_q_v(context: Context, output: Any) -> None:
+        output.set_value(function(view, read_q(context), read_v(context), None).ravel())
+
+    return at_q if read_v is None else at_q_v
 
 
 def release(diagram: System) -> None:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from pydrake.systems.framework import Context
-
 from ..inputs.complaints import require_type
 from ..robot.arm import Arm
-from .block import Block
+from ..robot.task import named_task
+from ..signals import View, names_of
+from .block import Block, declare_signals
 
 #: Outputs of `Dynamics`, which is added only for a law that needs one of them.
-DYNAMICS_SIGNALS = ("M", "bias", "gravity")
+DYNAMICS_SIGNALS = names_of("dynamics")
 
 
 class Dynamics(Block):
@@ -32,20 +30,8 @@ class Dynamics(Block):
     def __init__(self, arm: Arm) -> None:
         super().__init__()
         require_type("arm", arm, Arm)
-        n, arm_dynamics = arm.n, arm.believed_dynamics()
-        position = self.DeclareVectorInputPort("position", n)
-        velocity = self.DeclareVectorInputPort("velocity", n)
-
-        def M(context: Context, output: Any) -> None:
-            output.set_value(arm_dynamics.M(position.Eval(context)).ravel())
-
-        def bias(context: Context, output: Any) -> None:
-            output.set_value(arm_dynamics.bias(position.Eval(context), velocity.Eval(context)))
-
-        def gravity(context: Context, output: Any) -> None:
-            output.set_value(arm_dynamics.gravity(position.Eval(context)))
-
-        at_q = {position.ticket()}
-        self.DeclareVectorOutputPort("M", n * n, M, at_q)
-        self.DeclareVectorOutputPort("bias", n, bias, at_q | {velocity.ticket()})
-        self.DeclareVectorOutputPort("gravity", n, gravity, at_q)
+        self._position = self.DeclareVectorInputPort("position", arm.n)
+        self._velocity = self.DeclareVectorInputPort("velocity", arm.n)
+        view = View(named_task("xyz"), dynamics=arm.believed_dynamics())
+        ports = (self._position, self._velocity)
+        declare_signals(self, view, DYNAMICS_SIGNALS, ports, {"n": arm.n})

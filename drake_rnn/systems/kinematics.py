@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from types import NoneType
-from typing import Any
-
-from pydrake.systems.framework import Context
 
 from ..inputs.complaints import require_type
 from ..robot.arm import Arm
 from ..robot.kinematics import ArmKinematics
 from ..robot.task import named_task
-from .block import Block
+from ..signals import View, names_of
+from .block import Block, declare_signals
 
 
 class Kinematics(Block):
@@ -40,43 +38,10 @@ class Kinematics(Block):
         require_type("arm", arm, Arm)
         require_type("kinematics", kinematics, ArmKinematics, NoneType)
         self.arm = arm
-        about = named_task(task)
-        chosen, m, n = about.position, len(about.axes), arm.n
-        arm_kinematics = arm.kinematics() if kinematics is None else kinematics
+        about, n = named_task(task), arm.n
         self._position = self.DeclareVectorInputPort("position", n)
         self._velocity = self.DeclareVectorInputPort("velocity", n)
-        at_q = {self._position.ticket()}
-        at_q_v = {self._position.ticket(), self._velocity.ticket()}
-
-        # Evaluated at every sample: methods are bound once.
-        read_q, read_v = self._position.Eval, self._velocity.Eval
-
-        def p_WE(context: Context, output: Any) -> None:
-            output.set_value(chosen(arm_kinematics.p_WE(read_q(context))))
-
-        def J(context: Context, output: Any) -> None:
-            output.set_value(about.J(arm_kinematics, read_q(context)).ravel())
-
-        def v_WE(context: Context, output: Any) -> None:
-            J = chosen(arm_kinematics.J(read_q(context)))
-            output.set_value(J.dot(read_v(context)))
-
-        def Jdot_v(context: Context, output: Any) -> None:
-            bias = arm_kinematics.Jdot_v(read_q(context), read_v(context))
-            output.set_value(chosen(bias))
-
-        def R_WE(context: Context, output: Any) -> None:
-            output.set_value(arm_kinematics.R_WE(read_q(context)).ravel())
-
-        def J_omega(context: Context, output: Any) -> None:
-            output.set_value(arm_kinematics.J_omega(read_q(context)).ravel())
-
-        for size, calc, prerequisites in (
-            (m, p_WE, at_q),
-            (m, v_WE, at_q_v),
-            (9, R_WE, at_q),
-            (about.size * n, J, at_q),
-            (3 * n, J_omega, at_q),
-            (m, Jdot_v, at_q_v),
-        ):
-            self.DeclareVectorOutputPort(calc.__name__, size, calc, prerequisites)
+        view = View(about, arm.kinematics() if kinematics is None else kinematics)
+        lengths = {"n": n, "axes": len(about.axes), "rows": about.size}
+        ports = (self._position, self._velocity)
+        declare_signals(self, view, names_of("kinematics"), ports, lengths)

@@ -11,11 +11,12 @@ from pydrake.systems.framework import Context
 from ..inputs.fields import Array
 from ..paths.led import LedPath
 from ..robot.kinematics import ArmKinematics
+from ..signals import DESIRED_POSITION, SIGNALS
 from .block import Block
 
 
 class LedSource(Block):
-    """Source of ``p_WE_desired`` and ``p_preview`` by what the leading arm commands.
+    """Source of the desired position, now and at the next sample, by what the leading arm commands.
 
     Its inputs are ``now`` and ``next``, the joint positions of the leading arm at a sample and at
     the next one, shape (n,) [rad]; until they are known it rests at its start.
@@ -39,8 +40,8 @@ class LedSource(Block):
         super().__init__()
         kept = list(axes)
         for port, signal, ahead in (
-            ("now", "p_WE_desired", 0.0),
-            ("next", "p_preview", period),
+            ("now", DESIRED_POSITION, 0.0),
+            ("next", SIGNALS[DESIRED_POSITION].ahead, period),
         ):
             joints = self.DeclareVectorInputPort(port, start.size)
 

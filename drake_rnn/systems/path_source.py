@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import lru_cache
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from pydrake.systems.framework import Context
@@ -15,14 +14,8 @@ from ..inputs.fields import Array
 from ..inputs.numbers import is_number
 from ..paths import Path, PlacedPath, as_path
 from ..robot.task import named_task
+from ..signals import ORIENTATION_OF_PATH, POSITION_OF_PATH, SIGNALS, DelayedPath, Signal, View
 from .block import Block
-
-Port = Callable[[Context, Any], None]
-
-_POSITION = ("p_WE_desired", "v_WE_desired", "a_WE_desired")
-_POSITION_AHEAD = ("p_preview", "v_preview", "a_preview")
-_ORIENTATION = ("R_WE_desired", "w_WE_desired", "alpha_WE_desired")
-_ORIENTATION_AHEAD = ("R_preview", "w_preview", "alpha_preview")
 
 
 class PathSource(Block):
@@ -67,49 +60,34 @@ class PathSource(Block):
         require_time("delay", delay)
         self.preview, self.delay = preview, delay
         self.placed = _placed(path, p_WE, R_WE)
-        self._axes = list(named_task(task).axes)
-        names, ahead = _POSITION, _POSITION_AHEAD
+        about = named_task(task)
+        self._view = View(about, path=DelayedPath(self.placed, delay))
+        self._lengths = {"axes": len(about.axes)}
         at_time = {self.time_ticket()}
-        self._declare(names, ahead, [len(self._axes)] * 3, self._position_at, at_time)
+        self._declare(POSITION_OF_PATH, at_time)
         if self.placed.oriented:
             # An orientation that does not vary is computed once.
             tickets = at_time if self.placed.turns else {self.nothing_ticket()}
-            names, ahead = _ORIENTATION, _ORIENTATION_AHEAD
-            self._declare(names, ahead, [9, 3, 3], self._orientation_at, tickets)
+            self._declare(ORIENTATION_OF_PATH, tickets)
 
-    def _declare(
-        self,
-        names: tuple[str, ...],
-        names_ahead: tuple[str, ...],
-        sizes: list[int],
-        motion: Callable[[float], list[Array]],
-        tickets: set[Any],
-    ) -> None:
+    def _declare(self, names: Sequence[str], tickets: set[Any]) -> None:
         """Declare the outputs of a motion and its derivatives, now and, if asked for, ahead."""
-        # The ports of one time share an evaluation, and what was ahead at a sample is now at the
-        # next one, but where the two times differ by rounding.
-        known = lru_cache(maxsize=2)(motion)
-        moments = [(names, 0.0)]
+        signals = [SIGNALS[name] for name in names]
+        ports = [(signal.name, signal, 0.0) for signal in signals]
         if self.preview is not None:
-            moments.append((names_ahead, self.preview))
-        for each, ahead in moments:
-            for order, (name, size) in enumerate(zip(each, sizes, strict=True)):
-                self.DeclareVectorOutputPort(name, size, _port(known, ahead, order), tickets)
-
-    def _position_at(self, t: float) -> list[Array]:
-        values = self.placed.position(t - self.delay)
-        return [*values] if len(self._axes) == 3 else [value[self._axes] for value in values]
-
-    def _orientation_at(self, t: float) -> list[Array]:
-        R, w, alpha = self.placed.orientation(t - self.delay)
-        return [R.ravel(), w, alpha]
+            ports += [(signal.ahead, signal, self.preview) for signal in signals]
+        for name, signal, ahead in ports:
+            calc = _port(self._view, signal, ahead)
+            self.DeclareVectorOutputPort(name, signal.size(**self._lengths), calc, tickets)
 
 
-def _port(motion: Callable[[float], list[Array]], ahead: float, order: int) -> Port:
-    """Return what computes the output of one order of a motion, ``ahead`` [s] from now."""
+def _port(view: View, signal: Signal, ahead: float) -> Callable[[Context, Any], None]:
+    """Return what computes a signal of the path, ``ahead`` [s] from now."""
+    function = signal.function
+    assert function is not None
 
     def calc(context: Context, output: Any) -> None:
-        output.set_value(motion(context.get_time() + ahead)[order])
+        output.set_value(function(view, None, None, context.get_time() + ahead).ravel())
 
     return calc
 

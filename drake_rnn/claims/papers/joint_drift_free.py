@@ -154,7 +154,7 @@ def offset_part_left(run: Run, experiment: str, laps: int) -> float:
     without, with_it = (
         run(experiment, _laps(laps, *given)) for given in ((), ([_OFFSET, 0.0, 0.0],))
     )
-    error, own = (r.series["p_WE"][-1] - r.series["p_WE_desired"][-1] for r in (with_it, without))
+    error, own = (r.series["p_WE"][-1] - r.desired_position[-1] for r in (with_it, without))
     return float(np.linalg.norm(error - own) / _OFFSET)
 
 

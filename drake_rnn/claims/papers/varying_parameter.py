@@ -168,7 +168,7 @@ def broken_over_stable(run: Run, name: str, gain: float, duration: float) -> flo
     grows = {"law.gain": gain, "law.growth": "power_of_gain", "law.discretization": "euler"}
     changes = {"law.noise": None, "law.integral_gain": 0.0, "duration": duration, **grows}
     result = run(name, {"accept": None, "log_period": 0.01, **changes})
-    away = result.series["p_WE"] - result.series["p_WE_desired"]
+    away = result.series["p_WE"] - result.desired_position
     off = np.linalg.norm(away, axis=1) > 1e-3
     if not off.any():
         return np.inf

@@ -25,10 +25,12 @@ import numpy as np
 
 from ...arrays.algebra import flat, functions_of, is_one, joined, matvec, scaled, solved_for
 from ...inputs.fields import Array
+from ...signals import POSITION_OF_PATH, SIGNALS
 from ..law import SampledReading
 from ..layout import Layout, Signals
 
-_AHEAD = {"p_preview": "p_WE_desired", "v_preview": "v_WE_desired", "a_preview": "a_WE_desired"}
+# Signals one period ahead, and those that they are then.
+_AHEAD = {SIGNALS[name].ahead: name for name in POSITION_OF_PATH}
 
 #: J and Jdot_v at the next sample, and c, b_v and b_omega with which v_dot there is c v - b_v, and
 #: omega_dot likewise.

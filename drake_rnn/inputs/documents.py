@@ -26,9 +26,11 @@ from .own_code import naming
 
 T = TypeVar("T")
 
-#: Values that a document may hold; tables of points belong into CSV files.
+#: Values that a document may hold when its aliases are expanded.
 _MOST_VALUES = 1_000_000
-# Size of a document, which takes some 5 s to read for each of its megabytes [bytes].
+# Lines and commas of a document: of a list, each takes 35 us to read, and of a mapping twice that.
+_MOST_PARTS = 50_000
+# Size of a document [bytes].
 _MOST_BYTES = 1_000_000
 # Size of a whole number, which is beyond that of any other number [bits].
 _MOST_BITS = 1024
@@ -43,9 +45,14 @@ def parse_yaml(text: str, source: str) -> Any:
         source: Name of the document in messages.
 
     Raises:
-        InvalidInputError: If it is not YAML, holds a key twice, is nested without measure or
-            refers to itself.
+        InvalidInputError: If it is not YAML, holds a key twice, is nested or long without measure,
+            or refers to itself.
     """
+    if sum(map(text.count, ",\n\r")) > _MOST_PARTS:
+        raise InvalidInputError(
+            f"{source}: has more than {_MOST_PARTS} lines and commas; a long list of numbers belongs "
+            "into a CSV file"
+        )
     # Anchors may be used again, and version 1.1 of YAML has other ways to write numbers.
     with _refusals(source), catch_warnings(action="ignore"):
         if "<<" in text:

@@ -128,6 +128,9 @@ def require_fillable(folder: Path) -> None:
         require_replaceable(file)
     for name in _FOLDERS:
         place = folder / name
+        # What is in a folder elsewhere, to which a link leads, is not a run's to remove.
+        if place.is_symlink():
+            raise InvalidInputError(f"{place}: is a symbolic link; a run needs a folder there")
         if os.path.lexists(place) and not place.is_dir():
             raise InvalidInputError(f"{place}: is not a folder, which a run needs")
 

@@ -62,6 +62,12 @@ DOCUMENTS = {
     "a key that is a list": (PLANAR + "? [a, b]\n: 3\n", "keys should be strings, not ['a', 'b'"),
     "a tab": (PLANAR + "\taccept: {}\n", "line 8, column 1: found character"),
     "a date": (PLANAR + "seed: 2020-01-01\n", "seed: must be an integer, not datetime.date(2020"),
+    "a list of 200 000 numbers": (
+        PLANAR + f"points: [{', '.join(['1'] * 200_000)}]\n",
+        "has more than 50000 lines and commas; a long list of numbers belongs into a CSV file",
+    ),
+    "a list of 60 000 lines": (PLANAR + "points:\n" + "- 1\n" * 60_000, "has more than 50000 lines"),
+    "lines of an old kind": (PLANAR + "points:\r" + "- 1\r" * 60_000, "has more than 50000 lines"),
     "a document 3000 deep": (f"arm: {'[' * 3000}{']' * 3000}", "nested too deeply"),
 }
 

@@ -101,6 +101,20 @@ def test_a_run_does_not_begin_where_its_result_could_not_be_written(tmp_path, na
     assert os.path.lexists(tmp_path / "run" / name)
 
 
+@pytest.mark.parametrize("name", ["checkpoint", "figures", "second"])
+def test_what_is_elsewhere_is_not_removed_through_a_link(saved, tmp_path, name):
+    """A run removes the pictures of the run before it: once those of a user, by such a link."""
+    pictures = tmp_path / "pictures"
+    pictures.mkdir()
+    (pictures / "mine.png").write_text("kept")
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / name).symlink_to(pictures)
+    for work in (saved[0].save, lambda folder: simulate(saved[0].experiment, keep=folder)):
+        with pytest.raises(InvalidInputError, match=f"{name}: is a symbolic link; a run needs a fo"):
+            work(tmp_path / "run")
+    assert (pictures / "mine.png").read_text() == "kept"
+
+
 @pytest.mark.parametrize(
     "name",
     [

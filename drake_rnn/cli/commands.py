@@ -91,7 +91,7 @@ def _loaded(offer: EntryPoint, ctx: Any) -> Any:
             f"{what} is no class made by drake_rnn.cli.command.options with a method run", ctx
         )
     alone = typer.Typer(rich_markup_mode=None, pretty_exceptions_enable=False)
-    add_command(alone, offer.name, cls, lambda: cls.run)
+    add_command(alone, offer.name, cls, lambda: vars(cls)["run"])
     return typer.main.get_command(alone)
 
 

@@ -1,0 +1,52 @@
+"""The pages stay few and short: their number, their words of prose, and the length of sentences.
+
+Tables, headings, code and formulas on lines of their own are no prose.
+"""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from doc_pages import ROOT, text_of
+
+DOCS = sorted(str(file.relative_to(ROOT)) for file in (ROOT / "docs").rglob("*.md"))
+#: The most that there may be.
+PAGES, WORDS, OF_README, OF_A_SENTENCE = 40, 42_000, 900, 22
+#: Pages with sentences of a script whose tables would have to be made again with them.
+MADE = {"docs/cross.md"}
+#: What is no prose: front matter, comments, fences and formulas, tables, headings and pictures.
+_NOT_PROSE = re.compile(
+    r"\A---\n.*?\n---\n|<!--.*?-->|^(?P<fence>`{3,}|:{3,}).*?^(?P=fence)$|^\$\$.*?\$\$$"
+    r"|^[ ]*(?:\||#|!\[)[^\n]*$",
+    re.DOTALL | re.MULTILINE,
+)
+_PLACE_OF_A_LINK = re.compile(r"\]\([^)]*\)")
+_BLOCK = re.compile(r"\n\s*\n|\n(?=\s*(?:[-*]|\d+\.)\s)")
+_END = re.compile(r"(?<=[.!?:])\*{0,2}\s+(?=[\[A-Z`\"*$(])")
+
+
+def words_of(page: str) -> list[list[str]]:
+    """Return the words of each sentence of a page."""
+    text = _PLACE_OF_A_LINK.sub("]", _NOT_PROSE.sub("", text_of(page)))
+    blocks = [" ".join(block.split()) for block in _BLOCK.split(text)]
+    return [sentence.split() for block in blocks for sentence in _END.split(block) if sentence]
+
+
+def test_there_are_few_pages() -> None:
+    assert len(DOCS) <= PAGES
+
+
+def test_the_pages_together_are_short() -> None:
+    assert sum(len(words) for page in DOCS for words in words_of(page)) <= WORDS
+
+
+def test_the_readme_is_short() -> None:
+    assert len(text_of("README.md").split()) <= OF_README
+
+
+@pytest.mark.parametrize("page", sorted({"README.md", *DOCS} - MADE))
+def test_sentences_are_short(page: str) -> None:
+    """On average; of single words, such as the items of a list, there are no sentences."""
+    lengths = [len(words) for words in words_of(page) if len(words) > 2]
+    assert sum(lengths) <= OF_A_SENTENCE * max(1, len(lengths))

@@ -1,7 +1,11 @@
 """Print the page of metrics: python docs/make_metrics.py > docs/metrics.md."""
 
+import re
+
 from drake_rnn import METRICS
 
+#: Powers of units, as pages write them.
+_POWERS = str.maketrans("2345", "²³⁴⁵")
 _HEAD = """\
 # Metrics
 
@@ -24,8 +28,12 @@ In Python the same list is `drake_rnn.METRICS`.
 
 def page() -> str:
     """Return the text of the page."""
-    rows = [(m.name, m.unit, m.meaning, m.over) for m in METRICS]
+    rows = [(m.name, _typeset(m.unit), m.meaning, m.over) for m in METRICS]
     return _HEAD + "".join(map(_row, rows))
+
+
+def _typeset(unit: str) -> str:
+    return re.sub(r"\^(\d)", lambda power: power[1].translate(_POWERS), unit)
 
 
 def _row(cells: tuple[str, ...]) -> str:

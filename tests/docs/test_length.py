@@ -1,6 +1,7 @@
 """The pages stay few and short: their number, their words of prose, and the length of sentences.
 
-Tables, headings, code and formulas on lines of their own are no prose.
+Tables, headings, fenced code and formulas on lines of their own are no prose; within a line a formula
+counts as one word.
 """
 
 from __future__ import annotations
@@ -22,13 +23,14 @@ _NOT_PROSE = re.compile(
     re.DOTALL | re.MULTILINE,
 )
 _PLACE_OF_A_LINK = re.compile(r"\]\([^)]*\)")
+_FORMULA = re.compile(r"\$[^$\n]+(?:\n[^$\n]+)?\$")
 _BLOCK = re.compile(r"\n\s*\n|\n(?=\s*(?:[-*]|\d+\.)\s)")
 _END = re.compile(r"(?<=[.!?:])\*{0,2}\s+(?=[\[A-Z`\"*$(])")
 
 
 def words_of(page: str) -> list[list[str]]:
     """Return the words of each sentence of a page."""
-    text = _PLACE_OF_A_LINK.sub("]", _NOT_PROSE.sub("", text_of(page)))
+    text = _FORMULA.sub("$", _PLACE_OF_A_LINK.sub("]", _NOT_PROSE.sub("", text_of(page))))
     blocks = [" ".join(block.split()) for block in _BLOCK.split(text)]
     return [sentence.split() for block in blocks for sentence in _END.split(block) if sentence]
 

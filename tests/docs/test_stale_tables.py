@@ -13,6 +13,7 @@ MADE_WHOLE = ("docs/claims.md", "docs/metrics.md")
 #: Tables of numbers that nobody measured, by the first words of their head.
 NOT_MEASURED = {
     "| arm | joints |": "models",
+    "| exit status |": "codes",
     "| printed | here |": "corrections of a paper",
     "| scheme | `rise_time` T |": "choices",
     "| joint | 1 | 2 |": "a robot's own limits",

@@ -96,6 +96,7 @@ def test_a_comparison_that_is_interrupted_names_what_was_not_run(tmp_path, inter
     assert not list(tmp_path.rglob("comparison.csv"))
 
 
+@pytest.mark.long
 def test_a_terminated_run_keeps_what_it_had(tmp_path):
     """As Ctrl-C does; the folder says that the run was interrupted."""
     command = [sys.executable, "-m", "drake_rnn", "run", KNOWN, "--no-playback"]

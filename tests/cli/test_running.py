@@ -24,6 +24,7 @@ from drake_rnn import Result
 pytestmark = pytest.mark.usefixtures("undrawn")
 
 
+@pytest.mark.long
 def test_run_writes_a_folder_with_everything(tmp_path, drawn):
     result = call("run", KNOWN, "--out", tmp_path, *SHORT)
     assert result.exit_code == 0

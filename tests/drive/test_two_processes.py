@@ -118,7 +118,11 @@ def publishing(url, channel, messages, pause=0.05):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("junk", [b"junk", b"", bytes(400)])
+@pytest.mark.parametrize(
+    # Of each kind within one process in test_malformed_statuses.py.
+    "junk",
+    [b"junk", *(pytest.param(junk, marks=pytest.mark.nightly) for junk in (b"", bytes(400)))],
+)
 def test_junk_among_the_statuses_ends_in_a_stop(commands, tmp_path, junk):
     commands.robot()
     drive = commands.drive(tmp_path, "--duration", 600)

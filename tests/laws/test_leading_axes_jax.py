@@ -37,9 +37,14 @@ def _marked(name, *more):
     return pytest.param(name, *more, marks=_mark(name))
 
 
-#: Every reading of every law, by the method that steps it.
+#: Every reading of every law, by the method that steps it. Compiled runs and batches take steps,
+#: which most laws make of their derivatives.
 CASES = [
-    pytest.param((name, method), marks=_mark(name), id=f"{name}-{method}")
+    pytest.param(
+        (name, method),
+        marks=_mark(name if method == "step" or name == "slc_known" else ""),
+        id=f"{name}-{method}",
+    )
     for name, law in LAWS.items()
     for method in readings(law)
 ]

@@ -54,7 +54,7 @@ def test_bounds_hold_whatever_is_set(name):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.nightly)])
 @pytest.mark.parametrize(
     "name", ["slc_nephroid_known", "adaptive_nephroid", "adaptive_pose", "adaptive_jerk"]
 )

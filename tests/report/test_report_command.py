@@ -78,7 +78,11 @@ def kept(folder):
     return len(list(folder.glob("runs/*/rows/*/*.json")))
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize(
+    # That of campaigns has the same workers.
+    "number",
+    [signal.SIGKILL, signal.SIGTERM, pytest.param(signal.SIGINT, marks=pytest.mark.nightly)],
+)
 @pytest.mark.long
 def test_killed_it_goes_on_where_it_was(number, folders, tmp_path, report, tiny, simulated):
     command = [sys.executable, "-m", "drake_rnn", "report", *map(str, folders(MANY))]

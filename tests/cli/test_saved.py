@@ -85,6 +85,7 @@ def test_an_experiment_is_run_and_compared_with_a_folder(folders, tmp_path):
 
 
 @pytest.mark.parametrize(("bound", "code"), [(1.0, 0), (1e-15, 3)])
+@pytest.mark.long
 def test_check_looks_at_all_that_are_compared(folders, tmp_path, bound, code):
     text = (folders / LINE / "experiment.yaml").read_text()
     file = tmp_path / "strict.yaml"

@@ -52,8 +52,8 @@ def still(program):
 
 @pytest.mark.parametrize("gain", [200.0, 1e6])
 def test_its_limit_is_the_optimum_of_a_random_program(gain):
-    """60 programs with equations, with a box, with other inequalities, and with both."""
-    for seed in range(60):
+    """Programs with equations, with a box, with other inequalities, and with both."""
+    for seed in range(60 if gain > 1e3 else 24):
         rng = np.random.default_rng(seed)
         program = random_program(rng, box=seed % 3 != 1, rows=seed % 3 != 2)
         *_, last = course(network(program, gain), still(program), H, 20 if gain > 1e3 else 150)

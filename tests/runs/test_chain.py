@@ -101,6 +101,7 @@ def test_without_precompensation_the_error_is_three_times_as_large():
     assert 1.1e-2 < without["position_error_max_m"] < 1.3e-2
 
 
+@pytest.mark.long
 def test_bounds_are_kept_on_a_path_that_no_law_can_follow_within_them():
     """At constant speed from rest: 1.9e-2 m behind at first, where no filter breaks bounds."""
     raw = {**COARSE, "path.timing": "uniform", "path.ramp": None, "path.laps": None, "accept": None}

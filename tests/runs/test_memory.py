@@ -17,6 +17,7 @@ def left_little(name, calls, warm=10):
 @pytest.mark.parametrize(
     ("name", "calls"), [("simulate", 60), ("law switch", 30), ("reset", 60), ("recording", 8)]
 )
+@pytest.mark.long
 def test_little_is_left_behind(name, calls):
     left_little(name, calls)
 

@@ -14,7 +14,8 @@ class Fatal(Pseudoinverse):
 
     Args:
         fate: What happens 10 ms after the start: ``live``, ``kill`` its process, ``fail``,
-            ``once``, kill it unless the file ``mark`` is there, or ``wait`` while it is there.
+            ``once``, kill it unless the file ``mark`` is there, or ``wait`` while
+            ``mark.wait`` is there, which is no file of the document.
         mark: A file.
     """
 
@@ -27,7 +28,7 @@ class Fatal(Pseudoinverse):
         if t > 0.01 and self.fate == "once" and not os.path.exists(self.mark):
             with open(self.mark, "w"):
                 os._exit(7)
-        while t > 0.01 and self.fate == "wait" and os.path.exists(self.mark):
+        while t > 0.01 and self.fate == "wait" and os.path.exists(f"{self.mark}.wait"):
             time.sleep(0.02)
         if t > 0.01 and self.fate == "fail":
             raise ValueError("its time has come")

@@ -113,10 +113,10 @@ def scheduler(tmp_path):
 def test_a_scheduler_that_is_lost_is_a_sentence_and_the_table_goes_on(scheduler, tmp_path):
     """Its third run does not end before."""
     process, address = scheduler
-    mark = tmp_path / "mark"
-    mark.touch()
+    wait = tmp_path / "mark.wait"
+    wait.touch()
     vary = {"law.fate": ["live", "live", "wait", "live"], "seed": [1, 2, 3, 4]}
-    changes = {**LINE["changes"], "law.mark": str(mark)}
+    changes = {**LINE["changes"], "law.mark": str(tmp_path / "mark")}
     campaign = {**LINE, "changes": changes, "vary": vary, "together": [list(vary)]}
     campaign.pop("samples")
 
@@ -128,7 +128,7 @@ def test_a_scheduler_that_is_lost_is_a_sentence_and_the_table_goes_on(scheduler,
     lost = run_campaign(campaign, out, executor=cluster_at(address), done=kill, batch=1)
     assert (lost.ending, lost.reason) == ("lost", f"the scheduler at {address} is lost")
     assert len(lost.lines) == 2
-    mark.unlink()
+    wait.unlink()
     rest = run_campaign(campaign, out, jobs=0)
     assert (rest.ending, rest.kept) == ("complete", 2)
     run_campaign(campaign, tmp_path / "undisturbed", jobs=0)

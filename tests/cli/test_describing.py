@@ -28,6 +28,7 @@ def test_arm_is_described_where_nothing_can_draw(tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.long
 def test_arm_proposes_a_home_that_runs(tmp_path):
     """What it prints is pasted into an experiment; there is a tool, and a joint is locked."""
     model = MODELS / "ur5" / "ur5.urdf"

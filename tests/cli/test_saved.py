@@ -143,6 +143,7 @@ def test_a_playback_is_written_again(folders):
 # For print.
 
 
+@pytest.mark.long
 def test_tables_and_figures_of_a_comparison_are_for_print(folders, tmp_path):
     tex, page = tmp_path / "paper" / "table.tex", tmp_path / "paper" / "table.md"
     result = call(
@@ -194,6 +195,7 @@ def test_what_cannot_be_printed_is_refused_before_anything_runs(options, message
         assert message in sentence(call("campaign", "line_starts", *options, "--out", tmp_path))
 
 
+@pytest.mark.long
 def test_figures_are_drawn_again_for_print(folders):
     arguments = ("plot", folders / LINE, "--format", "pdf", "--width", "88mm", "--look", "journal")
     result = call(*arguments)

@@ -69,6 +69,7 @@ def test_they_are_drawn_only_where_jerk_is_bounded(filters, smooth):
 
 
 @pytest.mark.parametrize("name", OF_DERIVATIVES)
+@pytest.mark.long
 def test_six_panels_with_units_and_no_text_is_cut_off(filters, name):
     figure = draw(filters, name)
     assert_no_text_is_cut_off(figure, ("]", "bound"))
@@ -117,6 +118,7 @@ def test_differences_are_by_their_own_time_where_samples_are_uneven():
 
 
 @pytest.mark.parametrize("log_period", [1e-3, 2e-3, 0.05])
+@pytest.mark.long
 def test_differences_are_over_10_ms_however_often_samples_are_stored(log_period, smooth):
     """Or over the distance of the samples, if that is larger: 2 % less at 50 ms."""
     other = run("stretched_circle", duration=6.5, log_period=log_period)

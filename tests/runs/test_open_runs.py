@@ -54,6 +54,7 @@ def newton(kinematics, q, p_WE, R_WE):
 
 
 @pytest.mark.parametrize("name", ["pinv_waypoints_ur5", "pinv_csv_ur5"])
+@pytest.mark.long
 def test_the_joints_are_those_of_inverse_kinematics_all_along(name):
     """Six joints have no choice; 1e-4 rad: the poses are 1.5e-5 off, and J is 0.24 at the least."""
     experiment = load_experiment(name, {"duration": 3.0})
@@ -143,6 +144,7 @@ def test_the_path_changes_while_it_is_followed_without_a_jump():
     assert found["limit_ratio_2_max"] < 1.0
 
 
+@pytest.mark.long
 def test_a_drift_free_law_follows_through_a_pause():
     """And its joints return, as after each lap."""
     lap = {"path.size": 0.015, "path.period": 4, "path.laps": 2, "path.pause": 0.4}

@@ -17,9 +17,8 @@ from typing import Any, get_args
 from drake_rnn import LAWS, Experiment, Law, load_experiment
 from drake_rnn.cli.schemas import DOCUMENTS, schema_text
 from drake_rnn.experiment import read_document
-from drake_rnn.experiment.idle_keys import Condition, conditions
 from drake_rnn.experiment.law import ORIGINS
-from drake_rnn.inputs.explained import keys_of
+from drake_rnn.inputs.keys import Only, keys_of, meanings_of
 from drake_rnn.robot.limits import LIMIT_UNITS
 
 ROOT = Path(__file__).parents[1]
@@ -152,12 +151,12 @@ def _gain_rows(kind: str, above: str, rows: list[str]) -> Iterator[str]:
     written = {row.split("`")[1]: [cell.strip() for cell in split_row(row)] for row in rows}
     keys: dict[str, tuple[str | None, str]] = {}
     sections = sections_of(LAWS[kind])
-    acts_with = {**conditions(LAWS[kind])}
+    acts_with = {name: said.only for name, said in meanings_of(LAWS[kind]).items()}
     for key in keys_of(LAWS[kind], ("kind", *(set(ORIGINS) - {"measurement"}))):
         keys[key.name] = (_ELSEWHERE.get(key.name, key.default), key.meaning)
         for part in keys_of(sections[key.name]) if key.name in sections else ():
             keys[f"{key.name}.{part.name}"] = part.default, part.meaning
-            acts_with[f"{key.name}.{part.name}"] = conditions(sections[key.name]).get(part.name, ())
+            acts_with[f"{key.name}.{part.name}"] = part.only
     for name in sorted(keys, key=lambda name: [*written, name].index(name)):
         default, meaning = keys[name]
         cell, default = f"`{name}`", "must be given" if default is None else default
@@ -167,7 +166,7 @@ def _gain_rows(kind: str, above: str, rows: list[str]) -> Iterator[str]:
         yield f"| {cell} | {default} | {_with_conditions(meaning, acts_with.get(name, ()))} |"
 
 
-def _with_conditions(meaning: str, conditions: Sequence[Condition]) -> str:
+def _with_conditions(meaning: str, conditions: Sequence[Only]) -> str:
     """Return a meaning that ends in what its key acts with, as its class says."""
     if not conditions:
         return meaning

@@ -74,6 +74,7 @@ from .inputs.fields import (
     Vector as Vector,
     validated as validated,
 )
+from .inputs.keys import Meaning as Meaning, Only as Only
 from .inputs.versions import __version__ as __version__
 from .laws import (
     LAWS as LAWS,

@@ -5,6 +5,7 @@ as with any other law.
 """
 
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from drake_rnn import (
     LAWS,
     JointLimits,
     Layout,
+    Meaning,
     NonNegative,
     Positive,
     SampledLaw,
@@ -24,17 +26,11 @@ from drake_rnn import (
 
 @validated
 class DampedLeastSquares(SampledLaw):
-    """Joint velocities J^T (J J^T + damping^2 I)^-1 (v_d + gain (p_d - p)).
+    """Joint velocities J^T (J J^T + damping^2 I)^-1 (v_d + gain (p_d - p))."""
 
-    Args:
-        limits: Limits of the joints; only their number is used.
-        gain: Gain of the position error [1/s].
-        damping: Damping of the pseudoinverse [m].
-    """
-
-    limits: JointLimits
-    gain: Positive = 4.0
-    damping: NonNegative = 1e-3
+    limits: Annotated[JointLimits, Meaning("Limits of the joints; only their number is used.")]
+    gain: Annotated[Positive, Meaning("Gain of the position error.", unit="1/s")] = 4.0
+    damping: Annotated[NonNegative, Meaning("Damping of the pseudoinverse.", unit="m")] = 1e-3
 
     # Its joint velocities scale with the speed of the path: `fastest` may stretch it.
     stays_on_path = True

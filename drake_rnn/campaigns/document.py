@@ -16,6 +16,7 @@ from ..inputs.documents import construct, read_named
 from ..inputs.extensions import without_extensions
 from ..inputs.fields import Count, Seed, validated
 from ..inputs.given_file import is_file
+from ..inputs.keys import Meaning
 from ..inputs.names import require_folder_name
 from ..measures import METRIC_NAMES
 from .variation import Axis, Distribution, variation_of
@@ -27,52 +28,71 @@ MOST_ROWS = 1_000_000
 
 @validated
 class StatisticsSettings:
-    """Settings of a campaign's summary.
+    """Settings of a campaign's summary."""
 
-    Args:
-        quantiles: Quantiles of each metric.
-        worst: Number of the worst runs that are listed for each metric.
-        confidence: Probability with which an interval covers the true value.
-    """
-
-    quantiles: list[_Share] = Field(default_factory=lambda: [0.05, 0.5, 0.95])
-    worst: Annotated[int, Field(strict=True, ge=0)] = 5
-    confidence: _Share = 0.95
+    quantiles: Annotated[
+        list[_Share],
+        Meaning("Quantiles of each metric."),
+    ] = Field(default_factory=lambda: [0.05, 0.5, 0.95])
+    worst: Annotated[
+        Annotated[int, Field(strict=True, ge=0)],
+        Meaning("Number of the worst runs that are listed for each metric."),
+    ] = 5
+    confidence: Annotated[
+        _Share,
+        Meaning("Probability with which an interval covers the true value."),
+    ] = 0.95
 
 
 @validated
 class CampaignDocument:
-    """Everything that a campaign depends on, as plain data.
+    """Everything that a campaign depends on, as plain data."""
 
-    Args:
-        name: Name of the campaign; by default the file's name.
-        expect: Expected outcome, in one sentence.
-        experiment: Experiment that is run: a shipped name, a YAML file or a document.
-        changes: Changes of the experiment by dotted key, the same in each run.
-        vary: What varies, by dotted key: a list of values, or a ``kind`` and its fields. Lists and
-            ranges are run in all combinations; distributions are drawn from.
-        together: Groups of keys whose lists or ranges advance together instead of being combined.
-        samples: Number of draws of all distributions, for each combination.
-        seed: Seed of the draws.
-        metrics: Metrics of the table and the summary; by default all in the table, and in the
-            summary those that vary.
-        statistics: Settings of the summary.
-        method: How runs are carried out: ``auto``, in a batch of runs side by side where a batch
-            can run them, otherwise by `simulate`; ``batch``, refused where it cannot; or
-            ``simulate``.
-    """
-
-    name: str = ""
-    expect: str = ""
-    experiment: str | dict[str, Any]
-    changes: dict[str, Any] = Field(default_factory=dict)
-    vary: dict[str, Any]
-    together: list[list[str]] = Field(default_factory=list)
-    samples: Count | None = None
-    seed: Seed = 0
-    metrics: list[str] = Field(default_factory=list)
-    statistics: StatisticsSettings = Field(default_factory=StatisticsSettings)
-    method: Literal["auto", "simulate", "batch"] = "auto"
+    name: Annotated[str, Meaning("Name of the campaign; by default the file's name.")] = ""
+    expect: Annotated[str, Meaning("Expected outcome, in one sentence.")] = ""
+    experiment: Annotated[
+        str | dict[str, Any],
+        Meaning("Experiment that is run: a shipped name, a YAML file or a document."),
+    ]
+    changes: Annotated[
+        dict[str, Any],
+        Meaning("Changes of the experiment by dotted key, the same in each run."),
+    ] = Field(default_factory=dict)
+    vary: Annotated[
+        dict[str, Any],
+        Meaning(
+            "What varies, by dotted key: a list of values, or a ``kind`` and its fields. Lists "
+            "and ranges are run in all combinations; distributions are drawn from.",
+        ),
+    ]
+    together: Annotated[
+        list[list[str]],
+        Meaning("Groups of keys whose lists or ranges advance together instead of being combined."),
+    ] = Field(default_factory=list)
+    samples: Annotated[
+        Count | None,
+        Meaning("Number of draws of all distributions, for each combination."),
+    ] = None
+    seed: Annotated[Seed, Meaning("Seed of the draws.")] = 0
+    metrics: Annotated[
+        list[str],
+        Meaning(
+            "Metrics of the table and the summary; by default all in the table, and in the "
+            "summary those that vary.",
+        ),
+    ] = Field(default_factory=list)
+    statistics: Annotated[
+        StatisticsSettings,
+        Meaning("Settings of the summary."),
+    ] = Field(default_factory=StatisticsSettings)
+    method: Annotated[
+        Literal["auto", "simulate", "batch"],
+        Meaning(
+            "How runs are carried out: ``auto``, in a batch of runs side by side where a batch "
+            "can run them, otherwise by `simulate`; ``batch``, refused where it cannot; or "
+            "``simulate``.",
+        ),
+    ] = "auto"
 
     def __post_init__(self) -> None:
         require_folder_name("name", self.name)

@@ -6,7 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from itertools import product
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -15,6 +15,7 @@ from ..errors import InvalidInputError
 from ..inputs.complaints import nearest, short
 from ..inputs.documents import construct, without_kind
 from ..inputs.fields import Array, Count, Finite, FiniteEach, Positive, Whole, validated
+from ..inputs.keys import Meaning
 
 
 class Axis(ABC):
@@ -49,13 +50,9 @@ class Distribution(ABC):
 
 @validated
 class Values(Axis):
-    """Values that are given one by one.
+    """Values that are given one by one."""
 
-    Args:
-        values: The values.
-    """
-
-    values: list[Any]
+    values: Annotated[list[Any], Meaning("The values.")]
 
     def __post_init__(self) -> None:
         if not self.values:
@@ -71,20 +68,21 @@ class Values(Axis):
 
 @validated
 class Range(Axis):
-    """Values at equal distances, or in equal ratios.
+    """Values at equal distances, or in equal ratios."""
 
-    Args:
-        low: First value.
-        high: Last value.
-        count: Number of values. The values are whole numbers if ``low``, ``high`` and the distance
-            between two values are.
-        spacing: ``linear`` for equal distances, ``log`` for equal ratios.
-    """
-
-    low: Whole | Finite
-    high: Whole | Finite
-    count: Count
-    spacing: Literal["linear", "log"] = "linear"
+    low: Annotated[Whole | Finite, Meaning("First value.")]
+    high: Annotated[Whole | Finite, Meaning("Last value.")]
+    count: Annotated[
+        Count,
+        Meaning(
+            "Number of values. The values are whole numbers if ``low``, ``high`` and the "
+            "distance between two values are.",
+        ),
+    ]
+    spacing: Annotated[
+        Literal["linear", "log"],
+        Meaning("``linear`` for equal distances, ``log`` for equal ratios."),
+    ] = "linear"
 
     def __post_init__(self) -> None:
         if not self.low <= self.high:
@@ -111,15 +109,15 @@ class Range(Axis):
 
 @validated
 class Grid:
-    """A section of a document, some keys of which have several values.
+    """A section of a document, some keys of which have several values."""
 
-    Args:
-        fixed: Keys that have one value.
-        over: Values of the other keys, by key; all combinations are run, the last key fastest.
-    """
-
-    fixed: dict[str, Any]
-    over: dict[str, list[Any]] = Field(default_factory=dict)
+    fixed: Annotated[dict[str, Any], Meaning("Keys that have one value.")]
+    over: Annotated[
+        dict[str, list[Any]],
+        Meaning(
+            "Values of the other keys, by key; all combinations are run, the last key fastest.",
+        ),
+    ] = Field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for key, values in self.over.items():
@@ -136,13 +134,12 @@ class Grid:
 
 @validated
 class Grids(Axis):
-    """Sections of a document, one grid of them after the other: laws, each with gains of its own.
+    """Sections of a document, one grid of them after the other.
 
-    Args:
-        of: The grids.
+    So laws are varied, each with gains of its own.
     """
 
-    of: list[Grid]
+    of: Annotated[list[Grid], Meaning("The grids.")]
 
     def __post_init__(self) -> None:
         if not self.of:
@@ -158,14 +155,10 @@ class Grids(Axis):
 
 @validated
 class Uniform(Distribution):
-    """A number, or each entry of a list, that is uniform between two bounds.
+    """A number, or each entry of a list, that is uniform between two bounds."""
 
-    Args:
-        low, high: The bounds, each a number or one for each entry.
-    """
-
-    low: FiniteEach
-    high: FiniteEach
+    low: Annotated[FiniteEach, Meaning("The bounds, each a number or one for each entry.")]
+    high: Annotated[FiniteEach, Meaning("The bounds, each a number or one for each entry.")]
 
     def __post_init__(self) -> None:
         _require_order(self.low, self.high)
@@ -176,14 +169,16 @@ class Uniform(Distribution):
 
 @validated
 class LogUniform(Distribution):
-    """A number, or each entry of a list, whose logarithm is uniform.
+    """A number, or each entry of a list, whose logarithm is uniform."""
 
-    Args:
-        low, high: Bounds, greater than 0, each a number or one for each entry.
-    """
-
-    low: FiniteEach
-    high: FiniteEach
+    low: Annotated[
+        FiniteEach,
+        Meaning("Bounds, greater than 0, each a number or one for each entry."),
+    ]
+    high: Annotated[
+        FiniteEach,
+        Meaning("Bounds, greater than 0, each a number or one for each entry."),
+    ]
 
     def __post_init__(self) -> None:
         if not np.all(np.asarray(self.low) > 0):
@@ -196,15 +191,10 @@ class LogUniform(Distribution):
 
 @validated
 class Normal(Distribution):
-    """A number, or each entry of a list, from a normal distribution.
+    """A number, or each entry of a list, from a normal distribution."""
 
-    Args:
-        mean: Mean, a number or one for each entry.
-        deviation: Standard deviation, a number or one for each entry.
-    """
-
-    mean: FiniteEach
-    deviation: FiniteEach
+    mean: Annotated[FiniteEach, Meaning("Mean, a number or one for each entry.")]
+    deviation: Annotated[FiniteEach, Meaning("Standard deviation, a number or one for each entry.")]
 
     def __post_init__(self) -> None:
         _require_sizes(self.mean, self.deviation, "mean", "deviation")
@@ -217,14 +207,10 @@ class Normal(Distribution):
 
 @validated
 class Integers(Distribution):
-    """A whole number between two bounds, all equally likely.
+    """A whole number between two bounds, all equally likely."""
 
-    Args:
-        low, high: The bounds, both included.
-    """
-
-    low: Whole
-    high: Whole
+    low: Annotated[Whole, Meaning("The bounds, both included.")]
+    high: Annotated[Whole, Meaning("The bounds, both included.")]
 
     def __post_init__(self) -> None:
         if not -(2**62) <= self.low <= self.high <= 2**62:
@@ -236,15 +222,13 @@ class Integers(Distribution):
 
 @validated
 class Choice(Distribution):
-    """One of some values.
+    """One of some values."""
 
-    Args:
-        values: The values.
-        weights: Relative probabilities of the values; equal by default.
-    """
-
-    values: list[Any]
-    weights: list[Positive] | None = None
+    values: Annotated[list[Any], Meaning("The values.")]
+    weights: Annotated[
+        list[Positive] | None,
+        Meaning("Relative probabilities of the values; equal by default."),
+    ] = None
 
     def __post_init__(self) -> None:
         if not self.values:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from ..errors import InvalidInputError
 from ..experiment.document import Acceptance
 from ..inputs.fields import Finite, validated
+from ..inputs.keys import Meaning
 
 #: Parts of the criteria of a claim, as the pages name them.
 Part = Literal["as stated", "with the correction", "instead"]
@@ -21,21 +22,25 @@ _ID = re.compile(r"[a-z]+-(?:T|F|Th|L|R|S|C)\d[\da-z.]*")
 
 @validated
 class Quantity:
-    """A number that a run or a calculation gives.
+    """A number that a run or a calculation gives."""
 
-    Args:
-        run: Name of a shipped experiment; give either this or ``measure``.
-        set: Changes of the experiment, by dotted key.
-        metric: Metric of the run.
-        measure: Name of a function of the module beside the claims file.
-        given: Arguments of that function, by name.
-    """
-
-    run: str | None = None
-    set: dict[str, Any] = Field(default_factory=dict)
-    metric: str | None = None
-    measure: str | None = None
-    given: dict[str, Any] = Field(default_factory=dict)
+    run: Annotated[
+        str | None,
+        Meaning("Name of a shipped experiment; give either this or ``measure``."),
+    ] = None
+    set: Annotated[
+        dict[str, Any],
+        Meaning("Changes of the experiment, by dotted key."),
+    ] = Field(default_factory=dict)
+    metric: Annotated[str | None, Meaning("Metric of the run.")] = None
+    measure: Annotated[
+        str | None,
+        Meaning("Name of a function of the module beside the claims file."),
+    ] = None
+    given: Annotated[
+        dict[str, Any],
+        Meaning("Arguments of that function, by name."),
+    ] = Field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if (self.run is None) == (self.measure is None):
@@ -61,23 +66,26 @@ class Quantity:
 
 @validated
 class Criterion(Quantity):
-    """A number and its bounds.
+    """A number and its bounds."""
 
-    Args:
-        per: What the number is divided by; None for nothing.
-        at_least, at_most: Bounds of the number, in its own unit.
-        paper: The paper's own figure, for a reader.
-        wide_because: Why a bound is far from both the number that was measured and the paper's
-            figure; ``round-off`` for a number that would be zero in exact arithmetic.
-        timed: Whether the number is a ratio of times, which a busy machine disturbs.
-    """
-
-    per: Quantity | None = None
-    at_least: Finite | None = None
-    at_most: Finite | None = None
-    paper: str = ""
-    wide_because: str = ""
-    timed: bool = False
+    per: Annotated[
+        Quantity | None,
+        Meaning("What the number is divided by; None for nothing."),
+    ] = None
+    at_least: Annotated[Finite | None, Meaning("Bounds of the number, in its own unit.")] = None
+    at_most: Annotated[Finite | None, Meaning("Bounds of the number, in its own unit.")] = None
+    paper: Annotated[str, Meaning("The paper's own figure, for a reader.")] = ""
+    wide_because: Annotated[
+        str,
+        Meaning(
+            "Why a bound is far from both the number that was measured and the paper's figure; "
+            "``round-off`` for a number that would be zero in exact arithmetic.",
+        ),
+    ] = ""
+    timed: Annotated[
+        bool,
+        Meaning("Whether the number is a ratio of times, which a busy machine disturbs."),
+    ] = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -104,31 +112,47 @@ class Claim:
     changes what is printed: a law, a parameter or a formula. A weaker claim, such as one with
     another bound, another quantity or without one of its halves, is no correction: it is what holds
     instead.
-
-    Args:
-        id: Scheme and place in the paper, e.g. ``slc-F2a`` for Fig. 2(a): T table, F figure,
-            Th theorem, L lemma, R remark, S section, C claim in the text.
-        where: Place in the paper, in words.
-        says: What the paper says, in our words.
-        as_stated: Criteria that must be met for the claim to hold.
-        corrected: Criteria for it to hold with the correction that ``because`` names.
-        instead: Criteria of what holds instead, or can be said all the same; they do not change the
-            verdict.
-        unchecked: Why the claim cannot be checked; in place of criteria as stated.
-        because: Why it does not hold as stated, what is corrected, or what was chosen where the
-            paper is silent.
-        tests: Tests that show it too, as pytest names them.
     """
 
-    id: str
-    where: str
-    says: str
-    as_stated: list[Criterion] = Field(default_factory=list)
-    corrected: list[Criterion] = Field(default_factory=list)
-    instead: list[Criterion] = Field(default_factory=list)
-    unchecked: str = ""
-    because: str = ""
-    tests: list[str] = Field(default_factory=list)
+    id: Annotated[
+        str,
+        Meaning(
+            "Scheme and place in the paper, e.g. ``slc-F2a`` for Fig. 2(a): T table, F figure, "
+            "Th theorem, L lemma, R remark, S section, C claim in the text.",
+        ),
+    ]
+    where: Annotated[str, Meaning("Place in the paper, in words.")]
+    says: Annotated[str, Meaning("What the paper says, in our words.")]
+    as_stated: Annotated[
+        list[Criterion],
+        Meaning("Criteria that must be met for the claim to hold."),
+    ] = Field(default_factory=list)
+    corrected: Annotated[
+        list[Criterion],
+        Meaning("Criteria for it to hold with the correction that ``because`` names."),
+    ] = Field(default_factory=list)
+    instead: Annotated[
+        list[Criterion],
+        Meaning(
+            "Criteria of what holds instead, or can be said all the same; they do not change the "
+            "verdict.",
+        ),
+    ] = Field(default_factory=list)
+    unchecked: Annotated[
+        str,
+        Meaning("Why the claim cannot be checked; in place of criteria as stated."),
+    ] = ""
+    because: Annotated[
+        str,
+        Meaning(
+            "Why it does not hold as stated, what is corrected, or what was chosen where the "
+            "paper is silent.",
+        ),
+    ] = ""
+    tests: Annotated[
+        list[str],
+        Meaning("Tests that show it too, as pytest names them."),
+    ] = Field(default_factory=list)
 
     def __post_init__(self) -> None:
         if not _ID.fullmatch(self.id):
@@ -160,21 +184,16 @@ class Claim:
 
 @validated
 class Paper:
-    """A paper.
+    """A paper."""
 
-    Args:
-        title: Its title.
-        authors: Its authors; none if they are not known here.
-        journal: Where it appeared; none if it is not known here.
-        year: When it appeared; None if it is not known here.
-        doi: Its digital object identifier; none if it is not known here.
-    """
-
-    title: str
-    authors: str = ""
-    journal: str = ""
-    year: int | None = None
-    doi: str = ""
+    title: Annotated[str, Meaning("Its title.")]
+    authors: Annotated[str, Meaning("Its authors; none if they are not known here.")] = ""
+    journal: Annotated[str, Meaning("Where it appeared; none if it is not known here.")] = ""
+    year: Annotated[int | None, Meaning("When it appeared; None if it is not known here.")] = None
+    doi: Annotated[
+        str,
+        Meaning("Its digital object identifier; none if it is not known here."),
+    ] = ""
 
     def __str__(self) -> str:
         parts = [self.authors, f'"{self.title}"', self.journal]

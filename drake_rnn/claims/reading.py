@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from ..errors import InvalidInputError
 from ..experiment import shipped_experiments
@@ -16,6 +16,7 @@ from ..inputs.complaints import nearest
 from ..inputs.documents import construct, read_yaml
 from ..inputs.extensions import without_extensions
 from ..inputs.fields import validated
+from ..inputs.keys import Meaning
 from ..measures import METRIC_NAMES
 from .claim import Claim, Paper, Quantity
 
@@ -26,19 +27,12 @@ SCHEMES = tuple(sorted(file.stem for file in _FOLDER.glob("*.yaml")))
 
 @validated
 class ClaimsFile:
-    """What one paper claims, as plain data.
+    """What one paper claims, as plain data."""
 
-    Args:
-        prefix: What the names of its claims begin with, before a hyphen.
-        paper: The paper, the fields of `Paper`.
-        page: Page of the repository about it.
-        claims: Its claims, each with the fields of `Claim`.
-    """
-
-    prefix: str
-    paper: dict[str, Any]
-    page: str
-    claims: list[dict[str, Any]]
+    prefix: Annotated[str, Meaning("What the names of its claims begin with, before a hyphen.")]
+    paper: Annotated[dict[str, Any], Meaning("The paper, the fields of `Paper`.")]
+    page: Annotated[str, Meaning("Page of the repository about it.")]
+    claims: Annotated[list[dict[str, Any]], Meaning("Its claims, each with the fields of `Claim`.")]
 
 
 @dataclass(frozen=True)

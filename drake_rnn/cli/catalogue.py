@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
 
 from rich.box import SIMPLE_HEAD
 from rich.markup import escape
@@ -12,7 +11,7 @@ from rich.table import Table
 from ..errors import InvalidInputError
 from ..experiment.law import ORIGINS
 from ..inputs.complaints import nearest
-from ..inputs.explained import Key, first_sentence, keys_of
+from ..inputs.keys import Key, keys_of, summary_of
 from ..laws import LAWS
 from ..measures import raised
 from ..paths import PATHS
@@ -43,7 +42,7 @@ def list_arms(asked: Arms) -> None:
 def list_laws(asked: Laws) -> None:
     """List the laws, or explain the keys of one."""
     with errors():
-        lines = {kind: first_sentence(sys.modules[cls.__module__]) for kind, cls in LAWS.items()}
+        lines = {kind: summary_of(cls) for kind, cls in LAWS.items()}
         keys = {kind: keys_of(cls, ("kind", *ORIGINS)) for kind, cls in LAWS.items()}
         _print_kinds("law", lines, keys, asked.name)
 
@@ -51,7 +50,7 @@ def list_laws(asked: Laws) -> None:
 def list_paths(asked: Paths) -> None:
     """List the paths, or explain the keys of one."""
     with errors():
-        lines = {kind: first_sentence(cls) for kind, cls in PATHS.items()}
+        lines = {kind: summary_of(cls) for kind, cls in PATHS.items()}
         keys = {kind: keys_of(cls) for kind, cls in PATHS.items()}
         _print_kinds("path", lines, keys, asked.name)
 

@@ -18,7 +18,7 @@ from ..experiment import (
 )
 from ..experiment.heads import schema_line
 from ..inputs.documents import construct, to_yaml
-from ..inputs.explained import shortened
+from ..inputs.keys import shortened
 from ..runs import build_diagram
 from .asked import Show
 from .console import errors

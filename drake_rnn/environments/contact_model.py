@@ -2,44 +2,53 @@
 
 # No postponed annotations: see `surface`.
 from abc import ABC, abstractmethod
+from typing import Annotated
 
 from pydrake.multibody.plant import MultibodyPlant
 
 from ..inputs.fields import Array, Friction, NonNegative, Positive, validated
+from ..inputs.keys import Meaning
 from .surface import Surface
 
 
 @validated
 class TipMaterial:
-    """Material of the tool's compliant ball; None keeps the value of the arm's model.
+    """Material of the tool's compliant ball; None keeps the value of the arm's model."""
 
-    Args:
-        hydroelastic_modulus: Pressure at full depth [Pa]. It is not a stiffness, which depends on
-            radius, depth and mesh as well and has to be measured.
-        mesh_resolution: Edge length of the ball's mesh [m].
-        dissipation: Hunt-Crossley dissipation [s/m].
-    """
-
-    hydroelastic_modulus: Positive | None = None
-    mesh_resolution: Positive | None = None
-    dissipation: NonNegative | None = None
+    hydroelastic_modulus: Annotated[
+        Positive | None,
+        Meaning(
+            "Pressure at full depth [Pa]. It is not a stiffness, which depends on radius, depth "
+            "and mesh as well and has to be measured.",
+        ),
+    ] = None
+    mesh_resolution: Annotated[
+        Positive | None,
+        Meaning("Edge length of the ball's mesh.", unit="m"),
+    ] = None
+    dissipation: Annotated[
+        NonNegative | None,
+        Meaning("Hunt-Crossley dissipation.", unit="s/m"),
+    ] = None
 
 
 @validated
 class ContactModel(Surface, ABC):
-    """A surface made of bodies.
+    """A surface made of bodies."""
 
-    Args:
-        normal, gap, believed_normal: See `Surface`.
-        standoff: Distance from E's origin to the tool's outermost point towards the surface [m];
-            by default that of the ball in the arm's model.
-        tip: Material of the tool's ball.
-        friction: Friction coefficient of ball and surface; None keeps the values of their models.
-    """
-
-    standoff: NonNegative | None = None
-    tip: TipMaterial | None = None
-    friction: Friction | None = None
+    standoff: Annotated[
+        NonNegative | None,
+        Meaning(
+            "Distance from E's origin to the tool's outermost point towards the surface; by "
+            "default that of the ball in the arm's model.",
+            unit="m",
+        ),
+    ] = None
+    tip: Annotated[TipMaterial | None, Meaning("Material of the tool's ball.")] = None
+    friction: Annotated[
+        Friction | None,
+        Meaning("Friction coefficient of ball and surface; None keeps the values of their models."),
+    ] = None
 
     @abstractmethod
     def add_to(self, plant: MultibodyPlant, p_WS: Array) -> None:

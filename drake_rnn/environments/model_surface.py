@@ -2,7 +2,7 @@
 
 # No postponed annotations: see `surface`.
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 from pydrake.math import RigidTransform, RollPitchYaw
@@ -12,6 +12,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from ..errors import InvalidInputError
 from ..inputs.fields import Angles, Array, Point, validated, zeros
 from ..inputs.given_file import content_of, is_file
+from ..inputs.keys import Meaning
 from ..robot.contact_mesh import require_coarse_balls
 from ..robot.model.still import require_finite_meshes
 from ..robot.model.xml_text import MOST_BYTES, parse_xml
@@ -20,24 +21,27 @@ from .contact_model import ContactModel
 
 @validated
 class ModelSurface(ContactModel):
-    """A surface given by a model file; the model's origin lies on it, below the tool.
-
-    Args:
-        normal, gap, believed_normal: See `Surface`.
-        standoff, tip, friction: See `ContactModel`.
-        model: URDF, SDF or MJCF file. Its first body is welded to the world, so the file must
-            leave it free; its collision geometry needs hydroelastic properties.
-        rotation: Roll, pitch and yaw of the model in the base frame [rad].
-        offset: Offset of the model's origin, in the base frame, shape (3,) [m].
-    """
+    """A surface given by a model file; the model's origin lies on it, below the tool."""
 
     # The file may contain any shape.
     is_plane = False
 
     kind: Literal["model"] = "model"
-    model: str
-    rotation: Angles = Field(default_factory=zeros)
-    offset: Point = Field(default_factory=zeros)
+    model: Annotated[
+        str,
+        Meaning(
+            "URDF, SDF or MJCF file. Its first body is welded to the world, so the file must "
+            "leave it free; its collision geometry needs hydroelastic properties.",
+        ),
+    ]
+    rotation: Annotated[
+        Angles,
+        Meaning("Roll, pitch and yaw of the model in the base frame.", unit="rad"),
+    ] = Field(default_factory=zeros)
+    offset: Annotated[
+        Point,
+        Meaning("Offset of the model's origin, in the base frame, shape (3,).", unit="m"),
+    ] = Field(default_factory=zeros)
 
     def __post_init__(self) -> None:
         super().__post_init__()

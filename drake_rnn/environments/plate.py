@@ -16,29 +16,29 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 
 from ..inputs.fields import Array, Friction, Length, Modulus, Point, validated, zeros
+from ..inputs.keys import Meaning
 from .contact_model import ContactModel
 
 
 @validated
 class Plate(ContactModel):
-    """A square plate centred below the tool; its face towards the tool is the surface.
-
-    Args:
-        normal, gap, believed_normal: See `Surface`.
-        standoff, tip: See `ContactModel`.
-        friction: Friction coefficient of ball and plate.
-        size: Edge length [m].
-        thickness: Thickness [m].
-        offset: Offset of the centre along the plate, in the base frame, shape (3,) [m].
-        hydroelastic_modulus: Hydroelastic modulus of a compliant plate [Pa]; None for a rigid one.
-    """
+    """A square plate centred below the tool; its face towards the tool is the surface."""
 
     kind: Literal["plate"] = "plate"
-    friction: Friction = 0.3
-    size: Length = 0.4
-    thickness: Annotated[float, Field(strict=True, ge=0.005, le=1e3, allow_inf_nan=False)] = 0.04
-    offset: Point = Field(default_factory=zeros)
-    hydroelastic_modulus: Modulus | None = None
+    friction: Annotated[Friction, Meaning("Friction coefficient of ball and plate.")] = 0.3
+    size: Annotated[Length, Meaning("Edge length.", unit="m")] = 0.4
+    thickness: Annotated[
+        Annotated[float, Field(strict=True, ge=0.005, le=1e3, allow_inf_nan=False)],
+        Meaning("Thickness.", unit="m"),
+    ] = 0.04
+    offset: Annotated[
+        Point,
+        Meaning("Offset of the centre along the plate, in the base frame, shape (3,).", unit="m"),
+    ] = Field(default_factory=zeros)
+    hydroelastic_modulus: Annotated[
+        Modulus | None,
+        Meaning("Hydroelastic modulus of a compliant plate [Pa]; None for a rigid one."),
+    ] = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

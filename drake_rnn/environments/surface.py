@@ -1,10 +1,13 @@
 """The base class of all surfaces that a tool can be pressed against."""
 
 # No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
+from typing import Annotated
+
 import numpy as np
 from pydantic import Field
 
 from ..inputs.fields import Array, Finite, Point, validated
+from ..inputs.keys import Meaning
 
 
 def _up() -> Array:
@@ -15,19 +18,27 @@ def _up() -> Array:
 
 @validated
 class Surface:
-    """A plane below the tool.
+    """A plane below the tool."""
 
-    Args:
-        normal: Normal out of the surface, towards the tool, in the base frame, shape (3,); of any
-            length.
-        gap: Distance of the tool from the surface at the start, along the normal [m];
-            negative for a tool that is pressed in.
-        believed_normal: Normal that the law assumes, shape (3,); by default the true one.
-    """
-
-    normal: Point = Field(default_factory=_up)
-    gap: Finite = 0.0
-    believed_normal: Point | None = None
+    normal: Annotated[
+        Point,
+        Meaning(
+            "Normal out of the surface, towards the tool, in the base frame, shape (3,); of any "
+            "length.",
+        ),
+    ] = Field(default_factory=_up)
+    gap: Annotated[
+        Finite,
+        Meaning(
+            "Distance of the tool from the surface at the start, along the normal; negative for "
+            "a tool that is pressed in.",
+            unit="m",
+        ),
+    ] = 0.0
+    believed_normal: Annotated[
+        Point | None,
+        Meaning("Normal that the law assumes, shape (3,); by default the true one."),
+    ] = None
 
     #: Whether it is a plane, on which a path must lie.
     is_plane = True

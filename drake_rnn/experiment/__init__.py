@@ -22,7 +22,7 @@ from .files import (
     read_document as read_document,
     shipped_experiments as shipped_experiments,
 )
-from .key_meanings import (
+from .keys import (
     key_meanings as key_meanings,
     section_meanings as section_meanings,
     unit_of_key as unit_of_key,

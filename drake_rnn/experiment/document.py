@@ -15,6 +15,7 @@ from ..inputs.complaints import nearest, plain
 from ..inputs.dataclass_fields import field_names, fields_of
 from ..inputs.documents import to_yaml
 from ..inputs.fields import Finite, NonNegative, Positive, Seed, Vector, between, validated
+from ..inputs.keys import Meaning
 from ..inputs.names import require_folder_name
 from ..laws import Law
 from ..measures import METRIC_NAMES
@@ -44,17 +45,17 @@ _WITHOUT_ERROR_CONTROL = ("explicit_euler", "runge_kutta2", "semi_explicit_euler
 
 @validated
 class IntegratorSettings:
-    """Settings of the Drake integrator that runs a law's continuous reading.
+    """Settings of the Drake integrator that runs a law's continuous reading."""
 
-    Args:
-        scheme: One of Drake's integration schemes.
-        accuracy: Accuracy for error control; give either this or ``step``.
-        step: Length of fixed steps [s]; give either this or ``accuracy``.
-    """
-
-    scheme: str = "runge_kutta3"
-    accuracy: _Accuracy | None = None
-    step: Positive | None = None
+    scheme: Annotated[str, Meaning("One of Drake's integration schemes.")] = "runge_kutta3"
+    accuracy: Annotated[
+        _Accuracy | None,
+        Meaning("Accuracy for error control; give either this or ``step``."),
+    ] = None
+    step: Annotated[
+        Positive | None,
+        Meaning("Length of fixed steps; give either this or ``accuracy``.", unit="s"),
+    ] = None
 
     def __post_init__(self) -> None:
         if self.scheme not in GetIntegrationSchemes():
@@ -71,14 +72,16 @@ class IntegratorSettings:
 
 @validated
 class Acceptance:
-    """Bounds that a metric is expected to keep.
+    """Bounds that a metric is expected to keep."""
 
-    Args:
-        at_least, at_most: Lower and upper bound, in the metric's unit; None for no bound.
-    """
-
-    at_least: Finite | None = None
-    at_most: Finite | None = None
+    at_least: Annotated[
+        Finite | None,
+        Meaning("Lower and upper bound, in the metric's unit; None for no bound."),
+    ] = None
+    at_most: Annotated[
+        Finite | None,
+        Meaning("Lower and upper bound, in the metric's unit; None for no bound."),
+    ] = None
 
     def __post_init__(self) -> None:
         if self.at_least is None and self.at_most is None:
@@ -103,101 +106,171 @@ class Acceptance:
 
 @validated
 class ExperimentDocument:
-    """Everything that a run depends on, as plain data; `make_experiment` makes the objects.
+    """Everything that a run depends on, as plain data; `make_experiment` makes the objects."""
 
-    Args:
-        name: Name of the experiment; by default the file's name.
-        paper: Source of the experiment, for the table of experiments.
-        expect: Expected outcome, in one sentence.
-        arm: Name of a shipped arm, or the fields of `drake_rnn.ArmDescription`.
-        task: Part of the end effector's pose that the task is about: ``xyz``; ``xy`` for a planar
-            arm; or ``pose``, position and orientation.
-        path: ``kind`` and the fields of a path; not for a law that seeks a target posture
-            while the end effector stays, nor for one that follows joint targets.
-        targets: Joint targets that came to a law that follows such targets.
-        law: ``kind`` and the fields of a law, without those that arm and task determine.
-        level: ``kinematic``: the arm follows its command exactly. ``dynamic``: it has mass,
-            motors and contact.
-        plant: Simulation and motor settings of the arm, at the dynamic level.
-        environment: ``kind`` and the fields of the surface that the tool presses against, see
-            `drake_rnn.environments`.
-        obstacles: What the arm is to stay clear of, each with its ``kind`` and fields, see
-            `drake_rnn.robot.clearance.obstacles`, and itself, also if the list is empty. A law
-            with the field ``avoidance`` avoids them, any with ``safety.collisions``; of others the
-            distance is measured. By default distances are not looked at.
-        second: Another arm beside this one: ``base``, where it stands, and keys of an experiment of
-            its own; those left out are as in this document. With ``follows`` its path goes along
-            with this arm's tool. Needs ``obstacles``.
-        safety: What is kept of the command, whatever the law is; by default the law's command is
-            taken as it is.
-        force: Desired pressing force.
-        sensor: Force sensor; by default an ideal one.
-        sensing: Measurement of the joints that the law sees; by default an ideal one.
-        camera: Camera that sees points on the tool, for a law that sees their pixels in place of
-            the end effector's position; the path is then what these points are to be seen on.
-        faults: Joints that lock during the run.
-        period: Sampling period of the controller [s]; give either this or ``integrator``.
-        integrator: Integrator of the law's continuous reading; give either this or ``period``.
-        start: Start posture, shape (n,) [rad]; by default the arm's home posture.
-        on_unreachable: What to do if no self-motion leads to the target posture: ``refuse``, or
-            ``project`` the target to the nearest posture that can be reached. What to do about a
-            path out of reach: ``refuse``, or ``follow`` it as far as law and limits let the arm.
-        limits: Bounds that override the arm's, by the names of `drake_rnn.JointLimits`, one number
-            for all joints or one per joint; or ``none`` for no limits at all; or the name of
-            shipped limits that replace the arm's, such as ``fr3`` or ``fer``.
-        dither: Excitation of the joints.
-        disturbance: Velocities that the joints make besides those commanded.
-        filter: Filter of the law's command, so that the arm keeps the bounds of ``limits`` up to
-            the highest order given.
-        feedback: Arm that the law sees: ``commanded``, the one that the filtered command moves;
-            ``unfiltered``, a virtual one that the law's unfiltered command moves; or ``measured``,
-            the true one. By default ``commanded`` at the kinematic level without ``sensing``,
-            otherwise ``measured``.
-        seed: Seed of all random numbers.
-        duration: Duration of the run [s].
-        window: Start and end of the time in which errors are evaluated [s]; by default the whole
-            run.
-        settling_tolerance_m: Position error below which the arm has settled [m].
-        log_period: Sampling period of the stored series [s]; metrics use every step.
-        accept: Bounds that metrics are expected to keep, by metric.
-        over: Values that a sweep runs by default, by dotted key.
-    """
-
-    name: str = ""
-    paper: str = ""
-    expect: str = ""
-    arm: str | dict[str, Any]
-    task: str = "xyz"
-    path: dict[str, Any] | None = None
-    targets: RecordedTargets | None = None
-    law: dict[str, Any]
-    level: str = "kinematic"
-    plant: PlantSettings | None = None
-    environment: dict[str, Any] | None = None
-    obstacles: list[Any] | None = None
-    second: dict[str, Any] | None = None
-    safety: SafetySettings | None = None
-    force: ForceProfile | None = None
-    sensor: SensorSettings | None = None
-    sensing: SensingSettings | None = None
-    camera: ToolCamera | None = None
-    faults: list[JointLock] | None = None
-    period: _Period | None = None
-    integrator: IntegratorSettings | None = None
-    start: Vector | None = None
-    on_unreachable: Literal["refuse", "project", "follow"] = "refuse"
-    limits: dict[str, Any] | str = Field(default_factory=dict)
-    dither: DitherSettings | None = None
-    disturbance: DisturbanceSettings | None = None
-    filter: FilterSettings | None = None
-    feedback: Feedback | None = None
-    seed: Seed = 0
-    duration: Positive
-    window: tuple[NonNegative, Positive] | None = None
-    settling_tolerance_m: Positive = 1e-3
-    log_period: Positive = _LOG_PERIOD
-    accept: dict[str, Acceptance] = Field(default_factory=dict)
-    over: dict[str, list[Any]] = Field(default_factory=dict)
+    name: Annotated[str, Meaning("Name of the experiment; by default the file's name.")] = ""
+    paper: Annotated[str, Meaning("Source of the experiment, for the table of experiments.")] = ""
+    expect: Annotated[str, Meaning("Expected outcome, in one sentence.")] = ""
+    arm: Annotated[
+        str | dict[str, Any],
+        Meaning("Name of a shipped arm, or the fields of `drake_rnn.ArmDescription`."),
+    ]
+    task: Annotated[
+        str,
+        Meaning(
+            "Part of the end effector's pose that the task is about: ``xyz``; ``xy`` for a "
+            "planar arm; or ``pose``, position and orientation.",
+        ),
+    ] = "xyz"
+    path: Annotated[
+        dict[str, Any] | None,
+        Meaning(
+            "``kind`` and the fields of a path; not for a law that seeks a target posture while "
+            "the end effector stays, nor for one that follows joint targets.",
+        ),
+    ] = None
+    targets: Annotated[
+        RecordedTargets | None,
+        Meaning("Joint targets that came to a law that follows such targets."),
+    ] = None
+    law: Annotated[
+        dict[str, Any],
+        Meaning("``kind`` and the fields of a law, without those that arm and task determine."),
+    ]
+    level: Annotated[
+        str,
+        Meaning(
+            "``kinematic``: the arm follows its command exactly. ``dynamic``: it has mass, "
+            "motors and contact.",
+        ),
+    ] = "kinematic"
+    plant: Annotated[
+        PlantSettings | None,
+        Meaning("Simulation and motor settings of the arm, at the dynamic level."),
+    ] = None
+    environment: Annotated[
+        dict[str, Any] | None,
+        Meaning(
+            "``kind`` and the fields of the surface that the tool presses against, see "
+            "`drake_rnn.environments`.",
+        ),
+    ] = None
+    obstacles: Annotated[
+        list[Any] | None,
+        Meaning(
+            "What the arm is to stay clear of, each with its ``kind`` and fields, see "
+            "`drake_rnn.robot.clearance.obstacles`, and itself, also if the list is empty. A law "
+            "with the field ``avoidance`` avoids them, any with ``safety.collisions``; of others "
+            "the distance is measured. By default distances are not looked at.",
+        ),
+    ] = None
+    second: Annotated[
+        dict[str, Any] | None,
+        Meaning(
+            "Another arm beside this one: ``base``, where it stands, and keys of an experiment "
+            "of its own; those left out are as in this document. With ``follows`` its path goes "
+            "along with this arm's tool. Needs ``obstacles``.",
+        ),
+    ] = None
+    safety: Annotated[
+        SafetySettings | None,
+        Meaning(
+            "What is kept of the command, whatever the law is; by default the law's command is "
+            "taken as it is.",
+        ),
+    ] = None
+    force: Annotated[ForceProfile | None, Meaning("Desired pressing force.")] = None
+    sensor: Annotated[
+        SensorSettings | None,
+        Meaning("Force sensor; by default an ideal one."),
+    ] = None
+    sensing: Annotated[
+        SensingSettings | None,
+        Meaning("Measurement of the joints that the law sees; by default an ideal one."),
+    ] = None
+    camera: Annotated[
+        ToolCamera | None,
+        Meaning(
+            "Camera that sees points on the tool, for a law that sees their pixels in place of "
+            "the end effector's position; the path is then what these points are to be seen on.",
+        ),
+    ] = None
+    faults: Annotated[list[JointLock] | None, Meaning("Joints that lock during the run.")] = None
+    period: Annotated[
+        _Period | None,
+        Meaning("Sampling period of the controller; give either this or ``integrator``.", unit="s"),
+    ] = None
+    integrator: Annotated[
+        IntegratorSettings | None,
+        Meaning("Integrator of the law's continuous reading; give either this or ``period``."),
+    ] = None
+    start: Annotated[
+        Vector | None,
+        Meaning("Start posture, shape (n,); by default the arm's home posture.", unit="rad"),
+    ] = None
+    on_unreachable: Annotated[
+        Literal["refuse", "project", "follow"],
+        Meaning(
+            "What to do if no self-motion leads to the target posture: ``refuse``, or "
+            "``project`` the target to the nearest posture that can be reached. What to do about "
+            "a path out of reach: ``refuse``, or ``follow`` it as far as law and limits let the "
+            "arm.",
+        ),
+    ] = "refuse"
+    limits: Annotated[
+        dict[str, Any] | str,
+        Meaning(
+            "Bounds that override the arm's, by the names of `drake_rnn.JointLimits`, one number "
+            "for all joints or one per joint; or ``none`` for no limits at all; or the name of "
+            "shipped limits that replace the arm's, such as ``fr3`` or ``fer``.",
+        ),
+    ] = Field(default_factory=dict)
+    dither: Annotated[DitherSettings | None, Meaning("Excitation of the joints.")] = None
+    disturbance: Annotated[
+        DisturbanceSettings | None,
+        Meaning("Velocities that the joints make besides those commanded."),
+    ] = None
+    filter: Annotated[
+        FilterSettings | None,
+        Meaning(
+            "Filter of the law's command, so that the arm keeps the bounds of ``limits`` up to "
+            "the highest order given.",
+        ),
+    ] = None
+    feedback: Annotated[
+        Feedback | None,
+        Meaning(
+            "Arm that the law sees: ``commanded``, the one that the filtered command moves; "
+            "``unfiltered``, a virtual one that the law's unfiltered command moves; or "
+            "``measured``, the true one. By default ``commanded`` at the kinematic level without "
+            "``sensing``, otherwise ``measured``.",
+        ),
+    ] = None
+    seed: Annotated[Seed, Meaning("Seed of all random numbers.")] = 0
+    duration: Annotated[Positive, Meaning("Duration of the run.", unit="s")]
+    window: Annotated[
+        tuple[NonNegative, Positive] | None,
+        Meaning(
+            "Start and end of the time in which errors are evaluated; by default the whole run.",
+            unit="s",
+        ),
+    ] = None
+    settling_tolerance_m: Annotated[
+        Positive,
+        Meaning("Position error below which the arm has settled.", unit="m"),
+    ] = 1e-3
+    log_period: Annotated[
+        Positive,
+        Meaning("Sampling period of the stored series; metrics use every step.", unit="s"),
+    ] = _LOG_PERIOD
+    accept: Annotated[
+        dict[str, Acceptance],
+        Meaning("Bounds that metrics are expected to keep, by metric."),
+    ] = Field(default_factory=dict)
+    over: Annotated[
+        dict[str, list[Any]],
+        Meaning("Values that a sweep runs by default, by dotted key."),
+    ] = Field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._check_names()

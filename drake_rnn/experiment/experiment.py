@@ -34,8 +34,8 @@ from .contact import contact_doubts
 from .document import ExperimentDocument, combination_of
 from .filter import FilterDelay, filter_delay
 from .guarantees import Guarantees, command_guarantee, guarantees_of
-from .idle_keys import idle_keys
 from .judged import judged_doubts
+from .keys import idle_keys
 from .path import GIVEN
 from .second import Base, StandingArm, second_document, side_by_side
 from .sections import Sections, read_sections

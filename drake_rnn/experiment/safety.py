@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from pydantic import Field
 
 from ..inputs.fields import Array, validated
+from ..inputs.keys import Meaning, Only
 from ..laws import Avoidance, Law, Safety
 from ..laws.checks import sampled_reading
 from ..robot.clearance import Clearance
@@ -13,18 +16,23 @@ from ..robot.limits import JointLimits
 
 @validated
 class SafetySettings:
-    """What is kept of the command, whatever the law is.
+    """What is kept of the command, whatever the law is."""
 
-    Args:
-        bounds: Whether the limits of the joints are kept: of position and velocity, and those of
-            acceleration and jerk that are given.
-        collisions: Whether the arm is kept clear of itself and of ``obstacles``.
-        avoidance: How near it may come. Acts only with ``collisions``.
-    """
-
-    bounds: bool = True
-    collisions: bool = False
-    avoidance: Avoidance = Field(default_factory=Avoidance)
+    bounds: Annotated[
+        bool,
+        Meaning(
+            "Whether the limits of the joints are kept: of position and velocity, and those of "
+            "acceleration and jerk that are given.",
+        ),
+    ] = True
+    collisions: Annotated[
+        bool,
+        Meaning("Whether the arm is kept clear of itself and of ``obstacles``."),
+    ] = False
+    avoidance: Annotated[
+        Avoidance,
+        Meaning("How near it may come.", only=(Only("collisions"),)),
+    ] = Field(default_factory=Avoidance)
 
     def __post_init__(self) -> None:
         if not self.bounds:

@@ -12,8 +12,8 @@ from typing import Any
 from pydrake.systems.analysis import GetIntegrationSchemes
 
 from ..environments import ENVIRONMENTS
-from ..inputs.explained import keys_of
 from ..inputs.json_schema import Classes, Schema, of_kinds, whole_document, with_kind
+from ..inputs.keys import keys_of
 from ..inputs.kinds import Kinds
 from ..laws import LAWS, Law
 from ..measures import METRICS

@@ -3,7 +3,7 @@
 # No postponed annotations: pydantic resolves those of fields.
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -14,6 +14,7 @@ from ..inputs.complaints import nearest, short
 from ..inputs.dataclass_fields import field_names
 from ..inputs.documents import construct
 from ..inputs.fields import Angles, Array, Point, validated, zeros
+from ..inputs.keys import Meaning
 from ..laws import Law
 from ..laws.parts.held_clear import require_free
 from ..laws.parts.reached_limits import reached_limits
@@ -34,15 +35,16 @@ SHARED = (
 
 @validated
 class Base:
-    """Where the base of a second arm stands, in the base frame of the first one.
+    """Where the base of a second arm stands, in the base frame of the first one."""
 
-    Args:
-        translation: Position, shape (3,) [m].
-        rpy: Roll, pitch and yaw, shape (3,) [rad].
-    """
-
-    translation: Point = Field(default_factory=zeros)
-    rpy: Angles = Field(default_factory=zeros)
+    translation: Annotated[
+        Point,
+        Meaning("Position, shape (3,).", unit="m"),
+    ] = Field(default_factory=zeros)
+    rpy: Annotated[
+        Angles,
+        Meaning("Roll, pitch and yaw, shape (3,).", unit="rad"),
+    ] = Field(default_factory=zeros)
 
     @property
     def R(self) -> Array:

@@ -24,7 +24,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,7 @@ from ..errors import InvalidInputError
 from ..inputs.arguments import is_flags, is_vector
 from ..inputs.complaints import nearest, short
 from ..inputs.fields import Array, Flag, NonNegative, validated
+from ..inputs.keys import Meaning
 from ..laws import Law, PostureLaw
 from ..laws.called import unchecked
 from ..laws.law import ReadingWrapper, SampledReading
@@ -55,24 +56,35 @@ _LEARNED = "J_hat"
 
 @validated
 class JointLock:
-    """A joint that locks during a run, and does not move again.
+    """A joint that locks during a run, and does not move again."""
 
-    Args:
-        joint: Number of the joint, from 1, or its name.
-        time: Time at which its brake closes [s]; in a sampled loop the first sample from then on.
-        stop: How it comes to rest: ``braked``, as fast as the limits of its acceleration and, if
-            there is one, of its jerk allow; ``at_once``, from one sample to the next, whatever the
-            limits are. A joint without a limit of the acceleration always stops at once.
-        told: Whether a law that sees the Jacobian sees the column of this joint as zero from then
-            on, and one that learns a Jacobian sets that column of it to zero.
-        told_after: Time after ``time`` from which it does [s], such as a detection takes.
-    """
-
-    joint: StrictInt | str
-    time: NonNegative
-    stop: Literal["braked", "at_once"] = "braked"
-    told: Flag = True
-    told_after: NonNegative = 0.0
+    joint: Annotated[StrictInt | str, Meaning("Number of the joint, from 1, or its name.")]
+    time: Annotated[
+        NonNegative,
+        Meaning(
+            "Time at which its brake closes; in a sampled loop the first sample from then on.",
+            unit="s",
+        ),
+    ]
+    stop: Annotated[
+        Literal["braked", "at_once"],
+        Meaning(
+            "How it comes to rest: ``braked``, as fast as the limits of its acceleration and, if "
+            "there is one, of its jerk allow; ``at_once``, from one sample to the next, whatever "
+            "the limits are. A joint without a limit of the acceleration always stops at once.",
+        ),
+    ] = "braked"
+    told: Annotated[
+        Flag,
+        Meaning(
+            "Whether a law that sees the Jacobian sees the column of this joint as zero from "
+            "then on, and one that learns a Jacobian sets that column of it to zero.",
+        ),
+    ] = True
+    told_after: Annotated[
+        NonNegative,
+        Meaning("Time after ``time`` from which it does [s], such as a detection takes.", unit="s"),
+    ] = 0.0
 
     def __post_init__(self) -> None:
         if self.told_after > 0.0 and not self.told:

@@ -50,8 +50,8 @@ def parse_yaml(text: str, source: str) -> Any:
     """
     if sum(map(text.count, ",\n\r")) > _MOST_PARTS:
         raise InvalidInputError(
-            f"{source}: has more than {_MOST_PARTS} lines and commas; a long list of numbers belongs "
-            "into a CSV file"
+            f"{source}: has more than {_MOST_PARTS} lines and commas; a long list of numbers "
+            "belongs into a CSV file"
         )
     # Anchors may be used again, and version 1.1 of YAML has other ways to write numbers.
     with _refusals(source), catch_warnings(action="ignore"):

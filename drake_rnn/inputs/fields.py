@@ -22,6 +22,7 @@ from pydantic.dataclasses import dataclass
 from ..errors import InvalidInputError
 from .complaints import require_type, sentence, short
 from .dataclass_fields import field_names
+from .keys import with_arguments
 from .numbers import is_number
 
 Array = NDArray[np.float64]
@@ -232,4 +233,5 @@ def validated(cls: type) -> type:
                 )
 
     setattr(made, "__init__", init)  # noqa: B010  mypy forbids the assignment
+    made.__doc__ = with_arguments(made)
     return made

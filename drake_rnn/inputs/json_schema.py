@@ -17,8 +17,8 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic.json_schema import JsonSchemaMode as Mode
 
 from .complaints import plain
-from .explained import default_of, first_sentence, keys_of
 from .extensions import EXTENSION
+from .keys import default_of, keys_of, summary_of
 
 #: What the language servers of editors know.
 DIALECT = "http://json-schema.org/draft-07/schema#"
@@ -123,7 +123,7 @@ def of_kinds(refs: Mapping[str, Schema], kinds: Mapping[str, type], own: bool) -
     """
     may_be: Schema = {
         "enum": [*refs],
-        "markdownEnumDescriptions": [first_sentence(kinds[kind]) for kind in refs],
+        "markdownEnumDescriptions": [summary_of(kinds[kind]) for kind in refs],
     }
     if own:
         may_be = {"anyOf": [may_be, {"type": "string", "pattern": ":"}]}
@@ -154,7 +154,7 @@ def or_null(schema: Schema) -> Schema:
 
 def _explained(schema: Schema, cls: type, told: Told) -> Schema:
     """Return the schema of a class with the meanings and defaults of its fields."""
-    schema["description"] = first_sentence(cls)
+    schema["description"] = summary_of(cls)
     properties = schema.get("properties", {})
     meanings = {key.name: key.meaning for key in keys_of(cls, ())}
     defaults = {field.name: default_of(field) for field in _fields(cls)}

@@ -64,7 +64,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -72,6 +72,7 @@ from pydantic import Field
 from ..arrays.algebra import acts, joined, matvec
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Gain, Length, Speed, Vector, Weight, validated
+from ..inputs.keys import Meaning, Only
 from ..robot.clearance import Clearance
 from ..robot.clearance.neighbour import Neighbour
 from ..robot.limits import JointLimits
@@ -113,68 +114,124 @@ _SMOOTHED = 0.05
 
 @validated
 class Adaptive(Law):
-    """A sampled law within all bounds up to the acceleration, or to the jerk where it is limited.
-
-    Args:
-        limits: Limits of the joints. Where no limit of the acceleration is known, it is unbounded.
-            The jerk is bounded if its limits are given and can be reached within a period. An
-            envelope of the velocity is kept with and without them.
-        home: Posture at the start, shape (n,) [rad].
-        task_size: Number of rows of J; of 6 rows the first three are rotation, but of pixels.
-        jacobian: ``known`` reads J; ``learned`` learns it from ``position`` and ``p_WE``.
-        kappa: Gain of the feedback, at most one over the period [1/s]; 100 by default, or that
-            one, and less where measurements have errors or the jerk is bounded low.
-        braking: Deceleration of the feedback [m/s^2].
-        feedback_limit: Largest speed of the feedback [m/s].
-        turn_braking: Deceleration of the feedback of the orientation [rad/s^2]. Acts only with
-            ``task: pose``.
-        turn_limit: Largest speed of that feedback [rad/s]. Acts only with ``task: pose``.
-        lever: Length that makes an error of the orientation count like one of the position [m].
-            Acts only with ``task: pose``.
-        softness: Price mu of the task's error; 1e-6 by default, more where measurements have
-            errors.
-        secondary: What the joints do besides.
-        force_control: How it keeps a force along the normal of a surface; None to press on nothing.
-        J_hat_initial: Initial J_hat: ``uniform`` in [0, 1], ``zero``, or ``exact``, the arm's own.
-            Acts only with ``jacobian: learned``.
-        variance: Variance R of the measured velocity; by default as suits the measurement. Acts
-            only with ``jacobian: learned``.
-        wander: Growth q_n of the variance of J_hat's entries [1/s]; likewise. Acts only with
-            ``jacobian: learned``.
-        measurement: Quality of what the law sees.
-        clearance: What the arm is to stay clear of; None for nothing.
-        avoidance: How near it may come; ``none`` not to avoid anything. Acts only with
-            ``obstacles``.
-        other: Another arm beside it, which ``clearance`` counts; None without one.
-        points: Number of points of the tool whose pixels it sees in place of ``p_WE``; None where
-            it sees ``p_WE``.
-        pixel_size: What a pixel is taken to be at the tool [m]: the way between two points that a
-            camera sees a pixel apart. It makes pixels lengths, for which all gains are.
-    """
+    """A sampled law within all bounds up to the acceleration, or to the jerk if it is limited."""
 
     kind: Literal["adaptive"] = "adaptive"
-    limits: JointLimits
-    home: Vector
-    task_size: Literal[2, 3, 4, 6] = 3
-    jacobian: Literal["known", "learned"] = "known"
-    kappa: Gain | None = None
-    braking: Gain = 0.05
-    feedback_limit: Speed = 0.1
-    turn_braking: Gain = 0.25
-    turn_limit: Gain = 0.5
-    lever: Length = LEVER
-    softness: Weight | None = None
-    secondary: Secondary = Field(default_factory=Secondary)
-    force_control: ForceControl | None = None
-    J_hat_initial: Literal["uniform", "zero", "exact"] = "uniform"
-    variance: Weight | None = None
-    wander: Weight | None = None
-    measurement: Measurement = Field(default_factory=Measurement)
-    clearance: Clearance | None = None
-    avoidance: Avoidance | Literal["none"] = Field(default_factory=Avoidance)
-    other: Neighbour | None = None
-    points: Literal[1, 2, 3] | None = None
-    pixel_size: Length = 1e-3
+    summary = "Every bound to the jerk, by construction, with a Jacobian that is known or learned."
+    limits: Annotated[
+        JointLimits,
+        Meaning(
+            "Limits of the joints. Where no limit of the acceleration is known, it is unbounded. "
+            "The jerk is bounded if its limits are given and can be reached within a period. An "
+            "envelope of the velocity is kept with and without them.",
+        ),
+    ]
+    home: Annotated[Vector, Meaning("Posture at the start, shape (n,).", unit="rad")]
+    task_size: Annotated[
+        Literal[2, 3, 4, 6],
+        Meaning("Number of rows of J; of 6 rows the first three are rotation, but of pixels."),
+    ] = 3
+    jacobian: Annotated[
+        Literal["known", "learned"],
+        Meaning("``known`` reads J; ``learned`` learns it from ``position`` and ``p_WE``."),
+    ] = "known"
+    kappa: Annotated[
+        Gain | None,
+        Meaning(
+            "Gain of the feedback, at most one over the period; 100 by default, or that one, and "
+            "less where measurements have errors or the jerk is bounded low.",
+            unit="1/s",
+        ),
+    ] = None
+    braking: Annotated[Gain, Meaning("Deceleration of the feedback.", unit="m/s^2")] = 0.05
+    feedback_limit: Annotated[Speed, Meaning("Largest speed of the feedback.", unit="m/s")] = 0.1
+    turn_braking: Annotated[
+        Gain,
+        Meaning(
+            "Deceleration of the feedback of the orientation.",
+            unit="rad/s^2",
+            only=(Only("task", "pose"),),
+        ),
+    ] = 0.25
+    turn_limit: Annotated[
+        Gain,
+        Meaning("Largest speed of that feedback.", unit="rad/s", only=(Only("task", "pose"),)),
+    ] = 0.5
+    lever: Annotated[
+        Length,
+        Meaning(
+            "Length that makes an error of the orientation count like one of the position.",
+            unit="m",
+            only=(Only("task", "pose"),),
+        ),
+    ] = LEVER
+    softness: Annotated[
+        Weight | None,
+        Meaning(
+            "Price mu of the task's error; 1e-6 by default, more where measurements have errors.",
+        ),
+    ] = None
+    secondary: Annotated[
+        Secondary,
+        Meaning("What the joints do besides."),
+    ] = Field(default_factory=Secondary)
+    force_control: Annotated[
+        ForceControl | None,
+        Meaning("How it keeps a force along the normal of a surface; None to press on nothing."),
+    ] = None
+    J_hat_initial: Annotated[
+        Literal["uniform", "zero", "exact"],
+        Meaning(
+            "Initial J_hat: ``uniform`` in [0, 1], ``zero``, or ``exact``, the arm's own.",
+            only=(Only("jacobian", "learned"),),
+        ),
+    ] = "uniform"
+    variance: Annotated[
+        Weight | None,
+        Meaning(
+            "Variance R of the measured velocity; by default as suits the measurement.",
+            only=(Only("jacobian", "learned"),),
+        ),
+    ] = None
+    wander: Annotated[
+        Weight | None,
+        Meaning(
+            "Growth q_n of the variance of J_hat's entries; likewise.",
+            unit="1/s",
+            only=(Only("jacobian", "learned"),),
+        ),
+    ] = None
+    measurement: Annotated[
+        Measurement,
+        Meaning("Quality of what the law sees."),
+    ] = Field(default_factory=Measurement)
+    clearance: Annotated[
+        Clearance | None,
+        Meaning("What the arm is to stay clear of; None for nothing."),
+    ] = None
+    avoidance: Annotated[
+        Avoidance | Literal["none"],
+        Meaning("How near it may come; ``none`` not to avoid anything.", only=(Only("obstacles"),)),
+    ] = Field(default_factory=Avoidance)
+    other: Annotated[
+        Neighbour | None,
+        Meaning("Another arm beside it, which ``clearance`` counts; None without one."),
+    ] = None
+    points: Annotated[
+        Literal[1, 2, 3] | None,
+        Meaning(
+            "Number of points of the tool whose pixels it sees in place of ``p_WE``; None where "
+            "it sees ``p_WE``.",
+        ),
+    ] = None
+    pixel_size: Annotated[
+        Length,
+        Meaning(
+            "What a pixel is taken to be at the tool [m]: the way between two points that a "
+            "camera sees a pixel apart. It makes pixels lengths, for which all gains are.",
+            unit="m",
+        ),
+    ] = 1e-3
 
     def __post_init__(self) -> None:
         self.limits.require_size("home", self.home)

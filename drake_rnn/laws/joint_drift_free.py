@@ -83,6 +83,7 @@ from ..arrays.algebra import (
 )
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Gain, GainOrZero, Positive, Vector, Weight, between, validated
+from ..inputs.keys import Meaning, Only
 from ..robot.limits import JointLimits
 from .law import ContinuousLaw, ContinuousReading, SampledReading
 from .layout import Layout, Signals
@@ -93,50 +94,78 @@ Scheme = Literal["man", "galjdf", "naljdf", "moaljdf_printed", "moaljdf"]
 
 @validated
 class JointDriftFree(ContinuousLaw):
-    """MAN, GALJDF (19), NALJDF (29), and MOALJDF (43) as printed and corrected.
-
-    Args:
-        scheme: Name of the scheme; ``moaljdf`` is the corrected one.
-        limits: Acceleration limits of the joints; with ``bounds: all`` position and velocity
-            limits as well.
-        home: Posture that the joints return to, shape (n,) [rad].
-        task_size: Number of rows of J.
-        return_weight: Weight of the drift index. Acts only with
-            ``scheme: galjdf, naljdf, moaljdf or moaljdf_printed``.
-        return_beta, return_gamma: Roots of the joints' return [1/s]. Acts only with
-            ``return_weight``.
-        task_beta, task_gamma: Roots of the position feedback [1/s].
-        position_gain: Gain of the position feedback.
-        velocity_gain: Gain of the gradient of the velocity error [1/(m^2 s)].
-        composite_gain: Gain of the position error added to the velocity error [1/s].
-        rate: Rate of omega [1/(m^2 s)].
-        alpha: Weight of the kinematics in MOALJDF, 0.995 by default; the torque's is 1 - alpha.
-        damping: Damping mu of the pseudoinverse [m]. Acts only with
-            ``scheme: man, galjdf, naljdf or moaljdf``.
-        bounds: ``acceleration``, clipped as in the paper; or ``all``, which a sampled law
-            keeps by braking in time.
-        velocity: Joint velocity in the equations: the law's ``own``, which it commands; or the
-            arm's, ``measured``, with the paper's physical experiment, for a sampled law.
-    """
+    """MAN, GALJDF (19), NALJDF (29), and MOALJDF (43) as printed and corrected."""
 
     kind: Literal["joint_drift_free"] = "joint_drift_free"
-    scheme: Scheme
-    limits: JointLimits
-    home: Vector
-    task_size: Literal[2, 3] = 3
-    return_weight: GainOrZero = 3.0
-    return_beta: Gain = 1.0
-    return_gamma: Gain = 1.0
-    task_beta: Gain = 1.0
-    task_gamma: Gain = 1.0
-    position_gain: GainOrZero = 250.0
-    velocity_gain: Annotated[Positive, between(0.0, 1e9)] = 1e5
-    composite_gain: GainOrZero = 0.0
-    rate: Gain = 1000.0
-    alpha: Annotated[float, Field(strict=True, gt=0, le=1)] | None = None
-    damping: Weight = 1e-4
-    bounds: Literal["acceleration", "all"] = "acceleration"
-    velocity: Literal["own", "measured"] = "own"
+    summary = (
+        "Joint-drift-free motion at the acceleration level: closed paths that bring the joints "
+        "back."
+    )
+    scheme: Annotated[Scheme, Meaning("Name of the scheme; ``moaljdf`` is the corrected one.")]
+    limits: Annotated[
+        JointLimits,
+        Meaning(
+            "Acceleration limits of the joints; with ``bounds: all`` position and velocity "
+            "limits as well.",
+        ),
+    ]
+    home: Annotated[Vector, Meaning("Posture that the joints return to, shape (n,).", unit="rad")]
+    task_size: Annotated[Literal[2, 3], Meaning("Number of rows of J.")] = 3
+    return_weight: Annotated[
+        GainOrZero,
+        Meaning(
+            "Weight of the drift index.",
+            only=(Only("scheme", "galjdf", "naljdf", "moaljdf", "moaljdf_printed"),),
+        ),
+    ] = 3.0
+    return_beta: Annotated[
+        Gain,
+        Meaning("Roots of the joints' return.", unit="1/s", only=(Only("return_weight"),)),
+    ] = 1.0
+    return_gamma: Annotated[
+        Gain,
+        Meaning("Roots of the joints' return.", unit="1/s", only=(Only("return_weight"),)),
+    ] = 1.0
+    task_beta: Annotated[Gain, Meaning("Roots of the position feedback.", unit="1/s")] = 1.0
+    task_gamma: Annotated[Gain, Meaning("Roots of the position feedback.", unit="1/s")] = 1.0
+    position_gain: Annotated[GainOrZero, Meaning("Gain of the position feedback.")] = 250.0
+    velocity_gain: Annotated[
+        Annotated[Positive, between(0.0, 1e9)],
+        Meaning("Gain of the gradient of the velocity error.", unit="1/(m^2 s)"),
+    ] = 1e5
+    composite_gain: Annotated[
+        GainOrZero,
+        Meaning("Gain of the position error added to the velocity error.", unit="1/s"),
+    ] = 0.0
+    rate: Annotated[Gain, Meaning("Rate of omega.", unit="1/(m^2 s)")] = 1000.0
+    alpha: Annotated[
+        Annotated[float, Field(strict=True, gt=0, le=1)] | None,
+        Meaning(
+            "Weight of the kinematics in MOALJDF, 0.995 by default; the torque's is 1 - alpha.",
+        ),
+    ] = None
+    damping: Annotated[
+        Weight,
+        Meaning(
+            "Damping mu of the pseudoinverse.",
+            unit="m",
+            only=(Only("scheme", "man", "galjdf", "naljdf", "moaljdf"),),
+        ),
+    ] = 1e-4
+    bounds: Annotated[
+        Literal["acceleration", "all"],
+        Meaning(
+            "``acceleration``, clipped as in the paper; or ``all``, which a sampled law keeps by "
+            "braking in time.",
+        ),
+    ] = "acceleration"
+    velocity: Annotated[
+        Literal["own", "measured"],
+        Meaning(
+            "Joint velocity in the equations: the law's ``own``, which it commands; or the "
+            "arm's, ``measured``, with the paper's physical experiment, for a sampled law.",
+        ),
+    ] = "own"
 
     stays_on_path = True
     takes_many = True

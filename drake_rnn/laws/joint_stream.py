@@ -14,13 +14,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
 from ..inputs.dataclass_fields import unchecked
 from ..inputs.fields import Array, NonNegative, Positive, Vector, validated
+from ..inputs.keys import Meaning, Only
 from ..robot.clearance import Clearance
 from ..robot.limits import JointLimits
 from .law import Law, SampledReading
@@ -37,25 +38,41 @@ class JointStream(Law):
 
     Its inputs are ``position``, which it reads once, at the start, and ``target``, shape (n,)
     [rad], NaN where there is none.
-
-    Args:
-        limits: Limits of the joints; acceleration and jerk are bounded if their limits are given.
-        home: Posture at the start, shape (n,) [rad].
-        interval: Time between two targets [s], in which a new one is to be reached; 0 where they
-            come irregularly, to reach each as soon as the bounds allow.
-        timeout: Time without a target after which the joints come to rest, wherever they are [s];
-            a source repeats a target until it is reached.
-        clearance: What the arm is to stay clear of; None for nothing.
-        avoidance: How near it may come. Acts only with ``obstacles``.
     """
 
-    limits: JointLimits
-    home: Vector
+    limits: Annotated[
+        JointLimits,
+        Meaning(
+            "Limits of the joints; acceleration and jerk are bounded if their limits are given.",
+        ),
+    ]
+    home: Annotated[Vector, Meaning("Posture at the start, shape (n,).", unit="rad")]
     kind: Literal["joint_stream"] = "joint_stream"
-    interval: NonNegative = 0.0
-    timeout: Positive = 0.2
-    clearance: Clearance | None = None
-    avoidance: Avoidance = Field(default_factory=Avoidance)
+    summary = "Joint targets of any source, followed within every bound and without collisions."
+    interval: Annotated[
+        NonNegative,
+        Meaning(
+            "Time between two targets [s], in which a new one is to be reached; 0 where they "
+            "come irregularly, to reach each as soon as the bounds allow.",
+            unit="s",
+        ),
+    ] = 0.0
+    timeout: Annotated[
+        Positive,
+        Meaning(
+            "Time without a target after which the joints come to rest, wherever they are; a "
+            "source repeats a target until it is reached.",
+            unit="s",
+        ),
+    ] = 0.2
+    clearance: Annotated[
+        Clearance | None,
+        Meaning("What the arm is to stay clear of; None for nothing."),
+    ] = None
+    avoidance: Annotated[
+        Avoidance,
+        Meaning("How near it may come.", only=(Only("obstacles"),)),
+    ] = Field(default_factory=Avoidance)
 
     follows_joint_targets = True
 

@@ -4,11 +4,12 @@
 from abc import abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field
 
 from ..inputs.fields import Weight, validated
+from ..inputs.keys import Meaning, Only
 from .layout import Layout
 from .parts.learned_jacobian import LearnedJacobian
 from .parts.measurement import EXACT, Measurement, suited
@@ -23,24 +24,38 @@ _UNMOVED = (
 
 @validated
 class LearningProgramLaw(ProgramLaw):
-    """A law of a program whose Jacobian is known, or learned from positions.
+    """A law of a program whose Jacobian is known, or learned from positions."""
 
-    Args:
-        jacobian: ``known`` reads J; ``learned`` learns it from ``position`` and ``p_WE``.
-        J_hat_initial: Initial J_hat: ``uniform`` in [0, 1], ``zero``, or ``exact``, the arm's own.
-            Acts only with ``jacobian: learned``.
-        variance: Variance R of the measured velocity; by default as suits the measurement. Acts
-            only with ``jacobian: learned``.
-        wander: Growth q_n of the variance of J_hat's entries [1/s]; likewise. Acts only with
-            ``jacobian: learned``.
-        measurement: Quality of what the law sees, if it learns.
-    """
-
-    jacobian: Literal["known", "learned"] = "known"
-    J_hat_initial: Literal["uniform", "zero", "exact"] = "uniform"
-    variance: Weight | None = None
-    wander: Weight | None = None
-    measurement: Measurement = Field(default_factory=Measurement)
+    jacobian: Annotated[
+        Literal["known", "learned"],
+        Meaning("``known`` reads J; ``learned`` learns it from ``position`` and ``p_WE``."),
+    ] = "known"
+    J_hat_initial: Annotated[
+        Literal["uniform", "zero", "exact"],
+        Meaning(
+            "Initial J_hat: ``uniform`` in [0, 1], ``zero``, or ``exact``, the arm's own.",
+            only=(Only("jacobian", "learned"),),
+        ),
+    ] = "uniform"
+    variance: Annotated[
+        Weight | None,
+        Meaning(
+            "Variance R of the measured velocity; by default as suits the measurement.",
+            only=(Only("jacobian", "learned"),),
+        ),
+    ] = None
+    wander: Annotated[
+        Weight | None,
+        Meaning(
+            "Growth q_n of the variance of J_hat's entries; likewise.",
+            unit="1/s",
+            only=(Only("jacobian", "learned"),),
+        ),
+    ] = None
+    measurement: Annotated[
+        Measurement,
+        Meaning("Quality of what the law sees, if it learns."),
+    ] = Field(default_factory=Measurement)
 
     def __post_init__(self) -> None:
         super().__post_init__()

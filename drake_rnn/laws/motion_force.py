@@ -74,7 +74,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -93,6 +93,7 @@ from ..inputs.fields import (
     Weight,
     validated,
 )
+from ..inputs.keys import Meaning, Only
 from ..robot.limits import JointLimits
 from ..robot.rotation import rotation_error
 from .law import Circumstances, ContinuousLaw, ContinuousReading, SampledLaw, SampledReading
@@ -112,55 +113,100 @@ _MOST_SUBSTEPS = 1000
 
 @validated
 class MotionForce(SampledLaw, ContinuousLaw):
-    """RNN (19), (21) or (22), with extensions for a real contact.
-
-    Args:
-        limits: Position and velocity limits of the joints.
-        stiffness: Stiffness of the surface [N/m], or an `OnlineStiffness` that learns it.
-        jacobian: ``known``; ``learned``; or ``printed``, learned except for J^T in (22a).
-        J_hat_initial: Initial value of a learned Jacobian: ``zero``, or ``exact``, the true one.
-            Acts only with ``jacobian: learned or printed``.
-        multipliers_initial: Upper end of the uniform draw, from zero, of all initial multipliers;
-            the paper's is 0.1.
-        rho: Time constant of the learning [rad^2/s]. Acts only with
-            ``jacobian: learned or printed``.
-        gain: Gain of the position and force feedback [1/s].
-        orientation: ``rotation``, or the paper's ``printed``.
-        orientation_gain: Gain of the rotation error [1/s]. Acts only with
-            ``orientation: rotation``.
-        form: ``normalised``, or the paper's ``literal``.
-        force_feedback: ``measured``, or the paper's ``assumed``.
-        approach_speed: Largest commanded speed along the normal [m/s]; None for no bound.
-        contact_loss: Reaction to a lost contact; None to ignore it.
-        return_gain: Rate of return to the start posture [1/s], where the tasks leave the joints
-            free; the paper has none.
-        home: Posture to return to, shape (n,) [rad]; needed with ``return_gain`` only.
-        time_constant: Time constant of the network [s].
-        multiplier_limit: Largest norm of what the position rows' multipliers, and of what those of
-            the orientation, ask of the tool [rad^2/(s m), rad/s]; ``none`` for no bound, as in the
-            paper. On a path that an arm can follow they reach about 1.
-        limit_stiffness: Velocity allowed per radian left to a position limit [1/s].
-    """
+    """RNN (19), (21) or (22), with extensions for a real contact."""
 
     kind: Literal["motion_force"] = "motion_force"
-    limits: JointLimits
-    stiffness: Stiffness | OnlineStiffness
-    jacobian: Literal["known", "learned", "printed"] = "known"
-    J_hat_initial: Literal["zero", "exact"] = "zero"
-    multipliers_initial: NonNegative = 0.0
-    rho: Weight = 1e-6
-    gain: Gain = 10.0
-    orientation: Literal["rotation", "printed"] = "rotation"
-    orientation_gain: GainOrZero = 10.0
-    form: Literal["normalised", "literal"] = "normalised"
-    force_feedback: Literal["measured", "assumed"] = "measured"
-    approach_speed: Speed | None = None
-    contact_loss: ContactLoss | None = None
-    return_gain: GainOrZero = 0.0
-    home: Vector | None = None
-    time_constant: TimeConstant = 1e-3
-    multiplier_limit: Positive | Literal["none"] = 10.0
-    limit_stiffness: Gain = 10.0
+    summary = (
+        "Data-driven motion-force control: the arm follows a path on a surface and presses "
+        "against it."
+    )
+    limits: Annotated[JointLimits, Meaning("Position and velocity limits of the joints.")]
+    stiffness: Annotated[
+        Stiffness | OnlineStiffness,
+        Meaning(
+            "Stiffness of the surface [N/m], or an `OnlineStiffness` that learns it.",
+            unit="N/m",
+        ),
+    ]
+    jacobian: Annotated[
+        Literal["known", "learned", "printed"],
+        Meaning("``known``; ``learned``; or ``printed``, learned except for J^T in (22a)."),
+    ] = "known"
+    J_hat_initial: Annotated[
+        Literal["zero", "exact"],
+        Meaning(
+            "Initial value of a learned Jacobian: ``zero``, or ``exact``, the true one.",
+            only=(Only("jacobian", "learned", "printed"),),
+        ),
+    ] = "zero"
+    multipliers_initial: Annotated[
+        NonNegative,
+        Meaning(
+            "Upper end of the uniform draw, from zero, of all initial multipliers; the paper's "
+            "is 0.1.",
+        ),
+    ] = 0.0
+    rho: Annotated[
+        Weight,
+        Meaning(
+            "Time constant of the learning.",
+            unit="rad^2/s",
+            only=(Only("jacobian", "learned", "printed"),),
+        ),
+    ] = 1e-6
+    gain: Annotated[Gain, Meaning("Gain of the position and force feedback.", unit="1/s")] = 10.0
+    orientation: Annotated[
+        Literal["rotation", "printed"],
+        Meaning("``rotation``, or the paper's ``printed``."),
+    ] = "rotation"
+    orientation_gain: Annotated[
+        GainOrZero,
+        Meaning("Gain of the rotation error.", unit="1/s", only=(Only("orientation", "rotation"),)),
+    ] = 10.0
+    form: Annotated[
+        Literal["normalised", "literal"],
+        Meaning("``normalised``, or the paper's ``literal``."),
+    ] = "normalised"
+    force_feedback: Annotated[
+        Literal["measured", "assumed"],
+        Meaning("``measured``, or the paper's ``assumed``."),
+    ] = "measured"
+    approach_speed: Annotated[
+        Speed | None,
+        Meaning("Largest commanded speed along the normal; None for no bound.", unit="m/s"),
+    ] = None
+    contact_loss: Annotated[
+        ContactLoss | None,
+        Meaning("Reaction to a lost contact; None to ignore it."),
+    ] = None
+    return_gain: Annotated[
+        GainOrZero,
+        Meaning(
+            "Rate of return to the start posture [1/s], where the tasks leave the joints free; "
+            "the paper has none.",
+            unit="1/s",
+        ),
+    ] = 0.0
+    home: Annotated[
+        Vector | None,
+        Meaning("Posture to return to, shape (n,); needed with ``return_gain`` only.", unit="rad"),
+    ] = None
+    time_constant: Annotated[
+        TimeConstant,
+        Meaning("Time constant of the network.", unit="s"),
+    ] = 1e-3
+    multiplier_limit: Annotated[
+        Positive | Literal["none"],
+        Meaning(
+            "Largest norm of what the position rows' multipliers, and of what those of the "
+            "orientation, ask of the tool [rad^2/(s m), rad/s]; ``none`` for no bound, as in the "
+            "paper. On a path that an arm can follow they reach about 1.",
+        ),
+    ] = 10.0
+    limit_stiffness: Annotated[
+        Gain,
+        Meaning("Velocity allowed per radian left to a position limit.", unit="1/s"),
+    ] = 10.0
 
     takes_many = True
 

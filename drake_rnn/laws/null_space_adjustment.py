@@ -17,10 +17,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from ..arrays.algebra import functions_of, joined
 from ..inputs.fields import Array, GainOrZero, Time, Weight, validated
+from ..inputs.keys import Meaning
 from ..robot.rotation import rotation_error
 from .layout import Layout, Signals
 from .parts.held_joints import velocity_within
@@ -33,18 +34,28 @@ class NullSpaceAdjustment(PostureLaw):
     """A sampled law without memory; its state is the commanded velocity.
 
     It holds a fixed point and does not track a moving one, because it has no feed-forward.
-
-    Args:
-        target, limits, rate, limit_stiffness, task_size: See `PostureLaw`.
-        ramp_time: Time over which the pull towards the target rises [s].
-        feedback: Gain of the feedback of the end effector's displacement [1/s].
-        damping: Damping mu of the pseudoinverse [m]; small compared to the singular values of J.
     """
 
     kind: Literal["null_space_adjustment"] = "null_space_adjustment"
-    ramp_time: Time = 0.75
-    feedback: GainOrZero = 50.0
-    damping: Weight = 1e-3
+    summary = (
+        "Null-space adjustment: the arm moves to a target posture while feedback holds the end "
+        "effector."
+    )
+    ramp_time: Annotated[
+        Time,
+        Meaning("Time over which the pull towards the target rises.", unit="s"),
+    ] = 0.75
+    feedback: Annotated[
+        GainOrZero,
+        Meaning("Gain of the feedback of the end effector's displacement.", unit="1/s"),
+    ] = 50.0
+    damping: Annotated[
+        Weight,
+        Meaning(
+            "Damping mu of the pseudoinverse; small compared to the singular values of J.",
+            unit="m",
+        ),
+    ] = 1e-3
 
     takes_many = True
 

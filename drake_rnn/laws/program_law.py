@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from ..inputs.fields import Gain, GainOrZero, Positive, Vector, between, validated
+from ..inputs.keys import Meaning, Only
 from ..robot.limits import JointLimits
 from .law import Law
 from .program.bounds import VelocityBox
@@ -18,35 +19,70 @@ from .program.scheme import QPScheme
 
 @validated
 class ProgramLaw(Law):
-    """A law with a scheme: a cost along a path, within bounds if they are asked for.
+    """A law with a scheme: a cost along a path, within bounds if they are asked for."""
 
-    Args:
-        limits: Limits of the joints; with ``bounds: velocity`` those of position and velocity.
-        home: Posture at the start, which the joints return to, shape (n,) [rad].
-        task_size: Number of rows of J; of 6 rows the first three are rotation.
-        cost: What is minimised: ``velocity``, ``kinetic_energy`` or ``largest_velocity``, see
-            `drake_rnn.laws.program.costs`.
-        return_gain: Gain k of the way back to that posture [1/s]; 0 for the least velocity alone.
-        manipulability: Gain of the gradient of the manipulability [rad/s], with ``cost: velocity``.
-        blend: Weight of the velocity's square beside the largest velocity [1]; nearly 1 has the
-            square alone. Acts only with ``cost: largest_velocity``.
-        feedback: Gain K of the feedback of position and orientation [1/s].
-        bounds: ``velocity`` has the limits of position and velocity as inequalities of the
-            program, which the network fulfils as well as it follows its optimum; ``none`` has none.
-        limit_stiffness: Velocity allowed per radian left to a position limit [1/s], where the
-            program has bounds.
-    """
-
-    limits: JointLimits
-    home: Vector
-    task_size: Literal[2, 3, 6] = 3
-    cost: Literal["velocity", "kinetic_energy", "largest_velocity"] = "velocity"
-    return_gain: GainOrZero = 1.0
-    manipulability: GainOrZero = 0.0
-    blend: Annotated[Positive, between(1e-3, 0.99)] = 0.1
-    feedback: GainOrZero = 10.0
-    bounds: Literal["none", "velocity"] = "none"
-    limit_stiffness: Gain = 10.0
+    limits: Annotated[
+        JointLimits,
+        Meaning("Limits of the joints; with ``bounds: velocity`` those of position and velocity."),
+    ]
+    home: Annotated[
+        Vector,
+        Meaning("Posture at the start, which the joints return to, shape (n,).", unit="rad"),
+    ]
+    task_size: Annotated[
+        Literal[2, 3, 6],
+        Meaning("Number of rows of J; of 6 rows the first three are rotation."),
+    ] = 3
+    cost: Annotated[
+        Literal["velocity", "kinetic_energy", "largest_velocity"],
+        Meaning(
+            "What is minimised: ``velocity``, ``kinetic_energy`` or ``largest_velocity``, see "
+            "`drake_rnn.laws.program.costs`.",
+        ),
+    ] = "velocity"
+    return_gain: Annotated[
+        GainOrZero,
+        Meaning(
+            "Gain k of the way back to that posture; 0 for the least velocity alone.",
+            unit="1/s",
+        ),
+    ] = 1.0
+    manipulability: Annotated[
+        GainOrZero,
+        Meaning(
+            "Gain of the gradient of the manipulability [rad/s], with ``cost: velocity``.",
+            unit="rad/s",
+        ),
+    ] = 0.0
+    blend: Annotated[
+        Annotated[Positive, between(1e-3, 0.99)],
+        Meaning(
+            "Weight of the velocity's square beside the largest velocity; nearly 1 has the "
+            "square alone.",
+            unit="1",
+            only=(Only("cost", "largest_velocity"),),
+        ),
+    ] = 0.1
+    feedback: Annotated[
+        GainOrZero,
+        Meaning("Gain K of the feedback of position and orientation.", unit="1/s"),
+    ] = 10.0
+    bounds: Annotated[
+        Literal["none", "velocity"],
+        Meaning(
+            "``velocity`` has the limits of position and velocity as inequalities of the "
+            "program, which the network fulfils as well as it follows its optimum; ``none`` has "
+            "none.",
+        ),
+    ] = "none"
+    limit_stiffness: Annotated[
+        Gain,
+        Meaning(
+            "Velocity allowed per radian left to a position limit [1/s], where the program has "
+            "bounds.",
+            unit="1/s",
+        ),
+    ] = 10.0
 
     def __post_init__(self) -> None:
         self.limits.require_size("home", self.home)

@@ -53,6 +53,7 @@ from pydantic import Field
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Gain, Weight, validated
+from ..inputs.keys import Meaning
 from .law import Circumstances, ContinuousReading, SampledReading
 from .layout import Layout, Signals
 from .learning_program_law import LearningProgramLaw, LearningReading
@@ -67,28 +68,41 @@ _ITERATIONS = 20
 
 @validated
 class Projection(LearningProgramLaw):
-    """A dual or primal-dual network around the program of a scheme.
-
-    Args:
-        limits, home, task_size, cost, return_gain, manipulability, blend: See `ProgramLaw`.
-        feedback, bounds, limit_stiffness: See `ProgramLaw`.
-        network: ``lvi``, the LVI-based primal-dual one, ``dual``, or either ``simplified_lvi`` or
-            ``simplified_dual``.
-        gain: Gain gamma of the network [1/s]; by default 1e8 of ``implicit`` steps and 100 of
-            others. ``iterated`` has none.
-        discretization: ``implicit``, ``euler`` or, of ``lvi``, ``iterated``.
-        iterations: Number of iterations per sample; only of ``iterated``, by default 20.
-        damping: Damping of the optimum where J loses rank, or where bounds leave no velocity that
-            does the task [m].
-        jacobian, J_hat_initial, variance, wander, measurement: See `LearningProgramLaw`.
-    """
+    """A dual or primal-dual network around the program of a scheme."""
 
     kind: Literal["projection"] = "projection"
-    network: Network = "lvi"
-    gain: Gain | None = None
-    discretization: Steps = "implicit"
-    iterations: Annotated[int, Field(strict=True, ge=1, le=1000)] | None = None
-    damping: Weight = 1e-3
+    summary = "Projection networks: dual, and primal-dual of a linear variational inequality."
+    network: Annotated[
+        Network,
+        Meaning(
+            "``lvi``, the LVI-based primal-dual one, ``dual``, or either ``simplified_lvi`` or "
+            "``simplified_dual``.",
+        ),
+    ] = "lvi"
+    gain: Annotated[
+        Gain | None,
+        Meaning(
+            "Gain gamma of the network; by default 1e8 of ``implicit`` steps and 100 of others. "
+            "``iterated`` has none.",
+            unit="1/s",
+        ),
+    ] = None
+    discretization: Annotated[
+        Steps,
+        Meaning("``implicit``, ``euler`` or, of ``lvi``, ``iterated``."),
+    ] = "implicit"
+    iterations: Annotated[
+        Annotated[int, Field(strict=True, ge=1, le=1000)] | None,
+        Meaning("Number of iterations per sample; only of ``iterated``, by default 20."),
+    ] = None
+    damping: Annotated[
+        Weight,
+        Meaning(
+            "Damping of the optimum where J loses rank, or where bounds leave no velocity that "
+            "does the task.",
+            unit="m",
+        ),
+    ] = 1e-3
 
     takes_many = True
 

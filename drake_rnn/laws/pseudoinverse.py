@@ -13,10 +13,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Literal
+from typing import Annotated, Literal
 
 from ..arrays.algebra import joined
 from ..inputs.fields import Array, Flag, GainOrZero, Weight, validated
+from ..inputs.keys import Meaning
 from ..robot.limits import JointLimits
 from ..robot.rotation import rotation_error
 from .law import SampledLaw
@@ -26,22 +27,21 @@ from .parts.damped_inverse import damped_joint_velocity
 
 @validated
 class Pseudoinverse(SampledLaw):
-    """A sampled law without memory; its state is the commanded velocity.
-
-    Args:
-        limits: Joint limits; only the number of joints is used.
-        task_size: Number of rows of J; of 6 rows the first three are rotation.
-        feedback: Gain of the feedback of position and orientation [1/s].
-        feed_forward: Whether the velocity of the path is added.
-        damping: Damping mu of the pseudoinverse [m].
-    """
+    """A sampled law without memory; its state is the commanded velocity."""
 
     kind: Literal["pseudoinverse"] = "pseudoinverse"
-    limits: JointLimits
-    task_size: Literal[2, 3, 6] = 3
-    feedback: GainOrZero = 10.0
-    feed_forward: Flag = True
-    damping: Weight = 1e-6
+    summary = "The pseudoinverse with feed-forward: the usual method, without a network."
+    limits: Annotated[JointLimits, Meaning("Joint limits; only the number of joints is used.")]
+    task_size: Annotated[
+        Literal[2, 3, 6],
+        Meaning("Number of rows of J; of 6 rows the first three are rotation."),
+    ] = 3
+    feedback: Annotated[
+        GainOrZero,
+        Meaning("Gain of the feedback of position and orientation.", unit="1/s"),
+    ] = 10.0
+    feed_forward: Annotated[Flag, Meaning("Whether the velocity of the path is added.")] = True
+    damping: Annotated[Weight, Meaning("Damping mu of the pseudoinverse.", unit="m")] = 1e-6
 
     stays_on_path = True
     takes_many = True

@@ -39,6 +39,7 @@ from pydantic import Field
 
 from ..errors import InvalidInputError, SimulationError
 from ..inputs.fields import Array, Positive, Weight, between, validated
+from ..inputs.keys import Meaning
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
 from .law import JointPreview, SampledLaw, SampledReading
 from .layout import Layout, Signals
@@ -59,21 +60,32 @@ class RecedingHorizon(SampledLaw):
 
     ``position_preview`` holds the desired joint positions at the ends of the next ``horizon``
     intervals, shape (horizon, n) [rad]; they are clipped to the position limits.
-
-    Args:
-        limits: Limits of the joint positions and of all five derivatives; all finite.
-        interval: Time between two plans [s]; a multiple of the sampling period.
-        horizon: Number of intervals that a plan covers.
-        effort: Weight w of the crackle relative to its bound [rad^2].
-        margin: Fraction of the derivatives' bounds that a plan may use.
     """
 
     kind: Literal["receding_horizon"] = "receding_horizon"
-    limits: JointLimits
-    interval: Annotated[Positive, between(1e-3, 1.0)] = 0.1
-    horizon: Annotated[int, Field(strict=True, ge=10, le=200)] = 80
-    effort: Weight = 1e-6
-    margin: Annotated[float, Field(strict=True, gt=0, le=1)] = 0.998
+    summary = (
+        "A receding horizon for a chain of five integrators, with six bounds held at every instant."
+    )
+    limits: Annotated[
+        JointLimits,
+        Meaning("Limits of the joint positions and of all five derivatives; all finite."),
+    ]
+    interval: Annotated[
+        Annotated[Positive, between(1e-3, 1.0)],
+        Meaning("Time between two plans; a multiple of the sampling period.", unit="s"),
+    ] = 0.1
+    horizon: Annotated[
+        Annotated[int, Field(strict=True, ge=10, le=200)],
+        Meaning("Number of intervals that a plan covers."),
+    ] = 80
+    effort: Annotated[
+        Weight,
+        Meaning("Weight w of the crackle relative to its bound.", unit="rad^2"),
+    ] = 1e-6
+    margin: Annotated[
+        Annotated[float, Field(strict=True, gt=0, le=1)],
+        Meaning("Fraction of the derivatives' bounds that a plan may use."),
+    ] = 0.998
 
     # The command is a quartic in time. Over a period h of 10 ms the error of Simpson's rule (third
     # order) is b_5 h^5 / 2880, below 1e-14 rad; that of the trapezoidal rule (second order) is up

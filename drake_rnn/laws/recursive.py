@@ -39,12 +39,13 @@ from __future__ import annotations
 
 from functools import cached_property
 from math import factorial
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
 from ..arrays.algebra import clipped, functions_of, is_one, matmul, vecmat
 from ..inputs.fields import Array, Gain, Vector, validated
+from ..inputs.keys import Meaning
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
 from .law import SampledLaw
 from .layout import Layout, Signals
@@ -55,24 +56,30 @@ _ORDERS = tuple(DERIVATIVE_UNITS)
 
 @validated
 class Recursive(SampledLaw):
-    """The recursive network of n = 1 to 5 levels, as printed or as filters.
-
-    Args:
-        limits: Limits of the joint positions and of their derivatives up to the n-th.
-        gains: Gains of the n levels, shape (n,).
-        reading: ``printed`` or ``filters``.
-        time_constants: Time constants of the n filters, shape (n,) [s]; only for ``filters``.
-        limit_stiffness: Velocity allowed per radian left to a position limit [1/s].
-        task_size: Number of rows of J.
-    """
+    """The recursive network of n = 1 to 5 levels, as printed or as filters."""
 
     kind: Literal["recursive"] = "recursive"
-    limits: JointLimits
-    gains: Vector
-    reading: Literal["printed", "filters"] = "printed"
-    time_constants: Vector | None = None
-    limit_stiffness: Gain = 1.0
-    task_size: Literal[2, 3] = 3
+    summary = (
+        "The recursive network: bounds on the derivatives of the joints up to the fifth, by levels."
+    )
+    limits: Annotated[
+        JointLimits,
+        Meaning("Limits of the joint positions and of their derivatives up to the n-th."),
+    ]
+    gains: Annotated[Vector, Meaning("Gains of the n levels, shape (n,).")]
+    reading: Annotated[
+        Literal["printed", "filters"],
+        Meaning("``printed`` or ``filters``."),
+    ] = "printed"
+    time_constants: Annotated[
+        Vector | None,
+        Meaning("Time constants of the n filters, shape (n,); only for ``filters``.", unit="s"),
+    ] = None
+    limit_stiffness: Annotated[
+        Gain,
+        Meaning("Velocity allowed per radian left to a position limit.", unit="1/s"),
+    ] = 1.0
+    task_size: Annotated[Literal[2, 3], Meaning("Number of rows of J.")] = 3
 
     stays_on_path = True
     takes_many = True

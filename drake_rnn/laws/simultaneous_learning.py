@@ -57,7 +57,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import cached_property, partial
 from math import ceil
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
@@ -75,6 +75,7 @@ from ..inputs.fields import (
     Weight,
     validated,
 )
+from ..inputs.keys import Meaning, Only
 from ..robot.limits import JointLimits
 from .law import Circumstances, ContinuousLaw, SampledLaw, SampledReading
 from .layout import Layout, Signals
@@ -98,54 +99,93 @@ _Learned = Callable[[Array, Array, Array], Array]
 
 @validated
 class SimultaneousLearning(SampledLaw, ContinuousLaw):
-    """RNN (16), (19) and (20): velocity level, with bounds on velocity and acceleration.
-
-    Args:
-        limits: Position and velocity limits of the joints, and acceleration limits unless
-            ``acceleration_bound`` is ``none``.
-        home: Posture that the joints are pulled towards, shape (n,) [rad].
-        task_size: Number of rows of J.
-        kappa: Gain of the position feedback [1/s].
-        rate: Rate of the network [1/s].
-        return_gain: Pull towards ``home`` [1/s].
-        limit_stiffness: Velocity allowed per radian left to a position limit [1/s]. The network
-            itself brakes in time if this is at most acceleration / velocity.
-        feedback_limit: Largest speed commanded by the feedback [m/s]; None for no bound.
-        multiplier_limit: Largest norm of the multipliers [rad^2/(s m)]; ``none`` for no
-            bound, as in the paper. On a path that an arm can follow they reach 1 to 4, and more
-            close to a singular posture.
-        position_bound: ``braking`` keeps each joint slow enough to stop within its position limits
-            at its largest acceleration; ``printed`` has the paper's box alone. Acts only with
-            ``acceleration_bound: scalar or per_joint``.
-        acceleration_bound: ``scalar`` limits all joints to the smallest of their bounds, as in
-            the paper; ``per_joint`` limits each joint to its own; ``none`` is RNN (16).
-        jacobian: ``known`` reads J; ``learned`` reads ``velocity`` and ``v_WE`` instead.
-        rho: Time constant of the learning [rad^2/s]. Acts only with ``jacobian: learned``.
-        J_hat_initial: Initial J_hat: ``uniform`` in [0, 1], ``zero``, or ``exact``, the arm's own.
-            Acts only with ``jacobian: learned``.
-        warm_up: Small motion of every joint before the task begins, in place of noise.
-        substeps: Euler steps of the network per sample; by default as many as keep it stable:
-            rate times step is at most 1, and at most ``1 / |J|^2`` where ``|J|`` exceeds 1. Acts
-            only with ``period``.
-    """
+    """RNN (16), (19) and (20): velocity level, with bounds on velocity and acceleration."""
 
     kind: Literal["simultaneous_learning"] = "simultaneous_learning"
-    limits: JointLimits
-    home: Vector
-    task_size: Literal[2, 3] = 3
-    kappa: Gain = 4.0
-    rate: Gain = 1000.0
-    return_gain: GainOrZero = 1.0
-    limit_stiffness: Gain = 2.0
-    feedback_limit: Speed | None = None
-    multiplier_limit: Positive | Literal["none"] = 10.0
-    position_bound: Literal["braking", "printed"] = "braking"
-    acceleration_bound: Literal["scalar", "per_joint", "none"] = "scalar"
-    jacobian: Literal["known", "learned"] = "learned"
-    rho: Weight = 1e-6
-    J_hat_initial: Literal["uniform", "zero", "exact"] = "uniform"
-    warm_up: WarmUp | None = None
-    substeps: Count | None = None
+    summary = (
+        "Simultaneous learning and control: the arm tracks a path while it learns its own Jacobian."
+    )
+    limits: Annotated[
+        JointLimits,
+        Meaning(
+            "Position and velocity limits of the joints, and acceleration limits unless "
+            "``acceleration_bound`` is ``none``.",
+        ),
+    ]
+    home: Annotated[
+        Vector,
+        Meaning("Posture that the joints are pulled towards, shape (n,).", unit="rad"),
+    ]
+    task_size: Annotated[Literal[2, 3], Meaning("Number of rows of J.")] = 3
+    kappa: Annotated[Gain, Meaning("Gain of the position feedback.", unit="1/s")] = 4.0
+    rate: Annotated[Gain, Meaning("Rate of the network.", unit="1/s")] = 1000.0
+    return_gain: Annotated[GainOrZero, Meaning("Pull towards ``home``.", unit="1/s")] = 1.0
+    limit_stiffness: Annotated[
+        Gain,
+        Meaning(
+            "Velocity allowed per radian left to a position limit. The network itself brakes in "
+            "time if this is at most acceleration / velocity.",
+            unit="1/s",
+        ),
+    ] = 2.0
+    feedback_limit: Annotated[
+        Speed | None,
+        Meaning("Largest speed commanded by the feedback; None for no bound.", unit="m/s"),
+    ] = None
+    multiplier_limit: Annotated[
+        Positive | Literal["none"],
+        Meaning(
+            "Largest norm of the multipliers; ``none`` for no bound, as in the paper. On a path "
+            "that an arm can follow they reach 1 to 4, and more close to a singular posture.",
+            unit="rad^2/(s m)",
+        ),
+    ] = 10.0
+    position_bound: Annotated[
+        Literal["braking", "printed"],
+        Meaning(
+            "``braking`` keeps each joint slow enough to stop within its position limits at its "
+            "largest acceleration; ``printed`` has the paper's box alone.",
+            only=(Only("acceleration_bound", "scalar", "per_joint"),),
+        ),
+    ] = "braking"
+    acceleration_bound: Annotated[
+        Literal["scalar", "per_joint", "none"],
+        Meaning(
+            "``scalar`` limits all joints to the smallest of their bounds, as in the paper; "
+            "``per_joint`` limits each joint to its own; ``none`` is RNN (16).",
+        ),
+    ] = "scalar"
+    jacobian: Annotated[
+        Literal["known", "learned"],
+        Meaning("``known`` reads J; ``learned`` reads ``velocity`` and ``v_WE`` instead."),
+    ] = "learned"
+    rho: Annotated[
+        Weight,
+        Meaning(
+            "Time constant of the learning.",
+            unit="rad^2/s",
+            only=(Only("jacobian", "learned"),),
+        ),
+    ] = 1e-6
+    J_hat_initial: Annotated[
+        Literal["uniform", "zero", "exact"],
+        Meaning(
+            "Initial J_hat: ``uniform`` in [0, 1], ``zero``, or ``exact``, the arm's own.",
+            only=(Only("jacobian", "learned"),),
+        ),
+    ] = "uniform"
+    warm_up: Annotated[
+        WarmUp | None,
+        Meaning("Small motion of every joint before the task begins, in place of noise."),
+    ] = None
+    substeps: Annotated[
+        Count | None,
+        Meaning(
+            "Euler steps of the network per sample; by default as many as keep it stable: rate "
+            "times step is at most 1, and at most ``1 / |J|^2`` where ``|J|`` exceeds 1.",
+            only=(Only("period"),),
+        ),
+    ] = None
 
     takes_many = True
 

@@ -46,13 +46,14 @@ Not in the paper:
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
 from ..arrays.algebra import clipped, functions_of, matvec, vecmat
 from ..arrays.substeps import Parts, in_steps
 from ..inputs.fields import Array, Time, TimeConstant, validated
+from ..inputs.keys import Meaning
 from .law import ContinuousLaw, SampledReading
 from .layout import Layout, Signals
 from .parts.kept_limits import kept_with_lag
@@ -63,21 +64,31 @@ from .posture_law import PostureLaw
 
 @validated
 class StateAdjustment(PostureLaw, ContinuousLaw):
-    """SA; with a ``rise_time`` MSA, which starts from rest; with a ``ramp_time`` a smoother SA.
-
-    Args:
-        target, limits, rate, limit_stiffness, task_size: See `PostureLaw`.
-        rise_time: Time over which the velocity bounds open [s]; None keeps them open.
-        ramp_time: Time over which the pull towards the target rises, without a jump of
-            velocity or acceleration [s]; None for the full pull at once. Not in the paper.
-        time_constant: Time constant of the network [s]; the end effector's drift is
-            proportional to it.
-    """
+    """SA; with a ``rise_time`` MSA, which starts from rest; with a ``ramp_time`` a smoother SA."""
 
     kind: Literal["state_adjustment"] = "state_adjustment"
-    rise_time: Time | None = None
-    ramp_time: Time | None = None
-    time_constant: TimeConstant = 1e-3
+    summary = (
+        "State adjustment: the arm moves to a target posture while its end effector stays in place."
+    )
+    rise_time: Annotated[
+        Time | None,
+        Meaning("Time over which the velocity bounds open; None keeps them open.", unit="s"),
+    ] = None
+    ramp_time: Annotated[
+        Time | None,
+        Meaning(
+            "Time over which the pull towards the target rises, without a jump of velocity or "
+            "acceleration; None for the full pull at once. Not in the paper.",
+            unit="s",
+        ),
+    ] = None
+    time_constant: Annotated[
+        TimeConstant,
+        Meaning(
+            "Time constant of the network; the end effector's drift is proportional to it.",
+            unit="s",
+        ),
+    ] = 1e-3
 
     takes_many = True
 

@@ -54,10 +54,11 @@ from __future__ import annotations
 
 from functools import cached_property
 from math import inf, isfinite
-from typing import Literal
+from typing import Annotated, Literal
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Gain, GainOrZero, Positive, Weight, validated
+from ..inputs.keys import Meaning, Only
 from .law import Circumstances, SampledReading
 from .learning_program_law import LearningProgramLaw, LearningReading
 from .networks.activations import Activation, Shape, activation
@@ -77,41 +78,68 @@ _DAMPING, _DAMPING_OF_BOUNDS = 1e-4, 1e-3
 
 @validated
 class Zeroing(LearningProgramLaw):
-    """A zeroing network around the program of a scheme, sampled.
-
-    Args:
-        limits, home, task_size, cost, return_gain, manipulability, blend: See `ProgramLaw`.
-        feedback, bounds, limit_stiffness: See `ProgramLaw`.
-        jacobian, J_hat_initial, variance, wander, measurement: See `LearningProgramLaw`.
-        gain: Gain gamma of the design formula at the start [1/s].
-        growth: How the gain grows: ``none``, ``exponential``, ``power`` or
-            ``power_of_gain``.
-        growth_rate: The rate a of its growth [1/s]. Acts only with
-            ``growth: exponential, power or power_of_gain``.
-        activation: Activation function Phi, see `drake_rnn.laws.networks.activations`.
-        exponent: The number p of the activation; by default the one of the public code.
-        steepness: The number z of the activation; likewise.
-        integral_gain: Gain eta of the noise-tolerant formula [1/s]; 0 for the plain one.
-        discretization: ``implicit``, ``euler``, ``taylor`` or ``four_step``.
-        damping: Damping of the optimum where J loses rank, or where bounds leave no velocity that
-            does the task [m]; 1e-4 by default, with ``bounds`` 1e-3.
-        noise: What disturbs the network; None for nothing.
-        prescribed: Funnel of the task's residual J v - b, with which velocities are held within
-            their bounds, and the residual within the funnel, by log barriers; None without it.
-    """
+    """A zeroing network around the program of a scheme, sampled."""
 
     kind: Literal["zeroing"] = "zeroing"
-    gain: Gain = 100.0
-    growth: Growth = "none"
-    growth_rate: Gain = 1.0
-    activation: Shape = "linear"
-    exponent: Positive | None = None
-    steepness: Positive | None = None
-    integral_gain: GainOrZero = 0.0
-    discretization: Discretization = "implicit"
-    damping: Weight | None = None
-    noise: NetworkNoise | None = None
-    prescribed: Funnel | None = None
+    summary = (
+        "Zeroing networks: the optimum of a time-varying program by an error that is driven to "
+        "zero."
+    )
+    gain: Annotated[
+        Gain,
+        Meaning("Gain gamma of the design formula at the start.", unit="1/s"),
+    ] = 100.0
+    growth: Annotated[
+        Growth,
+        Meaning("How the gain grows: ``none``, ``exponential``, ``power`` or ``power_of_gain``."),
+    ] = "none"
+    growth_rate: Annotated[
+        Gain,
+        Meaning(
+            "The rate a of its growth.",
+            unit="1/s",
+            only=(Only("growth", "exponential", "power", "power_of_gain"),),
+        ),
+    ] = 1.0
+    activation: Annotated[
+        Shape,
+        Meaning("Activation function Phi, see `drake_rnn.laws.networks.activations`."),
+    ] = "linear"
+    exponent: Annotated[
+        Positive | None,
+        Meaning("The number p of the activation; by default the one of the public code."),
+    ] = None
+    steepness: Annotated[
+        Positive | None,
+        Meaning("The number z of the activation; likewise."),
+    ] = None
+    integral_gain: Annotated[
+        GainOrZero,
+        Meaning("Gain eta of the noise-tolerant formula; 0 for the plain one.", unit="1/s"),
+    ] = 0.0
+    discretization: Annotated[
+        Discretization,
+        Meaning("``implicit``, ``euler``, ``taylor`` or ``four_step``."),
+    ] = "implicit"
+    damping: Annotated[
+        Weight | None,
+        Meaning(
+            "Damping of the optimum where J loses rank, or where bounds leave no velocity that "
+            "does the task; 1e-4 by default, with ``bounds`` 1e-3.",
+            unit="m",
+        ),
+    ] = None
+    noise: Annotated[
+        NetworkNoise | None,
+        Meaning("What disturbs the network; None for nothing."),
+    ] = None
+    prescribed: Annotated[
+        Funnel | None,
+        Meaning(
+            "Funnel of the task's residual J v - b, with which velocities are held within their "
+            "bounds, and the residual within the funnel, by log barriers; None without it.",
+        ),
+    ] = None
 
     takes_many = True
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from cmath import exp
-from typing import Literal
+from typing import Annotated, Literal
 
 from ..inputs.fields import Length, validated
+from ..inputs.keys import Meaning
 from .planar import Planar
 
 # Height, position S and width of each bump on the circle.
@@ -21,14 +22,11 @@ _BUMPS = (
 
 @validated
 class Cat(Planar):
-    """A cat's head of radius ``size`` [m], ears up along the plane's y.
-
-    Args:
-        size: Radius of the head, without the ears [m].
-    """
+    """A cat's head of radius ``size`` [m], ears up along the plane's y."""
 
     kind: Literal["cat"] = "cat"
-    size: Length
+    summary = "A cat's head of radius size [m], ears up along the plane's y."
+    size: Annotated[Length, Meaning("Radius of the head, without the ears.", unit="m")]
 
     def curve(self, phase: float) -> tuple[complex, complex, complex]:
         S = phase - math.pi / 2

@@ -12,6 +12,7 @@ from pydantic import Field
 from ..errors import InvalidInputError
 from ..inputs.complaints import short
 from ..inputs.fields import Array, Count, NonNegative, validated
+from ..inputs.keys import Meaning
 from .checks import require_count, require_values
 from .path import Motion
 from .relative import RelativePath
@@ -36,22 +37,31 @@ class Curve(RelativePath):
 
     A subclass traces the curve; a time law maps time to the phase, which grows from 0 to 2 pi over
     a lap. An open curve, whose class says that it is not `closed`, is passed once.
-
-    Args:
-        period: Duration of one lap [s].
-        timing: Time law of each segment.
-        ramp: Fraction of a segment's time taken by each of the two ramps of "ramps"; 0.2 by
-            default. Only with that time law.
-        laps: Number of laps, after which the point rests; None for no end. For a closed curve.
-        pause: Time for which the point rests after each lap but the last [s]. For a closed curve,
-            with a time law that comes to rest.
     """
 
-    period: Period
-    timing: Timing = "uniform"
-    ramp: Ramp | None = None
-    laps: Count | None = None
-    pause: NonNegative = 0.0
+    period: Annotated[Period, Meaning("Duration of one lap.", unit="s")]
+    timing: Annotated[Timing, Meaning("Time law of each segment.")] = "uniform"
+    ramp: Annotated[
+        Ramp | None,
+        Meaning(
+            'Fraction of a segment\'s time taken by each of the two ramps of "ramps"; 0.2 by '
+            "default. Only with that time law.",
+        ),
+    ] = None
+    laps: Annotated[
+        Count | None,
+        Meaning(
+            "Number of laps, after which the point rests; None for no end. For a closed curve.",
+        ),
+    ] = None
+    pause: Annotated[
+        NonNegative,
+        Meaning(
+            "Time for which the point rests after each lap but the last. For a closed curve, "
+            "with a time law that comes to rest.",
+            unit="s",
+        ),
+    ] = 0.0
 
     def __post_init__(self) -> None:
         if self.ramp is not None and self.timing != "ramps":

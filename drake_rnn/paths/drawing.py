@@ -18,6 +18,7 @@ from pydantic import Field
 
 from ..inputs.dataclass_fields import fields_of
 from ..inputs.fields import Array, Finite, Flag, Positive, Speed, Time, between, validated
+from ..inputs.keys import Meaning
 from .checks import require_count, require_time
 from .curve import RAMP, Ramp
 from .in_plane import InPlane
@@ -37,31 +38,53 @@ class Drawing(InPlane):
     """Strokes in a plane, drawn one after another and joined by moves.
 
     Give ``period``, or ``speed``, ``acceleration`` or both.
-
-    Args:
-        blend_radius: Largest distance from a corner at which its rounding begins or ends [m]; less
-            where a line is too short for two of them. If None, the point rests at each corner of
-            more than 10 degrees.
-        lift: Height of the moves between strokes above the plane, along its normal [m]; below 0 for
-            the other side, 0 for straight moves in the plane.
-        returns: Whether a move leads back to the start in the end, so that the path closes.
-        period: Duration [s]; shared among the parts from rest to rest so that the largest
-            acceleration is the same in all of them.
-        speed: Largest speed along the path [m/s].
-        acceleration: Largest acceleration along the path [m/s^2].
-        timing: Time law of each part from rest to rest.
-        ramp: Fraction of a part's time taken by each of the two ramps of "ramps"; 0.2 by default.
-            Only with that time law.
     """
 
-    blend_radius: Annotated[Positive, Field(le=1e3)] | None = None
-    lift: Annotated[Finite, between(-1e3, 1e3)] = 0.0
-    returns: Flag = False
-    period: Time | None = None
-    speed: Speed | None = None
-    acceleration: Annotated[Positive, Field(le=1e3)] | None = None
-    timing: Literal["quintic", "cycloid", "ramps", "sin2"] = "quintic"
-    ramp: Ramp | None = None
+    blend_radius: Annotated[
+        Annotated[Positive, Field(le=1e3)] | None,
+        Meaning(
+            "Largest distance from a corner at which its rounding begins or ends; less where a "
+            "line is too short for two of them. If None, the point rests at each corner of more "
+            "than 10 degrees.",
+            unit="m",
+        ),
+    ] = None
+    lift: Annotated[
+        Annotated[Finite, between(-1e3, 1e3)],
+        Meaning(
+            "Height of the moves between strokes above the plane, along its normal; below 0 for "
+            "the other side, 0 for straight moves in the plane.",
+            unit="m",
+        ),
+    ] = 0.0
+    returns: Annotated[
+        Flag,
+        Meaning("Whether a move leads back to the start in the end, so that the path closes."),
+    ] = False
+    period: Annotated[
+        Time | None,
+        Meaning(
+            "Duration; shared among the parts from rest to rest so that the largest acceleration "
+            "is the same in all of them.",
+            unit="s",
+        ),
+    ] = None
+    speed: Annotated[Speed | None, Meaning("Largest speed along the path.", unit="m/s")] = None
+    acceleration: Annotated[
+        Annotated[Positive, Field(le=1e3)] | None,
+        Meaning("Largest acceleration along the path.", unit="m/s^2"),
+    ] = None
+    timing: Annotated[
+        Literal["quintic", "cycloid", "ramps", "sin2"],
+        Meaning("Time law of each part from rest to rest."),
+    ] = "quintic"
+    ramp: Annotated[
+        Ramp | None,
+        Meaning(
+            'Fraction of a part\'s time taken by each of the two ramps of "ramps"; 0.2 by '
+            "default. Only with that time law.",
+        ),
+    ] = None
 
     def __post_init__(self) -> None:
         self._require_place()

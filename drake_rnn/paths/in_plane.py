@@ -4,13 +4,14 @@
 from abc import abstractmethod
 from cmath import exp
 from functools import cached_property
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 from pydrake.math import RollPitchYaw, RotationMatrix
 
 from ..inputs.fields import Angle, Angles, Array, Point, validated, zeros
+from ..inputs.keys import Meaning
 from .relative import RelativePath
 
 _AXES: dict[str, list[int]] = {"xy": [0, 1], "xz": [0, 2], "yz": [1, 2]}
@@ -18,20 +19,31 @@ _AXES: dict[str, list[int]] = {"xy": [0, 1], "xz": [0, 2], "yz": [1, 2]}
 
 @validated
 class InPlane(RelativePath):
-    """A path given in a plane.
+    """A path given in a plane."""
 
-    Args:
-        plane: Axes of the base frame along which the curve's x and y lie.
-        angle: Rotation of the curve within its plane, from x to y [rad].
-        rotation: Roll, pitch and yaw of the plane about the base's fixed axes, shape (3,) [rad].
-        centre: Position of the curve's own origin in the base frame, shape (3,) [m]; if None, the
-            path starts at the arm's start, apart from ``offset``.
-    """
-
-    plane: Literal["xy", "xz", "yz"] = "xy"
-    angle: Angle = 0.0
-    rotation: Angles = Field(default_factory=zeros)
-    centre: Point | None = None
+    plane: Annotated[
+        Literal["xy", "xz", "yz"],
+        Meaning("Axes of the base frame along which the curve's x and y lie."),
+    ] = "xy"
+    angle: Annotated[
+        Angle,
+        Meaning("Rotation of the curve within its plane, from x to y.", unit="rad"),
+    ] = 0.0
+    rotation: Annotated[
+        Angles,
+        Meaning(
+            "Roll, pitch and yaw of the plane about the base's fixed axes, shape (3,).",
+            unit="rad",
+        ),
+    ] = Field(default_factory=zeros)
+    centre: Annotated[
+        Point | None,
+        Meaning(
+            "Position of the curve's own origin in the base frame, shape (3,); if None, the path "
+            "starts at the arm's start, apart from ``offset``.",
+            unit="m",
+        ),
+    ] = None
 
     @property
     def has_place(self) -> bool:

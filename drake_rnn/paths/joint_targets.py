@@ -4,6 +4,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from ..errors import InvalidInputError
 from ..inputs.complaints import short
 from ..inputs.csv_rows import Row, is_header, read_rows
 from ..inputs.fields import Array, validated
+from ..inputs.keys import Meaning
 from ..inputs.numbers import decimal
 
 # Targets that a file may have: a quarter of an hour of them at 100 Hz; and its size [bytes].
@@ -57,15 +59,17 @@ class JointTargets:
 
 @validated
 class RecordedTargets:
-    """Joint targets that were recorded.
+    """Joint targets that were recorded."""
 
-    Args:
-        file: CSV file: times ``t`` [s], increasing from 0 or later, and a column for each joint
-            [rad], called ``q1``, ``q2`` ... or by the joints' names. An empty entry or ``nan`` is
-            no number; such a target came, and is not followed.
-    """
-
-    file: str
+    file: Annotated[
+        str,
+        Meaning(
+            "CSV file: times ``t`` [s], increasing from 0 or later, and a column for each joint "
+            "[rad], called ``q1``, ``q2`` ... or by the joints' names. An empty entry or ``nan`` "
+            "is no number; such a target came, and is not followed.",
+            unit="s",
+        ),
+    ]
 
     def __post_init__(self) -> None:
         self._table  # noqa: B018 (a bad file is refused now, not during a run)

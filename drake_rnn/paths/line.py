@@ -3,7 +3,7 @@
 # No postponed annotations: see `path`.
 from dataclasses import replace
 from functools import cached_property
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -11,6 +11,7 @@ from pydrake.common.eigen_geometry import AngleAxis
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Point, validated, zeros
+from ..inputs.keys import Meaning
 from .curve import TURN, Curve, Triple
 from .path import Motion
 from .relative import RelativePath
@@ -20,19 +21,23 @@ _STRAIGHT: Triple = (0.0, 0.0, 0.0)
 
 @validated
 class Line(Curve):
-    """A straight line, passed once.
-
-    Args:
-        by: End relative to the first point, shape (3,) [m]; give this or ``to``.
-        to: End, shape (3,) [m].
-        turn: Rotation vector by which the end effector turns on the way, shape (3,) [rad]: about
-            its direction, by its length.
-    """
+    """A straight line, passed once."""
 
     kind: Literal["line"] = "line"
-    by: Point | None = None
-    to: Point | None = None
-    turn: Point = Field(default_factory=zeros)
+    summary = "A straight line, passed once."
+    by: Annotated[
+        Point | None,
+        Meaning("End relative to the first point, shape (3,); give this or ``to``.", unit="m"),
+    ] = None
+    to: Annotated[Point | None, Meaning("End, shape (3,).", unit="m")] = None
+    turn: Annotated[
+        Point,
+        Meaning(
+            "Rotation vector by which the end effector turns on the way, shape (3,) [rad]: about "
+            "its direction, by its length.",
+            unit="rad",
+        ),
+    ] = Field(default_factory=zeros)
 
     def __post_init__(self) -> None:
         super().__post_init__()

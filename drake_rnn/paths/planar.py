@@ -3,10 +3,12 @@
 # No postponed annotations: see `path`.
 from abc import abstractmethod
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 
 from ..inputs.fields import Angle, Array, validated
+from ..inputs.keys import Meaning
 from .cone import coned
 from .curve import Curve, Triple
 from .in_plane import InPlane
@@ -15,14 +17,16 @@ from .path import Motion
 
 @validated
 class Planar(InPlane, Curve):
-    """A curve in a plane.
+    """A curve in a plane."""
 
-    Args:
-        cone: Half angle of the cone about the plane's normal that every axis of the end effector
-            traces in a lap [rad]; 0 for a path without an orientation.
-    """
-
-    cone: Angle = 0.0
+    cone: Annotated[
+        Angle,
+        Meaning(
+            "Half angle of the cone about the plane's normal that every axis of the end effector "
+            "traces in a lap; 0 for a path without an orientation.",
+            unit="rad",
+        ),
+    ] = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()

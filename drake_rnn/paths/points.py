@@ -10,6 +10,7 @@ from pydantic import BeforeValidator
 from pydrake.trajectories import PiecewisePolynomial
 
 from ..inputs.fields import Array, Flag, validated
+from ..inputs.keys import Meaning
 from .curve import TURN, Curve, Triple
 from .table import QUATERNION, RPY, TIME, Table, listed, read_table
 
@@ -19,18 +20,23 @@ _SAME = 1e-9
 
 @validated
 class ThroughPoints(Curve):
-    """A smooth curve through given points: a cubic spline over the chord length.
+    """A smooth curve through given points: a cubic spline over the chord length."""
 
-    Args:
-        file: CSV file of three columns x, y, z [m]; give this or ``points``.
-        points: Rows x, y, z, shape (k, 3) [m]; at least 2 points.
-        absolute: Whether the points stay where they are; otherwise the curve is moved so that the
-            first point is at the arm's start, apart from ``offset``.
-    """
-
-    file: str | None = None
-    points: Annotated[Array, BeforeValidator(listed)] | None = None
-    absolute: Flag = False
+    file: Annotated[
+        str | None,
+        Meaning("CSV file of three columns x, y, z; give this or ``points``.", unit="m"),
+    ] = None
+    points: Annotated[
+        Annotated[Array, BeforeValidator(listed)] | None,
+        Meaning("Rows x, y, z, shape (k, 3); at least 2 points.", unit="m"),
+    ] = None
+    absolute: Annotated[
+        Flag,
+        Meaning(
+            "Whether the points stay where they are; otherwise the curve is moved so that the "
+            "first point is at the arm's start, apart from ``offset``.",
+        ),
+    ] = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -114,6 +120,7 @@ class Spline(ThroughPoints):
     """A smooth open curve through given points."""
 
     kind: Literal["spline"] = "spline"
+    summary = "A smooth open curve through given points."
 
     @property
     def closed(self) -> bool:
@@ -122,15 +129,17 @@ class Spline(ThroughPoints):
 
 @validated
 class Points(ThroughPoints):
-    """A smooth curve through given points, open unless it is said to be closed.
-
-    Args:
-        closed: Whether the curve leads back to its first point; it then needs at least 4 distinct
-            points, of which the first may be repeated as the last.
-    """
+    """A smooth curve through given points, open unless it is said to be closed."""
 
     kind: Literal["points"] = "points"
-    closed: Flag = False
+    summary = "A smooth curve through given points, open unless it is said to be closed."
+    closed: Annotated[
+        Flag,
+        Meaning(
+            "Whether the curve leads back to its first point; it then needs at least 4 distinct "
+            "points, of which the first may be repeated as the last.",
+        ),
+    ] = False
 
 
 def _closed(points: Array, same: float) -> Array:

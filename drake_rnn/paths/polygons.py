@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import AfterValidator
 
 from ..inputs.fields import Array, Length, Positive, Vector, validated
+from ..inputs.keys import Meaning
 from .curve import TURN
 from .planar import Planar
 
@@ -19,20 +20,23 @@ _RIGHT_TURNS = (1 + 0j, -1j, -1 + 0j, 1j)
 
 @validated
 class Square(Planar):
-    """A square, clockwise as seen with the plane's x to the right and y up.
-
-    Args:
-        size: Side length [m].
-        corners: "sharp": four segments, from corner to corner. "rounded": one segment; the
-            phase is proportional to the arc length, and the point starts at the end of a corner,
-            on the edge along -x.
-        corner_radius: Radius of rounded corners, at most half the side [m].
-    """
+    """A square, clockwise as seen with the plane's x to the right and y up."""
 
     kind: Literal["square"] = "square"
-    size: Length
-    corners: Literal["sharp", "rounded"] = "sharp"
-    corner_radius: Positive | None = None
+    summary = "A square, clockwise as seen with the plane's x to the right and y up."
+    size: Annotated[Length, Meaning("Side length.", unit="m")]
+    corners: Annotated[
+        Literal["sharp", "rounded"],
+        Meaning(
+            '"sharp": four segments, from corner to corner. "rounded": one segment; the '
+            "phase is proportional to the arc length, and the point starts at the end of a "
+            "corner, on the edge along -x.",
+        ),
+    ] = "sharp"
+    corner_radius: Annotated[
+        Positive | None,
+        Meaning("Radius of rounded corners, at most half the side.", unit="m"),
+    ] = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -97,14 +101,14 @@ Side = Annotated[Vector, AfterValidator(_pair)]
 
 @validated
 class Parallelogram(Planar):
-    """A parallelogram along the first of its two ``sides`` [m], then the second, and back.
-
-    Args:
-        sides: The two sides as vectors in the plane, shape (2, 2) [m].
-    """
+    """A parallelogram along the first of its two ``sides`` [m], then the second, and back."""
 
     kind: Literal["parallelogram"] = "parallelogram"
-    sides: tuple[Side, Side]
+    summary = "A parallelogram along the first of its two sides [m], then the second, and back."
+    sides: Annotated[
+        tuple[Side, Side],
+        Meaning("The two sides as vectors in the plane, shape (2, 2).", unit="m"),
+    ]
 
     def __post_init__(self) -> None:
         super().__post_init__()

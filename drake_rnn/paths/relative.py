@@ -5,6 +5,7 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from operator import attrgetter
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
@@ -12,6 +13,7 @@ from pydrake.math import RigidTransform
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Point, validated, zeros
+from ..inputs.keys import Meaning
 from .checks import require_pose, require_start, require_times, require_values
 from .path import BASE, TOOL, Motion, Passage, Path, PlacedPath
 
@@ -21,16 +23,19 @@ _CHECKED = 5
 
 @validated
 class RelativePath(Path, Passage):
-    """A path given by its motion from its first pose, along the axes of a frame F.
+    """A path given by its motion from its first pose, along the axes of a frame F."""
 
-    Args:
-        offset: Arm's start relative to the path's first point, in F, shape (3,) [m].
-        frame: The frame F: ``base``; ``tool``, the task frame E as it is when the path begins; or
-            the name of any frame of the model, e.g. a camera's, as it is when the run begins.
-    """
-
-    offset: Point = Field(default_factory=zeros)
-    frame: str = BASE
+    offset: Annotated[
+        Point,
+        Meaning("Arm's start relative to the path's first point, in F, shape (3,).", unit="m"),
+    ] = Field(default_factory=zeros)
+    frame: Annotated[
+        str,
+        Meaning(
+            "The frame F: ``base``; ``tool``, the task frame E as it is when the path begins; or "
+            "the name of any frame of the model, e.g. a camera's, as it is when the run begins.",
+        ),
+    ] = BASE
 
     @property
     def frames(self) -> frozenset[str]:

@@ -14,6 +14,7 @@ class Rest(Curve):
     """A fixed point: the arm's start or, with an ``offset``, a point away from it."""
 
     kind: Literal["rest"] = "rest"
+    summary = "A fixed point: the arm's start or, with an offset, a point away from it."
     period: Period = 1.0
 
     def trace(self, phase: float) -> tuple[Triple, Triple, Triple]:

@@ -13,6 +13,7 @@ from pydrake.math import RigidTransform
 from ..errors import InvalidInputError
 from ..inputs.complaints import short
 from ..inputs.fields import Array, NonNegative, Positive, validated
+from ..inputs.keys import Meaning
 from .bridge import State, bridge, require_meeting
 from .path import Motion, Path, PlacedPath
 from .trajectory import as_path
@@ -30,19 +31,22 @@ def _path(value: Any) -> Any:
 
 @validated
 class Part:
-    """A part of a `Sequence`.
+    """A part of a `Sequence`."""
 
-    Args:
-        path: The path.
-        lasts: Time after which the next part begins [s]; by default the path's duration, which
-            must be finite unless the part is the last one. A shorter time changes the path while
-            it is followed, a longer one waits where it ends.
-        bridge: Time of a move that leads to the part's start [s]; 0 for none.
-    """
-
-    path: Annotated[Path, BeforeValidator(_path)]
-    lasts: Positive | None = None
-    bridge: NonNegative = 0.0
+    path: Annotated[Annotated[Path, BeforeValidator(_path)], Meaning("The path.")]
+    lasts: Annotated[
+        Positive | None,
+        Meaning(
+            "Time after which the next part begins; by default the path's duration, which must "
+            "be finite unless the part is the last one. A shorter time changes the path while it "
+            "is followed, a longer one waits where it ends.",
+            unit="s",
+        ),
+    ] = None
+    bridge: Annotated[
+        NonNegative,
+        Meaning("Time of a move that leads to the part's start; 0 for none.", unit="s"),
+    ] = 0.0
 
 
 def _parts(value: Any) -> Any:
@@ -66,13 +70,14 @@ class Sequence(Path):
 
     The first part may begin away from the arm and at speed, like any path; with a bridge it is
     approached from rest.
-
-    Args:
-        parts: The parts; a path alone is a part of its own duration.
     """
 
     kind: Literal["sequence"] = "sequence"
-    parts: Annotated[tuple[Part, ...], BeforeValidator(_parts)]
+    summary = "Paths one after another."
+    parts: Annotated[
+        Annotated[tuple[Part, ...], BeforeValidator(_parts)],
+        Meaning("The parts; a path alone is a part of its own duration."),
+    ]
 
     @property
     def has_place(self) -> bool:

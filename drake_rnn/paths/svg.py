@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from itertools import islice
-from typing import Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -17,6 +17,7 @@ from ..inputs.csv_rows import require_few
 from ..inputs.extras import needed
 from ..inputs.fields import Array, Length, validated
 from ..inputs.given_file import content_of
+from ..inputs.keys import Meaning
 from .arc_length import points_along
 from .drawing import Drawing
 from .strokes import Stroke, divided
@@ -67,18 +68,25 @@ class Svg(Drawing):
 
     They are drawn in their order, with their transforms, each as its outline. Text, images, clips
     and the width of lines are no part of it. The origin is the centre of what is drawn.
-
-    Args:
-        file: The SVG file.
-        size: Width or height of what is drawn, whichever is larger [m].
-        element: Id of the shape or group that is drawn, also if it is hidden or a definition; None
-            for the whole file.
     """
 
     kind: Literal["svg"] = "svg"
-    file: str
-    size: Length
-    element: str | None = None
+    summary = (
+        "The shapes that an SVG file displays: paths, lines, polygons, rectangles, circles, "
+        "ellipses."
+    )
+    file: Annotated[str, Meaning("The SVG file.")]
+    size: Annotated[
+        Length,
+        Meaning("Width or height of what is drawn, whichever is larger.", unit="m"),
+    ]
+    element: Annotated[
+        str | None,
+        Meaning(
+            "Id of the shape or group that is drawn, also if it is hidden or a definition; None "
+            "for the whole file.",
+        ),
+    ] = None
 
     @cached_property
     def _strokes(self) -> list[Stroke]:

@@ -11,6 +11,7 @@ from pydantic import Field
 
 from ..inputs.complaints import nearest
 from ..inputs.fields import Array, Length, validated
+from ..inputs.keys import Meaning
 from .drawing import Drawing
 from .strokes import Stroke, divided
 
@@ -32,20 +33,24 @@ class Text(Drawing):
     letter's lines turn by less than 55 degrees; the others are corners. The text's own origin is
     the centre of what is drawn.
 
-    Args:
-        text: What is written; lines are divided by line breaks.
-        size: Height of capital letters [m].
-        font: Name of a font of the package HersheyFonts. Letters of ``futural``, ``rowmans`` and
-            ``scripts`` are lines alone, those of most others outlines.
-
     Source:
         A. V. Hershey, Calligraphy for Computers, 1967.
     """
 
     kind: Literal["text"] = "text"
-    text: Annotated[str, Field(strict=True, max_length=MOST_CHARACTERS)]
-    size: Length
-    font: str = "futural"
+    summary = "Text in letters of single strokes, by Hershey's fonts."
+    text: Annotated[
+        Annotated[str, Field(strict=True, max_length=MOST_CHARACTERS)],
+        Meaning("What is written; lines are divided by line breaks."),
+    ]
+    size: Annotated[Length, Meaning("Height of capital letters.", unit="m")]
+    font: Annotated[
+        str,
+        Meaning(
+            "Name of a font of the package HersheyFonts. Letters of ``futural``, ``rowmans`` and "
+            "``scripts`` are lines alone, those of most others outlines.",
+        ),
+    ] = "futural"
 
     @cached_property
     def _strokes(self) -> list[Stroke]:

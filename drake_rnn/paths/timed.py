@@ -3,7 +3,7 @@
 # No postponed annotations: see `path`.
 from abc import abstractmethod
 from functools import cached_property
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydrake.trajectories import (
@@ -13,6 +13,7 @@ from pydrake.trajectories import (
 )
 
 from ..inputs.fields import Array, Flag, validated
+from ..inputs.keys import Meaning
 from .checks import require_time
 from .path import Motion
 from .relative import RelativePath
@@ -27,13 +28,15 @@ class TimedPath(RelativePath):
     """A path that follows Drake trajectories, in the time of the run.
 
     Before they begin the point rests where they begin, and after their end where they end.
-
-    Args:
-        absolute: Whether the poses are those of the end effector; otherwise the path is moved and
-            turned so that it begins at the arm's start, apart from ``offset``.
     """
 
-    absolute: Flag = False
+    absolute: Annotated[
+        Flag,
+        Meaning(
+            "Whether the poses are those of the end effector; otherwise the path is moved and "
+            "turned so that it begins at the arm's start, apart from ``offset``.",
+        ),
+    ] = False
 
     def __post_init__(self) -> None:
         if self.absolute:

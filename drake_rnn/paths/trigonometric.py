@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Annotated, Literal
 
 from ..inputs.fields import Finite, Length, between, validated
+from ..inputs.keys import Meaning
 from .planar import Planar
 
 Harmonics = tuple[tuple[int, complex], ...]
@@ -15,13 +16,12 @@ Harmonics = tuple[tuple[int, complex], ...]
 
 @validated
 class Trigonometric(Planar):
-    """A curve z(f) that is the sum of c exp(i k f) over its ``harmonics`` (k, c).
+    """A curve z(f) that is the sum of c exp(i k f) over its ``harmonics`` (k, c)."""
 
-    Args:
-        size: Scale of the curve; each class says what it is the length of [m].
-    """
-
-    size: Length
+    size: Annotated[
+        Length,
+        Meaning("Scale of the curve; each class says what it is the length of [m].", unit="m"),
+    ]
 
     @property
     @abstractmethod
@@ -48,6 +48,7 @@ class Circle(Trigonometric):
     """A circle of radius ``size`` [m]."""
 
     kind: Literal["circle"] = "circle"
+    summary = "A circle of radius size [m]."
 
     @property
     def harmonics(self) -> Harmonics:
@@ -62,6 +63,7 @@ class Nephroid(Trigonometric):
     """
 
     kind: Literal["nephroid"] = "nephroid"
+    summary = "A nephroid, 4 by 8 times size [m]."
 
     @property
     def harmonics(self) -> Harmonics:
@@ -70,14 +72,14 @@ class Nephroid(Trigonometric):
 
 @validated
 class FourRing(Trigonometric):
-    """Four rings around a centre: loops for ``ring`` > 1/3, four petals for ``ring`` = 1.
-
-    Args:
-        ring: Size of the loops relative to the curve.
-    """
+    """Four rings around a centre: loops for ``ring`` > 1/3, four petals for ``ring`` = 1."""
 
     kind: Literal["four_ring"] = "four_ring"
-    ring: Annotated[Finite, between(-100.0, 100.0)] = 0.7
+    summary = "Four rings around a centre: loops for ring > 1/3, four petals for ring = 1."
+    ring: Annotated[
+        Annotated[Finite, between(-100.0, 100.0)],
+        Meaning("Size of the loops relative to the curve."),
+    ] = 0.7
 
     @property
     def harmonics(self) -> Harmonics:
@@ -86,14 +88,14 @@ class FourRing(Trigonometric):
 
 @validated
 class Clover(Trigonometric):
-    """A four-leaf clover (rose) with leaves of length ``size`` [m]; starts at ``begin``.
-
-    Args:
-        begin: Where the curve begins: at a leaf's ``tip``, or in the ``centre``.
-    """
+    """A four-leaf clover (rose) with leaves of length ``size`` [m]; starts at ``begin``."""
 
     kind: Literal["clover"] = "clover"
-    begin: Literal["tip", "centre"] = "tip"
+    summary = "A four-leaf clover (rose) with leaves of length size [m]; starts at begin."
+    begin: Annotated[
+        Literal["tip", "centre"],
+        Meaning("Where the curve begins: at a leaf's ``tip``, or in the ``centre``."),
+    ] = "tip"
 
     @property
     def harmonics(self) -> Harmonics:
@@ -108,6 +110,9 @@ class Deltoid(Trigonometric):
     """A deltoid (tricuspid); ``size`` is the rolling circle's radius, a third of its reach [m]."""
 
     kind: Literal["deltoid"] = "deltoid"
+    summary = (
+        "A deltoid (tricuspid); size is the rolling circle's radius, a third of its reach [m]."
+    )
 
     @property
     def harmonics(self) -> Harmonics:

@@ -10,6 +10,7 @@ from pydrake.math import RollPitchYaw
 
 from ..inputs.dataclass_fields import fields_of
 from ..inputs.fields import Array, Positive, Speed, Time, Vector, rows_of_numbers, validated
+from ..inputs.keys import Meaning
 from .pieces import Blend, blended, cubic_spline, quintic_spline, rest_to_rest
 from .table import QUATERNION, RPY, Table, listed, read_table
 from .timed import TimedPath
@@ -36,40 +37,64 @@ def _rows(width: int, what: str) -> BeforeValidator:
 
 @validated
 class Waypoints(TimedPath):
-    """A motion through waypoints, from rest to rest, passed once.
-
-    Args:
-        file: CSV file whose first line names its columns: x, y, z [m]; t or time [s]; orientations
-            as qw, qx, qy, qz, or as roll, pitch, yaw [rad]. Without that line it has three
-            columns x, y, z. Give this or ``positions``.
-        positions: Rows x, y, z, shape (k, 3) [m]; at least 2.
-        times: Times at which the waypoints are passed, increasing, shape (k,) [s]. Give this,
-            ``period`` or ``speed``, unless the file has times.
-        period: Duration [s], shared among the legs by their length.
-        speed: Mean speed along the legs [m/s].
-        quaternions: Orientations as unit quaternions, rows w, x, y, z, shape (k, 4).
-        rpy: Orientations as roll, pitch and yaw about fixed axes, shape (k, 3) [rad].
-        through: ``quintic`` or ``cubic``: a smooth spline through all waypoints, which rests only
-            at the ends; ``straight``: straight legs, which rest at each waypoint unless there
-            are blends. See `pieces` for the formulas.
-        blend_time: Duration of the blend at each waypoint of straight legs [s].
-        blend_radius: Largest distance from a waypoint at which its blend may begin or end [m].
-        blend: Kind of the blends, ``quintic`` or ``parabolic``.
-        absolute: See `TimedPath`.
-    """
+    """A motion through waypoints, from rest to rest, passed once."""
 
     kind: Literal["waypoints"] = "waypoints"
-    file: str | None = None
-    positions: Annotated[Array, BeforeValidator(listed)] | None = None
-    times: Vector | None = None
-    period: Time | None = None
-    speed: Speed | None = None
-    quaternions: Annotated[Array, _rows(4, "w, x, y, z")] | None = None
-    rpy: Annotated[Array, _rows(3, "roll, pitch, yaw")] | None = None
-    through: Literal["quintic", "cubic", "straight"] = "quintic"
-    blend_time: Positive | None = None
-    blend_radius: Positive | None = None
-    blend: Blend | None = None
+    summary = "A motion through waypoints, from rest to rest, passed once."
+    file: Annotated[
+        str | None,
+        Meaning(
+            "CSV file whose first line names its columns: x, y, z; t or time [s]; orientations "
+            "as qw, qx, qy, qz, or as roll, pitch, yaw [rad]. Without that line it has three "
+            "columns x, y, z. Give this or ``positions``.",
+            unit="m",
+        ),
+    ] = None
+    positions: Annotated[
+        Annotated[Array, BeforeValidator(listed)] | None,
+        Meaning("Rows x, y, z, shape (k, 3); at least 2.", unit="m"),
+    ] = None
+    times: Annotated[
+        Vector | None,
+        Meaning(
+            "Times at which the waypoints are passed, increasing, shape (k,). Give this, "
+            "``period`` or ``speed``, unless the file has times.",
+            unit="s",
+        ),
+    ] = None
+    period: Annotated[
+        Time | None,
+        Meaning("Duration [s], shared among the legs by their length.", unit="s"),
+    ] = None
+    speed: Annotated[Speed | None, Meaning("Mean speed along the legs.", unit="m/s")] = None
+    quaternions: Annotated[
+        Annotated[Array, _rows(4, "w, x, y, z")] | None,
+        Meaning("Orientations as unit quaternions, rows w, x, y, z, shape (k, 4)."),
+    ] = None
+    rpy: Annotated[
+        Annotated[Array, _rows(3, "roll, pitch, yaw")] | None,
+        Meaning("Orientations as roll, pitch and yaw about fixed axes, shape (k, 3).", unit="rad"),
+    ] = None
+    through: Annotated[
+        Literal["quintic", "cubic", "straight"],
+        Meaning(
+            "``quintic`` or ``cubic``: a smooth spline through all waypoints, which rests only "
+            "at the ends; ``straight``: straight legs, which rest at each waypoint unless there "
+            "are blends. See `pieces` for the formulas.",
+        ),
+    ] = "quintic"
+    blend_time: Annotated[
+        Positive | None,
+        Meaning("Duration of the blend at each waypoint of straight legs.", unit="s"),
+    ] = None
+    blend_radius: Annotated[
+        Positive | None,
+        Meaning("Largest distance from a waypoint at which its blend may begin or end.", unit="m"),
+    ] = None
+    blend: Annotated[
+        Blend | None,
+        Meaning("Kind of the blends, ``quintic`` or ``parabolic``."),
+    ] = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -12,6 +12,7 @@ from pydantic import Field
 from ..inputs.dataclass_fields import fields_of
 from ..inputs.documents import construct
 from ..inputs.fields import Count, Finite, Point, Positive, Vector, between, validated
+from ..inputs.keys import Meaning, Only
 from .link_error_settings import LinkErrorSettings
 from .tool_description import ToolDescription
 
@@ -23,57 +24,101 @@ Scale = Annotated[Positive, between(1e-3, 1e3)]
 
 @validated
 class ArmDescription:
-    """Description of an arm: its model file and how it is used; the contents of an ``arm.yaml``.
+    """Description of an arm: its model file and how it is used; the contents of an ``arm.yaml``."""
 
-    Args:
-        model: URDF, SDF or MJCF file.
-        frame: Name of the task frame E. If there is a ``tool`` that names no ``mount``, it is the
-            frame that carries the tool, and E is the centre of the tool's ball.
-        tip: Name of the frame at the tool's contact point, if there is one in the model.
-        tool: Tool to add to the model.
-        joints: Names of the controlled joints, base to tip; by default all between base and
-            ``frame``.
-        lock: Positions of joints held still, by name [rad or m]. Joints that mimic a held joint are
-            held where they follow it; other joints that are not controlled are held at the
-            model's default.
-        packages: Folders of the packages that ``package://`` names in the model refer to.
-        home: Home posture, from which the arm starts by default, shape (n,) [rad].
-        gravity: Gravitational acceleration in the base frame, shape (3,) [m/s^2].
-        mass_scale: Factor on all masses and inertias of the model and the tool.
-        believed_mass_scale: The same factor in the dynamics that a law is given, to give it wrong
-            masses; by default ``mass_scale``.
-        limits: File of joint limits, see `drake_rnn.robot.limits_file`; limits that the file does
-            not state are those of the model.
-        capsules: File of the capsules round the links, for distances from obstacles, see
-            `drake_rnn.robot.clearance.arm_capsules.CapsulesFile`; by default they are fitted to
-            the model.
-        message_period: Time between two messages of the robot's own controller [s], for
-            ``level: robot``; None if nothing drives the robot.
-        looks: URDF file of the same arm, whose meshes are drawn in place of this model's shapes in
-            playbacks; ``example-robot-data`` for that of the package of this name, of a shipped
-            arm. Nothing but the looks depends on it.
-        triangles: Number of triangles to which these meshes are simplified, in all. Acts only with
-            ``looks``.
-        link_errors: Errors in the dimensions of the model, a URDF file.
-    """
-
-    model: str
-    frame: str
-    tip: str | None = None
-    tool: ToolDescription | None = None
-    joints: list[str] | None = None
-    lock: dict[str, Finite] = Field(default_factory=dict)
-    packages: dict[str, str] = Field(default_factory=dict)
-    home: Vector | None = None
-    gravity: Point = Field(default_factory=lambda: np.array(_EARTH))
-    mass_scale: Scale = 1.0
-    believed_mass_scale: Scale | None = None
-    limits: str | None = None
-    capsules: str | None = None
-    message_period: Positive | None = None
-    looks: str | None = None
-    triangles: Annotated[Count, between(100, 2_000_000)] = 20_000
-    link_errors: LinkErrorSettings | None = None
+    model: Annotated[str, Meaning("URDF, SDF or MJCF file.")]
+    frame: Annotated[
+        str,
+        Meaning(
+            "Name of the task frame E. If there is a ``tool`` that names no ``mount``, it is the "
+            "frame that carries the tool, and E is the centre of the tool's ball.",
+        ),
+    ]
+    tip: Annotated[
+        str | None,
+        Meaning("Name of the frame at the tool's contact point, if there is one in the model."),
+    ] = None
+    tool: Annotated[ToolDescription | None, Meaning("Tool to add to the model.")] = None
+    joints: Annotated[
+        list[str] | None,
+        Meaning(
+            "Names of the controlled joints, base to tip; by default all between base and "
+            "``frame``.",
+        ),
+    ] = None
+    lock: Annotated[
+        dict[str, Finite],
+        Meaning(
+            "Positions of joints held still, by name [rad or m]. Joints that mimic a held joint "
+            "are held where they follow it; other joints that are not controlled are held at the "
+            "model's default.",
+        ),
+    ] = Field(default_factory=dict)
+    packages: Annotated[
+        dict[str, str],
+        Meaning("Folders of the packages that ``package://`` names in the model refer to."),
+    ] = Field(default_factory=dict)
+    home: Annotated[
+        Vector | None,
+        Meaning("Home posture, from which the arm starts by default, shape (n,).", unit="rad"),
+    ] = None
+    gravity: Annotated[
+        Point,
+        Meaning("Gravitational acceleration in the base frame, shape (3,).", unit="m/s^2"),
+    ] = Field(default_factory=lambda: np.array(_EARTH))
+    mass_scale: Annotated[
+        Scale,
+        Meaning("Factor on all masses and inertias of the model and the tool."),
+    ] = 1.0
+    believed_mass_scale: Annotated[
+        Scale | None,
+        Meaning(
+            "The same factor in the dynamics that a law is given, to give it wrong masses; by "
+            "default ``mass_scale``.",
+        ),
+    ] = None
+    limits: Annotated[
+        str | None,
+        Meaning(
+            "File of joint limits, see `drake_rnn.robot.limits_file`; limits that the file does "
+            "not state are those of the model.",
+        ),
+    ] = None
+    capsules: Annotated[
+        str | None,
+        Meaning(
+            "File of the capsules round the links, for distances from obstacles, see "
+            "`drake_rnn.robot.clearance.arm_capsules.CapsulesFile`; by default they are fitted "
+            "to the model.",
+        ),
+    ] = None
+    message_period: Annotated[
+        Positive | None,
+        Meaning(
+            "Time between two messages of the robot's own controller [s], for ``level: robot``; "
+            "None if nothing drives the robot.",
+            unit="s",
+        ),
+    ] = None
+    looks: Annotated[
+        str | None,
+        Meaning(
+            "URDF file of the same arm, whose meshes are drawn in place of this model's shapes "
+            "in playbacks; ``example-robot-data`` for that of the package of this name, of a "
+            "shipped arm. Nothing but the looks depends on it.",
+        ),
+    ] = None
+    triangles: Annotated[
+        Annotated[Count, between(100, 2_000_000)],
+        Meaning(
+            "Number of triangles to which these meshes are simplified, in all.",
+            only=(Only("looks"),),
+        ),
+    ] = 20_000
+    link_errors: Annotated[
+        LinkErrorSettings | None,
+        Meaning("Errors in the dimensions of the model, a URDF file."),
+    ] = None
 
     def __post_init__(self) -> None:
         if self.tip is not None and self.tool is not None:

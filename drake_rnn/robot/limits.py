@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from numbers import Real
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from ..errors import InvalidInputError
 from ..inputs.complaints import short
 from ..inputs.dataclass_fields import fields_of
 from ..inputs.fields import Array, Bounds, validated
+from ..inputs.keys import Meaning
 from .jerk_box import JerkLimits, jerk_box
 from .velocity_envelope import VelocityEnvelope
 
@@ -51,27 +52,45 @@ class JointLimits:
     """Limits of each joint; infinite where a joint has none, None where none is known.
 
     Bounds on velocity and acceleration take leading axes of robots, in NumPy or in JAX arrays.
-
-    Args:
-        position_lower, position_upper: Position limits, shape (n,) [rad].
-        velocity: Largest speeds, shape (n,) [rad/s].
-        acceleration, jerk, snap, crackle: Largest magnitudes of the higher derivatives,
-            shape (n,) [rad/s^2 .. rad/s^5].
-        envelope_offset, envelope_deceleration: Offset o and deceleration D of the envelope of the
-            velocity, shape (n,) [rad/s, rad/s^2]: at a way r from a position limit, the velocity
-            towards it is at most -o + sqrt(2 D r), see `drake_rnn.robot.velocity_envelope`. Give
-            both or none; D is infinite for a joint without an envelope.
     """
 
-    position_lower: Bounds
-    position_upper: Bounds
-    velocity: Bounds
-    acceleration: Bounds | None = None
-    jerk: Bounds | None = None
-    snap: Bounds | None = None
-    crackle: Bounds | None = None
-    envelope_offset: Bounds | None = None
-    envelope_deceleration: Bounds | None = None
+    position_lower: Annotated[Bounds, Meaning("Position limits, shape (n,).", unit="rad")]
+    position_upper: Annotated[Bounds, Meaning("Position limits, shape (n,).", unit="rad")]
+    velocity: Annotated[Bounds, Meaning("Largest speeds, shape (n,).", unit="rad/s")]
+    acceleration: Annotated[
+        Bounds | None,
+        Meaning("Largest magnitudes of the higher derivatives, shape (n,) [rad/s^2 .. rad/s^5]."),
+    ] = None
+    jerk: Annotated[
+        Bounds | None,
+        Meaning("Largest magnitudes of the higher derivatives, shape (n,) [rad/s^2 .. rad/s^5]."),
+    ] = None
+    snap: Annotated[
+        Bounds | None,
+        Meaning("Largest magnitudes of the higher derivatives, shape (n,) [rad/s^2 .. rad/s^5]."),
+    ] = None
+    crackle: Annotated[
+        Bounds | None,
+        Meaning("Largest magnitudes of the higher derivatives, shape (n,) [rad/s^2 .. rad/s^5]."),
+    ] = None
+    envelope_offset: Annotated[
+        Bounds | None,
+        Meaning(
+            "Offset o and deceleration D of the envelope of the velocity, shape (n,) [rad/s, "
+            "rad/s^2]: at a way r from a position limit, the velocity towards it is at most -o + "
+            "sqrt(2 D r), see `drake_rnn.robot.velocity_envelope`. Give both or none; D is "
+            "infinite for a joint without an envelope.",
+        ),
+    ] = None
+    envelope_deceleration: Annotated[
+        Bounds | None,
+        Meaning(
+            "Offset o and deceleration D of the envelope of the velocity, shape (n,) [rad/s, "
+            "rad/s^2]: at a way r from a position limit, the velocity towards it is at most -o + "
+            "sqrt(2 D r), see `drake_rnn.robot.velocity_envelope`. Give both or none; D is "
+            "infinite for a joint without an envelope.",
+        ),
+    ] = None
 
     def __post_init__(self) -> None:
         known = {

@@ -7,6 +7,7 @@ from typing import Annotated
 import numpy as np
 
 from ..inputs.fields import NonNegative, Seed, between, validated
+from ..inputs.keys import Meaning
 from .link_errors import LinkErrors
 
 # Stream of the random numbers, different from the streams of runs.
@@ -21,16 +22,17 @@ class LinkErrorSettings:
     The arm that moves has these errors, and all kinematics are those of that arm. Each joint frame
     is displaced in its own axes, together with all links after it; the task frame keeps its place
     on the last link.
-
-    Args:
-        seed: Seed of the errors.
-        translation: Largest error of each coordinate of a joint's position [m].
-        rotation: Largest error about each axis [rad].
     """
 
-    seed: Seed = 0
-    translation: Annotated[NonNegative, between(0.0, 0.2)] = 0.02
-    rotation: Annotated[NonNegative, between(0.0, 0.5)] = 2.0 * _DEGREE
+    seed: Annotated[Seed, Meaning("Seed of the errors.")] = 0
+    translation: Annotated[
+        Annotated[NonNegative, between(0.0, 0.2)],
+        Meaning("Largest error of each coordinate of a joint's position.", unit="m"),
+    ] = 0.02
+    rotation: Annotated[
+        Annotated[NonNegative, between(0.0, 0.5)],
+        Meaning("Largest error about each axis.", unit="rad"),
+    ] = 2.0 * _DEGREE
 
     def drawn(self, joints: int) -> LinkErrors:
         """Return the errors of a number of joints and, in a last row of zeros, of the task frame.

@@ -18,6 +18,7 @@ from pydantic import Field
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Angle, Array, Finite, Point, Positive, between, validated, zeros
+from ..inputs.keys import Meaning
 
 #: Depth from which on a point is in front of a camera [m].
 NEAR = 0.01
@@ -28,24 +29,29 @@ _Pixels = Annotated[int, Field(strict=True, ge=1, le=100_000)]
 
 @validated
 class Pinhole:
-    """A camera without distortion.
+    """A camera without distortion."""
 
-    Args:
-        position: Position of the lens in W, shape (3,) [m].
-        look_at: Point in W that is seen at the principal point, shape (3,) [m].
-        roll: Turn of the camera about the way it looks [rad]; at 0 the image's vertical is upright
-            in W.
-        focal_length: Focal length [px].
-        image_size: Width and height of the image [px].
-        principal_point: Where the way that it looks meets the image [px]; by default the middle.
-    """
-
-    position: Point
-    look_at: Point = Field(default_factory=zeros)
-    roll: Angle = 0.0
-    focal_length: _Focal = 600.0
-    image_size: tuple[_Pixels, _Pixels] = (640, 480)
-    principal_point: tuple[Finite, Finite] | None = None
+    position: Annotated[Point, Meaning("Position of the lens in W, shape (3,).", unit="m")]
+    look_at: Annotated[
+        Point,
+        Meaning("Point in W that is seen at the principal point, shape (3,).", unit="m"),
+    ] = Field(default_factory=zeros)
+    roll: Annotated[
+        Angle,
+        Meaning(
+            "Turn of the camera about the way it looks; at 0 the image's vertical is upright in W.",
+            unit="rad",
+        ),
+    ] = 0.0
+    focal_length: Annotated[_Focal, Meaning("Focal length.", unit="px")] = 600.0
+    image_size: Annotated[
+        tuple[_Pixels, _Pixels],
+        Meaning("Width and height of the image.", unit="px"),
+    ] = (640, 480)
+    principal_point: Annotated[
+        tuple[Finite, Finite] | None,
+        Meaning("Where the way that it looks meets the image; by default the middle.", unit="px"),
+    ] = None
 
     def __post_init__(self) -> None:
         if np.linalg.norm(self.look_at - self.position) < NEAR:

@@ -11,6 +11,7 @@ from pydantic import Field
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Length, NonNegative, Point, Positive, between, validated, zeros
+from ..inputs.keys import Meaning
 from .pinhole import Pinhole
 
 # Sample times carry rounding errors [s].
@@ -21,13 +22,9 @@ _Noise = Annotated[NonNegative, between(0.0, 100.0)]
 
 @validated
 class CameraSwap(Pinhole):
-    """A camera that comes in place of the former one, all at once.
+    """A camera that comes in place of the former one, all at once."""
 
-    Args:
-        time: Time from which on it is the one that sees [s].
-    """
-
-    time: Positive
+    time: Annotated[Positive, Meaning("Time from which on it is the one that sees.", unit="s")]
 
 
 @validated
@@ -36,21 +33,34 @@ class ToolCamera(Pinhole):
 
     A law with ``points`` sees pixels in place of the end effector's position, and is told
     ``pixel_size`` alone: nothing of where the camera is, of its lens, or of where the points are.
-
-    Args:
-        points: Positions of one to three points on the tool in its frame E, shape (3,) each [m].
-        noise: Standard deviation of the normal noise on each coordinate of each pixel [px].
-        pixel_size: What a pixel is taken to be at the tool [m]: the way between two points that
-            the camera sees a pixel apart, as well as it is known.
-        swaps: Cameras that come in place of this one, in order.
     """
 
-    points: Annotated[list[Point], Field(min_length=1, max_length=3)] = Field(
-        default_factory=lambda: [zeros()]
-    )
-    noise: _Noise = 0.0
-    pixel_size: Length = 1e-3
-    swaps: list[CameraSwap] = Field(default_factory=list)
+    points: Annotated[
+        Annotated[list[Point], Field(min_length=1, max_length=3)],
+        Meaning(
+            "Positions of one to three points on the tool in its frame E, shape (3,) each.",
+            unit="m",
+        ),
+    ] = Field(default_factory=lambda: [zeros()])
+    noise: Annotated[
+        _Noise,
+        Meaning(
+            "Standard deviation of the normal noise on each coordinate of each pixel.",
+            unit="px",
+        ),
+    ] = 0.0
+    pixel_size: Annotated[
+        Length,
+        Meaning(
+            "What a pixel is taken to be at the tool [m]: the way between two points that the "
+            "camera sees a pixel apart, as well as it is known.",
+            unit="m",
+        ),
+    ] = 1e-3
+    swaps: Annotated[
+        list[CameraSwap],
+        Meaning("Cameras that come in place of this one, in order."),
+    ] = Field(default_factory=list)
 
     def __post_init__(self) -> None:
         super().__post_init__()

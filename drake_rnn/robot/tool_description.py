@@ -42,6 +42,7 @@ from ..inputs.fields import (
     validated,
     zeros,
 )
+from ..inputs.keys import Meaning
 from .contact_mesh import require_coarse
 from .structure import nearest_frame
 
@@ -62,45 +63,79 @@ class ToolDescription:
 
     The tool's frame T has its origin where the shaft begins; the shaft is T's z axis. Only the
     ball makes contact. At its centre is a frame with T's axes, named ``tip``.
-
-    Args:
-        mount: Frame of the arm's model that carries the tool. By default the arm's ``frame``, and
-            the task frame E is then the ball's centre.
-        ball: Radius of the ball [m].
-        length: Distance from the shaft's beginning to the ball's centre [m].
-        mass: Mass of the whole tool [kg].
-        axis: Direction of the shaft in the mount's frame, of any length, shape (3,); T is turned
-            to it the shortest way. By default z.
-        rpy: Roll, pitch and yaw of T in the mount's frame, in place of ``axis``, shape (3,) [rad].
-        offset: Origin of T in the mount's frame, shape (3,) [m].
-        centre_of_mass: Centre of mass in T, shape (3,) [m]; by default the middle of the shaft.
-        inertia: Moments of inertia about T's axes through the centre of mass, shape (3,)
-            [kg m^2]; by default those of a solid cylinder with the ball's radius and the length.
-        friction: Friction coefficient of the ball; an environment may give another one.
-        hydroelastic_modulus: Pressure in the ball at full depth [Pa].
-        mesh_resolution: Edge length of the ball's mesh [m]; by default 1 / 2.4 of its radius.
-        dissipation: Hunt-Crossley dissipation of the ball [s/m].
-        shaft: Radius of the drawn shaft [m], 0 to draw only the ball; by default 2/3 of the ball's.
-        name: Name of the tool's body.
-        tip: Name of the frame at the ball's centre.
     """
 
-    mount: str | None = None
-    ball: Annotated[Positive, between(1e-4, 1.0)] = 0.012
-    length: Annotated[Positive, between(1e-4, 10.0)] = 0.1
-    mass: Mass = 0.1
-    axis: Point | None = None
-    rpy: Angles | None = None
-    offset: Point = Field(default_factory=zeros)
-    centre_of_mass: Point | None = None
-    inertia: Point | None = None
-    friction: Friction = 0.3
-    hydroelastic_modulus: Modulus = 1e6
-    mesh_resolution: Positive | None = None
-    dissipation: NonNegative = 1.5
-    shaft: NonNegative | None = None
-    name: str = "tool"
-    tip: str = "tip"
+    mount: Annotated[
+        str | None,
+        Meaning(
+            "Frame of the arm's model that carries the tool. By default the arm's ``frame``, and "
+            "the task frame E is then the ball's centre.",
+        ),
+    ] = None
+    ball: Annotated[
+        Annotated[Positive, between(1e-4, 1.0)],
+        Meaning("Radius of the ball.", unit="m"),
+    ] = 0.012
+    length: Annotated[
+        Annotated[Positive, between(1e-4, 10.0)],
+        Meaning("Distance from the shaft's beginning to the ball's centre.", unit="m"),
+    ] = 0.1
+    mass: Annotated[Mass, Meaning("Mass of the whole tool.", unit="kg")] = 0.1
+    axis: Annotated[
+        Point | None,
+        Meaning(
+            "Direction of the shaft in the mount's frame, of any length, shape (3,); T is turned "
+            "to it the shortest way. By default z.",
+        ),
+    ] = None
+    rpy: Annotated[
+        Angles | None,
+        Meaning(
+            "Roll, pitch and yaw of T in the mount's frame, in place of ``axis``, shape (3,).",
+            unit="rad",
+        ),
+    ] = None
+    offset: Annotated[
+        Point,
+        Meaning("Origin of T in the mount's frame, shape (3,).", unit="m"),
+    ] = Field(default_factory=zeros)
+    centre_of_mass: Annotated[
+        Point | None,
+        Meaning("Centre of mass in T, shape (3,); by default the middle of the shaft.", unit="m"),
+    ] = None
+    inertia: Annotated[
+        Point | None,
+        Meaning(
+            "Moments of inertia about T's axes through the centre of mass, shape (3,); by "
+            "default those of a solid cylinder with the ball's radius and the length.",
+            unit="kg m^2",
+        ),
+    ] = None
+    friction: Annotated[
+        Friction,
+        Meaning("Friction coefficient of the ball; an environment may give another one."),
+    ] = 0.3
+    hydroelastic_modulus: Annotated[
+        Modulus,
+        Meaning("Pressure in the ball at full depth [Pa]."),
+    ] = 1e6
+    mesh_resolution: Annotated[
+        Positive | None,
+        Meaning("Edge length of the ball's mesh; by default 1 / 2.4 of its radius.", unit="m"),
+    ] = None
+    dissipation: Annotated[
+        NonNegative,
+        Meaning("Hunt-Crossley dissipation of the ball.", unit="s/m"),
+    ] = 1.5
+    shaft: Annotated[
+        NonNegative | None,
+        Meaning(
+            "Radius of the drawn shaft [m], 0 to draw only the ball; by default 2/3 of the ball's.",
+            unit="m",
+        ),
+    ] = None
+    name: Annotated[str, Meaning("Name of the tool's body.")] = "tool"
+    tip: Annotated[str, Meaning("Name of the frame at the ball's centre.")] = "tip"
 
     def __post_init__(self) -> None:
         if self.axis is not None and self.rpy is not None:

@@ -7,24 +7,28 @@ from typing import Annotated, Any
 from pydrake.systems.framework import Context
 
 from ..inputs.fields import Array, NonNegative, Positive, Time, between, validated
+from ..inputs.keys import Meaning
 from ..laws.parts.rise import smooth_rise
 from .block import Block
 
 
 @validated
 class ForceProfile:
-    """A pressing force, constant once it has risen.
+    """A pressing force, constant once it has risen."""
 
-    Args:
-        value: Final force [N].
-        rise_time: Time in which the force rises smoothly from ``initial`` [s]; None for a force
-            that is constant from the start.
-        initial: Force at the start [N]; only with ``rise_time``.
-    """
-
-    value: Annotated[Positive, between(0.0, 1e6)]
-    rise_time: Time | None = None
-    initial: NonNegative = 0.0
+    value: Annotated[Annotated[Positive, between(0.0, 1e6)], Meaning("Final force.", unit="N")]
+    rise_time: Annotated[
+        Time | None,
+        Meaning(
+            "Time in which the force rises smoothly from ``initial``; None for a force that is "
+            "constant from the start.",
+            unit="s",
+        ),
+    ] = None
+    initial: Annotated[
+        NonNegative,
+        Meaning("Force at the start; only with ``rise_time``.", unit="N"),
+    ] = 0.0
 
     def __post_init__(self) -> None:
         if self.initial > 0.0 and self.rise_time is None:

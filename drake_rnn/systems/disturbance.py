@@ -7,26 +7,32 @@ from typing import Annotated, Literal
 import numpy as np
 
 from ..inputs.fields import Array, Positive, between, validated
+from ..inputs.keys import Meaning
 from .joint_noise import JointNoise, Samples
 from .white_noise import BLOCK, WhiteNoise
 
 
 @validated
 class DisturbanceSettings(JointNoise):
-    """Velocities that the arm makes besides those that the law commands, whatever the law is.
+    """Velocities that the arm makes besides those that the law commands, whatever the law is."""
 
-    Args:
-        kind: ``constant``, the same in every joint, as a drive's offset is; ``ramp``, likewise,
-            which grows in proportion to time; ``sine``, with one turn a second; or ``random``,
-            normal white noise of each joint, clipped at three standard deviations.
-        size: Its size: of a ramp that after a second, of a sine the amplitude, of a random one the
-            standard deviation [rad/s].
-        hold: Time for which each value is held [s].
-    """
-
-    kind: Literal["constant", "ramp", "sine", "random"]
-    size: Annotated[Positive, between(0.0, 100.0)]
-    hold: Positive = 1e-3
+    kind: Annotated[
+        Literal["constant", "ramp", "sine", "random"],
+        Meaning(
+            "``constant``, the same in every joint, as a drive's offset is; ``ramp``, likewise, "
+            "which grows in proportion to time; ``sine``, with one turn a second; or ``random``, "
+            "normal white noise of each joint, clipped at three standard deviations.",
+        ),
+    ]
+    size: Annotated[
+        Annotated[Positive, between(0.0, 100.0)],
+        Meaning(
+            "Its size: of a ramp that after a second, of a sine the amplitude, of a random one "
+            "the standard deviation.",
+            unit="rad/s",
+        ),
+    ]
+    hold: Annotated[Positive, Meaning("Time for which each value is held.", unit="s")] = 1e-3
 
     section = "disturbance"
     model = "actuated"

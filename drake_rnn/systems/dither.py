@@ -8,6 +8,7 @@ from pydrake.systems.framework import Context, DiscreteValues
 
 from ..inputs.arguments import checked, whole
 from ..inputs.fields import Array, Positive, between, validated
+from ..inputs.keys import Meaning
 from .block import Block
 from .joint_noise import JointNoise, Samples
 from .white_noise import WhiteNoise
@@ -15,21 +16,25 @@ from .white_noise import WhiteNoise
 
 @validated
 class DitherSettings(JointNoise):
-    """Seeded white noise on the joint velocities, and where it acts.
+    """Seeded white noise on the joint velocities, and where it acts."""
 
-    Args:
-        model: ``actuated``: the noise moves the arm, and measurements show it.
-            ``virtual``: the noise does not move the arm, but the law sees ``velocity`` and
-            ``v_WE`` as if it did, which only a simulation can do. ``printed``: the law sees
-            ``velocity`` with the noise and ``v_WE`` without it, as in the paper of
-            `SimultaneousLearning`.
-        sigma: Standard deviation of each joint's noise [rad/s]; it is clipped at three sigma.
-        hold: Time for which each value is held [s].
-    """
-
-    model: Literal["actuated", "virtual", "printed"] = "actuated"
-    sigma: Annotated[Positive, between(0.0, 100.0)]
-    hold: Positive
+    model: Annotated[
+        Literal["actuated", "virtual", "printed"],
+        Meaning(
+            "``actuated``: the noise moves the arm, and measurements show it. ``virtual``: the "
+            "noise does not move the arm, but the law sees ``velocity`` and ``v_WE`` as if it "
+            "did, which only a simulation can do. ``printed``: the law sees ``velocity`` with "
+            "the noise and ``v_WE`` without it, as in the paper of `SimultaneousLearning`.",
+        ),
+    ] = "actuated"
+    sigma: Annotated[
+        Annotated[Positive, between(0.0, 100.0)],
+        Meaning(
+            "Standard deviation of each joint's noise; it is clipped at three sigma.",
+            unit="rad/s",
+        ),
+    ]
+    hold: Annotated[Positive, Meaning("Time for which each value is held.", unit="s")]
 
     section = "dither"
 

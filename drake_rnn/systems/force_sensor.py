@@ -9,6 +9,7 @@ from pydrake.systems.framework import Context, DiscreteValues
 
 from ..errors import SimulationError
 from ..inputs.fields import Delay, NonNegative, Positive, between, validated
+from ..inputs.keys import Meaning
 from .block import Block
 from .lateness import late_samples
 from .white_noise import WhiteNoise
@@ -16,23 +17,35 @@ from .white_noise import WhiteNoise
 
 @validated
 class SensorSettings:
-    """Imperfections of a force sensor.
+    """Imperfections of a force sensor."""
 
-    Args:
-        noise: Standard deviation of the normal noise on each sample [N].
-        delay: Delay of each sample beyond that of the sampling itself [s]; a multiple of the
-            period, at most 5 s because all delayed samples are stored.
-        low_pass: Corner frequency of a first-order filter after the noise [Hz]; None for none.
-        failure: Failure at ``fails_at``: ``nan``, which stops the run, or ``frozen`` at the last
-            value.
-        fails_at: Time of the failure [s].
-    """
-
-    noise: Annotated[NonNegative, between(0.0, 1e6)] = 0.0
-    delay: Delay = 0.0
-    low_pass: Positive | None = None
-    failure: Literal["nan", "frozen"] | None = None
-    fails_at: NonNegative | None = None
+    noise: Annotated[
+        Annotated[NonNegative, between(0.0, 1e6)],
+        Meaning("Standard deviation of the normal noise on each sample.", unit="N"),
+    ] = 0.0
+    delay: Annotated[
+        Delay,
+        Meaning(
+            "Delay of each sample beyond that of the sampling itself; a multiple of the period, "
+            "at most 5 s because all delayed samples are stored.",
+            unit="s",
+        ),
+    ] = 0.0
+    low_pass: Annotated[
+        Positive | None,
+        Meaning(
+            "Corner frequency of a first-order filter after the noise; None for none.",
+            unit="Hz",
+        ),
+    ] = None
+    failure: Annotated[
+        Literal["nan", "frozen"] | None,
+        Meaning(
+            "Failure at ``fails_at``: ``nan``, which stops the run, or ``frozen`` at the last "
+            "value.",
+        ),
+    ] = None
+    fails_at: Annotated[NonNegative | None, Meaning("Time of the failure.", unit="s")] = None
 
     def __post_init__(self) -> None:
         if (self.failure is None) != (self.fails_at is None):

@@ -28,7 +28,7 @@ lattice adds no more error to differences of the output than the rounding of the
 from __future__ import annotations
 
 from math import isfinite
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,7 @@ from pydrake.systems.framework import Context, DiscreteValues
 from ..errors import InvalidInputError, SimulationError
 from ..inputs.arguments import checked, choice, flag, instance, number
 from ..inputs.fields import Flag, validated
+from ..inputs.keys import Meaning
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
 from .averages import Averages
 from .block import Block
@@ -53,21 +54,27 @@ Kept = Literal["velocity", "acceleration", "jerk"]
 
 @validated
 class FilterSettings:
-    """Filter between law and arm, with the bounds of the experiment's ``limits``.
+    """Filter between law and arm, with the bounds of the experiment's ``limits``."""
 
-    Args:
-        kind: Kind of filter.
-        precompensate: Whether to compensate, to second order, the attenuation of a smooth command
-            by the means; only with ``feedback: unfiltered``, because it amplifies noise.
-        delay_desired: Whether the law sees ``p_WE_desired``, and no other signal, delayed by the
-            filter's delay; only with ``feedback: commanded``.
-        above: Highest limit that the law's own command keeps: windows bound what is above it.
-    """
-
-    kind: Literal["moving_average"] = "moving_average"
-    precompensate: Flag = False
-    delay_desired: Flag = False
-    above: Kept = "velocity"
+    kind: Annotated[Literal["moving_average"], Meaning("Kind of filter.")] = "moving_average"
+    precompensate: Annotated[
+        Flag,
+        Meaning(
+            "Whether to compensate, to second order, the attenuation of a smooth command by the "
+            "means; only with ``feedback: unfiltered``, because it amplifies noise.",
+        ),
+    ] = False
+    delay_desired: Annotated[
+        Flag,
+        Meaning(
+            "Whether the law sees ``p_WE_desired``, and no other signal, delayed by the filter's "
+            "delay; only with ``feedback: commanded``.",
+        ),
+    ] = False
+    above: Annotated[
+        Kept,
+        Meaning("Highest limit that the law's own command keeps: windows bound what is above it."),
+    ] = "velocity"
 
     def __post_init__(self) -> None:
         if self.precompensate and self.above != "velocity":

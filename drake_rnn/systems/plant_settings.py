@@ -15,6 +15,7 @@ from ..inputs.fields import (
     between,
     validated,
 )
+from ..inputs.keys import Meaning
 
 _Bandwidth = Annotated[Positive, between(1e-2, 1e5)]
 # Least and largest gain of a motor: [Nm/rad] or [Nm s/rad].
@@ -27,25 +28,40 @@ class PlantSettings:
 
     Gains of the motors that are not given follow from the arm's inertia, see
     `drake_rnn.systems.motor_gains`.
-
-    Args:
-        time_step: Time step of Drake's discrete plant [s].
-        contact_approximation: Drake's approximation of discrete contact; ``sap`` pushes sliding
-            bodies apart because of its default relaxation time.
-        bandwidth: Rate at which the motors correct a deviation from their command [rad/s].
-        stiffness: Gain of each motor's position loop, one number for all or shape (n,) [Nm/rad];
-            by default ``bandwidth`` squared times the joint's largest inertia.
-        damping: Gain of each motor's velocity loop, one number for all or shape (n,) [Nm s/rad];
-            by default critical for ``stiffness`` and the joint's largest inertia.
-        reflected_inertia: Inertia of each motor's rotor as seen from the joint [kg m^2].
     """
 
-    time_step: Positive = 1e-3
-    contact_approximation: Literal["lagged", "similar", "sap"] = "lagged"
-    bandwidth: _Bandwidth | None = None
-    stiffness: PositiveEach | None = None
-    damping: NonNegativeEach | None = None
-    reflected_inertia: Annotated[NonNegative, between(0.0, 1e3)] = 0.0
+    time_step: Annotated[Positive, Meaning("Time step of Drake's discrete plant.", unit="s")] = 1e-3
+    contact_approximation: Annotated[
+        Literal["lagged", "similar", "sap"],
+        Meaning(
+            "Drake's approximation of discrete contact; ``sap`` pushes sliding bodies apart "
+            "because of its default relaxation time.",
+        ),
+    ] = "lagged"
+    bandwidth: Annotated[
+        _Bandwidth | None,
+        Meaning("Rate at which the motors correct a deviation from their command.", unit="rad/s"),
+    ] = None
+    stiffness: Annotated[
+        PositiveEach | None,
+        Meaning(
+            "Gain of each motor's position loop, one number for all or shape (n,); by default "
+            "``bandwidth`` squared times the joint's largest inertia.",
+            unit="Nm/rad",
+        ),
+    ] = None
+    damping: Annotated[
+        NonNegativeEach | None,
+        Meaning(
+            "Gain of each motor's velocity loop, one number for all or shape (n,); by default "
+            "critical for ``stiffness`` and the joint's largest inertia.",
+            unit="Nm s/rad",
+        ),
+    ] = None
+    reflected_inertia: Annotated[
+        Annotated[NonNegative, between(0.0, 1e3)],
+        Meaning("Inertia of each motor's rotor as seen from the joint.", unit="kg m^2"),
+    ] = 0.0
 
     def __post_init__(self) -> None:
         for name, given in (("stiffness", self.stiffness), ("damping", self.damping)):

@@ -18,6 +18,7 @@ from ..inputs.fields import (
     between,
     validated,
 )
+from ..inputs.keys import Meaning
 from ..robot.arm import Arm
 
 # Largest error of a measured position or orientation [rad, or m].
@@ -32,32 +33,59 @@ class SensingSettings:
     Joints are always measured. The pose of the end effector follows from them by forward
     kinematics; or it is measured from outside, as by a camera, if a noise of the pose is given,
     which may be 0.
-
-    Args:
-        position_noise: Standard deviation of the normal noise on each measured position, one
-            number for all joints or shape (n,) [rad, or m for a joint that slides].
-        resolution: Step of each measured position, likewise; None for no steps.
-        encoder_bits: Bits of an encoder over one turn, in place of ``resolution``, which is then
-            2 pi / 2^bits; only for joints that turn.
-        delay: Delay of each measurement [s]; a multiple of the period, at most 5 s because all
-            delayed measurements are stored.
-        secant_samples: Number of samples over which the measured velocity is the difference
-            quotient of the measured positions; 0 for the robot's own velocity, without noise.
-            ``v_WE`` of an end effector that is measured from outside always is such a quotient.
-        p_WE_noise: Standard deviation of the normal noise on each coordinate of the end effector's
-            position, measured from outside [m]; None for a position without noise if
-            ``R_WE_noise`` is given, otherwise for one that follows from the joints.
-        R_WE_noise: Standard deviation of the normal noise on each coordinate of a rotation vector
-            by which its measured orientation is off [rad]; None likewise.
     """
 
-    position_noise: NonNegativeEach = 0.0
-    resolution: PositiveEach | None = None
-    encoder_bits: Annotated[int, Field(strict=True, ge=1, le=40)] | None = None
-    delay: Delay = 0.0
-    secant_samples: Annotated[int, Field(strict=True, ge=0, le=1000)] = 0
-    p_WE_noise: _Noise | None = None
-    R_WE_noise: _Noise | None = None
+    position_noise: Annotated[
+        NonNegativeEach,
+        Meaning(
+            "Standard deviation of the normal noise on each measured position, one number for "
+            "all joints or shape (n,) [rad, or m for a joint that slides].",
+        ),
+    ] = 0.0
+    resolution: Annotated[
+        PositiveEach | None,
+        Meaning("Step of each measured position, likewise; None for no steps."),
+    ] = None
+    encoder_bits: Annotated[
+        Annotated[int, Field(strict=True, ge=1, le=40)] | None,
+        Meaning(
+            "Bits of an encoder over one turn, in place of ``resolution``, which is then 2 pi / "
+            "2^bits; only for joints that turn.",
+        ),
+    ] = None
+    delay: Annotated[
+        Delay,
+        Meaning(
+            "Delay of each measurement; a multiple of the period, at most 5 s because all "
+            "delayed measurements are stored.",
+            unit="s",
+        ),
+    ] = 0.0
+    secant_samples: Annotated[
+        Annotated[int, Field(strict=True, ge=0, le=1000)],
+        Meaning(
+            "Number of samples over which the measured velocity is the difference quotient of "
+            "the measured positions; 0 for the robot's own velocity, without noise. ``v_WE`` of "
+            "an end effector that is measured from outside always is such a quotient.",
+        ),
+    ] = 0
+    p_WE_noise: Annotated[
+        _Noise | None,
+        Meaning(
+            "Standard deviation of the normal noise on each coordinate of the end effector's "
+            "position, measured from outside; None for a position without noise if "
+            "``R_WE_noise`` is given, otherwise for one that follows from the joints.",
+            unit="m",
+        ),
+    ] = None
+    R_WE_noise: Annotated[
+        _Noise | None,
+        Meaning(
+            "Standard deviation of the normal noise on each coordinate of a rotation vector by "
+            "which its measured orientation is off; None likewise.",
+            unit="rad",
+        ),
+    ] = None
 
     def __post_init__(self) -> None:
         errors = {"position_noise": self.position_noise, "resolution": self.resolution}

@@ -13,7 +13,7 @@ from drake_rnn.experiment import ExperimentDocument, load_experiment, read_docum
 from drake_rnn.experiment.law import ORIGINS
 from drake_rnn.inputs.dataclass_fields import field_names
 from drake_rnn.inputs.documents import construct
-from drake_rnn.inputs.explained import keys_of
+from drake_rnn.inputs.keys import keys_of
 
 
 def call(*arguments):

@@ -1,7 +1,7 @@
 """The pages stay few and short: their number, their words of prose, and the length of sentences.
 
-Tables, headings, fenced code and formulas on lines of their own are no prose; within a line a formula
-counts as one word.
+Tables, headings, fenced code and formulas on lines of their own are no prose; within a line a
+formula counts as one word.
 """
 
 from __future__ import annotations

@@ -1,6 +1,5 @@
 """Keys that do nothing beside the others are told before a run, and change no bit of it."""
 
-import inspect
 from dataclasses import is_dataclass
 from typing import get_args
 
@@ -9,8 +8,8 @@ import pytest
 
 from drake_rnn import LAWS, load_experiment, simulate
 from drake_rnn.experiment import ExperimentDocument
-from drake_rnn.experiment.idle_keys import conditions
 from drake_rnn.experiment.safety import SafetySettings
+from drake_rnn.inputs.keys import meanings_of
 from drake_rnn.robot.arm_description import ArmDescription
 
 SHORT = {"duration": 0.02, "window": None, "accept": None}
@@ -34,11 +33,8 @@ DESCRIBED = [*(LAWS[kind] for kind in LAWS), ArmDescription, SafetySettings]
 @pytest.mark.parametrize("cls", DESCRIBED, ids=lambda cls: cls.__name__)
 def test_what_a_key_acts_with_is_a_key_of_its_section_or_one_around_it(cls):
     for section, around in sections(cls):
-        said = inspect.getdoc(section).replace("\n", " ").split()
-        told = {name: each for name, each in conditions(section).items() for each in each}
-        own = sum(each.startswith("Acts") for each in said)
-        assert own == 0 or told, f"{section.__name__}: is said in no known way"
-        for name, condition in told.items():
+        told = [(name, each) for name, said in meanings_of(section).items() for each in said.only]
+        for name, condition in told:
             places = [
                 place
                 for place in (section, *around, ExperimentDocument)

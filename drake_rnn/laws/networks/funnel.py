@@ -10,10 +10,11 @@ share of 0.99 on chi goes on along its tangent, so that the network comes back f
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
 from ...arrays.algebra import functions_of
 from ...inputs.fields import Array, GainOrZero, Positive, validated
+from ...inputs.keys import Meaning
 
 # Share of the funnel from which on chi goes on along its tangent.
 _TANGENT = 0.99
@@ -21,18 +22,20 @@ _TANGENT = 0.99
 
 @validated
 class Funnel:
-    """The funnel; its numbers are velocities, of each row of the task.
+    """The funnel; its numbers are velocities, of each row of the task."""
 
-    Args:
-        start: Width rho_0 that it loses, its half width at the start being ``start + end``
-            [m/s, rad/s].
-        end: Half width rho_inf that is left in the end [m/s, rad/s].
-        decay: Rate delta of its decay [1/s].
-    """
-
-    start: GainOrZero = 2.0
-    end: Positive = 0.005
-    decay: GainOrZero = 100.0
+    start: Annotated[
+        GainOrZero,
+        Meaning(
+            "Width rho_0 that it loses, its half width at the start being ``start + end`` [m/s, "
+            "rad/s].",
+        ),
+    ] = 2.0
+    end: Annotated[
+        Positive,
+        Meaning("Half width rho_inf that is left in the end [m/s, rad/s]."),
+    ] = 0.005
+    decay: Annotated[GainOrZero, Meaning("Rate delta of its decay.", unit="1/s")] = 100.0
 
     def width(self, t: Any) -> tuple[Any, Any]:
         """Return the half width rho and its rate at a time [s]."""

@@ -11,32 +11,50 @@ from pydantic import Field
 from ...arrays.algebra import functions_of, is_one, joined
 from ...errors import InvalidInputError
 from ...inputs.fields import Array, NonNegative, Speed, validated
+from ...inputs.keys import Meaning, Only
 
 APPROACHING, IN_CONTACT, LOST = 0.0, 1.0, 2.0
 
 
 @validated
 class ContactLoss:
-    """Settings for the loss of a contact: hardly any force for a while, once contact was made.
+    """Settings for the loss of a contact: hardly any force for a while, once contact was made."""
 
-    Args:
-        reaction: ``hold`` keeps the end effector where it is; ``retreat`` first moves it off the
-            surface.
-        threshold: Fraction of the desired force below which there is no contact.
-        floor: Force below which there is no contact, whatever force is desired [N]; above the
-            noise of the sensor.
-        patience: Time without contact after which it counts as lost [s].
-        retreat_speed: Speed of the retreat along the normal [m/s]. Acts only with
-            ``reaction: retreat``.
-        retreat_distance: Length of the retreat [m]. Acts only with ``reaction: retreat``.
-    """
-
-    reaction: Literal["hold", "retreat"] = "hold"
-    threshold: Annotated[float, Field(strict=True, gt=0, lt=1)] = 0.05
-    floor: NonNegative = 0.05
-    patience: NonNegative = 0.05
-    retreat_speed: Speed = 0.02
-    retreat_distance: NonNegative = 0.02
+    reaction: Annotated[
+        Literal["hold", "retreat"],
+        Meaning(
+            "``hold`` keeps the end effector where it is; ``retreat`` first moves it off the "
+            "surface.",
+        ),
+    ] = "hold"
+    threshold: Annotated[
+        Annotated[float, Field(strict=True, gt=0, lt=1)],
+        Meaning("Fraction of the desired force below which there is no contact."),
+    ] = 0.05
+    floor: Annotated[
+        NonNegative,
+        Meaning(
+            "Force below which there is no contact, whatever force is desired; above the noise "
+            "of the sensor.",
+            unit="N",
+        ),
+    ] = 0.05
+    patience: Annotated[
+        NonNegative,
+        Meaning("Time without contact after which it counts as lost.", unit="s"),
+    ] = 0.05
+    retreat_speed: Annotated[
+        Speed,
+        Meaning(
+            "Speed of the retreat along the normal.",
+            unit="m/s",
+            only=(Only("reaction", "retreat"),),
+        ),
+    ] = 0.02
+    retreat_distance: Annotated[
+        NonNegative,
+        Meaning("Length of the retreat.", unit="m", only=(Only("reaction", "retreat"),)),
+    ] = 0.02
 
     #: Size of the state: phase, time without contact [s], distance retreated [m].
     size = 3

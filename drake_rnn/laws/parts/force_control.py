@@ -1,7 +1,10 @@
 """Settings of a force that a law keeps along the normal of a surface."""
 
 # No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
+from typing import Annotated
+
 from ...inputs.fields import Gain, Speed, Stiffness, validated
+from ...inputs.keys import Meaning
 from .contact_loss import ContactLoss
 from .stiffness import FixedStiffness, OnlineStiffness
 from .surface_task import SurfaceTask
@@ -9,19 +12,24 @@ from .surface_task import SurfaceTask
 
 @validated
 class ForceControl:
-    """How the error of a pressing force becomes a speed along the normal.
+    """How the error of a pressing force becomes a speed along the normal."""
 
-    Args:
-        stiffness: Stiffness of the surface [N/m], or an `OnlineStiffness` that learns it.
-        gain: Gain of the force feedback [1/s].
-        approach_speed: Largest speed along the normal [m/s]; None for no bound.
-        contact_loss: Reaction to a lost contact; None to ignore it.
-    """
-
-    stiffness: Stiffness | OnlineStiffness
-    gain: Gain = 10.0
-    approach_speed: Speed | None = None
-    contact_loss: ContactLoss | None = None
+    stiffness: Annotated[
+        Stiffness | OnlineStiffness,
+        Meaning(
+            "Stiffness of the surface [N/m], or an `OnlineStiffness` that learns it.",
+            unit="N/m",
+        ),
+    ]
+    gain: Annotated[Gain, Meaning("Gain of the force feedback.", unit="1/s")] = 10.0
+    approach_speed: Annotated[
+        Speed | None,
+        Meaning("Largest speed along the normal; None for no bound.", unit="m/s"),
+    ] = None
+    contact_loss: Annotated[
+        ContactLoss | None,
+        Meaning("Reaction to a lost contact; None to ignore it."),
+    ] = None
 
     @property
     def task(self) -> SurfaceTask:

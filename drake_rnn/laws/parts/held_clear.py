@@ -46,12 +46,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from ...errors import InvalidInputError
 from ...inputs.fields import Array, Gain, Length, validated
+from ...inputs.keys import Meaning
 from ...robot.clearance import Clearance, Flags, Indices
 from ...robot.clearance.neighbour import Neighbour
 from ...robot.limits import JointLimits
@@ -91,17 +92,20 @@ _SOON = 1e-9
 
 @validated
 class Avoidance:
-    """How near a law lets its arm come to itself and to obstacles.
+    """How near a law lets its arm come to itself and to obstacles."""
 
-    Args:
-        floor: Distance that no pair comes below: that is certified [m].
-        distance: Distance at which it comes to rest before an obstacle in its way [m].
-        approach: Share of the distance left that may be used up in a second [1/s].
-    """
-
-    floor: Length = 0.005
-    distance: Length = 0.01
-    approach: Gain = 10.0
+    floor: Annotated[
+        Length,
+        Meaning("Distance that no pair comes below: that is certified.", unit="m"),
+    ] = 0.005
+    distance: Annotated[
+        Length,
+        Meaning("Distance at which it comes to rest before an obstacle in its way.", unit="m"),
+    ] = 0.01
+    approach: Annotated[
+        Gain,
+        Meaning("Share of the distance left that may be used up in a second.", unit="1/s"),
+    ] = 10.0
 
     def __post_init__(self) -> None:
         if not self.distance > self.floor:

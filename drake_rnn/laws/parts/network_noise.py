@@ -18,12 +18,13 @@ good lattice structure", Mathematics of Computation 68 (1999); tests hold its fu
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
 from ...arrays.algebra import functions_of
 from ...inputs.fields import Array, GainOrZero, validated
+from ...inputs.keys import Meaning
 
 #: Modulus and multiplier of the generator.
 MODULUS, MULTIPLIER = 67108859.0, 26590841.0
@@ -31,16 +32,19 @@ MODULUS, MULTIPLIER = 67108859.0, 26590841.0
 
 @validated
 class NetworkNoise:
-    """A noise in the equations of a network.
+    """A noise in the equations of a network."""
 
-    Args:
-        kind: How it varies in time: ``constant``, ``ramp``, ``sine`` or ``random``.
-        size: Its size; of a ramp that after a second. In units of the network's error a second:
-            rad/s^2 in the rows of the joints, m/s^2 in those of the task.
-    """
-
-    kind: Literal["constant", "ramp", "sine", "random"] = "constant"
-    size: GainOrZero = 1.0
+    kind: Annotated[
+        Literal["constant", "ramp", "sine", "random"],
+        Meaning("How it varies in time: ``constant``, ``ramp``, ``sine`` or ``random``."),
+    ] = "constant"
+    size: Annotated[
+        GainOrZero,
+        Meaning(
+            "Its size; of a ramp that after a second. In units of the network's error a second: "
+            "rad/s^2 in the rows of the joints, m/s^2 in those of the task.",
+        ),
+    ] = 1.0
 
     def start(self, rng: np.random.Generator, count: int) -> Array:
         """Return the generators' initial numbers, shape (count,).

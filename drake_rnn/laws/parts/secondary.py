@@ -36,6 +36,7 @@ from ...inputs.fields import (
     between,
     validated,
 )
+from ...inputs.keys import Meaning, Only
 from ...robot.limits import JointLimits
 from ..layout import Signals
 
@@ -45,32 +46,57 @@ _REGULAR = 1e-6
 
 @validated
 class Secondary:
-    """Weights of the secondary objectives; 0 leaves one out.
+    """Weights of the secondary objectives; 0 leaves one out."""
 
-    Args:
-        posture: Pull towards the posture [1/s].
-        target: The posture, shape (n,) [rad]; by default that of the start. Acts only with
-            ``posture``.
-        limits: Speed with which a joint at a position limit prefers to leave [rad/s].
-        limits_zone: Way before a position limit in which a joint is pushed back [rad]. Acts only
-            with ``limits``.
-        manipulability: Weight of the manipulability's gradient [rad^2/s]; needs a known Jacobian
-            and ``task`` xyz or pose.
-        low_acceleration: Time constant of what is preferred [s].
-        obstacles: Weight of the slope of the distance to an obstacle that is touched
-            [rad^2/(m s)]. Acts only with ``avoidance``.
-        obstacles_zone: Distance below which the joints make way for an obstacle [m]. Acts only
-            with ``obstacles``.
-    """
-
-    posture: GainOrZero = 1.0
-    target: Vector | None = None
-    limits: GainOrZero = 3.0
-    limits_zone: Gain = 0.3
-    manipulability: GainOrZero = 0.0
-    low_acceleration: Annotated[NonNegative, between(0.0, 100.0)] = 0.0
-    obstacles: GainOrZero = 2.0
-    obstacles_zone: Length = 0.1
+    posture: Annotated[GainOrZero, Meaning("Pull towards the posture.", unit="1/s")] = 1.0
+    target: Annotated[
+        Vector | None,
+        Meaning(
+            "The posture, shape (n,); by default that of the start.",
+            unit="rad",
+            only=(Only("posture"),),
+        ),
+    ] = None
+    limits: Annotated[
+        GainOrZero,
+        Meaning("Speed with which a joint at a position limit prefers to leave.", unit="rad/s"),
+    ] = 3.0
+    limits_zone: Annotated[
+        Gain,
+        Meaning(
+            "Way before a position limit in which a joint is pushed back.",
+            unit="rad",
+            only=(Only("limits"),),
+        ),
+    ] = 0.3
+    manipulability: Annotated[
+        GainOrZero,
+        Meaning(
+            "Weight of the manipulability's gradient; needs a known Jacobian and ``task`` xyz or "
+            "pose.",
+            unit="rad^2/s",
+        ),
+    ] = 0.0
+    low_acceleration: Annotated[
+        Annotated[NonNegative, between(0.0, 100.0)],
+        Meaning("Time constant of what is preferred.", unit="s"),
+    ] = 0.0
+    obstacles: Annotated[
+        GainOrZero,
+        Meaning(
+            "Weight of the slope of the distance to an obstacle that is touched.",
+            unit="rad^2/(m s)",
+            only=(Only("avoidance"),),
+        ),
+    ] = 2.0
+    obstacles_zone: Annotated[
+        Length,
+        Meaning(
+            "Distance below which the joints make way for an obstacle.",
+            unit="m",
+            only=(Only("obstacles"),),
+        ),
+    ] = 0.1
 
     @property
     def seeks_manipulability(self) -> bool:

@@ -19,6 +19,7 @@ from pydantic import Field
 
 from ...arrays.algebra import functions_of, is_one, joined
 from ...inputs.fields import Array, Positive, Stiffness, validated
+from ...inputs.keys import Meaning
 
 # Marks a missing last sample; the root of a real one is positive.
 _NONE = -1.0
@@ -26,27 +27,43 @@ _NONE = -1.0
 
 @validated
 class OnlineStiffness:
-    """Recursive least squares for the slope s of F^(1/p) over the depth.
+    """Recursive least squares for the slope s of F^(1/p) over the depth."""
 
-    Args:
-        initial: Stiffness assumed at first, at ``initial_force`` [N/m]. If it is too high, the
-            force converges slowly; if it is too low, the force overshoots.
-        initial_force: Force at which ``initial`` holds [N]; unused for an exponent of 1.
-        floor: Lower bound of the estimate, as a fraction of its initial value.
-        exponent: Exponent p.
-        forgetting: Forgetting factor of the least squares, applied at each sample.
-        step: Smallest change of depth that makes a new sample [m].
-        learn_above: Fraction of the desired force above which it learns; the first touch is
-            softer than the rest, even in terms of F^(1/p).
-    """
-
-    initial: Stiffness = 1e4
-    initial_force: Positive = 5.0
-    floor: Annotated[float, Field(strict=True, gt=0, le=1)] = 0.1
-    exponent: Annotated[float, Field(strict=True, ge=1, le=3)] = 2.0
-    forgetting: Annotated[float, Field(strict=True, gt=0, le=1)] = 0.9
-    step: Positive = 2e-6
-    learn_above: Annotated[float, Field(strict=True, ge=0, lt=1)] = 0.2
+    initial: Annotated[
+        Stiffness,
+        Meaning(
+            "Stiffness assumed at first, at ``initial_force``. If it is too high, the force "
+            "converges slowly; if it is too low, the force overshoots.",
+            unit="N/m",
+        ),
+    ] = 1e4
+    initial_force: Annotated[
+        Positive,
+        Meaning("Force at which ``initial`` holds; unused for an exponent of 1.", unit="N"),
+    ] = 5.0
+    floor: Annotated[
+        Annotated[float, Field(strict=True, gt=0, le=1)],
+        Meaning("Lower bound of the estimate, as a fraction of its initial value."),
+    ] = 0.1
+    exponent: Annotated[
+        Annotated[float, Field(strict=True, ge=1, le=3)],
+        Meaning("Exponent p."),
+    ] = 2.0
+    forgetting: Annotated[
+        Annotated[float, Field(strict=True, gt=0, le=1)],
+        Meaning("Forgetting factor of the least squares, applied at each sample."),
+    ] = 0.9
+    step: Annotated[
+        Positive,
+        Meaning("Smallest change of depth that makes a new sample.", unit="m"),
+    ] = 2e-6
+    learn_above: Annotated[
+        Annotated[float, Field(strict=True, ge=0, lt=1)],
+        Meaning(
+            "Fraction of the desired force above which it learns; the first touch is softer than "
+            "the rest, even in terms of F^(1/p).",
+        ),
+    ] = 0.2
 
     #: Size of the state: slope [N^(1/p)/m], its covariance, and of the last sample the root of
     #: the force [N^(1/p)], -1 without contact, and the depth [m].

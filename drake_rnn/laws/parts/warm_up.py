@@ -6,29 +6,36 @@ noise violates the acceleration bound for as long as it lasts.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from ...arrays.algebra import functions_of, larger
 from ...inputs.fields import Array, Positive, Time, Weight, validated
+from ...inputs.keys import Meaning, Only
 
 
 @validated
 class WarmUp:
-    """A motion in which one joint after another moves forth and back to where it was.
+    """A motion in which one joint after another moves forth and back to where it was."""
 
-    Args:
-        pulse: Duration of each joint's pulse [s].
-        acceleration: Acceleration of the moving joint: positive for the first quarter of its
-            pulse, negative for the next half, positive for the last quarter [rad/s^2].
-        rho: Time constant of the learning during the warm-up [rad^2/s]. Acts only with
-            ``jacobian: learned``.
-    """
-
-    pulse: Time = 0.2
-    acceleration: Positive = 0.5
-    rho: Weight = 1e-6
+    pulse: Annotated[Time, Meaning("Duration of each joint's pulse.", unit="s")] = 0.2
+    acceleration: Annotated[
+        Positive,
+        Meaning(
+            "Acceleration of the moving joint: positive for the first quarter of its pulse, "
+            "negative for the next half, positive for the last quarter.",
+            unit="rad/s^2",
+        ),
+    ] = 0.5
+    rho: Annotated[
+        Weight,
+        Meaning(
+            "Time constant of the learning during the warm-up.",
+            unit="rad^2/s",
+            only=(Only("jacobian", "learned"),),
+        ),
+    ] = 1e-6
 
     def duration(self, size: int) -> float:
         """Return the duration of the warm-up of ``size`` joints [s]."""

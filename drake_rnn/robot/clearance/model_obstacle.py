@@ -4,7 +4,7 @@
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -13,6 +13,7 @@ from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from ...errors import InvalidInputError
 from ...inputs.fields import Angles, Point, validated, zeros
+from ...inputs.keys import Meaning
 from ..model.still import StillModel
 from .arm_shapes import points_round
 from .enclosing_box import EnclosingBox, enclosing_box
@@ -28,17 +29,18 @@ class ModelObstacle(Obstacle):
     its own: balls, boxes, capsules and half-spaces as they are; a cylinder, an ellipsoid or the
     convex hull of a mesh as a box or a capsule that holds it, whichever is smaller. Their names are
     that of the model and of the body.
-
-    Args:
-        file: URDF or SDF file, all of whose joints are fixed.
-        translation: Place of the model's frame, shape (3,) [m].
-        rpy: Roll, pitch and yaw of the model's frame, shape (3,) [rad].
     """
 
     kind: Literal["model"] = "model"
-    file: str
-    translation: Point = Field(default_factory=zeros)
-    rpy: Angles = Field(default_factory=zeros)
+    file: Annotated[str, Meaning("URDF or SDF file, all of whose joints are fixed.")]
+    translation: Annotated[
+        Point,
+        Meaning("Place of the model's frame, shape (3,).", unit="m"),
+    ] = Field(default_factory=zeros)
+    rpy: Annotated[
+        Angles,
+        Meaning("Roll, pitch and yaw of the model's frame, shape (3,).", unit="rad"),
+    ] = Field(default_factory=zeros)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -11,6 +11,7 @@ from ...errors import InvalidInputError
 from ...inputs.complaints import nearest, short
 from ...inputs.documents import construct, without_kind
 from ...inputs.fields import Angles, Array, Length, NonNegative, Point, Speed, validated, zeros
+from ...inputs.keys import Meaning
 from ..rotation import rotation_of
 
 #: Obstacles that an arm can have; it takes longer than a sample to look at more.
@@ -39,19 +40,27 @@ class Obstacle:
     """A solid of a simple shape, in the base frame W.
 
     One with a ``speed`` may move, but does not turn: where it is stated is where it begins.
-
-    Args:
-        name: Name in messages; by default its kind and number.
-        speed: Largest speed that is counted on [m/s]; without it the obstacle never moves.
-        error: Largest error of the position that is measured of it [m].
-        moves: Its motion, a path with its ``kind`` and fields that begins where the obstacle is;
-            without it, one that may move stands still in a simulation.
     """
 
-    name: str = ""
-    speed: Speed | None = None
-    error: NonNegative = 0.0
-    moves: dict[str, Any] | None = None
+    name: Annotated[str, Meaning("Name in messages; by default its kind and number.")] = ""
+    speed: Annotated[
+        Speed | None,
+        Meaning(
+            "Largest speed that is counted on; without it the obstacle never moves.",
+            unit="m/s",
+        ),
+    ] = None
+    error: Annotated[
+        NonNegative,
+        Meaning("Largest error of the position that is measured of it.", unit="m"),
+    ] = 0.0
+    moves: Annotated[
+        dict[str, Any] | None,
+        Meaning(
+            "Its motion, a path with its ``kind`` and fields that begins where the obstacle is; "
+            "without it, one that may move stands still in a simulation.",
+        ),
+    ] = None
 
     def __post_init__(self) -> None:
         if self.speed is None and (self.moves is not None or self.error):
@@ -73,16 +82,11 @@ class Obstacle:
 
 @validated
 class BallObstacle(Obstacle):
-    """A ball.
-
-    Args:
-        center: Its centre, shape (3,) [m].
-        radius: Its radius [m].
-    """
+    """A ball."""
 
     kind: Literal["ball"] = "ball"
-    center: _Place
-    radius: Length
+    center: Annotated[_Place, Meaning("Its centre, shape (3,).", unit="m")]
+    radius: Annotated[Length, Meaning("Its radius.", unit="m")]
 
     @property
     def corners(self) -> Array:
@@ -92,16 +96,11 @@ class BallObstacle(Obstacle):
 
 @validated
 class CapsuleObstacle(Obstacle):
-    """All points within a radius of a segment.
-
-    Args:
-        ends: Ends of the segment, two points [m].
-        radius: Radius [m].
-    """
+    """All points within a radius of a segment."""
 
     kind: Literal["capsule"] = "capsule"
-    ends: tuple[_Place, _Place]
-    radius: Length
+    ends: Annotated[tuple[_Place, _Place], Meaning("Ends of the segment, two points.", unit="m")]
+    radius: Annotated[Length, Meaning("Radius.", unit="m")]
 
     @property
     def corners(self) -> Array:
@@ -112,18 +111,15 @@ class CapsuleObstacle(Obstacle):
 
 @validated
 class BoxObstacle(Obstacle):
-    """A box.
-
-    Args:
-        center: Its centre, shape (3,) [m].
-        size: Its edges, shape (3,) [m].
-        rpy: Roll, pitch and yaw of its frame, shape (3,) [rad].
-    """
+    """A box."""
 
     kind: Literal["box"] = "box"
-    center: _Place
-    size: Point
-    rpy: Angles = Field(default_factory=zeros)
+    center: Annotated[_Place, Meaning("Its centre, shape (3,).", unit="m")]
+    size: Annotated[Point, Meaning("Its edges, shape (3,).", unit="m")]
+    rpy: Annotated[
+        Angles,
+        Meaning("Roll, pitch and yaw of its frame, shape (3,).", unit="rad"),
+    ] = Field(default_factory=zeros)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -146,16 +142,11 @@ class BoxObstacle(Obstacle):
 
 @validated
 class HalfSpaceObstacle(Obstacle):
-    """All that lies behind a plane, such as a floor or a wall.
-
-    Args:
-        point: A point of the plane, shape (3,) [m].
-        normal: Normal out of what is solid, shape (3,); of any length.
-    """
+    """All that lies behind a plane, such as a floor or a wall."""
 
     kind: Literal["half_space"] = "half_space"
-    point: _Place
-    normal: Point
+    point: Annotated[_Place, Meaning("A point of the plane, shape (3,).", unit="m")]
+    normal: Annotated[Point, Meaning("Normal out of what is solid, shape (3,); of any length.")]
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -1,0 +1,205 @@
+"""The keys that a class of a document has: what each means, in which unit, and with what it acts.
+
+That is metadata of the fields, which editors, ``drake-rnn laws``, the pages and warnings read::
+
+    blend: Annotated[
+        Positive,
+        Meaning("Weight of the velocity's square.", only=(Only("cost", "largest_velocity"),)),
+    ] = 0.1
+    zone: Annotated[Positive, Meaning("Way before a limit.", unit="rad")] = 0.2
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from functools import cache
+from textwrap import wrap
+from types import MappingProxyType
+from typing import Any, get_args, get_type_hints
+
+import numpy as np
+from pydantic.fields import FieldInfo
+
+from .complaints import plain
+from .dataclass_fields import fields_of
+
+# Marks of reStructuredText, which a terminal does not need.
+_MARKS = re.compile(r"``|`")
+
+
+@dataclass(frozen=True, init=False)
+class Only:
+    """What another key must be so that a key acts; beside anything else it does nothing.
+
+    The other key is of the same section, of one around it, or of the document.
+
+    Attributes:
+        key: Name of the other key.
+        values: What it may be; empty for anything but none, false and 0.
+    """
+
+    key: str
+    values: tuple[str, ...]
+
+    def __init__(self, key: str, *values: str) -> None:
+        object.__setattr__(self, "key", key)
+        object.__setattr__(self, "values", values)
+
+    def holds(self, value: Any) -> bool:
+        """Return whether the other key has such a value."""
+        if self.values:
+            return value in self.values
+        if value is None or isinstance(value, str):
+            return value not in (None, "none")
+        return bool(np.any(value)) if isinstance(value, (bool, float, int, np.ndarray)) else True
+
+    def __str__(self) -> str:
+        *others, last = self.values or ("",)
+        return f"{', '.join(others)} or {last}" if others else last
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """What a field means, as metadata of its annotation.
+
+    Attributes:
+        text: The meaning, in sentences.
+        unit: Its unit; empty for a pure number, or for what is no number. It is written where the
+            first clause ends, unless the text has it in brackets.
+        only: What other keys must be so that the field acts.
+    """
+
+    text: str
+    unit: str = ""
+    only: tuple[Only, ...] = ()
+
+    def __str__(self) -> str:
+        told = self.text
+        if self.unit and f"[{self.unit}]" not in told:
+            ends = [end for end in (told.find(". "), told.find("; ")) if end >= 0]
+            end = min(ends, default=len(told) - told.endswith("."))
+            told = f"{told[:end]} [{self.unit}]{told[end:]}"
+        named = (
+            f"``{each.key}: {each}``" if each.values else f"``{each.key}``" for each in self.only
+        )
+        return f"{told} Acts only with {' and '.join(named)}." if self.only else told
+
+
+_UNKNOWN = Meaning("")
+
+
+@dataclass(frozen=True)
+class Key:
+    """A key of a document.
+
+    Attributes:
+        name: Its name.
+        default: What it is if it is not given, as text; None if it must be given.
+        meaning: What its field says of it, with its unit; empty if it says nothing.
+        unit: Its unit; empty without one.
+        only: What other keys must be so that it acts.
+    """
+
+    name: str
+    default: str | None
+    meaning: str
+    unit: str = ""
+    only: tuple[Only, ...] = ()
+
+
+def keys_of(cls: type, without: tuple[str, ...] = ("kind",)) -> list[Key]:
+    """Return the keys of a dataclass that a document describes.
+
+    Args:
+        cls: The class.
+        without: Fields to leave out.
+    """
+    described: Any = cls
+    found = []
+    for field in fields(described):
+        if field.name not in without:
+            said = meanings_of(cls).get(field.name, _UNKNOWN)
+            text = _MARKS.sub("", str(said))
+            found.append(Key(field.name, _default(field), text, said.unit, said.only))
+    return found
+
+
+@cache
+def meanings_of(cls: type) -> Mapping[str, Meaning]:
+    """Return the meanings of a dataclass's fields, by name; fields without one are left out.
+
+    A field that a class declares anew means what it does in its bases, unless the class says it.
+    """
+    found = {}
+    for each in reversed(cls.__mro__):
+        for name, hint in get_type_hints(each, include_extras=True).items():
+            said = [part for part in get_args(hint)[1:] if isinstance(part, Meaning)]
+            if said:
+                found[name] = said[-1]
+    return MappingProxyType(found)
+
+
+def described_class(cls: type, field: str) -> type | None:
+    """Return the class of a field's value, or of its entries; None if it is no dataclass."""
+    hint = get_type_hints(cls).get(field)
+    classes = [each for each in (hint, *get_args(hint)) if is_dataclass(each)]
+    return classes[0] if classes and isinstance(classes[0], type) else None
+
+
+def with_arguments(cls: type) -> str | None:
+    """Return a class's docstring with the meanings of its fields; None if it has no docstring."""
+    if cls.__doc__ is None:
+        return None
+    lines = []
+    for name, said in meanings_of(cls).items():
+        lines += wrap(f"{name}: {said}", 96, initial_indent=" " * 4, subsequent_indent=" " * 8)
+    above, *below = re.split(
+        r"\n\n(?=Attributes:|Raises:)", inspect.cleandoc(cls.__doc__), maxsplit=1
+    )
+    arguments = ["\n".join(("Args:", *lines))] if lines and "\nArgs:" not in above else []
+    return "\n\n".join((above, *arguments, *below))
+
+
+def summary_of(cls: type) -> str:
+    """Return what a class is in a sentence: its own ``summary``, or the docstring's first one."""
+    return str(vars(cls).get("summary") or first_sentence(cls))
+
+
+def first_sentence(thing: object) -> str:
+    """Return the first sentence of a docstring, in one line without marks."""
+    paragraph = (inspect.getdoc(thing) or "").split("\n\n")[0]
+    return shortened(" ".join(_MARKS.sub("", paragraph).split()))
+
+
+def shortened(text: str) -> str:
+    """Return the first sentence of a text; a dot within brackets or a number ends none."""
+    return re.split(r"(?<=[^.\s]\.)\s+(?=[A-Z])", text, maxsplit=1)[0]
+
+
+def default_of(field: Any) -> Any:
+    """Return the default of a dataclass's field; ``dataclasses.MISSING`` if it must be given."""
+    value = field.default
+    if isinstance(value, FieldInfo):
+        return value.get_default(call_default_factory=True, validated_data={})
+    if field.default_factory is not MISSING:
+        return field.default_factory()
+    return value
+
+
+def _default(field: Any) -> str | None:
+    value = default_of(field)
+    return None if value is MISSING else written(plain(value))
+
+
+def written(value: Any) -> str:
+    """Return a value of a key as a document could write it, in one line."""
+    if value is None or value in ("", {}, []):
+        return "none"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if parts := fields_of(value):
+        return "{" + ", ".join(f"{name}: {written(part)}" for name, part in parts.items()) + "}"
+    return f"{value:g}" if isinstance(value, float) else str(value)

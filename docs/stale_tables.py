@@ -6,7 +6,8 @@ command is made of::
     <!-- made by python benchmarks/recursive_tables.py; of 1f0c93ab -->
 
 What a table is made of: the script with its own modules, the experiments and campaigns that
-command, script or table name, and the files of their laws. Comments and docstrings do not count.
+command, script or table name, and the files of their laws. Comments, docstrings and what is said of
+keys do not count.
 
 ::
 
@@ -32,7 +33,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 from ruamel.yaml import YAML
 
@@ -213,14 +214,28 @@ def _run_of(text: str) -> str:
 @cache
 def _code_of(text: str) -> str:
     lines = text.splitlines()
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
-            for number in range(node.lineno, (node.end_lineno or node.lineno) + 1):
-                lines[number - 1] = ""
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
         if token.type == tokenize.COMMENT:
             lines[token.start[0] - 1] = lines[token.start[0] - 1][: token.start[1]]
-    return "\n".join(line.rstrip() for line in lines if line.strip())
+    said = [node for node in ast.walk(ast.parse(text)) if _is_said(node)]
+    # From the end, so that places before stay where they are.
+    for node in sorted(said, key=lambda node: (node.lineno, node.col_offset), reverse=True):
+        first, last = node.lineno - 1, (node.end_lineno or node.lineno) - 1
+        before = lines[first].encode()[: node.col_offset].decode()
+        after = lines[last].encode()[node.end_col_offset :].decode()
+        lines[first : last + 1] = [before + after] + [""] * (last - first)
+    code = "\n".join(line.rstrip() for line in lines if line.strip())
+    # How a field is broken into lines depends on what is said of it.
+    return re.sub(r",[\s,]*(?=\])|\s+", "", code) if "Meaning" in code else code
+
+
+def _is_said(node: ast.AST) -> TypeGuard[ast.expr | ast.stmt]:
+    """Return whether a node is a docstring, the meaning of a key, or the summary of a class."""
+    if isinstance(node, ast.Assign):
+        return any(isinstance(each, ast.Name) and each.id == "summary" for each in node.targets)
+    if isinstance(node, ast.Call):
+        return isinstance(node.func, ast.Name) and node.func.id == "Meaning"
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
 
 
 def stale(root: Path = ROOT) -> list[Table]:

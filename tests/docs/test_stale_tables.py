@@ -78,6 +78,7 @@ def copied(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ),
         ("benchmarks/recursive_tables.py", '"""Print', '"""Show', None),
         ("drake_rnn/laws/recursive.py", "class ", "# A note.\nclass ", None),
+        ("drake_rnn/laws/recursive.py", 'Meaning("', 'Meaning("It is so. ' + 80 * "x", None),
         (
             "drake_rnn/laws/parts/rise.py",
             "return",

@@ -10,6 +10,7 @@ from drake_rnn import load_arm
 from drake_rnn.inputs.documents import read_yaml
 from drake_rnn.robot.clearance.arm_capsules import capsules_of
 from drake_rnn.robot.clearance.arm_clearance import arm_clearance
+from drake_rnn.robot.clearance.arm_shapes import arm_shapes
 
 HERE = Path(__file__).parent
 POINTS = sorted((HERE / "makers_points").glob("*.yaml"))
@@ -35,6 +36,21 @@ def test_capsules_hold_the_farthest_points_of_the_makers_meshes(file):
     for body, points in farthest.items():
         own = [capsule for capsule in capsules if capsule.body == body]
         assert outside(own, np.array(points)) <= 1e-6, body
+
+
+@pytest.mark.parametrize("name", [file.stem for file in POINTS])
+def test_what_is_drawn_is_within_the_capsules(name):
+    """So that a drawn arm does not seem to touch what is kept clear."""
+    arm = load_arm(name)
+    shapes = arm_shapes(arm)
+    capsules, _ = capsules_of(arm, shapes)
+    drawn = [part for part in shapes.parts if part.body != "tool"]
+    assert {part.body for part in drawn} == {c.body for c in capsules if c.body != "tool"}
+    for part in drawn:
+        own = [capsule for capsule in capsules if capsule.body == part.body]
+        assert outside(own, part.points) <= 1e-3, part.body
+    _, doubts = arm_clearance(arm, [], arm.home)
+    assert doubts == ()
 
 
 @pytest.mark.long

@@ -10,7 +10,6 @@ import numpy as np
 from ...errors import InvalidInputError
 from ...inputs.arguments import checked, each, instance, vector
 from ...inputs.fields import Array
-from ...models import MODELS
 from ..arm import Arm
 from ..tool import bodies_at_tip
 from .arm_capsules import capsules_of, place_capsules, stated_bodies
@@ -99,22 +98,17 @@ def _doubts(
 def _too_small(
     arm: Arm, shapes: ArmShapes, capsules: Sequence[Capsule], stated: Collection[str]
 ) -> list[str]:
-    """Return a warning about stated capsules that hold less than the model's shapes.
-
-    Those of the shipped arms are fitted to other shapes, the makers' meshes, not to what is drawn.
-    """
-    file = Path(arm.description.capsules or "")
-    if not stated or file.is_relative_to(MODELS):
-        return []
+    """Return a warning about stated capsules that hold less than the model's shapes."""
     found = dict[str, float]()
-    for part in shapes.parts:
+    for part in (part for part in shapes.parts if part.body in stated):
         own = [capsule.outside(part.points) for capsule in capsules if capsule.body == part.body]
-        if part.body in stated and (far := float(np.min(own, axis=0).max())) > HARDLY:
+        if (far := float(np.min(own, axis=0).max())) > HARDLY:
             found[part.body] = max(far, found.get(part.body, 0.0))
     if not found:
         return []
     named = ", ".join(f"{body} by {1e3 * far:.0f} mm" for body, far in found.items())
-    return [f"capsules of {file.name} hold less than the model's shapes: {named}"]
+    file = Path(arm.description.capsules or "").name
+    return [f"capsules of {file} hold less than the model's shapes: {named}"]
 
 
 def _unseen(pairs: Sequence[tuple[str, str]]) -> list[str]:

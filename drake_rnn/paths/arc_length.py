@@ -9,7 +9,7 @@ import numpy as np
 from pydrake.trajectories import PiecewisePolynomial
 
 from ..inputs.fields import Array
-from .pieces import quintic_pieces
+from .pieces import Pieces, quintic_pieces, quintics
 
 # Gauss-Legendre rule with which the speed of a curve is integrated over a piece.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
@@ -57,16 +57,12 @@ class Arc:
         """Return the curve between two of its arc lengths [m]."""
         inner = self.at[(self.at > begin) & (self.at < end)]
         at = np.array([begin, *inner, end])
-        along = self.trajectory(0.0)
-        p, tangent, curvature = (
-            along.MakeDerivative(order).vector_values(at).T if order else along.vector_values(at).T
-            for order in range(3)
-        )
+        p, tangent, curvature = self.pieces(0.0).values(at, range(3))
         return Arc(at - begin, p, tangent, curvature)
 
-    def trajectory(self, begin: float) -> PiecewisePolynomial:
+    def pieces(self, begin: float) -> Pieces:
         """Return the points as a function of arc length, counted from ``begin`` [m]."""
-        return quintic_pieces(begin + self.at, self.p, self.tangent, self.curvature)
+        return quintics(begin + self.at, self.p, self.tangent, self.curvature)
 
 
 def turn(t: Array, u: Array) -> float:

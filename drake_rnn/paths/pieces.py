@@ -21,6 +21,10 @@ Source:
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import repeat
+from math import pow as power
 from typing import Literal
 
 import numpy as np
@@ -33,6 +37,62 @@ Blend = Literal["quintic", "parabolic"]
 
 # Share of the whole time up to which a piece has no duration.
 _NO_TIME = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """Polynomials one after another, in a hundredth of the memory that Drake's objects take.
+
+    Attributes:
+        times: Increasing times at which they meet, shape (k,).
+        coefficients: In ascending order, of the time since the start of each piece, shape
+            (degree + 1, k - 1, m).
+    """
+
+    times: Array
+    coefficients: Array
+
+    @property
+    def trajectory(self) -> PiecewisePolynomial:
+        """The same as an object of Drake."""
+        pieces = np.moveaxis(self.coefficients, 0, -1)
+        return PiecewisePolynomial(
+            [np.array([[Polynomial(row)] for row in piece]) for piece in pieces],
+            self.times.tolist(),
+        )
+
+    def values(self, at: Array, orders: Sequence[int]) -> list[Array]:
+        """Return values and derivatives, to the last bit those of the trajectory.
+
+        Args:
+            at: Times from the first to the last one, shape (n,).
+            orders: Which derivatives, in ascending order; 0 for the values.
+
+        Returns:
+            For each order, shape (n, m).
+        """
+        number = np.searchsorted(self.times, at, side="right") - 1
+        number = np.clip(number, 0, len(self.times) - 2)
+        t = at - self.times[number]
+        # Those of the C library, as in Drake; NumPy's own may differ in the last bit.
+        several, most = t.tolist(), len(self.coefficients) - 1 - min(orders)
+        powers = [t, *(np.array([*map(power, several, repeat(n))]) for n in range(2, most + 1))]
+        found = []
+        for order in orders:
+            total = np.zeros((len(t), self.coefficients.shape[2]))
+            for n, factor in enumerate(self.coefficients[order:, number]):
+                for exponent in range(n + order, n, -1):
+                    factor = factor * exponent
+                total += factor * powers[n - 1][:, np.newaxis] if n else factor
+            found.append(total)
+        return found
+
+
+def joined(pieces: Sequence[Pieces]) -> Pieces:
+    """Return polynomials that begin where those before them end as one."""
+    times = [pieces[0].times[:1], *(each.times[1:] for each in pieces)]
+    coefficients = [each.coefficients for each in pieces]
+    return Pieces(np.concatenate(times), np.concatenate(coefficients, axis=1))
 
 
 def cubic_spline(times: Array, values: Array) -> PiecewisePolynomial:
@@ -123,10 +183,15 @@ def blended(times: Array, values: Array, blends: Array, kind: Blend) -> Piecewis
     if kind == "quintic":
         return quintic_pieces(at, y, dy, np.zeros_like(y))
     T = np.diff(at)[:, np.newaxis]
-    return _polynomials(at, [y[:-1], dy[:-1], np.diff(dy, axis=0) / (2 * T)])
+    return Pieces(at, np.stack([y[:-1], dy[:-1], np.diff(dy, axis=0) / (2 * T)])).trajectory
 
 
 def quintic_pieces(times: Array, y: Array, dy: Array, ddy: Array) -> PiecewisePolynomial:
+    """Return the polynomials of `quintics` as a trajectory."""
+    return quintics(times, y, dy, ddy).trajectory
+
+
+def quintics(times: Array, y: Array, dy: Array, ddy: Array) -> Pieces:
     """Return the polynomials of degree 5 between given values and derivatives.
 
     Args:
@@ -137,25 +202,15 @@ def quintic_pieces(times: Array, y: Array, dy: Array, ddy: Array) -> PiecewisePo
     """
     T = np.diff(times)[:, np.newaxis]
     rise, v, w, a, b = np.diff(y, axis=0), dy[:-1], dy[1:], ddy[:-1], ddy[1:]
-    return _polynomials(
-        times,
-        [
-            y[:-1],
-            v,
-            a / 2,
-            (20 * rise - (8 * w + 12 * v) * T - (3 * a - b) * T**2) / (2 * T**3),
-            (-30 * rise + (14 * w + 16 * v) * T + (3 * a - 2 * b) * T**2) / (2 * T**4),
-            (12 * rise - 6 * (w + v) * T - (a - b) * T**2) / (2 * T**5),
-        ],
-    )
-
-
-def _polynomials(times: Array, coefficients: list[Array]) -> PiecewisePolynomial:
-    """Return polynomials by their coefficients in ascending order, each of shape (k - 1, m)."""
-    pieces = np.stack(coefficients, axis=-1)
-    return PiecewisePolynomial(
-        [np.array([[Polynomial(row)] for row in piece]) for piece in pieces], times.tolist()
-    )
+    coefficients = [
+        y[:-1],
+        v,
+        a / 2,
+        (20 * rise - (8 * w + 12 * v) * T - (3 * a - b) * T**2) / (2 * T**3),
+        (-30 * rise + (14 * w + 16 * v) * T + (3 * a - 2 * b) * T**2) / (2 * T**4),
+        (12 * rise - 6 * (w + v) * T - (a - b) * T**2) / (2 * T**5),
+    ]
+    return Pieces(times, np.stack(coefficients))
 
 
 def _higher_at_start(T: float) -> Array:

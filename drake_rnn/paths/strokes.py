@@ -121,6 +121,7 @@ def divided(points: Array) -> list[Array]:
     """Return points, shape (k, 3), divided at corners: where lines between them turn sharply."""
     ways = np.diff(points, axis=0)
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-    corners = [k for k, pair in enumerate(pairwise(ways), 1) if turn(*pair) >= CORNER]
-    ends = [0, *corners, len(points) - 1]
+    t, u = ways[:-1], ways[1:]
+    turns = 2.0 * np.arctan2(*(np.linalg.norm(way, axis=1) for way in (u - t, u + t)))
+    ends = [0, *(np.flatnonzero(turns >= CORNER) + 1).tolist(), len(points) - 1]
     return [points[begin : end + 1] for begin, end in pairwise(ends)]

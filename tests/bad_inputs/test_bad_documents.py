@@ -66,10 +66,7 @@ DOCUMENTS = {
         PLANAR + f"points: [{', '.join(['1'] * 200_000)}]\n",
         "has more than 50000 lines and commas; a long list of numbers belongs into a CSV file",
     ),
-    "a list of 60 000 lines": (
-        PLANAR + "points:\n" + "- 1\n" * 60_000,
-        "has more than 50000 lines",
-    ),
+    "a list of 60 000 lines": (PLANAR + "points:\n" + "- 1\n" * 60_000, "has more than 50000"),
     "lines of an old kind": (PLANAR + "points:\r" + "- 1\r" * 60_000, "has more than 50000 lines"),
     "a document 3000 deep": (f"arm: {'[' * 3000}{']' * 3000}", "nested too deeply"),
 }

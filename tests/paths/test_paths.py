@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from drake_rnn.errors import InvalidInputError
 from drake_rnn.inputs.fields import Array
 from drake_rnn.paths import PATHS, Path, Planar, Points
+from drake_rnn.paths.pieces import joined, quintics
 
 PERIOD = 4.0
 TIMINGS = ["uniform", "sin2", "quintic", "cycloid", "ramps"]
@@ -512,3 +513,17 @@ def test_paths_are_registered_by_kind_and_do_not_change() -> None:
         path.period = 2.0
     with pytest.raises(ValueError, match="read-only"):
         path.offset[0] = 1.0
+
+
+def test_pieces_have_the_values_of_their_trajectory() -> None:
+    """To the last bit, also of its derivatives, and where they meet."""
+    rng = np.random.default_rng(0)
+    times = np.cumsum(rng.uniform(0.001, 1.0, 30))
+    curve = quintics(times, *rng.normal(size=(3, 30, 3)))
+    at = np.sort(np.concatenate((times, rng.uniform(times[0], times[-1], 3000))))
+    for order, found in enumerate(curve.values(at, range(4))):
+        drake = curve.trajectory.MakeDerivative(order) if order else curve.trajectory
+        np.testing.assert_array_equal(found, drake.vector_values(at).T, strict=True)
+    both = joined([curve, quintics(times[-1] + np.arange(2.0), *rng.normal(size=(3, 2, 3)))])
+    assert both.trajectory.end_time() == times[-1] + 1.0
+    np.testing.assert_array_equal(both.values(at[:-1], [1]), curve.values(at[:-1], [1]))

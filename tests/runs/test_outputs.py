@@ -110,9 +110,7 @@ def test_what_is_elsewhere_is_not_removed_through_a_link(saved, tmp_path, name):
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / name).symlink_to(pictures)
     for work in (saved[0].save, lambda folder: simulate(saved[0].experiment, keep=folder)):
-        with pytest.raises(
-            InvalidInputError, match=f"{name}: is a symbolic link; a run needs a fo"
-        ):
+        with pytest.raises(InvalidInputError, match=f"{name}: is a symbolic link; a run needs"):
             work(tmp_path / "run")
     assert (pictures / "mine.png").read_text() == "kept"
 

@@ -9,6 +9,7 @@ from typing import Any
 from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 
 from ..errors import InvalidInputError
+from ..features.filter import MovingAverage
 from ..features.locks import JointLocks
 from ..features.pairs import Combination, refuse
 from ..inputs.complaints import nearest, require_type
@@ -23,7 +24,6 @@ from ..systems.image_source import ImageSource
 from ..systems.joint_noise import JointNoise
 from ..systems.joint_reference import JointReference
 from ..systems.kinematics import Kinematics
-from ..systems.moving_average import MovingAverage
 from ..systems.path_source import PathSource
 from ..systems.sensing_settings import SensingSettings
 from ..systems.white_noise import require_seed

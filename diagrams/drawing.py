@@ -16,6 +16,7 @@ from pydrake.systems.framework import Diagram, InputPort, OutputPort, System
 from pydrake.systems.primitives import Adder, Integrator, VectorLogSink
 
 from .. import colours
+from ..features.filter import MovingAverage
 from ..inputs.complaints import require_type
 from ..systems import (
     Body,
@@ -29,7 +30,6 @@ from ..systems import (
     JointReference,
     JointSensor,
     Kinematics,
-    MovingAverage,
     NormalForce,
     PathSource,
     PoseSensor,

@@ -10,6 +10,7 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import Adder, Integrator, MatrixGain
 
+from ..features.filter import MovingAverage
 from ..features.locks import JointBrakes, JointLocks
 from ..inputs.complaints import require_type
 from ..robot.tool_camera import ToolCamera
@@ -26,7 +27,6 @@ from ..systems.ideal_arm import IdealArm
 from ..systems.joint_noise import JointNoise
 from ..systems.joint_sensor import JointSensor
 from ..systems.kinematics import Kinematics
-from ..systems.moving_average import MovingAverage
 from ..systems.normal_force import NormalForce
 from ..systems.pose_sensor import PoseSensor
 from ..systems.sensing_settings import SensingSettings

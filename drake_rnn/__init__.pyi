@@ -146,6 +146,7 @@ from .robot.arm_screws import screws_of as screws_of
 from .robot.clearance import Clearance as Clearance
 from .robot.clearance.arm_clearance import arm_clearance as arm_clearance
 from .robot.clearance.described_obstacles import make_obstacles as make_obstacles
+from .features.filter import FilterSettings as FilterSettings, MovingAverage as MovingAverage
 from .features.locks import JointLock as JointLock, JointLocks as JointLocks
 from .robot.kinematics import ArmKinematics as ArmKinematics
 from .robot.limits import JointLimits as JointLimits
@@ -182,13 +183,11 @@ from .systems import (
     DitherSettings as DitherSettings,
     Dynamics as Dynamics,
     Feedback as Feedback,
-    FilterSettings as FilterSettings,
     ForceProfile as ForceProfile,
     IdealArm as IdealArm,
     ImageSource as ImageSource,
     JointReference as JointReference,
     Kinematics as Kinematics,
-    MovingAverage as MovingAverage,
     PathSource as PathSource,
     PlantArm as PlantArm,
     PlantSettings as PlantSettings,

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..experiment import Experiment
+from ..features.filter import Averages, averaging_windows
 from ..inputs.fields import Array
-from ..systems.averages import Averages
-from ..systems.moving_average import averaging_windows
 
 
 class Filters:

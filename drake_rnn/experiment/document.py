@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 from pydrake.systems.analysis import GetIntegrationSchemes
 
+from ..features.filter import FilterSettings
 from ..features.locks import JointLock
 from ..features.pairs import Combination
 from ..inputs.complaints import nearest, plain
@@ -29,7 +30,6 @@ from ..systems.disturbance import DisturbanceSettings
 from ..systems.dither import DitherSettings
 from ..systems.force_sensor import SensorSettings
 from ..systems.joint_noise import JointNoise
-from ..systems.moving_average import FilterSettings
 from ..systems.plant_settings import PlantSettings
 from ..systems.sensing_settings import SensingSettings
 from .safety import SafetySettings

@@ -11,6 +11,7 @@ from warnings import warn
 from pydrake.trajectories import Trajectory
 
 from ..errors import InvalidInputError
+from ..features.filter import FilterDelay, delay_doubts, filter_delay
 from ..features.locks import JointLocks, lock_doubts
 from ..features.pairs import Combination
 from ..inputs.complaints import require_type
@@ -32,7 +33,6 @@ from .arms import Arms
 from .camera import check_seen
 from .contact import contact_doubts
 from .document import ExperimentDocument, combination_of
-from .filter import FilterDelay, filter_delay
 from .guarantees import Guarantees, command_guarantee, guarantees_of
 from .judged import judged_doubts
 from .keys import idle_keys
@@ -221,7 +221,7 @@ def make_experiment(
     document = _checked(document, path)
     arms = Arms() if arms is None else arms
     parts = read_sections(document, arms, path, modules)
-    delay, late = filter_delay(parts)
+    delay, late = _delays(parts)
     law, moved = with_reachable_target(parts)
     unsafe, size = _unsafe(parts), named_task(document.task).size
     unsure = lock_doubts(parts.locks, parts.law, parts.arm.joints, size)
@@ -318,6 +318,16 @@ def _unsafe(parts: Sections) -> list[str]:
             "safety.collisions any law avoids them"
         ]
     return []
+
+
+def _delays(parts: Sections) -> tuple[FilterDelay, list[str]]:
+    """Return the delays that a filter causes, and warnings about delays in the law's loop."""
+    document, law = parts.document, parts.law
+    keeps = command_guarantee(law, parts.safety).limits
+    times = document.period, document.duration
+    delay = filter_delay(document.filter, parts.feedback, keeps, parts.arm.limits, *times)
+    sensed = 0.0 if document.sensing is None else document.sensing.delay
+    return delay, delay_doubts(law, document.law["kind"], delay.loop, sensed)
 
 
 def _circumstances(

@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from ..features.filter import averaged_limits
 from ..features.locks import JointLocks
 from ..laws import Law, Safety
 from ..robot.limits import JointLimits
 from ..systems import BODIES, Feedback
-from ..systems.moving_average import averaged_limits
 from .document import ExperimentDocument
 
 #: Limits of what is commanded that the stop of a joint keeps if the command before it did.

@@ -12,6 +12,7 @@ from pydrake.systems.primitives import MatrixGain
 from ..diagrams import AddLoop, Loop
 from ..diagrams.wiring import ports_of
 from ..experiment import OUTSIDE, Experiment
+from ..features.filter import MovingAverage
 from ..inputs.complaints import require_type
 from ..laws import Law
 from ..measures import Recorder
@@ -24,7 +25,6 @@ from ..systems import (
     JointReference,
     LeadingController,
     LedSource,
-    MovingAverage,
     NeighbourSource,
     ObstacleSource,
     PathSource,

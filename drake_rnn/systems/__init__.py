@@ -26,7 +26,6 @@ from .joint_sensor import JointSensor as JointSensor
 from .kinematics import Kinematics as Kinematics
 from .leading_controller import LeadingController as LeadingController
 from .led_source import LedSource as LedSource
-from .moving_average import FilterSettings as FilterSettings, MovingAverage as MovingAverage
 from .neighbour_source import NeighbourSource as NeighbourSource
 from .normal_force import NormalForce as NormalForce
 from .obstacle_source import (

@@ -8,8 +8,8 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
 from drake_rnn import InvalidInputError, JointLimits, SimulationError
+from drake_rnn.features.filter import MovingAverage
 from drake_rnn.robot.limits import DERIVATIVE_UNITS
-from drake_rnn.systems.moving_average import MovingAverage
 
 ORDERS = list(DERIVATIVE_UNITS)
 CIRCLE, SQUARE = (0.2, 0.1, 0.1, 0.2, 0.2), (0.1, 0.15, 0.2, 0.4, 0.5)

@@ -1,4 +1,4 @@
-r"""A chain of moving averages that bounds any command up to the fifth derivative of position.
+r"""The filter behind a law: moving averages that bound any command up to the fifth derivative.
 
 With bounds b_1 .. b_m on velocity, acceleration, ... the command u is filtered by
 
@@ -27,8 +27,9 @@ lattice adds no more error to differences of the output than the rounding of the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import isfinite
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,11 +37,11 @@ from pydrake.systems.framework import Context, DiscreteValues
 
 from ..errors import InvalidInputError, SimulationError
 from ..inputs.arguments import checked, choice, flag, instance, number
-from ..inputs.fields import Flag, validated
+from ..inputs.fields import Array, Flag, validated
 from ..inputs.keys import Meaning
+from ..laws import Law
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
-from .averages import Averages
-from .block import Block
+from ..systems.block import Block
 
 # Filling longer windows would take longer than any run.
 _MOST_SAMPLES = 1e6
@@ -146,6 +147,77 @@ def averaging_delay(windows: NDArray[np.intp], period: float) -> float:
     return period * (1.0 + float((windows - 1).sum(axis=0).max()) / 2.0)
 
 
+class Averages:
+    """Moving averages of joint velocities, one window per joint and level, at rest at first.
+
+    The windows of robots that stand side by side are the same; their bounds may differ. See
+    the top of this file for what is computed, and how it is rounded.
+
+    Args:
+        windows: Lengths of the windows in samples, shape (levels, n).
+        velocity: Bounds of the velocities, shape (n,), or (n, robots) [rad/s].
+        precompensate: Whether to amplify beforehand what the means attenuate.
+
+    Attributes:
+        shape: Shape of the state, (size,), or (size, robots).
+    """
+
+    def __init__(self, windows: NDArray[np.intp], velocity: Array, *, precompensate: bool) -> None:
+        levels, n = windows.shape
+        lengths = windows.astype(float).reshape(levels, n, *np.ones(velocity.ndim - 1, int))
+        gain = (lengths**2 - 1.0).sum(axis=0) / 24.0
+        self._windows = windows
+        self._gain = gain if precompensate else None
+
+        # Sums of fewer than 2^53 lattice steps are exact. Adding and subtracting 1.5 * 2^52 steps
+        # rounds a number to the lattice, if it is small enough beside them.
+        _, exponent = np.frexp(np.maximum(lengths, 4.0) * velocity)
+        coarsest = np.ldexp(1.0, exponent.max(axis=0) - 53)
+        self._most = np.floor(velocity / coarsest) * coarsest
+        self._least = -self._most
+        self._rounding = list(np.ldexp(1.5, exponent - 1))
+        self._lengths = list(lengths)
+
+        # The state: the number of samples, the two velocities before, the sums, and all windows one
+        # after another; in each of them the newest value overwrites the oldest.
+        first = 1 + 2 * n + levels * n
+        self.shape = (first + int(windows.sum()), *velocity.shape[1:])
+        self._previous, self._sums = slice(1, 1 + 2 * n), slice(1 + 2 * n, first)
+        self._last = slice(first - n, first)
+        ends = np.cumsum(windows.ravel()).reshape(windows.shape)
+        self._starts = first + ends - windows
+
+    def mean(self, x: Array) -> Array:
+        """Return the last means, shape (n,) or (n, robots) [rad/s]."""
+        mean: Array = x[self._last] / self._lengths[-1]
+        return mean
+
+    def add(self, x: Array, u: Array) -> Array:
+        """Add velocities, shape (n,) or (n, robots) [rad/s], to a state, in place.
+
+        Returns:
+            The velocities that are averaged, which lie within their bounds.
+        """
+        n = len(u)
+        if self._gain is not None:
+            before, last = x[self._previous].reshape(2, n, *u.shape[1:])
+            compensated = u - self._gain * (u - 2.0 * last + before)
+            before[:] = last
+            last[:] = u
+            u = compensated
+        added: Any = np.minimum(np.maximum(u, self._least), self._most)
+        y, sums = added, x[self._sums].reshape(-1, n, *u.shape[1:])
+        places = self._starts + int(x.item(0)) % self._windows
+        levels = zip(places, sums, self._rounding, self._lengths, strict=True)
+        for place, total, rounding, length in levels:
+            y = (y + rounding) - rounding
+            total += y - x[place]
+            x[place] = y
+            y = total / length
+        x[0] += 1.0
+        return added
+
+
 class MovingAverage(Block):
     """Chain of moving averages with one window per joint and level, initially at rest.
 
@@ -208,3 +280,92 @@ class MovingAverage(Block):
             raise SimulationError(
                 f"{self.get_name()}: commanded_velocity is {u.tolist()}", context.get_time()
             )
+
+
+class FilterDelay(NamedTuple):
+    """Delays caused by a filter.
+
+    Attributes:
+        path: Delay with which the arm follows the path [s].
+        loop: Delay between the law's command and its inputs [s].
+    """
+
+    path: float = 0.0
+    loop: float = 0.0
+
+
+def filter_delay(
+    settings: FilterSettings | None,
+    feedback: str,
+    keeps: Sequence[str],
+    limits: JointLimits,
+    period: float | None,
+    duration: float,
+) -> FilterDelay:
+    """Return the delays that an experiment's filter causes, zero without one.
+
+    Args:
+        settings: Settings of the filter; None without one.
+        feedback: Arm that the law sees.
+        keeps: Names of the limits that the command before the filter keeps.
+        limits: Limits of the joints.
+        period: Sampling period [s].
+        duration: Duration of the run [s].
+
+    Raises:
+        InvalidInputError: If the filter relies on a limit that the command does not keep, its
+            windows are too long, or its delay is longer than the run.
+    """
+    if settings is None or period is None:
+        return FilterDelay()
+    _require_kept(settings.above, keeps)
+    delay = averaging_delay(averaging_windows(limits, period, settings.above), period)
+    if delay >= duration:
+        raise InvalidInputError(
+            f"filter: with these limits its delay is {delay:.4g} s; the duration must be longer "
+            f"than that, not {duration:g}"
+        )
+    if feedback == "unfiltered":
+        return FilterDelay(path=delay)
+    return FilterDelay(path=delay * settings.delay_desired, loop=delay)
+
+
+def _require_kept(above: Kept, keeps: Sequence[str]) -> None:
+    """Raise an InvalidInputError if a filter relies on a limit that the command does not keep."""
+    able = [name for name in get_args(Kept) if name == "velocity" or name in keeps]
+    if above not in able:
+        raise InvalidInputError(
+            f"filter.above: the command of this law keeps no limit of the {above}; it may "
+            f"be {', '.join(able)}"
+        )
+
+
+def delay_doubts(law: Law, kind: str, delay: float, sensed: float) -> list[str]:
+    """Return a warning about the delay of a filter in the law's loop.
+
+    Args:
+        law: The law.
+        kind: Its kind in the document.
+        delay: Delay of the filter in the loop [s].
+        sensed: Delay of the sensors [s].
+
+    Raises:
+        InvalidInputError: If a gain of the law is too high for both delays.
+    """
+    late = delay + sensed
+    if late == 0.0:
+        return []
+    whose = " and ".join(name for name, part in (("filter", delay), ("sensing", sensed)) if part)
+    remedy = "" if sensed else "; or give feedback: unfiltered"
+    for name, gain in law.loop_gains.items():
+        if gain * late >= 1.0:
+            raise InvalidInputError(
+                f"law.{name}: must be below {1.0 / late:.4g} /s with the {whose}'s delay of "
+                f"{late:.4g} s in its loop, not {gain:g}{remedy}"
+            )
+    if law.loop_gains or delay == 0.0:
+        return []
+    return [
+        f"filter: delays the law's loop by {delay:.4g} s; whether {kind} stays stable with this "
+        "delay is not known; consider feedback: unfiltered"
+    ]

@@ -10,6 +10,7 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 
 from ..errors import InvalidInputError
 from ..features.filter import MovingAverage
+from ..features.joint_noise import JointNoise
 from ..features.locks import JointLocks
 from ..features.pairs import Combination, refuse
 from ..inputs.complaints import nearest, require_type
@@ -21,7 +22,6 @@ from ..signals import HINTS
 from ..systems.body import Body, Feedback
 from ..systems.controllers import Controller
 from ..systems.image_source import ImageSource
-from ..systems.joint_noise import JointNoise
 from ..systems.joint_reference import JointReference
 from ..systems.kinematics import Kinematics
 from ..systems.path_source import PathSource

@@ -17,6 +17,7 @@ from pydrake.systems.primitives import Adder, Integrator, VectorLogSink
 
 from .. import colours
 from ..features.filter import MovingAverage
+from ..features.joint_noise import HeldNoise
 from ..inputs.complaints import require_type
 from ..systems import (
     Body,
@@ -34,7 +35,6 @@ from ..systems import (
     PathSource,
     PoseSensor,
 )
-from ..systems.dither import HeldNoise
 
 
 class _Kind(NamedTuple):

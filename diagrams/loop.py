@@ -11,6 +11,7 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import Adder, Integrator, MatrixGain
 
 from ..features.filter import MovingAverage
+from ..features.joint_noise import HeldNoise, JointNoise
 from ..features.locks import JointBrakes, JointLocks
 from ..inputs.complaints import require_type
 from ..robot.tool_camera import ToolCamera
@@ -19,12 +20,10 @@ from ..systems.camera import Camera
 from ..systems.contact import Contact
 from ..systems.contact_reference import ContactReference
 from ..systems.controllers import Controller
-from ..systems.dither import HeldNoise
 from ..systems.dynamics import DYNAMICS_SIGNALS, Dynamics
 from ..systems.force_sensor import ForceSensor
 from ..systems.force_watch import ForceWatch
 from ..systems.ideal_arm import IdealArm
-from ..systems.joint_noise import JointNoise
 from ..systems.joint_sensor import JointSensor
 from ..systems.kinematics import Kinematics
 from ..systems.normal_force import NormalForce

@@ -147,6 +147,11 @@ from .robot.clearance import Clearance as Clearance
 from .robot.clearance.arm_clearance import arm_clearance as arm_clearance
 from .robot.clearance.described_obstacles import make_obstacles as make_obstacles
 from .features.filter import FilterSettings as FilterSettings, MovingAverage as MovingAverage
+from .features.joint_noise import (
+    DisturbanceSettings as DisturbanceSettings,
+    Dither as Dither,
+    DitherSettings as DitherSettings,
+)
 from .features.locks import JointLock as JointLock, JointLocks as JointLocks
 from .robot.kinematics import ArmKinematics as ArmKinematics
 from .robot.limits import JointLimits as JointLimits
@@ -178,9 +183,6 @@ from .systems import (
     Contact as Contact,
     ContinuousController as ContinuousController,
     Controller as Controller,
-    DisturbanceSettings as DisturbanceSettings,
-    Dither as Dither,
-    DitherSettings as DitherSettings,
     Dynamics as Dynamics,
     Feedback as Feedback,
     ForceProfile as ForceProfile,

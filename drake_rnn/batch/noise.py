@@ -8,8 +8,8 @@ import numpy as np
 
 from ..arrays.namespace import AnyArray
 from ..experiment import Experiment
+from ..features.joint_noise import Samples
 from ..inputs.fields import Array
-from ..systems.joint_noise import Samples
 from ..systems.lateness import sample_number
 from ..systems.pose_sensor import pose_noise
 from ..systems.white_noise import BLOCK

@@ -10,6 +10,7 @@ from pydantic import Field
 from pydrake.systems.analysis import GetIntegrationSchemes
 
 from ..features.filter import FilterSettings
+from ..features.joint_noise import DisturbanceSettings, DitherSettings, JointNoise
 from ..features.locks import JointLock
 from ..features.pairs import Combination
 from ..inputs.complaints import nearest, plain
@@ -26,10 +27,7 @@ from ..robot.tool_camera import ToolCamera
 from ..systems import BODIES
 from ..systems.body import Feedback
 from ..systems.contact_reference import ForceProfile
-from ..systems.disturbance import DisturbanceSettings
-from ..systems.dither import DitherSettings
 from ..systems.force_sensor import SensorSettings
-from ..systems.joint_noise import JointNoise
 from ..systems.plant_settings import PlantSettings
 from ..systems.sensing_settings import SensingSettings
 from .safety import SafetySettings

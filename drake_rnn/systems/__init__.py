@@ -10,8 +10,6 @@ from .controllers import (
     Controller as Controller,
     SampledController as SampledController,
 )
-from .disturbance import DisturbanceSettings as DisturbanceSettings
-from .dither import Dither as Dither, DitherSettings as DitherSettings
 from .dynamics import Dynamics as Dynamics
 from .force_sensor import ForceSensor as ForceSensor, SensorSettings as SensorSettings
 from .force_watch import ForceWatch as ForceWatch

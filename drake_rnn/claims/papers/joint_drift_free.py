@@ -11,6 +11,7 @@ from ...experiment import load_experiment
 from ...inputs.fields import Array
 from ...laws import JointDriftFree
 from ...laws.parts.two_step import LinearForm
+from ...signals import DESIRED_POSITION
 from ..measuring import Run
 
 # The paper's Table I: MPE [m], MVE [m/s] and JD [rad], by scheme and lambda.
@@ -154,7 +155,7 @@ def offset_part_left(run: Run, experiment: str, laps: int) -> float:
     without, with_it = (
         run(experiment, _laps(laps, *given)) for given in ((), ([_OFFSET, 0.0, 0.0],))
     )
-    error, own = (r.series["p_WE"][-1] - r.desired_position[-1] for r in (with_it, without))
+    error, own = (r.series["p_WE"][-1] - r.series[DESIRED_POSITION][-1] for r in (with_it, without))
     return float(np.linalg.norm(error - own) / _OFFSET)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from ...inputs.fields import Array
 from ...laws.networks.activations import activation
 from ...laws.networks.growth import GrowingGain
+from ...signals import DESIRED_POSITION
 from ..measuring import Run
 
 # Times printed in Table I [s], by activation; of the power at gamma 1 it says that it cannot.
@@ -168,7 +169,7 @@ def broken_over_stable(run: Run, name: str, gain: float, duration: float) -> flo
     grows = {"law.gain": gain, "law.growth": "power_of_gain", "law.discretization": "euler"}
     changes = {"law.noise": None, "law.integral_gain": 0.0, "duration": duration, **grows}
     result = run(name, {"accept": None, "log_period": 0.01, **changes})
-    away = result.series["p_WE"] - result.desired_position
+    away = result.series["p_WE"] - result.series[DESIRED_POSITION]
     off = np.linalg.norm(away, axis=1) > 1e-3
     if not off.any():
         return np.inf

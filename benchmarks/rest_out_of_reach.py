@@ -1,8 +1,9 @@
 """Print how arms rest whose target is out of reach: speeds, and ways to the nearest point.
 
-Each target moves out of reach within 3 s, by a straight line in any direction, and stays. The rows
-are arms, tasks, Jacobians and times acceleration over jerk; 0 is without a bound of the jerk. The
-speed is the largest of a joint in the last second of ten; the way is by how much the error (the
+Each target moves out of reach within 3 s, by a straight line in any direction, and stays. A row is
+of an arm, a task and a Jacobian; a column of an acceleration and a time, acceleration over jerk,
+where 0 is without a bound of the jerk. A cell tells how many arms rest near the nearest point, the
+largest speed of a joint in the last second of ten, and the largest way: by how much the error (the
 orientation weighed by the lever) is larger than the least one within the position limits, which is
 found from the end of the run and from random postures around it (`scipy.optimize.least_squares`).
 
@@ -17,7 +18,12 @@ An arm that is no shipped one is given as a model, its frame and the joint to lo
 from __future__ import annotations
 
 import argparse
-from typing import Any
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from itertools import product
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -31,27 +37,47 @@ from markdown_table import head, row
 
 #: Time in which the target moves, and for which it then rests [s].
 MOVES, RESTS = 3.0, 10.0
-VELOCITY, ACCELERATION = 1.0, 3.0
+VELOCITY = 1.0
+#: Accelerations [rad/s^2], and the times of acceleration over jerk [s].
+LIMITS = ((3.0, 0.0), (3.0, 0.01), (3.0, 0.05), (3.0, 0.2), (3.0, 1.0), (1.0, 0.0), (0.3, 0.0))
 #: Speed below which an arm rests [rad/s], and way within which it is at the nearest point [m].
 SLOW, NEAR = 0.005, 0.005
 ARMS = Arms()
 
 Change = dict[str, Any]
+Limits = list[tuple[float, float]]
 
 
-def changes(arm: Change, task: str, jacobian: str, over: float, period: float) -> Change:
-    """Return the changes that make an experiment of a row, without the path."""
-    limits = {"velocity": VELOCITY, "acceleration": ACCELERATION}
-    return arm | {
-        "task": task,
-        "law": {"kind": "adaptive", "jacobian": jacobian},
-        "limits": limits | ({"jerk": ACCELERATION / over} if over else {}),
-        "on_unreachable": "follow",
-        "period": period,
-        "duration": MOVES + RESTS,
-        "window": None,
-        "accept": None,
-    }
+class Row(NamedTuple):
+    """What a row is of.
+
+    Attributes:
+        arm: Changes of an experiment that make it one of the arm.
+        task: ``xyz`` or ``pose``.
+        law: Changes that make it one of the law.
+    """
+
+    arm: Change
+    task: str
+    law: Change
+
+
+def changes(row: Row, most: float, over: float, period: float) -> Change:
+    """Return the changes that make an experiment of a cell, without the path."""
+    limits = {"velocity": VELOCITY, "acceleration": most}
+    return (
+        row.arm
+        | row.law
+        | {
+            "task": row.task,
+            "limits": limits | ({"jerk": most / over} if over else {}),
+            "on_unreachable": "follow",
+            "period": period,
+            "duration": MOVES + RESTS,
+            "window": None,
+            "accept": None,
+        }
+    )
 
 
 def made(given: Change, by: np.ndarray) -> Experiment:
@@ -98,54 +124,64 @@ def excess(experiment: Experiment, by: np.ndarray, q: np.ndarray) -> float:
     return float(np.linalg.norm(errors(q)) - least)
 
 
-def tell(name: str, arm: Change, asked: argparse.Namespace) -> None:
-    """Print the rows of an arm."""
-    rows = [
-        (task, jacobian, over)
-        for task in asked.tasks
-        for jacobian in asked.jacobians
-        for over in asked.over
-    ]
-    outs = ways_out(changes(arm, "xyz", "known", 0.05, asked.period), asked.targets, asked.seed)
-    cases = [(made(changes(arm, *of, asked.period), by), by) for of in rows for by in outs]
-    many = run_many([experiment for experiment, _ in cases], record=["position"])
-    count = round(1.0 / asked.period)
-    speeds, ways = [], []
-    for (experiment, by), q in zip(cases, many.series["position"], strict=True):
-        speeds.append(np.abs(np.diff(q[-count - 1 :], axis=0)).max() / asked.period)
-        ways.append(excess(experiment, by, q[-1]))
-    for k, of in enumerate(rows):
-        part = slice(k * len(outs), (k + 1) * len(outs))
-        fast, way = np.array(speeds[part]), np.array(ways[part])
-        rest = f"{(fast < SLOW).sum()} of {fast.size}"
-        told = f"{np.median(fast):.2g}", f"{fast.max():.2g}", f"{(way < NEAR).sum()} of {way.size}"
-        row(name, *of, rest, *told, f"{np.median(way) * 1e3:.2f}", f"{way.max() * 1e3:.2f}")
+def cells(row: Row, limits: Limits, asked: argparse.Namespace) -> tuple[np.ndarray, np.ndarray]:
+    """Return speeds [rad/s] and ways [m] of a row, each of shape (limits, targets)."""
+    plain = row._replace(task="xyz", law={"law": {"kind": "adaptive"}})
+    outs = ways_out(changes(plain, *limits[0], asked.period), asked.targets, asked.seed)
+    cases = [(changes(row, *each, asked.period), by) for each, by in product(limits, outs)]
+    experiments = [made(*case) for case in cases]
+    many = run_many(experiments, record=["position"])
+    last = round(1.0 / asked.period) + 1
+    speeds = [abs(np.diff(q[-last:], axis=0)).max() / asked.period for q in many.series["position"]]
+    ends = zip(experiments, cases, many.position, strict=True)
+    ways = [excess(experiment, by, q) for experiment, (_, by), q in ends]
+    shape = len(limits), len(outs)
+    return np.reshape(speeds, shape), np.reshape(ways, shape)
+
+
+def cell(speeds: np.ndarray, ways: np.ndarray) -> str:
+    """Return a cell of a table, of speeds [rad/s] and ways [m] of some runs."""
+    good = (speeds < SLOW) & (ways < NEAR)
+    return f"{good.sum()} of {good.size}: {speeds.max():.2g}, {ways.max() * 1e3:.2g} mm"
 
 
 def main() -> None:
-    """Print the table."""
+    """Print the table, row by row."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--arms", nargs="*", default=["panda", "iiwa14", "ur5", "fr3"])
     parser.add_argument("--model", nargs=3, metavar=("FILE", "FRAME", "LOCK"))
     parser.add_argument("--tasks", nargs="*", default=["xyz", "pose"])
     parser.add_argument("--jacobians", nargs="*", default=["known", "learned"])
-    parser.add_argument("--over", nargs="*", type=float, default=[0.0, 0.01, 0.05, 0.2, 1.0])
-    parser.add_argument("--targets", type=int, default=5)
-    parser.add_argument("--seed", type=int, default=7)
+    parser.add_argument("--acceleration", type=float, help="only the columns of this one")
+    parser.add_argument("--over", nargs="*", type=float, help="only the columns of these times")
+    parser.add_argument("--targets", type=int, default=4)
+    parser.add_argument("--seed", type=int, default=11)
     parser.add_argument("--period", type=float, default=4e-3)
+    parser.add_argument("--jobs", type=int, default=2)
     asked = parser.parse_args()
-    head(
-        "arm", "task", "J", "acceleration / jerk [s]", f"below {SLOW:g} rad/s", "median [rad/s]",
-        "max [rad/s]", f"within {NEAR * 1e3:g} mm", "median [mm]", "max [mm]",
-    )  # fmt: skip
+    limits = [
+        (most, over)
+        for most, over in LIMITS
+        if asked.acceleration in (None, most) and (asked.over is None or over in asked.over)
+    ]
     arms: dict[str, Change] = {name: {"arm": name} for name in asked.arms}
     if asked.model is not None:
         model, frame, lock = asked.model
         description = {"model": model, "frame": frame, "lock": {lock: 0.0}}
         home = proposed_home(load_arm(**description)).tolist()
-        arms[model] = {"arm": description, "start": home}
-    for name, arm in arms.items():
-        tell(name, arm, asked)
+        arms[Path(model).stem] = {"arm": description, "start": home}
+    names = list(product(arms, asked.tasks, asked.jacobians))
+    rows = [
+        Row(arms[name], task, {"law": {"kind": "adaptive", "jacobian": jacobian}})
+        for name, task, jacobian in names
+    ]
+    columns = [f"{most:g} rad/s^2, {over:g} s" for most, over in limits]
+    head("arm", "task", "J", *columns)
+    with ProcessPoolExecutor(asked.jobs, mp_context=get_context("spawn")) as pool:
+        counts = [limits] * len(rows), [asked] * len(rows)
+        for of, (speeds, ways) in zip(names, pool.map(cells, rows, *counts), strict=True):
+            row(*of, *map(cell, speeds, ways))
+            sys.stdout.flush()
 
 
 if __name__ == "__main__":

@@ -92,7 +92,7 @@ from .parts.measurement import EXACT, LEVER, REACH, Measurement, feedback_gain, 
 from .parts.near_singular import OF_PIXELS, row_softness, softened
 from .parts.path_task import PathTask
 from .parts.pixels import FIRMER, PIXELS, in_metres
-from .parts.reach_edge import BEGINS, BEGINS_LEARNED, ReachEdge, freed
+from .parts.reach_edge import ReachEdge
 from .parts.reached_limits import reached_limits
 from .parts.secondary import Secondary, posture_doubts
 from .parts.surface_task import SurfaceTask
@@ -511,8 +511,7 @@ class AdaptiveReading(SampledReading):
             # A lever of each robot's own gives all its leading axis.
             turning = np.ones(3) * law.lever
             scales = joined((turning, 0.0 * turning + 1.0))
-        begins = BEGINS if law.jacobian == "known" else BEGINS_LEARNED
-        return ReachEdge(law.limits, scales, self.seen_after, begins=begins)
+        return ReachEdge(law.limits, scales, self.seen_after)
 
     @property
     def _knows_edge(self) -> bool:
@@ -562,8 +561,8 @@ class AdaptiveReading(SampledReading):
         along, error = self._task.asked(u, since, period)
         law = self.law
         g = law.secondary.preferred(law.limits, law.home, q, v, J, u, period)
-        g = self._edge.preferred(g)
-        back, g, softness = self._within_reach(J, error, g, q, u)
+        g = self._edge.slowed(g)
+        back, g, softness = self._within_reach(J, error, g, kept, u)
         along, back = self._task.pressing({**kept, **felt}, u, along, back)
         program = Program(J, along + back, along, g, softness)
         v, held = self._within.chosen(program, q, v, kept, period, u)
@@ -576,7 +575,7 @@ class AdaptiveReading(SampledReading):
         return self.state.replaced(x, **{"commanded": q, "v": v, **within})
 
     def _within_reach(
-        self, J: Array, error: Array, g: Array, q: Array, u: Signals
+        self, J: Array, error: Array, g: Array, kept: Signals, u: Signals
     ) -> tuple[Array, Array, Array]:
         """Return the feedback, the preferred velocities and the softness, see `ReachEdge`.
 
@@ -584,24 +583,18 @@ class AdaptiveReading(SampledReading):
             J: Jacobian of the task, shape (..., m, n).
             error: Error of the task, shape (..., m).
             g: Preferred joint velocities, shape (..., n) [rad/s].
-            q: Joint positions, shape (..., n) [rad].
+            kept: Parts of the state, by name.
             u: Signals at the sample.
         """
-        law, task, edge = self.law, self._task, self._edge
-        whole, firm = task.back(error), task.weighed(self._softness, u)
+        task, edge = self._task, self._edge
+        whole = task.back(error)
+        softness = softened(J, task.weighed(self._softness, u), self._share)
         if not self._knows_edge:
-            return whole, g, softened(J, firm, self._share)
-        softness, added = edge.softness(softened(J, firm, self._share), whole)
-        free = edge.free(J, error, q)
-        at = edge.at(free, edge.length(whole))
+            return whole, g, softness
+        at = edge.at(edge.free(J, error, kept["commanded"]), error, whole)
         if at is None:
-            return whole, freed(g, J, free, firm, added), softness
+            return whole, g, softness
         back, share = edge.feedback(
             at, whole, error, task.back, lambda v: task.sliding(v, u), softness
         )
-        g = freed(g, J, free, firm, added | at.near)
-        if law.limits.jerk is not None:
-            # At the edge joints rest where they are: what the preferred velocities, or a motion
-            # that only J_hat takes for one that leaves the task alone, do there moves them again.
-            g = g * share
-        return back, g, softness
+        return back, edge.preferred(g, self.law.secondary.posture, share), softness

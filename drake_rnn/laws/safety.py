@@ -24,6 +24,7 @@ from ..inputs.fields import Array
 from ..robot.clearance import Clearance
 from ..robot.limits import JointLimits
 from ..robot.resting import require_resting
+from ..robot.rotation import rotation_error
 from .called import unchecked
 from .law import SampledReading
 from .layout import Layout, Signals
@@ -155,7 +156,8 @@ class SafeReading(SampledReading):
         wanting: The reading that wants a velocity.
         within: What chooses the one that is safe.
         seen: What that sees besides ``position``, with the shapes.
-        edge: The edge of reach, before which what a law wants is braked if it sees J.
+        edge: The edge of reach, before which what a law wants is braked if it sees J and
+            its error.
     """
 
     wanting: SampledReading
@@ -199,11 +201,25 @@ class SafeReading(SampledReading):
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
         kept, at = self._own.named(x[self.wanting.state.size :]), self._v
         wanted = self._step(t, self._theirs(x), u, period)
-        q, J = kept["commanded"], u.get("J")
-        program = nearest(wanted[at] if J is None else self.edge.braked(wanted[at], J, q), J)
+        q, J, error = kept["commanded"], u.get("J"), self._error(u)
+        wants = wanted[at]
+        if J is not None and error is not None:
+            wants = self.edge.braked(wants, J, error, q)
+        program = nearest(wants, J)
         safe, held = self.within.chosen(program, q, x[at], kept, period, u)
         own = {"commanded": q + period * safe, "wanted": wanted[at], **held}
         return self._joined(self.wanting.state.replaced(wanted, v=safe), own)
+
+    def _error(self, u: Signals) -> Array | None:
+        """Return the error of its task, shape (m,); None if it does not see all of it."""
+        if "p_WE" not in u or "p_WE_desired" not in u:
+            return None
+        away = u["p_WE_desired"] - u["p_WE"]
+        if self.edge.scales.size == away.size:
+            return away
+        if "R_WE" not in u or "R_WE_desired" not in u:
+            return None
+        return np.concatenate((rotation_error(u["R_WE"], u["R_WE_desired"]), away))
 
     def resumed(self, x: Array, q: Array, v: Array, a: Array, elapsed: float | None = 0.0) -> Array:
         size, motion = self.wanting.state.size, {"commanded": q, "v": v, "a": a}

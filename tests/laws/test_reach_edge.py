@@ -6,7 +6,7 @@ from adaptive_helpers import HOME, LIMITS, PANDA, adaptive
 
 from drake_rnn import load_experiment, run_many
 from drake_rnn.laws.parts.approach import approach
-from drake_rnn.laws.parts.reach_edge import ReachEdge, freed
+from drake_rnn.laws.parts.reach_edge import ReachEdge
 
 JERKY = LIMITS.replace(jerk=20.0)
 EDGE = ReachEdge(JERKY, np.ones(3), 1e-3)
@@ -35,7 +35,7 @@ def law(**fields):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("case", [{}, {"task": "pose"}])
+@pytest.mark.parametrize("case", [{}, {"task": "pose"}, {"arm": "panda"}])
 def test_an_arm_comes_to_rest_where_its_target_is_out_of_reach(case):
     """Without the bound of the jerk it did so before."""
     many, swing, last = runs(law() | case)
@@ -50,7 +50,6 @@ def test_an_arm_comes_to_rest_where_its_target_is_out_of_reach(case):
 @pytest.mark.long
 def test_without_braking_before_the_edge_it_swings(monkeypatch):
     monkeypatch.setattr(ReachEdge, "at", lambda *_: None)
-    monkeypatch.setattr(ReachEdge, "softness", lambda _, softness, __: (softness, False))
     _, swing, last = runs(law())
     assert swing[0] > 0.2
     assert last[0] > 0.2
@@ -64,21 +63,19 @@ def test_with_a_learned_jacobian_it_comes_to_rest_too():
 
 
 def test_what_is_left_of_a_way_can_be_braked():
-    """At most a quarter of the acceleration is needed, and as much of the jerk."""
+    """At most a quarter of the acceleration is needed, and an eighth of the jerk."""
     way = np.geomspace(1e-4, 3.0, 4000)
     speed = EDGE.speed(way)
     assert (np.diff(speed) > 0.0).all()
     acceleration = np.gradient(speed, way) * speed
     jerk = np.gradient(acceleration, way) * speed
-    assert acceleration.max() <= 0.25 * JERKY.acceleration.min() * 1.01
-    # But for corners of the acceleration.
-    assert np.quantile(abs(jerk), 0.99) <= 0.25 * JERKY.jerk.min() * 1.01
+    assert acceleration.max() <= 0.25 * JERKY.acceleration.min() * 1.06
+    assert np.quantile(abs(jerk), 0.99) <= 0.125 * JERKY.jerk.min() * 1.01
 
 
 def met(edge, J, error, q, softness):
     whole = approach(error, 100.0, 0.05, 0.1)
-    free = edge.free(J, error, q)
-    at = edge.at(free, edge.length(whole))
+    at = edge.at(edge.free(J, error, q), error, whole)
     if at is None:
         return whole
     return edge.feedback(
@@ -125,23 +122,38 @@ def test_a_joint_at_its_limit_brings_nothing():
         np.testing.assert_array_equal(free[:, 1:], J[:, 1:])
 
 
-def test_preferred_velocities_are_freed_of_what_acts_on_the_task():
-    J, g = PANDA.J(HOME), np.linspace(-1.0, 1.0, 7)
-    left = freed(g, J, J, 1e-9 * np.eye(3), True)
-    np.testing.assert_allclose(J @ left, 0.0, atol=1e-7)
-    np.testing.assert_allclose(left + J.T @ np.linalg.solve(J @ J.T, J @ g), g, atol=1e-7)
-    assert freed(g, J, J, 1e-9 * np.eye(3), False) is g
+def test_a_target_within_reach_is_not_braked_for():
+    """The direction has 0.0016 m before its edge, by the growth of 0.5 m/rad."""
+    _, axes = np.linalg.eigh(STRETCHED @ STRETCHED.T)
+    S = 1e-6 * np.eye(3)
+    for way, inside in ((0.0015, True), (0.02, False)):
+        error = way * axes[:, 0]
+        whole = approach(error, 100.0, 0.05, 0.1)
+        assert (met(EDGE, STRETCHED, error, HOME, S) == whole).all() == inside
+
+
+def test_preferred_velocities_fade_at_the_edge_and_can_be_braked():
+    g = np.array([3.0, -3.0, 0.1, 0.0, 0.0, 0.0, 0.0])
+    np.testing.assert_array_equal(EDGE.preferred(g, 1.0, 1.0), g)
+    most = 0.5 * EDGE.speed(np.array([3.0]))[0]
+    assert most < 1.0
+    near = EDGE.preferred(g, 1.0, 1e-3)
+    np.testing.assert_allclose(near[:3], 1e-6 * np.array([most, -most, 0.1]), rtol=5e-3)
+    np.testing.assert_array_equal(EDGE.preferred(g, 0.0, 0.5), 0.25 * g)
 
 
 def test_what_a_law_wants_behind_a_safety_is_braked_near_the_edge_alone():
-    wild = 3.0 * _RIGHT[0] + 2.0 * _RIGHT[1]
-    v = EDGE.braked(wild, STRETCHED, HOME)
+    wild, aside = 3.0 * _RIGHT[0] + 2.0 * _RIGHT[1], 5.0 * _RIGHT[4]
+    out = np.linalg.eigh(STRETCHED @ STRETCHED.T)[1][:, 0]
+    v = EDGE.braked(wild + aside, STRETCHED, 0.5 * out, HOME)
     most = EDGE.speed(np.array([0.08]))[0]
     assert 0.0 < _RIGHT[0] @ v < 1.2 * most < 0.3
-    np.testing.assert_allclose(_RIGHT[1:] @ v, [2.0, 0.0, 0.0, 0.0, 0.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(_RIGHT[1:4] @ v, [2.0, 0.0, 0.0], atol=1e-9)
+    assert 0.0 < _RIGHT[4] @ v < 0.05
     calm = 1e-4 * _RIGHT[0]
-    assert EDGE.braked(calm, STRETCHED, HOME) is calm
-    assert EDGE.braked(wild, PANDA.J(HOME), HOME) is wild
+    assert EDGE.braked(calm, STRETCHED, 0.5 * out, HOME) is calm
+    assert EDGE.braked(wild, STRETCHED, 0.001 * out, HOME) is wild
+    assert EDGE.braked(wild, PANDA.J(HOME), 0.001 * out, HOME) is wild
 
 
 def test_the_numbers_that_a_law_gives():

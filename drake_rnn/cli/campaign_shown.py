@@ -107,7 +107,7 @@ def statistics_sheet(summary: Summary) -> Sheet:
     """Return a table of the metrics, without rows if there are none."""
     quantiles = summary.metrics[0].quantiles if summary.metrics else ()
     columns = [f"{probability:g} quantile" for probability in quantiles]
-    columns += ["worst", "row", "follows most"]
+    columns += ["worst", "row", "strongest correlation"]
     sheet = Sheet(
         (Column(Heading("metric")), *(Column(Heading(each), right=True) for each in columns))
     )

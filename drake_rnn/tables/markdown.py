@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from .sheet import Cell, Heading, Sheet
 
 #: Mark of a number that is outside its bound, and what it means.
-BROKEN, BROKEN_MEANS = "†", "outside the bound that it is expected to keep"
+BROKEN, BROKEN_MEANS = "†", "violates its acceptance bound"
 
 
 def markdown(sheet: Sheet) -> str:

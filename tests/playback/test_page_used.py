@@ -185,7 +185,7 @@ def test_curves_of_two_units_are_drawn_together_and_of_no_third(blind: Any, page
     for key in ("margin", "velocity_ratio"):
         blind.find_element("css selector", f"[data-curve={key}]").click()
     assert "curve=position_error,margin" in ask(blind, "playback.link")
-    assert "two axes, which are taken by m and rad" in text(blind, "#notice")
+    assert "both y axes are in use (m, rad)" in text(blind, "#notice")
 
 
 def test_saved_curves_are_those_of_the_run(blind: Any, pages: Any, runs: list[Result]) -> None:

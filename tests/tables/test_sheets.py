@@ -47,7 +47,7 @@ def test_a_number_beyond_its_bound_is_marked_and_the_mark_is_explained(tmp_path)
     assert r"1.25$^\dagger$ \\" in latex
     assert "1.25 †" in page
     for text in (latex, page):
-        assert text.count("outside the bound") == 1
+        assert text.count("violates its acceptance bound") == 1
         assert "<=" not in text
     assert "outside" not in written(by_columns(), tmp_path, ".tex")
     with (tmp_path / "folder" / "table.csv").open("w+") as stream:

@@ -12,7 +12,7 @@ from ..options import Checked, Figures, One, Playback, Url
 
 @options
 class Drive(Checked):
-    """Let a robot carry out an experiment, with watches that bring it to rest."""
+    """Run an experiment on a robot, with safety monitors."""
 
     experiment: One
     robot: Annotated[

@@ -37,7 +37,7 @@ const choosing = {
     const units = unitsOf(chosen);
     if (units.length > 2) {
       const [first, second, third] = units.map((unit) => (unit === "1" ? "ratios" : raised(unit)));
-      notice(`The chart has two axes, which are taken by ${first} and ${second}; there is none for ${third}.`);
+      notice(`Cannot add ${third}: both y axes are in use (${first}, ${second}).`);
       return;
     }
     chart.setChosen(chosen);

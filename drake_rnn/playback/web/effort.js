@@ -12,12 +12,12 @@ const effort = {
   done: 0,
   steps: [
     {
-      said: "Shadows are left out, as this browser draws slowly.",
+      said: "No shadows: slow graphics.",
       spare() { objectAt("Lights/FillLight").castShadow = false; },
       restore() { objectAt("Lights/FillLight").castShadow = true; },
     },
     {
-      said: "The picture is coarser, as this browser draws slowly.",
+      said: "Reduced quality: slow graphics.",
       spare() { this.ratio = viewer.renderer.getPixelRatio(); setRatio(0.5); },
       restore() { setRatio(this.ratio); },
     },

@@ -22,12 +22,7 @@ NAMES = [
     for name in shipped_experiments()
     if ("jdf" in name or name == "man_clover") and not name.endswith("_pen")
 ]
-# One run of each law, the last with motors.
-QUICK = (
-    "man_clover",
-    "galjdf_clover",
-    "naljdf_clover",
-)
+QUICK = ("naljdf_clover",)
 # Runs that are there to be cut to their bound.
 CUT = ("galjdf_clover_bound", "naljdf_nephroid")
 # Largest position error [m] and velocity error [m/s], mean joint drift [rad], by lambda.

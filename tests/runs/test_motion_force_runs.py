@@ -12,8 +12,8 @@ from drake_rnn import InvalidInputError, SimulationError, load_experiment, simul
 from limit_helpers import broken
 from shared_runs import shared_run
 
-QUICK = ["motion_force_tricuspid"]
 LONG = [
+    "motion_force_tricuspid",
     "motion_force_cat",
     "motion_force_tricuspid_w",
     "contact_approach",
@@ -49,7 +49,6 @@ def metrics(name, **changes):
 @pytest.mark.parametrize(
     "name",
     [
-        *QUICK,
         *(pytest.param(name, marks=pytest.mark.long) for name in LONG),
         *(pytest.param(name, marks=pytest.mark.nightly) for name in NIGHTLY),
     ],

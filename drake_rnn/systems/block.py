@@ -14,6 +14,8 @@ from ..signals import SIGNALS, Signal, View
 
 # Attribute in which pydrake lets systems, ports, builders and diagrams keep each other alive.
 _PEERS = "_pydrake_internal_ref_cycle_peers"
+# Attribute of a diagram that is released, with its systems, which do not refer to it any more.
+_SYSTEMS = "_systems"
 # Attribute of a block with the functions that Drake calls.
 _CALLED = "_called"
 
@@ -123,19 +125,30 @@ def release(diagram: System) -> None:
 
     Without this it is freed when Python's garbage collector next looks at old objects, which is
     seldom: pydrake lets a diagram, its builder, its systems and their ports keep each other alive.
-    A diagram with systems in Python, or with a port that is read by one, must not be evaluated
-    afterwards; one of Drake's own systems may be for as long as it is held.
+    Of a diagram with systems in Python, or with a port that is read by one, nothing that needs
+    them can be evaluated afterwards: a ReferenceError is raised. One of Drake's own systems may be
+    evaluated for as long as the diagram is held.
 
     Args:
         diagram: The diagram.
     """
     waiting: list[Any] = [diagram]
+    systems: list[Any] = []
     while waiting:
-        system = waiting.pop()
-        waiting.extend(getattr(system, _PEERS, ()))
-        for name in (_PEERS, _CALLED):
-            if hasattr(system, name):
-                delattr(system, name)
+        peer = waiting.pop()
+        if isinstance(peer, System) and peer is not diagram:
+            systems.append(peer)
+        if hasattr(peer, _CALLED):
+            delattr(peer, _CALLED)
+        if hasattr(peer, _PEERS):
+            peers = getattr(peer, _PEERS)
+            # Made with nanobind, pydrake keeps the functions that Drake calls there, too.
+            functions = {each for each in peers if isinstance(each, tuple)}
+            waiting.extend(each for each in peers if each not in functions)
+            delattr(peer, _PEERS)
+            if functions:
+                setattr(peer, _PEERS, functions)
+    setattr(diagram, _SYSTEMS, systems)
 
 
 @contextmanager

@@ -6,6 +6,7 @@ import weakref
 from contextlib import contextmanager
 
 import pytest
+from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem
 
 import drake_rnn.systems
@@ -106,16 +107,29 @@ def test_a_diagram_that_is_released_is_freed_at_once():
         assert freed() is None
 
 
-@pytest.mark.skipif(
-    Collectable is type(LeafSystem), reason="pydrake made with nanobind ends the process there"
-)
-def test_what_is_released_is_not_evaluated_and_does_not_crash():
+@pytest.mark.parametrize("held", [True, False])
+def test_what_is_released_is_not_evaluated_and_does_not_crash(held):
+    """The diagram holds its systems, which no longer hold it."""
     diagram, block = in_diagram()
-    context = diagram.CreateDefaultContext()
-    diagram.get_input_port().FixValue(context, [3.0])
+    before = diagram.CreateDefaultContext()
     release(diagram)
-    with pytest.raises(ReferenceError):
-        block.get_output_port(0).Eval(block.GetMyContextFromRoot(context))
+    if not held:
+        freed = weakref.ref(block)
+        del block
+    for context in (before, diagram.CreateDefaultContext()):
+        diagram.get_input_port().FixValue(context, [3.0])
+        for port in range(3):
+            with pytest.raises(ReferenceError):
+                diagram.get_output_port(port).Eval(context)
+    if held:
+        with pytest.raises(ReferenceError):
+            Simulator(diagram).Initialize()
+    else:
+        assert freed() is not None
+        del diagram, context, before
+        # A port that is asked for and its diagram keep each other alive.
+        gc.collect()
+        assert freed() is None
 
 
 @pytest.mark.parametrize(

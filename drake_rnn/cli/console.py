@@ -18,8 +18,9 @@ from .statuses import BAD_INPUT, FAILED, INTERRUPTED, NOT_MET
 
 # Width of tables in a pipe or a file [characters].
 _WIDTH = None if sys.stdout.isatty() else 140
-out = Console(width=_WIDTH, soft_wrap=False, highlight=False)
-err = Console(stderr=True, soft_wrap=True, highlight=False)
+# Without emoji: of a user's text such as a:b:c, a part is none.
+out = Console(width=_WIDTH, soft_wrap=False, highlight=False, emoji=False)
+err = Console(stderr=True, soft_wrap=True, highlight=False, emoji=False)
 
 #: Width of a console on which no table is squeezed [characters].
 WIDE = 10_000
@@ -84,7 +85,7 @@ def _print_trimmed(table: Table, width: int) -> None:
         return
     # Drawn beside `out`, which may be captured: Rich's captures cannot be nested.
     drawn = StringIO()
-    Console(width=width, highlight=False, file=drawn).print(table)
+    Console(width=width, highlight=False, emoji=False, file=drawn).print(table)
     lines = (line.rstrip() for line in drawn.getvalue().splitlines())
     out.print(Text("\n".join(lines)), soft_wrap=True)
 

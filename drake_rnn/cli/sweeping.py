@@ -98,7 +98,7 @@ def _print_and_write(
         learning_figure(keys, rows, folder / f"learning.{form}", units),
     ]
     # On a terminal, too: what does not fit beside is in tables of their own.
-    wide = Console(width=WIDE, highlight=False, quiet=out.quiet)
+    wide = Console(width=WIDE, highlight=False, emoji=False, quiet=out.quiet)
     for table in sweep_tables(sheet, len(keys), out.width if out.is_terminal else None):
         wide.print(table)
     out.print(escape(f"table    {folder / 'sweep.csv'}"), soft_wrap=True)

@@ -20,8 +20,8 @@ from .turning import aligned
 _ROUNDING = 1e-3
 # Largest sum of a leg's blends, relative to the leg.
 _FULL = 1.0 + 1e-9
-# Least time between two waypoints [s].
-_SOONEST = 1e-3
+# Least time between two waypoints, and the latest time of one, as of a period [s].
+_SOONEST, _LATEST = 1e-3, 1e6
 
 
 def _rows(width: int, what: str) -> BeforeValidator:
@@ -254,6 +254,8 @@ def _increasing(times: Array, table: Table) -> Array:
                 f"row {row}: must be at least {_SOONEST:g} s after the row before it, not "
                 f"{time - before:g}"
             )
+        if time > _LATEST:
+            raise ValueError(f"row {row}: times may be up to {_LATEST:g} s, not {time:g}")
     return times
 
 

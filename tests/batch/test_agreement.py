@@ -150,6 +150,7 @@ def test_a_network_that_amplifies_rounding_does_so_in_the_diagram_as_well(name):
     assert agreement(experiment).position < 100 * apart
 
 
+@pytest.mark.long
 def test_which_shipped_experiments_can_run():
     for name in (*QUICK, *PRINTED, *REST):
         assert why_not(load_experiment(name)) is None

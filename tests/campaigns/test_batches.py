@@ -60,6 +60,7 @@ def test_a_batch_gives_the_same_table_to_the_last_bit_however_it_is_cut(tmp_path
     assert tables[0] == tables[1] == tables[2]
 
 
+@pytest.mark.long
 def test_a_row_of_a_batch_is_that_of_a_simulation_but_for_rounding(tmp_path):
     run_campaign(KNOWN, tmp_path / "batch", jobs=0)
     run_campaign({**KNOWN, "method": "simulate"}, tmp_path / "simulate", jobs=0)
@@ -93,6 +94,7 @@ def test_what_is_refused_and_what_fails_is_a_row_as_in_a_simulation(tmp_path, ba
     assert told == ["complete", "failed", "refused", "failed", "complete", "refused"]
 
 
+@pytest.mark.long
 def test_an_interrupted_batch_loses_its_own_rows_and_goes_on(tmp_path):
     def interrupt(ended, runs, outcome):
         if ended == 3:

@@ -72,6 +72,7 @@ def test_messages_are_those_of_the_driver_and_others_are_noticed():
         connected("nonsense")
 
 
+@pytest.mark.long
 def test_a_limit_stop_is_noticed_by_the_lag():
     connection, _ = simulated(known(), faults=Faults(deaf=np.inf, at=0.4))
     result, driven = drive_experiment(known(), IIWA, connection)

@@ -58,6 +58,7 @@ def test_what_is_no_width_is_refused(text):
         parse_width(text)
 
 
+@pytest.mark.long
 def test_a_pdf_is_as_wide_as_asked_and_has_its_fonts_in_it(result, tmp_path):
     paper = Paper("pdf", COLUMN, "journal")
     (file,) = write_figures(result, tmp_path, ["position_error"], paper)

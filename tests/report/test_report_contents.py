@@ -120,6 +120,7 @@ def test_files_of_a_users_own_are_not_touched(tiny, report, tmp_path):
     assert (own.read_text(), notes.read_text()) == ("mine", "mine")
 
 
+@pytest.mark.long
 def test_a_kept_run_that_is_damaged_is_made_again_if_asked(tiny, report, simulated):
     folder = report(tiny()).folder
     (metrics, *_) = sorted(folder.rglob("metrics.json"))

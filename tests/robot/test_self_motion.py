@@ -232,6 +232,7 @@ def test_the_start_is_where_it_ends_if_it_is_the_target():
 
 @settings(max_examples=200)
 @given(st.sampled_from(["panda", "iiwa14", "planar6"]), st.integers(0, 2**31), st.booleans())
+@pytest.mark.long
 def test_a_joint_that_is_pressed_against_its_limit_stops_there_and_the_others_go_on(
     name, seed, begins_there
 ):
@@ -256,6 +257,7 @@ def test_a_joint_that_is_pressed_against_its_limit_stops_there_and_the_others_go
 
 @settings(max_examples=40)
 @given(st.sampled_from(["panda", "planar6"]), st.integers(0, 2**31))
+@pytest.mark.long
 def test_a_start_outside_the_limits_comes_inside(name, seed):
     """By up to 0.1 rad in one joint, whether or not the target can be reached."""
     rng = np.random.default_rng(seed)

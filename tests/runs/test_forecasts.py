@@ -27,6 +27,7 @@ def test_a_forecast_stands_unless_the_run_disproves_it(metrics, stands):
     assert standing([ASKS, NEAR], metrics) == ([ASKS.text] if stands else []) + [NEAR.text]
 
 
+@pytest.mark.long
 def test_a_law_that_takes_its_path_within_the_limit_is_not_warned_of_it():
     """NALJDF returns to its posture, and needs 0.99 of what the least velocities do."""
     limit = {"limits.acceleration": 0.335, "path.timing": "ramps", "accept": None}

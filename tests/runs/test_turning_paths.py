@@ -110,6 +110,7 @@ def test_position_and_orientation_are_followed(arm):
     assert found["orientation_error_rms_rad"] < found["orientation_error_max_rad"]
 
 
+@pytest.mark.long
 def test_the_error_falls_with_the_period():
     error = {}
     for period in (1e-3, 2e-3):

@@ -23,6 +23,7 @@ _NUMBER = re.compile(r"\d")
 _WORDS = re.compile(r"[A-Za-z]")
 
 
+@pytest.mark.long
 def test_no_table_is_older_than_what_made_it() -> None:
     older = [f"{table.page}:{table.line}: {table.command}" for table in stale()]
     assert not older, (

@@ -15,6 +15,7 @@ from drake_rnn.playback import playback_in_notebook, write_playback
 from drake_rnn.runs.simulation import simulate
 from process_helpers import wait_for
 
+pytestmark = pytest.mark.long
 DURATION = 2.0
 
 
@@ -70,7 +71,6 @@ def test_a_playback_plays_without_a_network(browser: Any, known: Any, tmp_path: 
     assert {url for url in urls if not url.startswith("data:")} == {page.as_uri()}
 
 
-@pytest.mark.long
 def test_a_film_is_seen_without_bars(browser: Any, known: Any, tmp_path: Path) -> None:
     """Whatever is asked for in one script is in the picture that the same script takes."""
     open_page(browser, write_playback(known, tmp_path / "playback.html", 8))
@@ -92,7 +92,9 @@ def test_a_film_is_seen_without_bars(browser: Any, known: Any, tmp_path: Path) -
     "size",
     [
         (140, 240),
-        *(pytest.param(s, marks=pytest.mark.long) for s in ((240, 140), (320, 200), (1000, 250))),
+        (240, 140),
+        (320, 200),
+        (1000, 250),
     ],
 )
 def test_the_arm_is_in_a_picture_of_any_shape(
@@ -112,7 +114,6 @@ def test_the_arm_is_in_a_picture_of_any_shape(
         assert 0.5 < reach.max() < 1.0
 
 
-@pytest.mark.long
 def test_a_frame_of_a_notebook_has_room_for_the_arm(
     browser: Any, known: Any, tmp_path: Path
 ) -> None:
@@ -129,7 +130,6 @@ def test_a_frame_of_a_notebook_has_room_for_the_arm(
     assert messages(browser) == []
 
 
-@pytest.mark.long
 def test_the_ghost_stands_still_while_the_arm_comes_to_it(browser: Any, tmp_path: Path) -> None:
     result = simulate(load_experiment("modified_state_adjustment"))
     open_page(browser, write_playback(result, tmp_path / "playback.html"))
@@ -148,7 +148,6 @@ def test_the_ghost_stands_still_while_the_arm_comes_to_it(browser: Any, tmp_path
     assert messages(browser) == []
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("size", [(900, 600), (390, 800)])
 def test_labels_are_below_their_drawings_in_any_window(
     browser: Any, tmp_path: Path, size: tuple[int, int]

@@ -19,6 +19,7 @@ from drake_rnn import Result, load_experiment, simulate, write_playback
 from process_helpers import wait_for
 
 Keys = pytest.importorskip("selenium.webdriver", reason="selenium is not installed").Keys
+pytestmark = pytest.mark.long
 DURATION = 0.8
 CHANGES = {
     "duration": DURATION,
@@ -145,7 +146,7 @@ def test_values_are_told_where_the_pointer_is(blind: Any, pages: Any, runs: list
     assert ask(blind, "playback.time") == 0.1
 
 
-@pytest.mark.parametrize("size", [DESKTOP, pytest.param(PHONE, marks=pytest.mark.long)])
+@pytest.mark.parametrize("size", [DESKTOP, PHONE])
 @pytest.mark.parametrize("address", ["", "&curve=position_error,margin", "&zoom=0.2,0.6"])
 def test_slider_and_chart_share_the_axis_of_time(
     blind: Any, pages: Any, size: tuple[int, int], address: str

@@ -32,7 +32,7 @@ RUNS = {
 # Times that are those of a frame and of a sample as well [s].
 TIMES = (0.0, 0.75, 1.5, 2.25)
 # Without and with a force; of the others nothing is drawn in a way of its own.
-MARKS = {"slc_nephroid_warm_up": (), "contact_circle": pytest.mark.long}
+MARKS = dict.fromkeys(("slc_nephroid_warm_up", "contact_circle"), pytest.mark.long)
 EACH = [pytest.param(name, marks=MARKS.get(name, pytest.mark.nightly)) for name in RUNS]
 PREFIXES = {"": 1.0, "m": 1e-3, "µ": 1e-6, "n": 1e-9}
 LIGHTEST = 12.0
@@ -90,7 +90,6 @@ def number(text: str, unit: str) -> float:
     return float(value.replace("−", "-")) * (1.0 if unit == "1" else PREFIXES[prefix])
 
 
-@pytest.mark.long
 def test_the_arm_is_where_the_run_had_it(browser: Any, shown: Any) -> None:
     """Every moving link: Meshcat keeps poses as numbers of 32 bits."""
     result, _ = shown

@@ -134,6 +134,7 @@ def test_nothing_is_drawn_before_the_tool_touches(approach: Result, approach_pag
     assert len(time) >= 5
 
 
+@pytest.mark.long
 def test_strokes_appear_one_after_another(approach_page: Page) -> None:
     time, faces = approach_page.grows("/traced/path")
     assert np.all(np.diff(time) >= 0)
@@ -149,6 +150,7 @@ def test_once_contact_is_lost_the_drawing_stays_as_it_is(edge: Result, edge_page
     assert time[-1] == pytest.approx(lost)
 
 
+@pytest.mark.long
 def test_nothing_is_drawn_beyond_the_edge(edge: Result, edge_page: Page) -> None:
     """The path continues there, and so does the ball, which touches the edge with its side."""
     plate = edge.experiment.contact.surface

@@ -114,6 +114,7 @@ def test_three_points_hold_the_pose():
     assert result.metrics["position_error_max_m"] < 1e-3
 
 
+@pytest.mark.long
 def test_an_arm_with_motors_is_seen_where_it_is():
     changes = {"level": "dynamic", "duration": 2.0, "window": [1.5, 2.0], "accept": None}
     result = simulate(load_experiment("adaptive_camera", changes))
@@ -164,6 +165,7 @@ def test_random_cameras_points_and_guesses_of_J():
     assert found.excess.max() <= 1e-9
 
 
+@pytest.mark.long
 def test_without_the_rule_of_leaps_another_camera_is_not_taken_to():
     """Of three, two or more are lost; with the rule none is."""
     case, seeds = Case(swaps=True, duration=5.5), range(3)

@@ -103,6 +103,7 @@ def test_other_libraries_are_given_the_capsules_and_pairs_that_the_judge_has(wal
 
 
 @pytest.mark.parametrize("scene", ["walls", "balls"])
+@pytest.mark.long
 def test_distances_in_jax_are_those_of_the_judge(scene, request):
     pytest.importorskip("jax")
     from peer_schemes.jax_distances import Things, gaps_of

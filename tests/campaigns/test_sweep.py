@@ -259,6 +259,7 @@ def test_an_interrupted_sweep_has_the_rows_so_far_and_goes_on(tmp_path, monkeypa
     assert not keep.exists()
 
 
+@pytest.mark.long
 def test_an_interrupted_command_writes_what_it_has_and_goes_on(tmp_path, monkeypatch):
     begun = interrupt_at(monkeypatch, 1)
     words = ["sweep", KNOWN, "--over", "law.kappa=1,2,4", "--duration", "0.05", "--out"]

@@ -41,6 +41,7 @@ def test_a_folder_that_cannot_be_written_to_is_told_before_anything_runs(tmp_pat
     assert (tmp_path / "out" / KNOWN).read_text() == "here"
 
 
+@pytest.mark.long
 def test_a_run_that_fails_saves_what_there_was_and_names_the_time(tmp_path, breaks, drawn):
     breaks(0.03)
     result = call("run", KNOWN, "--out", tmp_path, "--no-playback", *SHORT)

@@ -182,6 +182,7 @@ def test_a_tool_touches_as_one_that_is_written_into_the_model(tmp_path):
         np.testing.assert_array_equal(other.series[name], one.series[name], err_msg=name)
 
 
+@pytest.mark.long
 def test_a_gripper_beside_the_tool_passes_through_the_surface_and_is_told(tmp_path):
     """Only the tool makes contact, whatever collision geometry a model has; 1e-9 N: rounding."""
     text, home = (MODELS / "iiwa14" / "iiwa14.urdf").read_text(), IIWA.home.tolist()

@@ -88,6 +88,7 @@ def copied(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ),
     ],
 )
+@pytest.mark.long
 def test_what_is_edited_makes_its_tables_old(
     copied: Path, file: str, before: str, after: str, older: str | None
 ) -> None:

@@ -60,6 +60,7 @@ def test_which_figures_there_are(galjdf, moaljdf, windowed):
 
 
 @pytest.mark.parametrize("name", [*OF_PATH, "joint_torques"])
+@pytest.mark.long
 def test_panels_have_units_and_no_text_is_cut_off(galjdf, moaljdf, name):
     for result in (galjdf, moaljdf):
         if name not in drawable(result):

@@ -80,6 +80,7 @@ def test_msa_settles_in_the_papers_time(runs, case, time):
     assert runs(CASE[case]).metrics["joint_settling_time_s"] == pytest.approx(time, abs=0.02)
 
 
+@pytest.mark.long
 def test_the_end_effector_does_move_meanwhile(runs):
     """'No obvious displacement' is millimetres in MSA, ten times that of SA."""
     drift = {name: runs(name).metrics["end_effector_drift_max_m"] for name in EXPERIMENTS}

@@ -16,8 +16,6 @@ LAWS = ["recursive_{}_printed", "recursive_{}", "pinv_{}", "rnn_{}_smooth", "str
 NAMES = [law.format(shape) for shape in SHAPES for law in LAWS]
 # Runs that are others under another name, see below.
 SAME = [law.format(shape) for shape in SHAPES for law in ("rnn_{}", "pinv_{}_smooth")]
-# One run of each law.
-QUICK = ("recursive_circle",)
 MARKS = {"circle": pytest.mark.long, "square": pytest.mark.nightly}
 # Of the errors as they were first measured [m].
 ERRORS = {
@@ -43,10 +41,7 @@ def ratios(result):
 
 @pytest.mark.parametrize(
     "name",
-    [
-        pytest.param(name, marks=() if name in QUICK else MARKS[name.split("_")[1]])
-        for name in (*NAMES, *SAME)
-    ],
+    [pytest.param(name, marks=MARKS[name.split("_")[1]]) for name in (*NAMES, *SAME)],
 )
 def test_it_comes_to_what_its_document_expects(name):
     result = shared_run(name)

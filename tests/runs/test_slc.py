@@ -90,6 +90,7 @@ def test_without_the_acceleration_bound_it_is_far_exceeded(unbounded, known):
     )
 
 
+@pytest.mark.long
 def test_the_bound_costs_settling_time(unbounded, known):
     assert unbounded["settling_time_s"] < 1.3 < known["settling_time_s"]
 

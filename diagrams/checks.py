@@ -9,6 +9,7 @@ from typing import Any
 from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 
 from ..errors import InvalidInputError
+from ..features.camera import ImageSource, ToolCamera
 from ..features.filter import MovingAverage
 from ..features.joint_noise import JointNoise
 from ..features.locks import JointLocks
@@ -17,11 +18,9 @@ from ..inputs.complaints import nearest, require_type
 from ..inputs.dataclass_fields import field_names
 from ..laws import Law
 from ..robot.task import TASKS, tasks_suiting
-from ..robot.tool_camera import ToolCamera
 from ..signals import HINTS
 from ..systems.body import Body, Feedback
 from ..systems.controllers import Controller
-from ..systems.image_source import ImageSource
 from ..systems.joint_reference import JointReference
 from ..systems.kinematics import Kinematics
 from ..systems.path_source import PathSource

@@ -16,18 +16,17 @@ from pydrake.systems.framework import Diagram, InputPort, OutputPort, System
 from pydrake.systems.primitives import Adder, Integrator, VectorLogSink
 
 from .. import colours
+from ..features.camera import Camera, ImageSource
 from ..features.filter import MovingAverage
 from ..features.joint_noise import HeldNoise
 from ..inputs.complaints import require_type
 from ..systems import (
     Body,
-    Camera,
     ContactReference,
     Controller,
     Dynamics,
     ForceSensor,
     ForceWatch,
-    ImageSource,
     JointReference,
     JointSensor,
     Kinematics,

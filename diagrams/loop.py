@@ -10,13 +10,12 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import Adder, Integrator, MatrixGain
 
+from ..features.camera import Camera, ToolCamera
 from ..features.filter import MovingAverage
 from ..features.joint_noise import HeldNoise, JointNoise
 from ..features.locks import JointBrakes, JointLocks
 from ..inputs.complaints import require_type
-from ..robot.tool_camera import ToolCamera
 from ..systems.body import Body, Feedback
-from ..systems.camera import Camera
 from ..systems.contact import Contact
 from ..systems.contact_reference import ContactReference
 from ..systems.controllers import Controller

@@ -146,6 +146,11 @@ from .robot.arm_screws import screws_of as screws_of
 from .robot.clearance import Clearance as Clearance
 from .robot.clearance.arm_clearance import arm_clearance as arm_clearance
 from .robot.clearance.described_obstacles import make_obstacles as make_obstacles
+from .features.camera import (
+    CameraSwap as CameraSwap,
+    ImageSource as ImageSource,
+    ToolCamera as ToolCamera,
+)
 from .features.filter import FilterSettings as FilterSettings, MovingAverage as MovingAverage
 from .features.joint_noise import (
     DisturbanceSettings as DisturbanceSettings,
@@ -167,7 +172,6 @@ from .robot.report import ArmReport as ArmReport, arm_report as arm_report
 from .robot.screws import Screws as Screws, side_by_side as side_by_side
 from .robot.self_motion import SelfMotion as SelfMotion
 from .robot.task import TASKS as TASKS
-from .robot.tool_camera import CameraSwap as CameraSwap, ToolCamera as ToolCamera
 from .robot.tool_description import ToolDescription as ToolDescription
 from .runs import (
     Result as Result,
@@ -187,7 +191,6 @@ from .systems import (
     Feedback as Feedback,
     ForceProfile as ForceProfile,
     IdealArm as IdealArm,
-    ImageSource as ImageSource,
     JointReference as JointReference,
     Kinematics as Kinematics,
     PathSource as PathSource,

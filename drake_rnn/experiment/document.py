@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 from pydrake.systems.analysis import GetIntegrationSchemes
 
+from ..features.camera import ToolCamera
 from ..features.filter import FilterSettings
 from ..features.joint_noise import DisturbanceSettings, DitherSettings, JointNoise
 from ..features.locks import JointLock
@@ -23,7 +24,6 @@ from ..laws import Law
 from ..measures import METRIC_NAMES
 from ..paths import RecordedTargets
 from ..robot.task import TASKS
-from ..robot.tool_camera import ToolCamera
 from ..systems import BODIES
 from ..systems.body import Feedback
 from ..systems.contact_reference import ForceProfile

@@ -11,6 +11,7 @@ from warnings import warn
 from pydrake.trajectories import Trajectory
 
 from ..errors import InvalidInputError
+from ..features.camera import check_seen
 from ..features.filter import FilterDelay, delay_doubts, filter_delay
 from ..features.locks import JointLocks, lock_doubts
 from ..features.pairs import Combination
@@ -30,7 +31,6 @@ from ..robot.limits import JointLimits
 from ..robot.task import Task, named_task
 from ..systems import BODIES, Body, Contact, Feedback, ObstacleMotions
 from .arms import Arms
-from .camera import check_seen
 from .contact import contact_doubts
 from .document import ExperimentDocument, combination_of
 from .guarantees import Guarantees, command_guarantee, guarantees_of
@@ -227,7 +227,7 @@ def make_experiment(
     unsure = lock_doubts(parts.locks, parts.law, parts.arm.joints, size)
     start, kinematics = parts.start, arms.shared("kinematics", document.arm, parts.arm.kinematics)
     desired = _placed(parts.path.placed_by(kinematics, start), law)
-    check_seen(parts, desired, kinematics)
+    check_seen(document.camera, desired, document.duration, kinematics, start)
     doubts = contact_doubts(parts, desired)
     found = Experiment(
         document=document,

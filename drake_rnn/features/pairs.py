@@ -13,10 +13,10 @@ from typing import Any, Literal
 
 from ..errors import InvalidInputError
 from ..laws import LAWS, Law, PostureLaw
-from ..robot.tool_camera import ToolCamera
 from ..systems import BODIES, Body
 from ..systems.robot_arm import NO_FORCE
 from ..systems.sensing_settings import SensingSettings
+from .camera import ToolCamera
 from .joint_noise import JointNoise
 
 #: Where an experiment may run besides a diagram that is simulated.

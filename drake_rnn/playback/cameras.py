@@ -9,8 +9,8 @@ from pydrake.geometry import Box, Meshcat, MeshcatAnimation, MeshcatCone, Rgba, 
 from pydrake.math import RigidTransform, RotationMatrix
 
 from .. import colours
+from ..features.camera import ToolCamera
 from ..inputs.fields import Array
-from ..robot.tool_camera import ToolCamera
 from .animation import move
 from .replay import ReplayedMotion
 

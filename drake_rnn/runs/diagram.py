@@ -12,6 +12,7 @@ from pydrake.systems.primitives import MatrixGain
 from ..diagrams import AddLoop, Loop
 from ..diagrams.wiring import ports_of
 from ..experiment import OUTSIDE, Experiment
+from ..features.camera import ImageSource
 from ..features.filter import MovingAverage
 from ..inputs.complaints import require_type
 from ..laws import Law
@@ -21,7 +22,6 @@ from ..signals import DESIRED_ORIENTATION, DESIRED_POSITION
 from ..systems import (
     ContinuousController,
     Controller,
-    ImageSource,
     JointReference,
     LeadingController,
     LedSource,

@@ -1,7 +1,6 @@
 """The systems that diagrams are built from, one per file."""
 
 from .body import Body as Body, Feedback as Feedback, start_posture as start_posture
-from .camera import Camera as Camera
 from .contact import Contact as Contact
 from .contact_force import ContactForce as ContactForce
 from .contact_reference import ContactReference as ContactReference, ForceProfile as ForceProfile
@@ -14,7 +13,6 @@ from .dynamics import Dynamics as Dynamics
 from .force_sensor import ForceSensor as ForceSensor, SensorSettings as SensorSettings
 from .force_watch import ForceWatch as ForceWatch
 from .ideal_arm import IdealArm as IdealArm
-from .image_source import ImageSource as ImageSource
 from .joint_reference import (
     JointReference as JointReference,
     followed_path as followed_path,

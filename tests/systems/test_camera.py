@@ -8,7 +8,7 @@ from pydrake.systems.primitives import TrajectorySource, ZeroOrderHold
 from pydrake.trajectories import PiecewisePolynomial
 
 from drake_rnn import Circle, ImageSource, SensingSettings, ToolCamera, load_arm
-from drake_rnn.systems import Camera
+from drake_rnn.features.camera import Camera
 
 ARM = load_arm("panda")
 KINEMATICS = ARM.kinematics()

@@ -1,0 +1,318 @@
+"""The camera: what it sees of points on a tool, what it should see, and what it asks of a run.
+
+`ToolCamera` is the section ``camera``, with the cameras that come in its place. `Camera` makes
+pixels of the true arm, and `ImageSource` the desired ones of a path; `check_seen` tells before a
+run whether these are in the image.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property, lru_cache
+from itertools import pairwise
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+from pydrake.systems.framework import Context
+
+from ..errors import InvalidInputError
+from ..inputs.complaints import require_type
+from ..inputs.fields import Array, Length, NonNegative, Point, Positive, between, validated, zeros
+from ..inputs.keys import Meaning
+from ..paths import PlacedPath
+from ..robot.kinematics import ArmKinematics
+from ..robot.pinhole import NEAR, Pinhole
+from ..systems.block import Block
+from ..systems.lateness import LateSensor
+from ..systems.path_source import require_time
+from ..systems.sensing_settings import SensingSettings
+from ..systems.white_noise import WhiteNoise
+
+# Sample times carry rounding errors [s].
+_ROUNDING = 1e-9
+# Largest noise that leaves anything to see [px].
+_Noise = Annotated[NonNegative, between(0.0, 100.0)]
+# Number of points of a path that are looked at.
+_SAMPLES = 400
+
+
+@validated
+class CameraSwap(Pinhole):
+    """A camera that comes in place of the former one, all at once."""
+
+    time: Annotated[Positive, Meaning("Time from which on it is the one that sees.", unit="s")]
+
+
+@validated
+class ToolCamera(Pinhole):
+    """A camera that sees points on a tool.
+
+    A law with ``points`` sees pixels in place of the end effector's position, and is told
+    ``pixel_size`` alone: nothing of where the camera is, of its lens, or of where the points are.
+    """
+
+    points: Annotated[
+        Annotated[list[Point], Field(min_length=1, max_length=3)],
+        Meaning(
+            "Positions of one to three points on the tool in its frame E, shape (3,) each.",
+            unit="m",
+        ),
+    ] = Field(default_factory=lambda: [zeros()])
+    noise: Annotated[
+        _Noise,
+        Meaning(
+            "Standard deviation of the normal noise on each coordinate of each pixel.",
+            unit="px",
+        ),
+    ] = 0.0
+    pixel_size: Annotated[
+        Length,
+        Meaning(
+            "What a pixel is taken to be at the tool [m]: the way between two points that the "
+            "camera sees a pixel apart, as well as it is known.",
+            unit="m",
+        ),
+    ] = 1e-3
+    swaps: Annotated[
+        list[CameraSwap],
+        Meaning("Cameras that come in place of this one, in order."),
+    ] = Field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for number in range(1, len(self.points)):
+            for other in range(number):
+                if np.array_equal(self.points[number], self.points[other]):
+                    raise InvalidInputError(
+                        f"camera.points.{number}: must differ from points.{other}, "
+                        f"{self.points[other].tolist()}"
+                    )
+        times = [swap.time for swap in self.swaps]
+        for number, (before, after) in enumerate(pairwise(times), start=1):
+            if after <= before:
+                raise InvalidInputError(
+                    f"camera.swaps.{number}.time: must be after that of the swap before it, "
+                    f"{before:g} s, not {after:g}"
+                )
+
+    @cached_property
+    def size(self) -> int:
+        """Number of coordinates of all pixels, two for each point."""
+        return 2 * len(self.points)
+
+    @property
+    def cameras(self) -> tuple[Pinhole, ...]:
+        """All cameras, in the order in which they see."""
+        return (self, *self.swaps)
+
+    @property
+    def swapped(self) -> tuple[float, float] | None:
+        """Times of the first and the last swap [s]; None without one."""
+        return (self.swaps[0].time, self.swaps[-1].time) if self.swaps else None
+
+    def at(self, t: float) -> Pinhole:
+        """Return the camera that sees at a time.
+
+        Args:
+            t: The time [s].
+        """
+        number = sum(t >= swap.time - _ROUNDING for swap in self.swaps)
+        return self.cameras[number]
+
+    def pixels(self, t: float, p_WE: Array, R_WE: Array) -> Array:
+        """Return the pixels of the points, one point after the other, shape (size,) [px].
+
+        Args:
+            t: Time, which says which camera sees [s].
+            p_WE: Position of the tool, shape (3,) [m].
+            R_WE: Orientation of the tool, shape (3, 3).
+
+        Raises:
+            InvalidInputError: If a point is not in front of the camera.
+        """
+        return self.at(t).seen(self.placed(p_WE, R_WE)).ravel()
+
+    def tool_J(self, t: float, p_WE: Array, R_WE: Array, J_omega: Array, J: Array) -> Array:
+        """Return the image Jacobian, shape (size, n) [px/rad].
+
+        Args:
+            t: Time, which says which camera sees [s].
+            p_WE: Position of the tool, shape (3,) [m].
+            R_WE: Orientation of the tool, shape (3, 3).
+            J_omega: Jacobian of its rotation, shape (3, n).
+            J: Jacobian of its position, shape (3, n) [m].
+
+        Raises:
+            InvalidInputError: If a point is not in front of the camera.
+        """
+        points = self.placed(p_WE, R_WE)
+        arms = (points - p_WE)[:, None, :]
+        # Each joint moves a point along with E, and round it.
+        moved = J.T + np.cross(J_omega.T, arms)
+        seen = self.at(t).J(points) @ np.swapaxes(moved, -1, -2)
+        return seen.reshape(self.size, -1)
+
+    def tool_margin(self, t: float, pixels: Array) -> float:
+        """Return how far the points are from the image's edge [px], less than 0 out of it.
+
+        Args:
+            t: Time, which says which camera sees [s].
+            pixels: Their pixels, shape (size,) [px].
+        """
+        return float(self.at(t).margin(pixels.reshape(-1, 2)).min())
+
+    def placed(self, p_WE: Array, R_WE: Array) -> Array:
+        """Return where the points of a tool are, shape (points, 3) [m].
+
+        Args:
+            p_WE: Position of the tool, shape (3,) [m].
+            R_WE: Orientation of the tool, shape (3, 3).
+        """
+        return np.asarray(p_WE + self._rows @ R_WE.T)
+
+    @cached_property
+    def _rows(self) -> Array:
+        return np.array(self.points)
+
+
+class Camera(LateSensor):
+    """A camera that has a picture of the tool for every sample of the controller.
+
+    Input is ``position_true``, shape (n,) [rad]: the camera sees the true arm. Output is
+    ``pixels``, shape (2 k,) [px], of k points, one after the other.
+
+    Args:
+        camera: The camera, and those that come in its place.
+        settings: Measurements of the joints, whose delay the camera shares.
+        kinematics: Kinematics of the arm.
+        start: Start posture, shape (n,) [rad].
+        period: Sampling period [s].
+        seed: Seed of the noise.
+
+    Raises:
+        InvalidInputError: If the delay is not a multiple of the period, or a point is behind the
+            camera at the start.
+    """
+
+    def __init__(
+        self,
+        camera: ToolCamera,
+        settings: SensingSettings,
+        kinematics: ArmKinematics,
+        start: Array,
+        period: float,
+        seed: int = 0,
+    ) -> None:
+        require_type("camera", camera, ToolCamera)
+        super().__init__(settings, period, WhiteNoise(6, seed, stream=6))
+        self._camera, self._kinematics = camera, kinematics
+        position = self.DeclareVectorInputPort("position_true", start.size)
+        self._read_q = position.Eval
+        self._declare("pixels", self._measured, self._pixels(0.0, start), {position.ticket()})
+
+    def _pixels(self, t: float, q: Array) -> Array:
+        return self._camera.pixels(t, self._kinematics.p_WE(q), self._kinematics.R_WE(q))
+
+    def _measured(self, context: Context) -> Array:
+        """Return the pixels of now, or of the next sample, shape (2 k,) [px]."""
+        pixels = self._pixels(context.get_time(), self._read_q(context))
+        if self._camera.noise == 0.0:
+            return pixels
+        return pixels + self._camera.noise * self._sample(context)[: pixels.size]
+
+
+class ImageSource(Block):
+    """Source of a path as pixels of points on the tool, one after the other, shape (2 k,) [px].
+
+    Outputs are ``pixels_desired``, now, and ``pixels_preview``, a time ahead. Both are as the
+    camera sees them that sees now: what comes in its place is not known before.
+
+    Args:
+        path: The path of the tool, which has been placed with an orientation.
+        camera: The camera, and those that come in its place.
+        preview: The time ahead [s].
+        delay: Time by which pictures are late [s].
+
+    Raises:
+        InvalidInputError: If an argument has the wrong type, a time is negative, infinite or not a
+            number, or the path has no orientation.
+    """
+
+    def __init__(
+        self, path: PlacedPath, camera: ToolCamera, preview: float, delay: float = 0.0
+    ) -> None:
+        super().__init__()
+        require_type("path", path, PlacedPath)
+        require_type("camera", camera, ToolCamera)
+        require_time("preview", preview)
+        require_time("delay", delay)
+        if not path.oriented:
+            raise InvalidInputError(
+                "path: must be placed with R_WE, the orientation in which the points are seen"
+            )
+        self.preview = preview
+
+        # What was ahead at a sample is now at the next one, but where the times differ by rounding.
+        @lru_cache(maxsize=2)
+        def pose(t: float) -> tuple[Array, Array]:
+            return path.position(t)[0], path.orientation(t)[0]
+
+        for name, ahead in (("pixels_desired", 0.0), ("pixels_preview", preview)):
+
+            def calc(context: Context, output: Any, ahead: float = ahead) -> None:
+                t = context.get_time()
+                output.set_value(camera.pixels(t - delay, *pose(t + ahead)))
+
+            self.DeclareVectorOutputPort(name, camera.size, calc, {self.time_ticket()})
+
+
+def check_seen(
+    camera: ToolCamera | None,
+    desired: PlacedPath,
+    duration: float,
+    kinematics: ArmKinematics,
+    start: Array,
+) -> None:
+    """Raise an InvalidInputError if a camera does not see all of its points where they are to be.
+
+    Args:
+        camera: The camera; None without one.
+        desired: The path, placed at the start.
+        duration: Duration of the run [s].
+        kinematics: Kinematics of the arm.
+        start: Start posture, shape (n,) [rad].
+    """
+    if camera is None:
+        return
+    for number, swap in enumerate(camera.swaps):
+        if swap.time >= duration:
+            raise InvalidInputError(
+                f"camera.swaps.{number}.time: must be before the end of the run, "
+                f"{duration:g} s, not {swap.time:g}"
+            )
+    _require_in_image(camera, 0.0, kinematics.p_WE(start), kinematics.R_WE(start), "starts")
+    times = np.linspace(0.0, duration, _SAMPLES)
+    for t in sorted([*times.tolist(), *(swap.time for swap in camera.swaps)]):
+        _require_in_image(
+            camera, t, desired.position(t)[0], desired.orientation(t)[0], f"is to be at {t:.3g} s"
+        )
+
+
+def _require_in_image(camera: ToolCamera, t: float, p_WE: Array, R_WE: Array, said: str) -> None:
+    seeing = camera.at(t)
+    depths = seeing.depth(camera.placed(p_WE, R_WE))
+    if not (nearest := depths.min()) >= NEAR:
+        raise InvalidInputError(
+            f"camera.points.{depths.argmin()}: {said} {nearest:.3g} m in front of the camera at "
+            f"{seeing.position.tolist()}, and is seen from {NEAR:g} m on; move the camera, or turn "
+            "it by look_at"
+        )
+    pixels = camera.pixels(t, p_WE, R_WE).reshape(-1, 2)
+    for number, (point, margin) in enumerate(zip(pixels, seeing.margin(pixels), strict=True)):
+        if margin < 0.0:
+            width, height = seeing.image_size
+            raise InvalidInputError(
+                f"camera.points.{number}: {said} at ({point[0]:.4g}, {point[1]:.4g}) px, out of "
+                f"the image of {width} x {height} px; move the camera or the path, or give a "
+                "shorter focal_length or a larger image_size"
+            )

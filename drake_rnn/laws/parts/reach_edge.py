@@ -30,8 +30,8 @@ speed is chosen, each other part of the error is multiplied by what is left of f
 
 At the edge what is preferred of the joints would lead off it: a stretched arm bends in more
 directions than the one above. It is multiplied by the square of the least of these factors, which
-falls faster than v(w_i), and it is braked to half of v on its own way. Everywhere it is slower where
-the jerk is low.
+falls faster than v(w_i), and it is braked to half of v on its own way. Everywhere it is slower
+where the jerk is low.
 
 The directions are the eigenvectors of J J^T, with the columns of J those of the joints that are
 free: one at a position limit, which the task wants beyond it, brings nothing. Where none

@@ -260,8 +260,8 @@ def run(number: int, options: argparse.Namespace, name: str, jerk: float | None)
         "mesh_ends": [meshes.least(end, problem.solids) for end in ends],
     }
     limits = bounded(arm, jerk)
-    law = JointStream(limits=limits, home=problem.start, clearance=clearance)
     try:
+        law = JointStream(limits=limits, home=problem.start, clearance=clearance)
         guard = Guard(law, options.period)
     except InvalidInputError as error:
         return {**found, "refused": str(error)}

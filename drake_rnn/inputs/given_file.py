@@ -86,6 +86,10 @@ def json_of(file: str | Path) -> Any:
         return json.loads(content_of(file, _MOST_JSON))
     except RecursionError:
         raise ValueError("is nested too deeply") from None
+    except ValueError as error:
+        # Python reads no whole number of more than 4300 digits.
+        told = "holds a number of too many digits" if "digits" in str(error) else str(error)
+        raise ValueError(told) from None
 
 
 class ArrayHead(NamedTuple):

@@ -126,7 +126,7 @@ NAMES = ("run.json", "experiment.yaml", "metrics.json", "result.npz", "diagram.d
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(
-    "kind", ["pipe", "folder", "device", "loop", "nested", "nested more", "binary"]
+    "kind", ["pipe", "folder", "device", "loop", "nested", "nested more", "binary", "digits"]
 )
 def test_what_is_no_file_of_a_run(folder, name, kind):
     file = folder / name
@@ -138,13 +138,16 @@ def test_what_is_no_file_of_a_run(folder, name, kind):
         "loop": lambda: file.symlink_to(file),
         "nested": lambda: file.write_text("[" * 100_000),
         "nested more": lambda: file.write_text('{"a":' * 100_000),
+        "digits": lambda: file.write_text(f'{{"a": {"9" * 5000}}}'),
         "binary": lambda: file.write_bytes(bytes(range(256)) * 40),
     }
     make[kind]()
-    if name == "diagram.dot" and kind.startswith("nested"):
+    if name == "diagram.dot" and kind.startswith(("nested", "digits")):
         assert Result.load(folder).graphviz
         return
-    assert name in refusal(folder)
+    said = refusal(folder)
+    assert name in said
+    assert kind != "digits" or name == "result.npz" or "number of too many digits" in said
 
 
 @pytest.mark.parametrize(

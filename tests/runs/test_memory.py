@@ -10,7 +10,7 @@ def left_little(name, calls, warm=10):
     left = growth(TASKS[name](), calls, warm)
     assert left.objects <= calls // 2, left
     assert left.files == 0
-    # A diagram has 0.4 to 2 MB; what is measured also counts what the allocator keeps.
+    # A diagram has 0.4 to 2 MB; pages that are freed in part count as well.
     assert left.memory < 8.0, left
 
 

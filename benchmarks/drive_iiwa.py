@@ -63,7 +63,7 @@ SUDDEN = {
 #: What is driven in a try, as on the page.
 DRIVEN = ("--set", "arm=iiwa14", "--set", "path.size=0.03", "--duration", "8")
 #: Time after which a try has hung [s].
-HUNG = 120.0
+HUNG = 600.0
 #: A campaign that does not end meanwhile.
 CAMPAIGN = {
     "name": "beside",

@@ -12,7 +12,7 @@ from rich.markup import escape
 
 from ..errors import InvalidInputError
 from ..experiment import Described, parse_change, read_document
-from ..runs.folder import claimed, require_fillable
+from ..runs.folder import claimed, make_folder, require_fillable
 from ..runs.whole_file import require_replaceable
 from .console import err, out
 
@@ -79,7 +79,9 @@ def claimed_folder(folder: Path, *names: str, filled: bool = False) -> Iterator[
 def require_writable(folder: Path, option: str = "--out") -> None:
     """Make a folder, or say of an option why nothing can be written to it."""
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        make_folder(folder)
+    except InvalidInputError as error:
+        raise InvalidInputError(f"{option}: {error}") from None
     except OSError as error:
         raise InvalidInputError(f"{option}: {folder}: {error.strerror}") from None
     if not os.access(folder, os.W_OK | os.X_OK):

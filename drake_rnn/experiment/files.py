@@ -104,7 +104,7 @@ def read_document(
     document, name = _contents(experiment)
     for key, value in changes.items():
         # A copy, because a later key may change something inside the caller's value.
-        set_key(document, key, deepcopy(value))
+        set_key(document, key, _copy(value, key))
     _name_limits(document)
     _cut_short(document, changes)
     return {**document, "name": name if document.get("name") in (None, "") else document["name"]}
@@ -117,7 +117,7 @@ def _contents(experiment: Described) -> tuple[dict[str, Any], str]:
     if isinstance(experiment, ExperimentDocument):
         return experiment.contents(), ""
     if isinstance(experiment, Mapping):
-        return deepcopy(without_extensions(experiment)), ""
+        return _copy(without_extensions(experiment), "experiment"), ""
     require_type("experiment", experiment, str, File, Mapping, ExperimentDocument, Experiment)
     return _read(str(experiment))
 
@@ -193,3 +193,11 @@ def _name_limits(document: dict[str, Any]) -> None:
 def _section(document: dict[str, Any], key: str) -> dict[str, Any]:
     section = document.get(key)
     return section if isinstance(section, dict) else {}
+
+
+def _copy(value: Any, key: str) -> Any:
+    """Return a copy of a value of a document, which a key names in messages."""
+    try:
+        return deepcopy(value)
+    except RecursionError:
+        raise InvalidInputError(f"{key}: nested too deeply") from None

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from ..errors import InvalidInputError
 from ..inputs.arguments import checked, each, instance, optional
 from ..inputs.complaints import drawn_of, nearest
+from ..runs.folder import make_folder
 from ..runs.result import Result
 from ..runs.whole_file import require_replaceable
 from . import (  # noqa: F401  These register figures.
@@ -97,7 +98,7 @@ def write_figures(
     names = names or fitting(drawable(result), paper)
     files = [folder / f"{name}.{paper.form}" for name in names]
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        make_folder(folder)
         for file in files:
             require_replaceable(file)
         for file in files:

@@ -117,6 +117,21 @@ def _locked(file: Path, kind: int) -> int:
         raise InvalidInputError(f"output folder {file.parent}: {error.strerror}") from None
 
 
+def make_folder(folder: Path) -> None:
+    """Make a folder, and those that it is in, unless there is one.
+
+    Raises:
+        InvalidInputError: If something else has that name, or it is the name of none.
+        OSError: If it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise InvalidInputError(f"{folder}: is a file, not a folder") from None
+    except ValueError as error:
+        raise InvalidInputError(f"{str(folder)!r}: {error}") from None
+
+
 def require_fillable(folder: Path) -> None:
     """Refuse a folder in which a result cannot take the place of what is there.
 
@@ -176,7 +191,7 @@ def filled(folder: str | Path, record: Mapping[str, Any]) -> Iterator[Path]:
         OSError: If the folder cannot be written to.
     """
     folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     with claimed(folder, within=True):
         require_fillable(folder)
         with written_whole(folder / RECORD) as stream:

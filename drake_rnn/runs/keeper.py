@@ -35,7 +35,7 @@ from .checkpoint import (
     Digest,
     State,
 )
-from .folder import claimed, require_fillable
+from .folder import claimed, make_folder, require_fillable
 from .stored import Series
 from .whole_file import replacing, room_in, written_whole
 
@@ -192,7 +192,7 @@ def begun_in(folder: Path) -> Iterator[None]:
         InvalidInputError: If it cannot be written to, or another process writes to it.
     """
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        make_folder(folder)
     except OSError as error:
         raise InvalidInputError(f"output folder {folder}: {error.strerror}") from None
     with claimed(folder, within=True):

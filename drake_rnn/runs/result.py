@@ -16,6 +16,7 @@ from pydrake.trajectories import Trajectory
 from ..errors import InvalidInputError
 from ..experiment import Experiment, make_experiment
 from ..experiment.heads import written_head
+from ..inputs.arguments import checked, instance
 from ..inputs.complaints import require_type
 from ..inputs.documents import read_yaml
 from ..inputs.fields import Array
@@ -167,6 +168,7 @@ class Result:
             "timings": self.timings,
         }
 
+    @checked(folder=instance(str, Path))
     def save(self, folder: str | Path, draw: Callable[[Path], None] | None = None) -> Path:
         """Write the result, in place of another run's.
 

@@ -15,6 +15,10 @@ TIMES = [0.0, 1.0, 2.0]
 POINTS = np.array([[0.3, 0.4, 0.5], [0.0, 0.0, 0.1], [0.5, 0.5, 0.5]])
 #: Stands for a signal that is missing.
 GONE = object()
+#: Mappings in one another.
+DEEP = {"a": 1}
+for _ in range(3000):
+    DEEP = {"a": DEEP}
 
 
 def given(law, changes):
@@ -37,6 +41,7 @@ NAMES = {name: getattr(d, name) for name in d.__all__} | {
     "np": np,
     "PiecewisePolynomial": PiecewisePolynomial,
     "DiagramBuilder": DiagramBuilder,
+    "DEEP": DEEP,
     "ARM": ARM,
     "KINEMATICS": ARM.kinematics(),
     "EXPERIMENT": d.load_experiment("pinv_line"),

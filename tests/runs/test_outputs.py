@@ -148,6 +148,26 @@ def test_nor_are_those_of_other_commands(tmp_path, told, name):
         require_output(tmp_path / name, "--table")
 
 
+@pytest.mark.parametrize("write", ["save", "simulate", "write_figures"])
+def test_what_is_the_name_of_no_folder(saved, tmp_path, write):
+    result = saved[0]
+    call = {
+        "save": result.save,
+        "simulate": lambda folder: simulate(result.experiment, keep=folder),
+        "write_figures": lambda folder: write_figures(result, folder, ["overview"]),
+    }[write]
+    (tmp_path / "x").touch()
+    (tmp_path / "link").symlink_to("nowhere")
+    for place, said in {
+        "a\0b": "'a.x00b': .*null",
+        tmp_path / "x": "x: is a file, not a folder",
+        tmp_path / "link": "link: is a file, not a folder",
+        3: "must be of class str or Path",
+    }.items():
+        with pytest.raises(InvalidInputError, match=said):
+            call(place)
+
+
 def test_a_read_only_file_is_not_replaced(tmp_path, monkeypatch):
     (tmp_path / "x").write_text("kept")
     # Root may write to all files.

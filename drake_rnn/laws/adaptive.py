@@ -591,6 +591,7 @@ class AdaptiveReading(SampledReading):
         softness = softened(J, task.weighed(self._softness, u), self._share)
         if not self._knows_edge:
             return whole, g, softness
+        softness = edge.softness(softness, whole)
         at = edge.at(edge.free(J, error, kept["commanded"]), error, whole)
         if at is None:
             return whole, g, softness

@@ -31,7 +31,9 @@ speed is chosen, each other part of the error is multiplied by what is left of f
 At the edge what is preferred of the joints would lead off it: a stretched arm bends in more
 directions than the one above. It is multiplied by the square of the least of these factors, which
 falls faster than v(w_i), and it is braked to half of v on its own way. Everywhere it is slower
-where the jerk is low.
+where the jerk is low, and the task is softer, by the square of the way that the feedback goes while
+a joint turns its acceleration round twice, as far as that is more than a centimetre: joints with an
+acceleration over jerk of a second would swing at their largest velocity before they are braked.
 
 The directions are the eigenvectors of J J^T, with the columns of J those of the joints that are
 free: one at a position limit, which the task wants beyond it, brings nothing. Where none
@@ -80,6 +82,8 @@ _ZONE = 0.01
 _UNBOUNDED = 1e6
 # Time in which a joint may turn its acceleration round at the usual gains of what is preferred [s].
 _PULLED = 0.125
+# Turns of the acceleration for which the way of the feedback counts, and the way that does not [m].
+_TURNS, _SHORT = 2.0, 0.01
 # What is no larger is nothing [m, m/s].
 _TINY = 1e-12
 
@@ -130,6 +134,23 @@ class ReachEdge:
             square = self._jerk * way * way
             most = xp.minimum(most, 0.5 * xp.cbrt(xp.maximum(square, _TINY**3)))
         return last * most / (last + most + _TINY)
+
+    def softness(self, softness: Array, feedback: Array) -> Array:
+        """Return the softness of the rows, more where the jerk is low, shape (..., m, m).
+
+        Args:
+            softness: What it is without a bound of the jerk, shape (..., m, m).
+            feedback: Task velocity of the feedback, shape (..., m).
+        """
+        if self.limits.jerk is None:
+            return softness
+        way = _TURNS * self._turn * self.length(feedback)
+        if is_one(feedback):
+            if way <= _SHORT:
+                return softness
+            return softness + (way * way - _SHORT**2) * np.diag(self.scales**-2)
+        added = functions_of(way).maximum(way * way - _SHORT**2, 0.0)
+        return softness + (added * self.scales**-2)[..., None] * np.eye(feedback.shape[-1])
 
     def slowed(self, g: Array) -> Array:
         """Return preferred joint velocities, slower where the jerk is low, shape (..., n) [rad/s].

@@ -146,25 +146,25 @@ class Experiment:
 
     @property
     def keeps(self) -> tuple[str, ...]:
-        """Deprecated: ``guarantees.command.limits``."""
+        """Former name of ``guarantees.command.limits``; deprecated."""
         _moved("keeps", "guarantees.command.limits")
         return self.guarantees.command.limits
 
     @property
     def keeps_distance(self) -> float | None:
-        """Deprecated: ``guarantees.command.distance`` [m]."""
+        """Former name of ``guarantees.command.distance``; deprecated."""
         _moved("keeps_distance", "guarantees.command.distance")
         return self.guarantees.command.distance
 
     @property
     def kept_limits(self) -> tuple[str, ...]:
-        """Deprecated: ``guarantees.arm.limits``."""
+        """Former name of ``guarantees.arm.limits``; deprecated."""
         _moved("kept_limits", "guarantees.arm.limits")
         return self.guarantees.arm.limits
 
     @property
     def commanded_limits(self) -> tuple[str, ...]:
-        """Deprecated: ``guarantees.command_only``."""
+        """Former name of ``guarantees.command_only``; deprecated."""
         _moved("commanded_limits", "guarantees.command_only")
         return self.guarantees.command_only
 

@@ -35,7 +35,8 @@ class StatisticsSettings:
         Meaning("Quantiles of each metric."),
     ] = Field(default_factory=lambda: [0.05, 0.5, 0.95])
     worst: Annotated[
-        Annotated[int, Field(strict=True, ge=0)],
+        int,
+        Field(strict=True, ge=0),
         Meaning("Number of the worst runs that are listed for each metric."),
     ] = 5
     confidence: Annotated[

@@ -28,7 +28,8 @@ class Plate(ContactModel):
     friction: Annotated[Friction, Meaning("Friction coefficient of ball and plate.")] = 0.3
     size: Annotated[Length, Meaning("Edge length.", unit="m")] = 0.4
     thickness: Annotated[
-        Annotated[float, Field(strict=True, ge=0.005, le=1e3, allow_inf_nan=False)],
+        float,
+        Field(strict=True, ge=0.005, le=1e3, allow_inf_nan=False),
         Meaning("Thickness.", unit="m"),
     ] = 0.04
     offset: Annotated[

@@ -52,7 +52,8 @@ class ToolCamera(Pinhole):
     """
 
     points: Annotated[
-        Annotated[list[Point], Field(min_length=1, max_length=3)],
+        list[Point],
+        Field(min_length=1, max_length=3),
         Meaning(
             "Positions of one to three points on the tool in its frame E, shape (3,) each.",
             unit="m",

@@ -81,7 +81,8 @@ class DitherSettings(JointNoise):
         ),
     ] = "actuated"
     sigma: Annotated[
-        Annotated[Positive, between(0.0, 100.0)],
+        Positive,
+        between(0.0, 100.0),
         Meaning(
             "Standard deviation of each joint's noise; it is clipped at three sigma.",
             unit="rad/s",
@@ -119,7 +120,8 @@ class DisturbanceSettings(JointNoise):
         ),
     ]
     size: Annotated[
-        Annotated[Positive, between(0.0, 100.0)],
+        Positive,
+        between(0.0, 100.0),
         Meaning(
             "Its size: of a ramp that after a second, of a sine the amplitude, of a random one "
             "the standard deviation.",

@@ -130,7 +130,8 @@ class JointDriftFree(ContinuousLaw):
     task_gamma: Annotated[Gain, Meaning("Roots of the position feedback.", unit="1/s")] = 1.0
     position_gain: Annotated[GainOrZero, Meaning("Gain of the position feedback.")] = 250.0
     velocity_gain: Annotated[
-        Annotated[Positive, between(0.0, 1e9)],
+        Positive,
+        between(0.0, 1e9),
         Meaning("Gain of the gradient of the velocity error.", unit="1/(m^2 s)"),
     ] = 1e5
     composite_gain: Annotated[

@@ -55,7 +55,8 @@ class ProgramLaw(Law):
         ),
     ] = 0.0
     blend: Annotated[
-        Annotated[Positive, between(1e-3, 0.99)],
+        Positive,
+        between(1e-3, 0.99),
         Meaning(
             "Weight of the velocity's square beside the largest velocity; nearly 1 has the "
             "square alone.",

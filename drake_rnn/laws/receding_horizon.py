@@ -71,11 +71,13 @@ class RecedingHorizon(SampledLaw):
         Meaning("Limits of the joint positions and of all five derivatives; all finite."),
     ]
     interval: Annotated[
-        Annotated[Positive, between(1e-3, 1.0)],
+        Positive,
+        between(1e-3, 1.0),
         Meaning("Time between two plans; a multiple of the sampling period.", unit="s"),
     ] = 0.1
     horizon: Annotated[
-        Annotated[int, Field(strict=True, ge=10, le=200)],
+        int,
+        Field(strict=True, ge=10, le=200),
         Meaning("Number of intervals that a plan covers."),
     ] = 80
     effort: Annotated[
@@ -83,7 +85,8 @@ class RecedingHorizon(SampledLaw):
         Meaning("Weight w of the crackle relative to its bound.", unit="rad^2"),
     ] = 1e-6
     margin: Annotated[
-        Annotated[float, Field(strict=True, gt=0, le=1)],
+        float,
+        Field(strict=True, gt=0, le=1),
         Meaning("Fraction of the derivatives' bounds that a plan may use."),
     ] = 0.998
 

@@ -50,7 +50,8 @@ class Drawing(InPlane):
         ),
     ] = None
     lift: Annotated[
-        Annotated[Finite, between(-1e3, 1e3)],
+        Finite,
+        between(-1e3, 1e3),
         Meaning(
             "Height of the moves between strokes above the plane, along its normal; below 0 for "
             "the other side, 0 for straight moves in the plane.",

@@ -33,7 +33,7 @@ def _path(value: Any) -> Any:
 class Part:
     """A part of a `Sequence`."""
 
-    path: Annotated[Annotated[Path, BeforeValidator(_path)], Meaning("The path.")]
+    path: Annotated[Path, BeforeValidator(_path), Meaning("The path.")]
     lasts: Annotated[
         Positive | None,
         Meaning(
@@ -75,7 +75,8 @@ class Sequence(Path):
     kind: Literal["sequence"] = "sequence"
     summary = "Paths one after another."
     parts: Annotated[
-        Annotated[tuple[Part, ...], BeforeValidator(_parts)],
+        tuple[Part, ...],
+        BeforeValidator(_parts),
         Meaning("The parts; a path alone is a part of its own duration."),
     ]
 

@@ -40,7 +40,8 @@ class Text(Drawing):
     kind: Literal["text"] = "text"
     summary = "Text in letters of single strokes, by Hershey's fonts."
     text: Annotated[
-        Annotated[str, Field(strict=True, max_length=MOST_CHARACTERS)],
+        str,
+        Field(strict=True, max_length=MOST_CHARACTERS),
         Meaning("What is written; lines are divided by line breaks."),
     ]
     size: Annotated[Length, Meaning("Height of capital letters.", unit="m")]

@@ -77,7 +77,8 @@ class FourRing(Trigonometric):
     kind: Literal["four_ring"] = "four_ring"
     summary = "Four rings around a centre: loops for ring > 1/3, four petals for ring = 1."
     ring: Annotated[
-        Annotated[Finite, between(-100.0, 100.0)],
+        Finite,
+        between(-100.0, 100.0),
         Meaning("Size of the loops relative to the curve."),
     ] = 0.7
 

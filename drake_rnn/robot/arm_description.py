@@ -109,7 +109,8 @@ class ArmDescription:
         ),
     ] = None
     triangles: Annotated[
-        Annotated[Count, between(100, 2_000_000)],
+        Count,
+        between(100, 2_000_000),
         Meaning(
             "Number of triangles to which these meshes are simplified, in all.",
             only=(Only("looks"),),

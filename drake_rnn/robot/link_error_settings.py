@@ -26,11 +26,13 @@ class LinkErrorSettings:
 
     seed: Annotated[Seed, Meaning("Seed of the errors.")] = 0
     translation: Annotated[
-        Annotated[NonNegative, between(0.0, 0.2)],
+        NonNegative,
+        between(0.0, 0.2),
         Meaning("Largest error of each coordinate of a joint's position.", unit="m"),
     ] = 0.02
     rotation: Annotated[
-        Annotated[NonNegative, between(0.0, 0.5)],
+        NonNegative,
+        between(0.0, 0.5),
         Meaning("Largest error about each axis.", unit="rad"),
     ] = 2.0 * _DEGREE
 

@@ -73,11 +73,13 @@ class ToolDescription:
         ),
     ] = None
     ball: Annotated[
-        Annotated[Positive, between(1e-4, 1.0)],
+        Positive,
+        between(1e-4, 1.0),
         Meaning("Radius of the ball.", unit="m"),
     ] = 0.012
     length: Annotated[
-        Annotated[Positive, between(1e-4, 10.0)],
+        Positive,
+        between(1e-4, 10.0),
         Meaning("Distance from the shaft's beginning to the ball's centre.", unit="m"),
     ] = 0.1
     mass: Annotated[Mass, Meaning("Mass of the whole tool.", unit="kg")] = 0.1

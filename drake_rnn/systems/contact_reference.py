@@ -16,7 +16,7 @@ from .block import Block
 class ForceProfile:
     """A pressing force, constant once it has risen."""
 
-    value: Annotated[Annotated[Positive, between(0.0, 1e6)], Meaning("Final force.", unit="N")]
+    value: Annotated[Positive, between(0.0, 1e6), Meaning("Final force.", unit="N")]
     rise_time: Annotated[
         Time | None,
         Meaning(

@@ -20,7 +20,8 @@ class SensorSettings:
     """Imperfections of a force sensor."""
 
     noise: Annotated[
-        Annotated[NonNegative, between(0.0, 1e6)],
+        NonNegative,
+        between(0.0, 1e6),
         Meaning("Standard deviation of the normal noise on each sample.", unit="N"),
     ] = 0.0
     delay: Annotated[

@@ -59,7 +59,8 @@ class PlantSettings:
         ),
     ] = None
     reflected_inertia: Annotated[
-        Annotated[NonNegative, between(0.0, 1e3)],
+        NonNegative,
+        between(0.0, 1e3),
         Meaning("Inertia of each motor's rotor as seen from the joint.", unit="kg m^2"),
     ] = 0.0
 

@@ -62,7 +62,8 @@ class SensingSettings:
         ),
     ] = 0.0
     secant_samples: Annotated[
-        Annotated[int, Field(strict=True, ge=0, le=1000)],
+        int,
+        Field(strict=True, ge=0, le=1000),
         Meaning(
             "Number of samples over which the measured velocity is the difference quotient of "
             "the measured positions; 0 for the robot's own velocity, without noise. ``v_WE`` of "

@@ -16,6 +16,7 @@ ROOMS = (
     "runs/evaluation.py",
     "runs/motion.py",
     "runs/stored.py",
+    "signals.py",
 )
 
 

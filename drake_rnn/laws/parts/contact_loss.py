@@ -28,7 +28,8 @@ class ContactLoss:
         ),
     ] = "hold"
     threshold: Annotated[
-        Annotated[float, Field(strict=True, gt=0, lt=1)],
+        float,
+        Field(strict=True, gt=0, lt=1),
         Meaning("Fraction of the desired force below which there is no contact."),
     ] = 0.05
     floor: Annotated[

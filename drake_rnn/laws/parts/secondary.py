@@ -78,7 +78,8 @@ class Secondary:
         ),
     ] = 0.0
     low_acceleration: Annotated[
-        Annotated[NonNegative, between(0.0, 100.0)],
+        NonNegative,
+        between(0.0, 100.0),
         Meaning("Time constant of what is preferred.", unit="s"),
     ] = 0.0
     obstacles: Annotated[

@@ -42,15 +42,18 @@ class OnlineStiffness:
         Meaning("Force at which ``initial`` holds; unused for an exponent of 1.", unit="N"),
     ] = 5.0
     floor: Annotated[
-        Annotated[float, Field(strict=True, gt=0, le=1)],
+        float,
+        Field(strict=True, gt=0, le=1),
         Meaning("Lower bound of the estimate, as a fraction of its initial value."),
     ] = 0.1
     exponent: Annotated[
-        Annotated[float, Field(strict=True, ge=1, le=3)],
+        float,
+        Field(strict=True, ge=1, le=3),
         Meaning("Exponent p."),
     ] = 2.0
     forgetting: Annotated[
-        Annotated[float, Field(strict=True, gt=0, le=1)],
+        float,
+        Field(strict=True, gt=0, le=1),
         Meaning("Forgetting factor of the least squares, applied at each sample."),
     ] = 0.9
     step: Annotated[
@@ -58,7 +61,8 @@ class OnlineStiffness:
         Meaning("Smallest change of depth that makes a new sample.", unit="m"),
     ] = 2e-6
     learn_above: Annotated[
-        Annotated[float, Field(strict=True, ge=0, lt=1)],
+        float,
+        Field(strict=True, ge=0, lt=1),
         Meaning(
             "Fraction of the desired force above which it learns; the first touch is softer than "
             "the rest, even in terms of F^(1/p).",

@@ -104,6 +104,8 @@ class Signal:
         series: Whether it is a series of runs, under the same name.
         sensed: Whether sensors may measure it; ``measured`` is then a series, too.
         motion: Whether every `drake_rnn.measures.Motion` has a field of this name.
+        sometimes: Whether only runs with obstacles or with a camera have this series; laws may have
+            a part of their state or an observable of its name.
     """
 
     name: str
@@ -118,6 +120,7 @@ class Signal:
     series: bool = False
     sensed: bool = False
     motion: bool = False
+    sometimes: bool = False
 
     @property
     def measured(self) -> str:
@@ -278,6 +281,7 @@ _ROWS_OF_TABLE = (
         sensed=True,
         hint="; give the loop a camera",
         series=True,
+        sometimes=True,
     ),
     Signal(
         *("pixels_desired", "px", ("pixels",)),
@@ -285,6 +289,7 @@ _ROWS_OF_TABLE = (
         hint="; give an ImageSource as the reference",
         ahead="pixels_preview",
         series=True,
+        sometimes=True,
     ),
     # What the evaluation of a run adds.
     Signal("acceleration", "rad/s^2", _N, **_OF_RUN),
@@ -292,7 +297,7 @@ _ROWS_OF_TABLE = (
     Signal("network_acceleration", "rad/s^2", _N, **_OF_RUN),
     Signal("network_acceleration_peak", "rad/s^2", (), **_OF_RUN),
     Signal("joint_error", "rad", _N, **_OF_RUN),
-    Signal("distance", "m", (), **_OF_RUN),
+    Signal("distance", "m", (), sometimes=True, **_OF_RUN),
     Signal("orientation_error", "rad", (), **_OF_RUN),
     # What laws say of themselves.
     Signal("J_hat", "m", _ROWS, **_OF_LAW),
@@ -346,9 +351,9 @@ SERIES_SHAPES = {name: signal.shape for name, signal in _series() if signal.shap
 OF_EVERY_MOTION = tuple(name for name, signal in SIGNALS.items() if signal.motion)
 #: Names that parts of a law's state and its observables must not have: recorded series, what is
 #: recorded to make them, and arguments of the function that saves the series.
-RESERVED = frozenset(name for name, signal in _series() if signal.origin != "law") | {
-    *("time", "state", "commanded_velocity", "file", "allow_pickle")
-}
+RESERVED = frozenset(
+    name for name, signal in _series() if not (signal.origin == "law" or signal.sometimes)
+) | {*("time", "state", "commanded_velocity", "file", "allow_pickle")}
 
 
 class DelayedPath:

@@ -64,6 +64,18 @@ from .experiment import (
     shipped_experiments as shipped_experiments,
 )
 from .exports import export as export
+from .features.camera import (
+    CameraSwap as CameraSwap,
+    ImageSource as ImageSource,
+    ToolCamera as ToolCamera,
+)
+from .features.filter import FilterSettings as FilterSettings, MovingAverage as MovingAverage
+from .features.joint_noise import (
+    DisturbanceSettings as DisturbanceSettings,
+    Dither as Dither,
+    DitherSettings as DitherSettings,
+)
+from .features.locks import JointLock as JointLock, JointLocks as JointLocks
 from .figures import Paper as Paper, figure as figure, write_figures as write_figures
 from .film import FilmSettings as FilmSettings, write_film as write_film
 from .inputs.fields import (
@@ -146,18 +158,6 @@ from .robot.arm_screws import screws_of as screws_of
 from .robot.clearance import Clearance as Clearance
 from .robot.clearance.arm_clearance import arm_clearance as arm_clearance
 from .robot.clearance.described_obstacles import make_obstacles as make_obstacles
-from .features.camera import (
-    CameraSwap as CameraSwap,
-    ImageSource as ImageSource,
-    ToolCamera as ToolCamera,
-)
-from .features.filter import FilterSettings as FilterSettings, MovingAverage as MovingAverage
-from .features.joint_noise import (
-    DisturbanceSettings as DisturbanceSettings,
-    Dither as Dither,
-    DitherSettings as DitherSettings,
-)
-from .features.locks import JointLock as JointLock, JointLocks as JointLocks
 from .robot.kinematics import ArmKinematics as ArmKinematics
 from .robot.limits import JointLimits as JointLimits
 from .robot.link_errors import (

@@ -164,7 +164,7 @@ NOT_CALLED = {
     "Circumstances", "Clearance", "Command", "Connection", "ContactModel", "ContinuousLaw",
     "ContinuousReading", "Controller", "Curve", "DrakeRnnError", "Drawing", "Driven", "DrivenRun",
     "Experiment", "ExperimentDocument", "Fastest", "Feedback", "Finite", "InvalidInputError", "Law",
-    "Loop", "Many", "ModelSurface", "Motion", "NonNegative", "Paced", "Passage", "Path",
+    "Loop", "Many", "Meaning", "ModelSurface", "Motion", "NonNegative", "Only", "Paced", "Passage", "Path",
     "PlacedPath", "Planar", "Positive", "PostureLaw", "RelativePath", "Result", "RobotError",
     "RobotStatus",
     "SampledLaw", "SampledReading", "Screws", "Signals", "SimulationError", "Surface", "Tuned",

@@ -39,7 +39,7 @@ def test_what_a_helper_fails_to_draw_is_drawn_all_the_same(result, tmp_path, mon
 
 def test_a_folder_that_cannot_be_made_is_named(result, tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(InvalidInputError, match="figures folder"):
+    with pytest.raises(InvalidInputError, match="file: is a file, not a folder"):
         draw_figures(result, tmp_path / "file", NAMES, helped=True)
     assert not active_children()
 

@@ -140,6 +140,7 @@ def test_a_file_that_is_there_or_has_no_place_is_named_and_nothing_is_written(so
 LAW = '''
 from ..arrays.algebra import clipped, matvec, vecmat
 from ..inputs.fields import Array, Gain, GainOrZero, validated
+from ..inputs.keys import Meaning
 from ..robot.limits import JointLimits
 from .law import SampledLaw
 from .layout import Layout, Signals
@@ -147,18 +148,14 @@ from .layout import Layout, Signals
 
 @validated
 class GradientNetwork(SampledLaw):
-    """A network that descends along the gradient of the task's error, its velocity clipped.
-
-    Args:
-        limits: Limits of the joints.
-        feedback: Gain k of the feedback of the position [1/s].
-        rate: Rate of the network [1/(s m^2)].
-    """
+    """A network that descends along the gradient of the task's error, its velocity clipped."""
 
     kind: Literal["gradient_network"] = "gradient_network"
-    limits: JointLimits
-    feedback: GainOrZero = 20.0
-    rate: Gain = 400.0
+    limits: Annotated[JointLimits, Meaning("Limits of the joints.")]
+    feedback: Annotated[
+        GainOrZero, Meaning("Gain k of the feedback of the position.", unit="1/s")
+    ] = 20.0
+    rate: Annotated[Gain, Meaning("Rate of the network.", unit="1/(s m^2)")] = 400.0
 
     takes_many = True
 

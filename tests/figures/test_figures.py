@@ -311,5 +311,5 @@ def test_a_users_settings_do_not_show(known, tmp_path):
 
 def test_a_folder_that_cannot_be_made(known, tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(InvalidInputError, match="figures folder"):
+    with pytest.raises(InvalidInputError, match="file: is a file, not a folder"):
         write_figures(known, tmp_path / "file")

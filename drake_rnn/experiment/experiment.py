@@ -147,25 +147,25 @@ class Experiment:
     @property
     def keeps(self) -> tuple[str, ...]:
         """Former name of ``guarantees.command.limits``; deprecated."""
-        _moved("keeps", "guarantees.command.limits")
+        _warn_of_name("keeps", "guarantees.command.limits")
         return self.guarantees.command.limits
 
     @property
     def keeps_distance(self) -> float | None:
         """Former name of ``guarantees.command.distance``; deprecated."""
-        _moved("keeps_distance", "guarantees.command.distance")
+        _warn_of_name("keeps_distance", "guarantees.command.distance")
         return self.guarantees.command.distance
 
     @property
     def kept_limits(self) -> tuple[str, ...]:
         """Former name of ``guarantees.arm.limits``; deprecated."""
-        _moved("kept_limits", "guarantees.arm.limits")
+        _warn_of_name("kept_limits", "guarantees.arm.limits")
         return self.guarantees.arm.limits
 
     @property
     def commanded_limits(self) -> tuple[str, ...]:
         """Former name of ``guarantees.command_only``; deprecated."""
-        _moved("commanded_limits", "guarantees.command_only")
+        _warn_of_name("commanded_limits", "guarantees.command_only")
         return self.guarantees.command_only
 
     @property
@@ -189,7 +189,7 @@ class Experiment:
         return BODIES[self.document.level]
 
 
-def _moved(name: str, place: str) -> None:
+def _warn_of_name(name: str, place: str) -> None:
     """Warn that an attribute of an experiment has moved, once for each line that reads it."""
     text = f"Experiment.{name} is deprecated; read Experiment.{place}"
     warn(text, DeprecationWarning, stacklevel=3)

@@ -83,7 +83,7 @@ from .parts.approach import gain_within_jerk
 from .parts.force_control import ForceControl
 from .parts.held_clear import Avoidance, Within, require_free, within_safe
 from .parts.held_within import Program
-from .parts.kept_limits import kept_within_bounds
+from .parts.kept_limits import limits_within_bounds
 from .parts.known_jacobian import MiddleJacobian
 from .parts.late import Late, samples_late
 from .parts.learned_jacobian import LearnedJacobian
@@ -303,7 +303,7 @@ class Adaptive(Law):
     @property
     def keeps(self) -> tuple[str, ...]:
         """See `Law.keeps`; all limits that are known, up to the jerk."""
-        return kept_within_bounds(self.limits)
+        return limits_within_bounds(self.limits)
 
     @property
     def keeps_distance(self) -> float | None:

@@ -30,7 +30,7 @@ from .law import SampledReading
 from .layout import Layout, Signals
 from .parts.held_clear import Avoidance, Within, require_free, within_safe
 from .parts.held_within import Program
-from .parts.kept_limits import kept_within_bounds
+from .parts.kept_limits import limits_within_bounds
 from .parts.measurement import LEVER
 from .parts.reach_edge import ReachEdge
 from .parts.reached_limits import reached_limits
@@ -73,7 +73,7 @@ class Safety:
     @property
     def keeps(self) -> tuple[str, ...]:
         """See `Law.keeps`."""
-        return kept_within_bounds(self.limits)
+        return limits_within_bounds(self.limits)
 
     @property
     def keeps_distance(self) -> float | None:

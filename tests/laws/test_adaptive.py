@@ -159,9 +159,11 @@ def test_behind_its_position_limits_an_arm_waits_and_comes_back_with_the_target(
     motion = moved(law, desired, 6.0)
     waiting = slice(2500, 2990)
     assert motion.error[waiting].min() > 0.2
-    # Of those at their limits one is held there, and others come to within 1 mrad of theirs.
-    held = np.abs(np.abs(motion.q[2990] - HOME) - 0.15) < 1e-3
-    assert held.sum() >= 2
+    if jacobian == "known":
+        # No further from the target than with joints that go to their limits at once, 242.5289 mm.
+        assert motion.error[2990] < 0.242529
+    # One is at its limit; others creep there, and are 0.06 and 0.43 mrad before theirs.
+    assert (np.abs(np.abs(motion.q[2990] - HOME) - 0.15) < 5e-4).sum() >= 2
     if jacobian == "known":
         assert np.abs(motion.v[waiting]).max() < 0.02
     assert motion.error[-100:].max() < 1e-6

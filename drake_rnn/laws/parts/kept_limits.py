@@ -14,7 +14,7 @@ from __future__ import annotations
 from ...robot.limits import JointLimits
 
 
-def kept_within_bounds(limits: JointLimits) -> tuple[str, ...]:
+def limits_within_bounds(limits: JointLimits) -> tuple[str, ...]:
     """Return the names of the limits that a velocity within all bounds keeps, up to the jerk.
 
     Args:
